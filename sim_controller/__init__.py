@@ -1,0 +1,1 @@
+"""A process that pretends to be the controller, and the true machine behind it."""

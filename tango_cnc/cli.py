@@ -1,0 +1,70 @@
+"""`tango COMMAND`: reads files, makes one call, writes files. Each command is one file in `commands/`, named after it."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import pkgutil
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from . import __version__, commands
+from .records import TangoError
+
+
+class _Commands(click.Group):
+    """A group whose commands are the files of `commands/`, imported only when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [m.name.replace("_", "-") for m in pkgutil.iter_modules(commands.__path__) if not m.name.startswith("_")]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        module = importlib.import_module(f"{commands.__name__}.{cmd_name.replace('-', '_')}")
+        command: click.Command = module.command
+        return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            near = difflib.get_close_matches(args[0], self.list_commands(ctx), n=1)
+            error.message += f" Did you mean {near[0]!r}?" if near else ""
+            raise
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="tango")
+def tango() -> None:
+    """Calibrates five-axis machine tools by touching their own table with their own probe.
+
+    A cell is a folder with a machine, an artefact and a strategy; every command takes it with -C (default: here).
+    Exit status: 0 done, 1 done but a limit or verdict failed, 2 wrong input, 3 controller or link fault.
+    """
+
+
+def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
+    """callable → exit status; what the person has to know goes to stderr as one sentence, never as a traceback."""
+    try:
+        result = call(*args, **kwargs)
+    except TangoError as error:
+        click.echo(f"tango: {error}", err=True)
+        return error.exit_code
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("tango: stopped by the user", err=True)
+        return 130
+    except BrokenPipeError:
+        return 0
+    return result if isinstance(result, int) else 0
+
+
+def main() -> None:
+    """The entry point of the command `tango`."""
+    sys.exit(guarded(tango.main, standalone_mode=False))

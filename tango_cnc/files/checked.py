@@ -1,0 +1,201 @@
+"""YAML that remembers where it stands, so that every complaint names file, line, key, what was found and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..records import Id, InputError, Vector
+
+
+def complaint(file: Path | str, line: int | None, key: str, found: str, allowed: str) -> InputError:
+    """where, what was found, what is allowed → the error to raise; one form for every file."""
+    place = f"{file}:{line}" if line else f"{file}"
+    return InputError(f"{place}: {key}: found {found}; allowed: {allowed}" if key else f"{place}: {found}; {allowed}")
+
+
+def suggestion(word: str, known: Collection[str]) -> str:
+    """misspelt word, known words → ' Did you mean …?' or nothing."""
+    near = difflib.get_close_matches(word, [str(k) for k in known], n=1, cutoff=0.6)
+    return f" Did you mean {near[0]!r}?" if near else ""
+
+
+@dataclass(frozen=True)
+class Node:
+    """One value of a YAML file with the path of keys that leads to it."""
+
+    file: Path
+    raw: yaml.Node
+    path: str
+
+    @property
+    def line(self) -> int:
+        """→ line in the file, from 1."""
+        return int(self.raw.start_mark.line) + 1
+
+    def wrong(self, allowed: str, found: str | None = None) -> InputError:
+        """what is allowed here → the error to raise."""
+        return complaint(self.file, self.line, self.path, found or self._shown(), allowed)
+
+    def _shown(self) -> str:
+        if isinstance(self.raw, yaml.ScalarNode):
+            return repr(self.raw.value) if self.raw.value else "nothing"
+        return "a list" if isinstance(self.raw, yaml.SequenceNode) else "a mapping"
+
+    def items(self) -> list[tuple[str, Node]]:
+        """mapping → (key, value) in file order. Raises InputError for anything else and for a key given twice."""
+        if not isinstance(self.raw, yaml.MappingNode):
+            raise self.wrong("a mapping (key: value)")
+        result: list[tuple[str, Node]] = []
+        seen: set[str] = set()
+        for key, value in self.raw.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise self.wrong("keys that are plain words or numbers")
+            child = Node(self.file, value, f"{self.path}.{key.value}" if self.path else str(key.value))
+            if key.value in seen:
+                line = int(key.start_mark.line) + 1
+                raise complaint(self.file, line, child.path, "the same key twice", "each key once; remove one")
+            seen.add(key.value)
+            result.append((str(key.value), child))
+        return result
+
+    def fields(self, required: Collection[str], optional: Collection[str] = ()) -> dict[str, Node]:
+        """mapping → {key: value}. Raises InputError for unknown and missing keys."""
+        known = [*required, *optional]
+        found = dict(self.items())
+        for key, child in found.items():
+            if key not in known:
+                hint = suggestion(key, known)
+                raise complaint(self.file, child.line, child.path, f"the unknown key {key!r}", f"{', '.join(known)}.{hint}")
+        for key in required:
+            if key not in found:
+                raise complaint(self.file, self.line, self.path or "file", f"no key {key!r}", f"{key!r} is required here")
+        return found
+
+    def list(self, length: int | None = None) -> list[Node]:
+        """sequence → its values. Raises InputError for anything else or another length."""
+        if not isinstance(self.raw, yaml.SequenceNode) or (length is not None and len(self.raw.value) != length):
+            count = len(self.raw.value) if isinstance(self.raw, yaml.SequenceNode) else 0
+            what = f"{count} values" if isinstance(self.raw, yaml.SequenceNode) else None
+            raise self.wrong("a list" if length is None else f"a list of {length} values", what)
+        return [Node(self.file, value, f"{self.path}[{i}]") for i, value in enumerate(self.raw.value)]
+
+    def text(self, allowed: Collection[str] | None = None) -> str:
+        """scalar → text. Raises InputError when it is empty or not among `allowed`."""
+        if not isinstance(self.raw, yaml.ScalarNode) or not self.raw.value or self.raw.tag == "tag:yaml.org,2002:null":
+            raise self.wrong("a text" if allowed is None else ", ".join(allowed))
+        value = str(self.raw.value)
+        if allowed is not None and value not in allowed:
+            raise self.wrong(", ".join(allowed) + "." + suggestion(value, allowed))
+        return value
+
+    def identifier(self) -> Id:
+        """integer or string → id as text."""
+        return self.text()
+
+    def number(self, low: float = -math.inf, high: float = math.inf, *, above: float = -math.inf) -> float:
+        """scalar → finite float in [low, high] and > above. Raises InputError for anything else."""
+        bounds = []
+        if above > -math.inf:
+            bounds.append(f"greater than {above:g}")
+        if low > -math.inf:
+            bounds.append(f"at least {low:g}")
+        if high < math.inf:
+            bounds.append(f"at most {high:g}")
+        allowed = "a finite number" + (" " + " and ".join(bounds) if bounds else "")
+        if not isinstance(self.raw, yaml.ScalarNode) or self.raw.style in ("'", '"'):
+            raise self.wrong(allowed)
+        try:
+            value = float(self.raw.value)
+        except ValueError:
+            raise self.wrong(allowed) from None
+        if not math.isfinite(value) or not (low <= value <= high) or not value > above:
+            raise self.wrong(allowed)
+        return value
+
+    def integer(self, low: int = -(2**62)) -> int:
+        """scalar → integer of at least `low`. Raises InputError for anything else."""
+        value = self.number(low)
+        if value != int(value):
+            raise self.wrong("a whole number")
+        return int(value)
+
+    def boolean(self) -> bool:
+        """true or false → bool. Raises InputError for anything else."""
+        if self.raw.tag != "tag:yaml.org,2002:bool":
+            raise self.wrong("true or false")
+        return bool(yaml.safe_load(self.raw.value))
+
+    def vector(self) -> Vector:
+        """list of three numbers → tuple. Raises InputError for anything else."""
+        x, y, z = (item.number() for item in self.list(3))
+        return x, y, z
+
+    def unit_vector(self) -> Vector:
+        """list of three numbers within 1e-3 of unit length → unit vector. Raises InputError for anything else."""
+        x, y, z = self.vector()
+        length = math.sqrt(x * x + y * y + z * z)
+        if abs(length - 1) > 1e-3:
+            raise self.wrong("a vector of length 1 (within 0.001)", f"[{x:g}, {y:g}, {z:g}], of length {length:.6g}")
+        return x / length, y / length, z / length
+
+    def plain(self) -> Any:
+        """anything → plain Python values (numbers finite), for settings whose meaning is decided elsewhere."""
+        if isinstance(self.raw, yaml.MappingNode):
+            return {key: child.plain() for key, child in self.items()}
+        if isinstance(self.raw, yaml.SequenceNode):
+            return [child.plain() for child in self.list()]
+        if self.raw.tag == "tag:yaml.org,2002:null":
+            return None
+        if self.raw.tag == "tag:yaml.org,2002:bool":
+            return self.boolean()
+        if self.raw.tag == "tag:yaml.org,2002:int":
+            return yaml.safe_load(self.raw.value)
+        if self.raw.style not in ("'", '"'):
+            try:
+                float(self.raw.value)
+            except ValueError:
+                return str(self.raw.value)
+            return self.number()
+        return str(self.raw.value)
+
+
+def parse(file: Path, text: str) -> Node:
+    """YAML text → its root. Raises InputError when it is empty or not YAML."""
+    try:
+        raw = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise complaint(
+            file, mark.line + 1 if mark else None, "", f"not valid YAML: {error.problem}", "check indentation and brackets"
+        ) from None
+    except yaml.YAMLError as error:
+        raise complaint(file, None, "", f"not valid YAML: {error}", "save the file as UTF-8 text") from None
+    if raw is None:
+        raise complaint(file, None, "", "the file is empty", "see docs/formats.md for its keys")
+    return Node(file, raw, "")
+
+
+def read_text(file: Path) -> str:
+    """file → text. Raises InputError when there is no such file or it is not UTF-8."""
+    try:
+        return file.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise complaint(
+            file, None, "", "no such file", "give the folder of the cell with -C, or make one with 'tango init DIR'"
+        ) from None
+    except UnicodeDecodeError:
+        raise complaint(file, None, "", "not UTF-8 text", "save the file as UTF-8") from None
+    except OSError as error:
+        raise complaint(file, None, "", f"cannot be read ({error.strerror})", "check the path and its permissions") from None
+
+
+def load(file: Path) -> Node:
+    """file → its root. Raises InputError when it cannot be read or is not YAML."""
+    return parse(file, read_text(file))

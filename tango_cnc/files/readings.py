@@ -1,0 +1,148 @@
+"""readings.csv ↔ `Readings`; files carry degrees, records radians."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..records import Array, Artefact, Machine, Readings
+from .checked import complaint, read_text, suggestion
+
+STATUSES = ("ok", "miss", "early")
+
+
+def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
+    """readings.csv of a cell → readings. Raises InputError naming line and column of what is wrong."""
+    lines = read_text(file).splitlines()
+    if not lines:
+        raise complaint(file, None, "", "the file is empty", "a header row and one row a touch")
+    rows = list(csv.reader(lines))
+    header = [name.strip() for name in rows[0]]
+    _check_header(file, header, machine)
+    body = [(i + 2, row) for i, row in enumerate(rows[1:]) if row]
+    if not body:
+        raise complaint(file, 2, "", "no rows under the header", "one row a touch; has the run recorded anything?")
+    for line, row in body:
+        if len(row) != len(header):
+            raise complaint(file, line, "", f"{len(row)} values", f"{len(header)} values, as many as the header names")
+    cells = {name: [row[i].strip() for _, row in body] for i, name in enumerate(header)}
+    at = [line for line, _ in body]
+
+    def numbers(name: str) -> Array:
+        return np.array([_number(file, line, name, text) for line, text in zip(at, cells[name], strict=True)])
+
+    def whole(name: str) -> np.ndarray:
+        values = numbers(name) if name in cells else np.ones(len(body))
+        for line, value in zip(at, values, strict=True):
+            if value != int(value):
+                raise complaint(file, line, name, repr(float(value)), "a whole number")
+        return values.astype(np.int64)
+
+    for line, facet in zip(at, cells["facet"], strict=True):
+        if facet not in artefact.facets:
+            known = list(artefact.facets)
+            raise complaint(file, line, "facet", repr(facet), f"a facet of artefact {artefact.name!r}.{suggestion(facet, known)}")
+    for line, status in zip(at, cells["status"], strict=True):
+        if status not in STATUSES:
+            raise complaint(file, line, "status", repr(status), ", ".join(STATUSES))
+
+    scale = degrees_of(machine)
+    missing = np.zeros(len(body))
+    position = np.column_stack([numbers(name) if name in cells else missing for name in machine.names]) * scale
+    given = np.column_stack([numbers(f"d{name}") if f"d{name}" in cells else missing for name in machine.names])
+    for column, name in enumerate(machine.names):
+        for line, value in zip(at, given[:, column], strict=True):
+            if value not in (-1, 0, 1):
+                raise complaint(file, line, f"d{name}", repr(float(value)), "-1, 0 or 1")
+    return Readings(
+        machine.names,
+        whole("touch"),
+        numbers("time_s"),
+        tuple(cells["facet"]),
+        position,
+        np.where(given != 0, given, last_direction(position)),
+        tuple(cells["status"]),
+        whole("cycle"),
+        whole("day"),
+        numbers("feed") if "feed" in cells else None,
+        {name[2:]: numbers(name) for name in header if name.startswith("T_")},
+    )
+
+
+def _check_header(file: Path, header: Sequence[str], machine: Machine) -> None:
+    required = ["touch", "time_s", "facet", *machine.linear, *machine.rotary, "status"]
+    optional = ["S", *(f"d{name}" for name in machine.names), "cycle", "day", "feed"]
+    for name in required:
+        if name not in header:
+            raise complaint(file, 1, "header", f"no column {name!r}", f"{', '.join(required)} are required")
+    for name in header:
+        if header.count(name) > 1:
+            raise complaint(file, 1, "header", f"the column {name!r} twice", "each column once")
+        if name not in (*required, *optional) and not name.startswith("T_"):
+            known = [*required, *optional]
+            raise complaint(
+                file, 1, "header", f"the unknown column {name!r}", f"{', '.join(known)}, T_<sensor>.{suggestion(name, known)}"
+            )
+
+
+def _number(file: Path, line: int, name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise complaint(file, line, name, repr(text), "a finite number; delete the row or give it the status 'miss'")
+    return value
+
+
+def degrees_of(machine: Machine) -> Array:
+    """machine → (k,) factor from file units (mm, deg) to mm, rad for each column of a position array."""
+    return np.array([1.0 if name in machine.linear else math.pi / 180 for name in machine.names])
+
+
+def last_direction(position: Array) -> Array:
+    """(n, k) → (n, k) direction −1 0 1 of the last motion of each axis, from the sequence of positions alone."""
+    change = np.sign(np.diff(position, axis=0, prepend=position[:1]))
+    row = np.arange(len(position))[:, None]
+    moved = np.maximum.accumulate(np.where(change != 0, row, 0), axis=0)
+    return np.take_along_axis(change, moved, axis=0)
+
+
+def readings_text(readings: Readings, decimals: int | None = 6) -> str:
+    """readings → text of readings.csv, mm and degrees; `decimals` None writes every digit."""
+    spelt = [a for a in readings.axes if a in "XYZ"], [a for a in readings.axes if a not in "XYZ"]
+    axes = [*spelt[0], *spelt[1]]
+    column = {name: readings.axes.index(name) for name in axes}
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    extra = (["feed"] if readings.feed is not None else []) + [f"T_{name}" for name in readings.temperatures]
+    writer.writerow(["touch", "time_s", "facet", *axes, *(f"d{name}" for name in axes), "status", "cycle", "day", *extra])
+
+    def shown(value: float) -> str:
+        return repr(float(value)) if decimals is None else f"{value + 0.0:.{decimals}f}"
+
+    for i in range(len(readings)):
+        at = readings.position[i]
+        values = [shown(at[column[a]] if a in "XYZ" else math.degrees(at[column[a]])) for a in axes]
+        signs = [f"{readings.direction[i, column[a]]:.0f}" for a in axes]
+        more = [] if readings.feed is None else [f"{readings.feed[i]:g}"]
+        more += [f"{temperature[i]:.3f}" for temperature in readings.temperatures.values()]
+        writer.writerow(
+            [
+                readings.touch[i],
+                f"{readings.time[i]:.3f}",
+                readings.facet[i],
+                *values,
+                *signs,
+                readings.status[i],
+                readings.cycle[i],
+                readings.day[i],
+                *more,
+            ]
+        )
+    return out.getvalue()

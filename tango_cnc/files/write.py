@@ -1,0 +1,119 @@
+"""Records → YAML text in the public formats, and files that are either written whole or not at all."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..records import Artefact, Axis, Facet, Id, Machine, Obstacle, Strategy, World
+
+
+class _Dumper(yaml.SafeDumper):
+    """Mappings of a file's first two levels in block style, whatever is below in one line."""
+
+
+def dump(data: Any) -> str:
+    """plain data → YAML text, keys in the given order."""
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+
+
+def write_text(file: Path, text: str) -> None:
+    """text → file, durable and never half written: a temporary file in the same folder takes its place."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as out:
+            out.write(text)
+            out.flush()
+            os.fsync(out.fileno())
+        os.chmod(name, 0o644)
+        os.replace(name, file)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def _id(value: Id) -> int | str:
+    return int(value) if value.isdecimal() and str(int(value)) == value else value
+
+
+def _degrees(value: float) -> float:
+    return round(math.degrees(value), 10) + 0.0
+
+
+def machine_text(machine: Machine) -> str:
+    """machine → text of machine.yaml."""
+    probe = {key: value for key, value in vars(machine.probe).items()}
+    axes = {axis.name: _axis(axis) for axis in machine.axes}
+    return dump({"name": machine.name, "topology": machine.topology, "axes": axes, "probe": probe})
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    unit = (lambda v: v) if axis.kind == "linear" else _degrees
+    data: dict[str, Any] = {"kind": axis.kind, "direction": list(axis.direction)}
+    if axis.kind != "linear" or any(axis.point):
+        data["point"] = list(axis.point)
+    if axis.travel is not None:
+        data["travel"] = [unit(value) for value in axis.travel]
+    if axis.rapid is not None:
+        data["rapid"] = unit(axis.rapid)
+    if axis.acceleration is not None:
+        data["acceleration"] = axis.acceleration
+    if axis.clamp_time:
+        data["clamp_time"] = axis.clamp_time
+    return data
+
+
+def artefact_text(artefact: Artefact) -> str:
+    """artefact → text of artefact.yaml."""
+    data: dict[str, Any] = {"name": artefact.name, "facets": {_id(f.id): _facet(f) for f in artefact.facets.values()}}
+    if artefact.balls:
+        data["balls"] = {_id(b.id): {"centre": list(b.centre), "radius": b.radius} for b in artefact.balls.values()}
+    if artefact.scale_bar is not None:
+        bar = artefact.scale_bar
+        data["scale_bar"] = {"balls": [_id(b) for b in bar.balls], "length": bar.length, "uncertainty": bar.uncertainty}
+    if artefact.obstacles:
+        data["obstacles"] = [_obstacle(obstacle) for obstacle in artefact.obstacles]
+    return dump(data)
+
+
+def _facet(facet: Facet) -> dict[str, Any]:
+    data: dict[str, Any] = {"point": list(facet.point), "normal": list(facet.normal)}
+    if facet.ball is not None:
+        data["ball"] = _id(facet.ball)
+    if facet.uncertainty is not None:
+        data["uncertainty"] = facet.uncertainty
+    if facet.surface is not None:
+        surface = facet.surface
+        data["surface"] = {"kind": surface.kind, "radius": surface.radius}
+        if surface.axis is not None:
+            data["surface"]["axis"] = list(surface.axis)
+        if surface.inside:
+            data["surface"]["inside"] = True
+    return data
+
+
+def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in vars(obstacle).items() if value is not None}
+
+
+def strategy_text(strategy: Strategy) -> str:
+    """strategy → text of strategy.yaml."""
+    indexations = [
+        {**{name: _degrees(value) for name, value in i.position.items()}, "facets": [_id(f) for f in i.facets]}
+        for i in strategy.indexations
+    ]
+    return dump({"name": strategy.name, "approach": dict(vars(strategy.approach)), "indexations": indexations})
+
+
+def world_text(world: World) -> str:
+    """world → text of world.yaml."""
+    data: dict[str, Any] = {"errors": dict(world.errors), "stylus": dict(world.stylus)}
+    data |= {"facets": {_id(key): value for key, value in world.facets.items()}, "noise": world.noise}
+    data |= {"effects": [dict(effect) for effect in world.effects], "seed": world.seed}
+    return dump(data)

@@ -1,0 +1,1 @@
+"""Plan and program → readings: the only part that talks to a controller."""

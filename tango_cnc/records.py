@@ -1,0 +1,328 @@
+"""Every record that crosses a stage; frozen, and without behaviour beyond looking things up.
+
+Units inside the program are mm, rad, s, and mm/min for feeds; files and people see degrees. A position array has one
+column per axis in the order of `Machine.names`: X Y Z, then the rotary letters in alphabetical order, then the spindle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Id = str  # facets and balls: integers and strings in files, text inside
+
+LINEAR = "XYZ"
+ROTARY = "ABC"
+COMPONENTS = "XYZABC"  # of an error: three translations, three rotations (ISO 230-1)
+
+
+class TangoError(Exception):
+    """Something the person at the machine has to know; `exit_code` is what the command line returns."""
+
+    exit_code = 1
+
+
+class InputError(TangoError):
+    """A file or an option is wrong: nothing was written, nothing was moved."""
+
+    exit_code = 2
+
+
+class LinkError(TangoError):
+    """The controller or the line to it failed; what was measured so far is on disk."""
+
+    exit_code = 3
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis at the zero pose of the machine frame; its body moves along or about `direction` for a positive command."""
+
+    name: str
+    kind: Literal["linear", "rotary", "spindle"]
+    direction: Vector
+    point: Vector = (0.0, 0.0, 0.0)
+    travel: tuple[float, float] | None = None  # mm or rad
+    rapid: float | None = None  # mm/min or rad/min
+    acceleration: float | None = None  # m/s² or rad/s²
+    clamp_time: float = 0.0  # s
+
+
+@dataclass(frozen=True)
+class Probe:
+    """The touch probe: stylus `length` from the spindle reference point to the tip centre, mm."""
+
+    length: float
+    tip_radius: float
+    repeatability: float  # one standard deviation of a touch, mm
+    stylus_radius: float = 1.5  # mm, of the stem
+    body_radius: float = 32.0  # mm
+    body_length: float = 100.0  # mm, the thick part nearest the spindle nose
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A serial chain; both branches are read from the foundation outwards (`wCBXfZY(S)t`: X B C and Z Y S)."""
+
+    name: str
+    topology: str
+    axes: tuple[Axis, ...]  # in the order of `names`
+    workpiece_branch: tuple[str, ...]
+    tool_branch: tuple[str, ...]
+    probe: Probe
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """→ axis letters, the columns of every position array."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def linear(self) -> tuple[str, ...]:
+        """→ letters of the linear axes."""
+        return tuple(axis.name for axis in self.axes if axis.kind == "linear")
+
+    @property
+    def rotary(self) -> tuple[str, ...]:
+        """→ letters of the rotary axes, without the spindle."""
+        return tuple(axis.name for axis in self.axes if axis.kind == "rotary")
+
+    @property
+    def spindle(self) -> Axis:
+        """→ the spindle axis."""
+        return self.axis("S")
+
+    def axis(self, name: str) -> Axis:
+        """letter → axis. Raises KeyError for a letter that the machine lacks."""
+        return next(axis for axis in self.axes if axis.name == name)
+
+    def column(self, name: str) -> int:
+        """letter → column of a position array."""
+        return self.names.index(name)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A curved facet: a cylinder or sphere of `radius` mm, `inside` when the probe touches a bore; `axis` in the table frame."""
+
+    kind: Literal["cylinder", "sphere"]
+    radius: float
+    axis: Vector | None = None
+    inside: bool = False
+
+
+@dataclass(frozen=True)
+class Facet:
+    """A small surface of the table: nominal point (mm) and outward unit normal in the table frame."""
+
+    id: Id
+    point: Vector
+    normal: Vector
+    ball: Id | None = None
+    uncertainty: float | None = None  # mm, of a calibrated facet's offset
+    surface: Surface | None = None
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A sphere on the table, nominal centre and radius in mm, table frame."""
+
+    id: Id
+    centre: Vector
+    radius: float
+
+
+@dataclass(frozen=True)
+class ScaleBar:
+    """A calibrated distance between the centres of two balls, mm."""
+
+    balls: tuple[Id, Id]
+    length: float
+    uncertainty: float
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A solid that the probe must not hit, table frame: a box (`corners`) or a cylinder (`base`, `axis`, `radius`, `height`)."""
+
+    kind: Literal["box", "cylinder"]
+    low: Vector | None = None
+    high: Vector | None = None
+    base: Vector | None = None
+    axis: Vector | None = None
+    radius: float | None = None
+    height: float | None = None
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """The table as it is nominally known."""
+
+    name: str
+    facets: Mapping[Id, Facet]
+    balls: Mapping[Id, Ball] = field(default_factory=dict)
+    scale_bar: ScaleBar | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+
+
+@dataclass(frozen=True)
+class Approach:
+    """How a facet is touched: start `standoff` mm before it, search `search` mm past it, at `feed` mm/min."""
+
+    standoff: float
+    search: float
+    feed: float
+
+
+@dataclass(frozen=True)
+class Indexation:
+    """Rotary and spindle positions (rad) at which the facets are touched in this order."""
+
+    position: Mapping[str, float]
+    facets: tuple[Id, ...]
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """Indexations in the order of measurement."""
+
+    name: str
+    approach: Approach
+    indexations: tuple[Indexation, ...]
+
+
+@dataclass(frozen=True)
+class World:
+    """What the simulated machine really is; coefficients in mm and rad."""
+
+    errors: Mapping[str, float] = field(default_factory=dict)
+    stylus: Mapping[str, float] = field(default_factory=dict)
+    facets: Mapping[Id, float] = field(default_factory=dict)
+    noise: float = 0.0
+    effects: tuple[Mapping[str, Any], ...] = ()
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Controller:
+    """What `plan` and `run` need of the control; `options` are the post's profile fields."""
+
+    post: str
+    port: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+TermItem = str | Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One machine, one artefact and what is done with them."""
+
+    folder: Path
+    machine: Machine
+    artefact: Artefact
+    strategy: Strategy
+    terms: tuple[TermItem, ...]
+    controller: Controller | None = None
+
+
+MoveKind = Literal["retract", "clear", "index", "approach", "probe", "back"]
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One touch of a plan: axis positions (mm, rad; columns of `Machine.names`) of stand-off, contact and search end."""
+
+    number: int
+    facet: Id
+    indexation: int
+    standoff: tuple[float, ...]
+    contact: tuple[float, ...]
+    end: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Move:
+    """One motion: the axes that move and where to (mm, rad); `touch` is the number it serves; `probe` is the measuring move."""
+
+    kind: MoveKind
+    target: Mapping[str, float]
+    touch: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be measured and how to get there: data, to be printed, posted, checked, drawn or run."""
+
+    machine: Machine
+    artefact: Artefact
+    strategy: Strategy
+    touches: tuple[Touch, ...]
+    moves: tuple[Move, ...]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """One row a touch, in the order of measurement; `position` and `direction` have the columns of `axes`."""
+
+    axes: tuple[str, ...]
+    touch: NDArray[np.int64]  # (n,)
+    time: Array  # (n,) s
+    facet: tuple[Id, ...]  # n
+    position: Array  # (n, k) mm, rad: machine coordinates at the trigger
+    direction: Array  # (n, k) −1 0 1: direction of the last motion
+    status: tuple[str, ...]  # n: ok, miss, early
+    cycle: NDArray[np.int64]  # (n,)
+    day: NDArray[np.int64]  # (n,)
+    feed: Array | None = None  # (n,) mm/min
+    temperatures: Mapping[str, Array] = field(default_factory=dict)  # °C
+
+    def __len__(self) -> int:
+        return len(self.touch)
+
+    def rows(self, keep: NDArray[Any]) -> Readings:
+        """(n,) mask or (m,) indices → the readings of those rows, in that order."""
+        index = np.arange(len(self))[keep]
+        return Readings(
+            self.axes,
+            self.touch[index],
+            self.time[index],
+            tuple(self.facet[i] for i in index),
+            self.position[index],
+            self.direction[index],
+            tuple(self.status[i] for i in index),
+            self.cycle[index],
+            self.day[index],
+            None if self.feed is None else self.feed[index],
+            {name: values[index] for name, values in self.temperatures.items()},
+        )
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """→ (n,) mask of the touches that made contact where they should."""
+        return np.array([status == "ok" for status in self.status], dtype=np.bool_)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An estimated coefficient with its standard deviation, in `unit` (mm, rad, mm/mm …)."""
+
+    value: float
+    unit: str
+    std: float
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Directions that no touch sees: `weights` over names, and a sentence for people."""
+
+    names: tuple[str, ...]
+    weights: tuple[float, ...]
+    text: str

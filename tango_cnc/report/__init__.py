@@ -1,0 +1,1 @@
+"""Results → text, pictures and HTML for people."""
