@@ -157,7 +157,7 @@ class Node:
             return self.boolean()
         if self.raw.tag == "tag:yaml.org,2002:int":
             return yaml.safe_load(self.raw.value)
-        if self.raw.style not in ("'", '"'):
+        if not isinstance(self.raw, yaml.ScalarNode) or self.raw.style not in ("'", '"'):
             try:
                 float(self.raw.value)
             except ValueError:
