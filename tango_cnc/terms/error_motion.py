@@ -1,0 +1,49 @@
+"""Error motions `EYX2`: polynomials of the command in mm and rad; positioning `EXX1` acts in command units in the motion."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import COMPONENTS, Array, Machine
+from ..touches import Touches
+from . import Coefficient
+
+TEXT = "error motion"
+SOURCE = "ISO 230-1:2012, 3.6; thesis eq. 4-6, 4-8"
+
+PATTERN = re.compile(r"E([XYZABC])([XYZABC])([0-9])")
+
+
+def coefficient(name: str, machine: Machine) -> Coefficient | None:
+    """`EYX2` → coefficient in mm/mm², rad/mm², mm/rad² …, or None."""
+    match = PATTERN.fullmatch(name)
+    if match is None or match[2] not in machine.names:
+        return None
+    letter, axis, degree = match[1], match[2], int(match[3])
+    component = COMPONENTS.index(letter)
+    slot = Slot(axis, "motion") if letter == axis else Slot(axis, "intra", component)
+    own = "mm" if component < 3 else "rad"
+    unit = (
+        own if degree == 0 else f"{own}/{'mm' if axis in machine.linear else 'rad'}{'' if degree == 1 else '²³⁴⁵⁶⁷⁸⁹'[degree - 2]}"
+    )
+
+    def regressor(touches: Touches) -> Array:
+        result: Array = touches.axis(axis) ** degree if degree else np.ones(len(touches))
+        return result
+
+    return Coefficient(name, unit, slot, regressor)
+
+
+def scales(machine: Machine) -> list[Coefficient]:
+    """machine → linear positioning gains, X last: where only mismatches are visible they are told against X."""
+    return [c for axis in reversed(machine.linear) if (c := coefficient(f"E{axis}{axis}1", machine)) is not None]
+
+
+def coefficients(machine: Machine, degree: int) -> list[Coefficient]:
+    """machine, degree → coefficients of degree 1 … `degree` of every axis, translations before rotations, low degrees first."""
+    axes = [name for name in (*machine.workpiece_branch, *machine.tool_branch) if name != "S"]
+    names = [f"E{c}{axis}{d}" for d in range(1, degree + 1) for axis in axes for c in COMPONENTS]
+    return [found for name in names if (found := coefficient(name, machine)) is not None]

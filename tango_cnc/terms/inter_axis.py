@@ -1,0 +1,38 @@
+"""Inter-axis (axis location) errors `EX0C`: constant, in the axis frame, before the motion."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import COMPONENTS, Machine
+from . import Coefficient
+
+TEXT = "axis location error"
+SOURCE = "ISO 230-1:2012, 3.9.4; thesis eq. 4-5"
+
+PATTERN = re.compile(r"E([XYZABC])0([XYZABCS])")
+
+
+def coefficient(name: str, machine: Machine) -> Coefficient | None:
+    """`EX0C` → coefficient in mm or rad, or None."""
+    match = PATTERN.fullmatch(name)
+    if match is None or match[2] not in machine.names:
+        return None
+    component = COMPONENTS.index(match[1])
+    return Coefficient(name, "mm" if component < 3 else "rad", Slot(match[2], "inter", component), lambda t: np.ones(len(t)))
+
+
+def coefficients(machine: Machine, degree: int) -> list[Coefficient]:
+    """machine → linear axes, spindle, rotary axes, each from the foundation outwards, the workpiece branch first.
+
+    The order decides which of several names for one and the same displacement is kept: the first linear axis is the
+    reference that the others are square to, and the spindle is located before the rotary axes, as ISO 230-1 has it.
+    """
+    chain = (*machine.workpiece_branch, *machine.tool_branch)
+    linear = [name for name in chain if name in machine.linear]
+    rotary = [name for name in chain if name in machine.rotary]
+    names = [f"E{c}0{axis}" for axis in (*linear, "S", *rotary) for c in COMPONENTS]
+    return [found for name in names if (found := coefficient(name, machine)) is not None]

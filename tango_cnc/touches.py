@@ -1,0 +1,124 @@
+"""Readings and artefact → the arrays that the model works on, one row a touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import kinematics
+from .kinematics import Chain
+from .records import Array, Artefact, Id, Machine, Plan, Readings
+
+
+@dataclass(frozen=True)
+class Touches:
+    """What is known of every touch before anything is estimated; lengths mm, angles rad, table frame unless said."""
+
+    machine: Machine
+    artefact: Artefact
+    chain: Chain
+    number: NDArray[np.int64]  # (n,)
+    facet: tuple[Id, ...]
+    position: Array  # (n, k)
+    direction: Array  # (n, k)
+    time: Array  # (n,) s
+    feed: Array  # (n,) mm/min
+    cycle: NDArray[np.int64]
+    day: NDArray[np.int64]
+    point: Array  # (n, 3)
+    normal: Array  # (n, 3)
+    temperatures: dict[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    @cached_property
+    def facets(self) -> tuple[Id, ...]:
+        """→ facets touched that are no part of a ball, in the artefact's order: each has an unknown offset."""
+        touched = set(self.facet)
+        return tuple(f.id for f in self.artefact.facets.values() if f.id in touched and f.ball is None)
+
+    @cached_property
+    def balls(self) -> tuple[Id, ...]:
+        """→ balls touched, in the artefact's order: each has an unknown centre."""
+        touched = {self.artefact.facets[f].ball for f in self.facet}
+        return tuple(ball for ball in self.artefact.balls if ball in touched)
+
+    @cached_property
+    def facet_index(self) -> NDArray[np.int64]:
+        """→ (n,) place of the touch's facet in `facets`, −1 on a ball."""
+        place = {facet: i for i, facet in enumerate(self.facets)}
+        return np.array([place.get(f, -1) for f in self.facet], dtype=np.int64)
+
+    @cached_property
+    def ball_index(self) -> NDArray[np.int64]:
+        """→ (n,) place of the touch's ball in `balls`, −1 elsewhere."""
+        place = {ball: i for i, ball in enumerate(self.balls)}
+        own = [self.artefact.facets[f].ball for f in self.facet]
+        return np.array([-1 if b is None else place[b] for b in own], dtype=np.int64)
+
+    @cached_property
+    def indexation(self) -> NDArray[np.int64]:
+        """→ (n,) number of the indexation, 0, 1, 2 …: a new one begins when a rotary axis or the spindle has turned."""
+        columns = [self.machine.column(name) for name in (*self.machine.rotary, "S")]
+        turned = np.abs(np.diff(self.position[:, columns], axis=0)) > np.radians(0.05)
+        return np.concatenate([[0], np.cumsum(turned.any(axis=1))]).astype(np.int64)
+
+    def axis(self, name: str) -> Array:
+        """letter → (n,) mm or rad, position of that axis."""
+        return self.position[:, self.machine.column(name)]
+
+    def sign(self, name: str) -> Array:
+        """letter → (n,) −1 0 1, direction of that axis' last motion."""
+        return self.direction[:, self.machine.column(name)]
+
+    @cached_property
+    def nominal(self) -> Touches:
+        """→ the same touches where the nominal machine would make them on the nominal table.
+
+        What a plan can see is decided there: at the real positions, 0.1 mm away, an exact dependence looks like a faint one.
+        """
+        tip = self.point + self.machine.probe.tip_radius * self.normal
+        return replace(self, position=kinematics.inverse(self.chain, self.position, tip))
+
+
+def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> Touches:
+    """readings of which only the rows with status ok are used → touches."""
+    rows = readings.rows(readings.ok)
+    facets = [artefact.facets[f] for f in rows.facet]
+    return Touches(
+        machine,
+        artefact,
+        kinematics.chain(machine),
+        rows.touch,
+        rows.facet,
+        rows.position,
+        rows.direction,
+        rows.time,
+        np.full(len(rows), np.nan) if rows.feed is None else rows.feed,
+        rows.cycle,
+        rows.day,
+        np.array([f.point for f in facets]).reshape(-1, 3),
+        np.array([f.normal for f in facets]).reshape(-1, 3),
+        dict(rows.temperatures),
+    )
+
+
+def from_plan(plan: Plan, direction: Array) -> Touches:
+    """plan, (n, k) direction of last motions → touches at their nominal contacts."""
+    n = len(plan.touches)
+    readings = Readings(
+        plan.machine.names,
+        np.arange(1, n + 1),
+        np.arange(n, dtype=float),
+        tuple(t.facet for t in plan.touches),
+        np.array([t.contact for t in plan.touches]),
+        direction,
+        ("ok",) * n,
+        np.ones(n, dtype=np.int64),
+        np.ones(n, dtype=np.int64),
+    )
+    return from_readings(plan.machine, plan.artefact, readings)
