@@ -1,0 +1,18 @@
+"""What disturbs a measurement beyond the constant errors of the machine: one file a cause, named after it (docs/causes.md).
+
+A file `<cause>.py` holds one function
+
+    def disturb(history: History, rng: np.random.Generator, *, amplitude: float, …) -> Disturbance
+
+* Its keyword arguments are the keys that `world.yaml` may give beside `cause`; one without a default is required. The
+  annotation says what is allowed: float, int, bool, Vector, Id, tuple[Id, ...], Literal[…]. Lengths are mm, angles deg, times s.
+* It is pure. Row i of the result depends on rows 0 … i of the history only, random numbers included: draw them row by row
+  (`rng.normal(size=(n, …))` does). So a program that runs touch by touch and a simulation at one go see the same machine.
+* It returns what it changes, in whichever form is physical (`Disturbance`). A positive `gap` makes the ball read the surface
+  early, outside of where it is: the `r` of the catalogue of causes.
+"""
+
+from ._apply import checked, disturbance
+from ._history import Disturbance, History, lever, unit
+
+__all__ = ["Disturbance", "History", "checked", "disturbance", "lever", "unit"]

@@ -1,0 +1,13 @@
+"""After every indexation the clamped rotary axes sit a little elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import Disturbance, History
+
+
+def disturb(history: History, rng: np.random.Generator, *, amplitude: float) -> Disturbance:
+    """n touches → one random displacement per indexation, standard deviation `amplitude` mm in each of x y z, machine frame."""
+    seats = rng.normal(scale=amplitude, size=(int(history.indexation.max()) + 1, 3))
+    return Disturbance(work=seats[history.indexation])

@@ -1,0 +1,123 @@
+"""The true surfaces of the table: how far the probe ball is from touching each of them.
+
+A facet is a patch of material under a plane, cylinder or sphere that ends `EXTENT` from the facet's point; a facet on a ball
+is that part of the ball which is nearer to it than to the ball's other facets; an obstacle is a solid without a name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tango_cnc.records import Array, Artefact, Facet, Id, InputError, Obstacle, World
+
+EXTENT = 15.0  # mm, radius of the patch around a facet's point
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """m surfaces, one row each; a plane has radius 0, a sphere no axis. `sign` is −1 for a bore."""
+
+    facets: tuple[Id, ...]
+    point: Array  # (m, 3) mm, nominal, table frame
+    normal: Array  # (m, 3)
+    centre: Array  # (m, 3) mm, a point on the plane, on the cylinder's axis, or the sphere's centre
+    axis: Array  # (m, 3)
+    radius: Array  # (m,)
+    sign: Array  # (m,)
+    offset: Array  # (m,) mm of material more than nominal
+    extent: Array  # (m,) mm, inf for a ball
+    ball: NDArray[np.int64]  # (m,) number of the ball, −1 for none
+    obstacles: tuple[Obstacle, ...]
+    tip_radius: float
+
+
+def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float = EXTENT) -> Surfaces:
+    """artefact, world, mm, mm → true surfaces. Raises InputError for an offset of a facet that the artefact lacks."""
+    for name in world.facets:
+        if name not in artefact.facets:
+            raise InputError(f"facets: found {name!r}; allowed: facets of artefact {artefact.name!r}: {', '.join(artefact.facets)}")
+    balls = list(artefact.balls)
+    facets = list(artefact.facets.values())
+    bare = [Facet("", (0, 0, 0), (0, 0, 1), ball) for ball in balls if all(f.ball != ball for f in facets)]
+    rows = [(f, *_shape(f, artefact)) for f in [*facets, *bare]]
+    return Surfaces(
+        tuple(f.id for f, *_ in rows),
+        np.array([f.point for f, *_ in rows]),
+        np.array([f.normal for f, *_ in rows]),
+        np.array([centre for _, centre, *_ in rows]),
+        np.array([axis for _, _, axis, *_ in rows]),
+        np.array([radius for *_, radius, _ in rows]),
+        np.array([sign for *_, sign in rows]),
+        np.array([world.facets.get(f.id, 0.0) for f, *_ in rows]),
+        np.array([extent if f.ball is None else np.inf for f, *_ in rows]),
+        np.array([-1 if f.ball is None else balls.index(f.ball) for f, *_ in rows], dtype=np.int64),
+        artefact.obstacles,
+        tip_radius,
+    )
+
+
+def _shape(facet: Facet, artefact: Artefact) -> tuple[Array, Array, float, float]:
+    """facet → centre, axis, radius, sign."""
+    point, normal, nothing = np.array(facet.point, dtype=float), np.array(facet.normal, dtype=float), np.zeros(3)
+    if facet.ball is not None:
+        ball = artefact.balls[facet.ball]
+        return np.array(ball.centre), nothing, ball.radius, 1.0
+    if facet.surface is None:
+        return point, nothing, 0.0, 1.0
+    sign = -1.0 if facet.surface.inside else 1.0
+    axis = nothing if facet.surface.axis is None else np.array(facet.surface.axis)
+    return point - sign * facet.surface.radius * normal, axis, facet.surface.radius, sign
+
+
+def gap(s: Surfaces, rows: Any, tip: Array) -> Array:
+    """rows of surfaces (…), (…, 3) mm tip in the table frame → (…) mm between ball and surface, positive = apart (One touch)."""
+    out, distance = _outward(s, rows, tip)
+    return np.where(s.radius[rows] > 0, s.sign[rows] * (distance - s.radius[rows]), out) - s.offset[rows] - s.tip_radius
+
+
+def _outward(s: Surfaces, rows: Any, tip: Array) -> tuple[Array, Array]:
+    """→ (…) mm above the plane, (…) mm from centre or axis."""
+    away = tip - s.centre[rows]
+    sideways = away - s.axis[rows] * np.sum(away * s.axis[rows], axis=-1, keepdims=True)
+    return np.sum(away * s.normal[rows], axis=-1), np.linalg.norm(sideways, axis=-1)
+
+
+def true_normal(s: Surfaces, rows: Any, tip: Array) -> Array:
+    """rows of surfaces (n,), (n, 3) mm → (n, 3) outward unit normal where the ball touches, table frame."""
+    away = tip - s.centre[rows]
+    sideways = away - s.axis[rows] * np.sum(away * s.axis[rows], axis=-1, keepdims=True)
+    length = np.linalg.norm(sideways, axis=-1, keepdims=True)
+    curved = s.sign[rows][:, None] * sideways / np.where(length > 0, length, 1.0)
+    return np.where((s.radius[rows] > 0)[:, None], curved, s.normal[rows])
+
+
+def gaps(s: Surfaces, tip: Array) -> Array:
+    """(n, 3) mm → (n, m + obstacles) mm between the ball and every patch and obstacle, positive = apart."""
+    rows = np.arange(len(s.facets))
+    near = np.linalg.norm(tip[:, None, :] - s.point[rows], axis=-1)
+    result = np.maximum(gap(s, rows, tip[:, None, :]), near - s.extent - s.tip_radius)
+    for ball in set(s.ball.tolist()) - {-1}:
+        mine = np.flatnonzero(s.ball == ball)
+        nearest = mine[np.argmin(near[:, mine], axis=1)]
+        result[:, mine] = np.where(mine[None, :] == nearest[:, None], result[:, mine], np.inf)
+    solids = [_outside(obstacle, tip)[:, None] - s.tip_radius for obstacle in s.obstacles]
+    return np.hstack([result, *solids])
+
+
+def _outside(obstacle: Obstacle, tip: Array) -> Array:
+    """solid, (n, 3) mm → (n,) mm from its surface, negative inside."""
+    if obstacle.kind == "box":
+        low, high = np.array(obstacle.low), np.array(obstacle.high)
+        beyond = np.abs(tip - (low + high) / 2) - (high - low) / 2
+    else:
+        assert obstacle.axis is not None and obstacle.height is not None and obstacle.radius is not None
+        axis = np.array(obstacle.axis)
+        away = tip - np.array(obstacle.base)
+        along = away @ axis
+        around = np.linalg.norm(away - along[:, None] * axis, axis=1)
+        beyond = np.column_stack([around - obstacle.radius, np.abs(along - obstacle.height / 2) - obstacle.height / 2])
+    return np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)

@@ -1,0 +1,139 @@
+"""The true machine: axis positions → where the stylus tip really is, by multiplying out every transform of the chain.
+
+Slow and literal on purpose. It judges the estimator, so it shares no mathematics with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tango_cnc.records import Array, InputError, Machine, World
+
+from . import transforms
+from .coefficients import STYLUS, Coefficient, coefficient
+
+BASE = {"X": 0, "A": 0, "Y": 1, "B": 1, "Z": 2, "C": 2, "S": 2}
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One axis: column of its command, frame at the zero pose, sense of its motion and what is wrong with it."""
+
+    name: str
+    column: int
+    rotary: bool
+    base: int  # 0 1 2: its motion is along or about this vector of its frame
+    sense: int
+    frame: Array  # (1, 4, 4) axis frame → machine frame, at the zero pose
+
+    @property
+    def own(self) -> int:
+        """→ component (0–5) that is its positioning error E_kk."""
+        return self.base + 3 * self.rotary
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the tip is: (n, 3) mm in the table frame, and the (n, 3, 3) turns of table and spindle frame into the machine frame."""
+
+    tip: Array
+    table: Array
+    spindle: Array
+
+
+@dataclass(frozen=True)
+class TrueMachine:
+    """A machine and all its errors, names checked; made by `true_machine`."""
+
+    machine: Machine
+    workpiece: tuple[Joint, ...]  # from the foundation outwards
+    tool: tuple[Joint, ...]
+    errors: Mapping[str, float]
+    stylus: Array  # (3,) mm, in the spindle frame
+    stylus_tip: Array  # (3,) mm, nominal tip at the zero pose, machine frame
+
+
+def true_machine(machine: Machine, world: World) -> TrueMachine:
+    """machine, world → the true machine. Raises InputError for a coefficient or stylus offset that does not exist."""
+    for name in world.errors:
+        coefficient(name, machine)
+    for name in world.stylus:
+        if name not in STYLUS:
+            raise InputError(f"stylus: found {name!r}; allowed: {', '.join(STYLUS)}")
+    spindle = machine.spindle
+    tip = np.array(spindle.point) - machine.probe.length * np.array(spindle.direction)
+    return TrueMachine(
+        machine,
+        tuple(_joint(machine, name) for name in machine.workpiece_branch),
+        tuple(_joint(machine, name) for name in machine.tool_branch),
+        dict(world.errors),
+        np.array([world.stylus.get(name, 0.0) for name in STYLUS]),
+        tip,
+    )
+
+
+def nominal_machine(machine: Machine) -> TrueMachine:
+    """machine → the same without any error."""
+    return true_machine(machine, World())
+
+
+def _joint(machine: Machine, name: str) -> Joint:
+    axis = machine.axis(name)
+    columns, sense = transforms.axis_frame(BASE[name], axis.direction)
+    return Joint(name, machine.column(name), axis.kind != "linear", BASE[name], sense, transforms.frame(columns, axis.point))
+
+
+def tip_in_table(true: TrueMachine, positions: Array, directions: Array, extra: Mapping[str, Array] | None = None) -> Array:
+    """(n, k) mm rad, (n, k) −1 0 1 → (n, 3) mm true stylus tip in the table frame; columns as in `Machine.names`.
+
+    `extra` adds (n,) or scalar values to coefficients. Raises InputError for a coefficient that does not exist.
+    """
+    return place(true, positions, directions, extra).tip
+
+
+def place(true: TrueMachine, positions: Array, directions: Array, extra: Mapping[str, Array] | None = None) -> Placement:
+    """(n, k) mm rad, (n, k) −1 0 1 → tip and table. Raises InputError as `tip_in_table` (thesis eq. 4-4 … 4-7, 6-2)."""
+    errors: list[tuple[Coefficient, Array | float]] = []
+    for source in (true.errors, extra or {}):
+        errors += [(coefficient(name, true.machine), value) for name, value in source.items()]
+    table, frame = _branch(true.workpiece, positions, directions, errors)
+    table = table @ transforms.inverse(frame)
+    spindle, frame = _branch(true.tool, positions, directions, errors)
+    nominal = transforms.inverse(frame)[0] @ np.append(true.stylus_tip, 1.0)
+    tip = spindle @ (nominal + np.append(true.stylus, 0.0))
+    in_table = np.einsum("nij,nj->ni", transforms.inverse(table), tip)
+    return Placement(in_table[:, :3], table[:, :3, :3], spindle[:, :3, :3])
+
+
+def _branch(
+    joints: Iterable[Joint], positions: Array, directions: Array, errors: list[tuple[Coefficient, Array | float]]
+) -> tuple[Array, Array]:
+    """joints from the foundation outwards → (n, 4, 4) last body → machine frame, and (1, 4, 4) its frame at the zero pose."""
+    previous = np.eye(4)[None]
+    pose = np.tile(np.eye(4), (len(positions), 1, 1))
+    for joint in joints:
+        mine = [(c, value) for c, value in errors if c.axis == joint.name]
+        command, last = positions[:, joint.column], directions[:, joint.column]
+        inter, intra = np.zeros((len(positions), 6)), np.zeros((len(positions), 6))
+        for c, value in mine:
+            if c.kind == "inter":
+                inter[:, c.component] += value
+            elif c.kind == "backlash":
+                intra[:, c.component] += value * last
+            else:
+                intra[:, c.component] += value * command**c.degree
+        # E_kk is measured in command units: it goes into the motion, not after it
+        moved = joint.sense * (command + intra[:, joint.own])
+        intra[:, joint.own] = 0.0
+        motion = (
+            transforms.rotation(joint.base, moved)
+            if joint.rotary
+            else transforms.translation(moved[:, None] * np.eye(3)[joint.base])
+        )
+        location = transforms.inverse(previous) @ joint.frame
+        pose = pose @ location @ transforms.error(inter) @ motion @ transforms.error(intra)
+        previous = joint.frame
+    return pose, previous

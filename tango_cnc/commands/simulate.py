@@ -1,0 +1,53 @@
+"""`tango simulate`: readings of the simulated machine, no controller process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..files import read_cell, read_world, readings_text, write_text
+from ._common import cell_option, json_option, write_json
+
+
+@click.command()
+@cell_option
+@click.option("--world", "world_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: world.yaml in the cell.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Default: readings.csv in the cell.")
+@click.option("--cycles", type=click.IntRange(1), default=1, show_default=True, help="Repetitions of the strategy a day.")
+@click.option("--days", type=click.IntRange(1), default=1, show_default=True, help="Days, each with all its cycles.")
+@click.option("--seed", type=click.IntRange(0), metavar="N", help="Of noise and effects; default: the world's.")
+@click.option("--exact", is_flag=True, help="Write every digit instead of six decimals, for checks without noise.")
+@json_option
+def command(
+    folder: Path,
+    world_file: Path | None,
+    output: Path | None,
+    cycles: int,
+    days: int,
+    seed: int | None,
+    exact: bool,
+    json_file: str | None,
+) -> None:
+    """Writes the readings that the true machine of world.yaml would give."""
+    from sim_controller.simulate import simulate
+
+    cell = read_cell(folder)
+    world = read_world(world_file or folder / "world.yaml")
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed)
+    target = output or folder / "readings.csv"
+    write_text(target, readings_text(readings, None if exact else 6))
+    counts = {status: readings.status.count(status) for status in ("ok", "miss", "early")}
+    result = {
+        "format": "tango-simulation/1",
+        "readings": str(target),
+        "touches": len(readings),
+        **counts,
+        "cycles": cycles,
+        "days": days,
+        "seed": world.seed if seed is None else seed,
+        "duration_s": round(float(readings.time[-1]), 3),
+    }
+    if not write_json(json_file, result):
+        bad = f", {counts['miss']} missed, {counts['early']} early" if counts["ok"] < len(readings) else ""
+        click.echo(f"{len(readings)} touches{bad} in {readings.time[-1] / 60:.0f} min of machine time → {target}")
