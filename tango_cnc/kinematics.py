@@ -18,7 +18,7 @@ import numpy as np
 
 from .records import COMPONENTS, Array, Machine
 
-Stage = Literal["inter", "motion", "intra", "stylus"]
+Stage = Literal["inter", "motion", "intra", "stylus", "table"]
 Point = list[Array]  # x, y, z, each (..., n)
 
 
@@ -55,12 +55,16 @@ class Joint:
 
 @dataclass(frozen=True)
 class Chain:
-    """A machine as seen by the tip: joints from the spindle to the table, `tip` at the zero pose."""
+    """A machine as seen by the tip: joints from the spindle to the table, `tip` at the zero pose.
+
+    The last joint, `w`, is where the artefact sits on the table; it matters only when facets are calibrated.
+    """
 
     joints: tuple[Joint, ...]
     foundation: int  # number of joints of the tool branch
     tip: Array  # (3,) mm
     spindle_frame: Array  # (3, 3) rows = base vectors of the spindle frame in the machine frame
+    spindle_direction: Array  # (3,) in the spindle frame, from the tip towards the spindle
     linear_columns: tuple[int, ...]
 
     @property
@@ -101,10 +105,12 @@ def chain(machine: Machine) -> Chain:
     tool = [_joint(machine, name, inverse=False) for name in reversed(machine.tool_branch)]
     work = [_joint(machine, name, inverse=True) for name in machine.workpiece_branch]
     spindle = machine.spindle
-    frame, _, _ = axis_frame("S", spindle.direction)
+    frame, base, sense = axis_frame("S", spindle.direction)
     tip = np.array(spindle.point) - machine.probe.length * np.array(spindle.direction)
     columns = tuple(machine.column(name) for name in machine.linear)
-    return Chain((*tool, *work), len(tool), tip, np.eye(3) if frame is None else frame, columns)
+    placement = [Step(turn, i, -1.0, Slot("w", "table", i + 3 * turn)) for turn in (False, True) for i in (2, 1, 0)]
+    work.append(Joint("w", None, np.zeros(3), tuple(placement)))
+    return Chain((*tool, *work), len(tool), tip, np.eye(3) if frame is None else frame, sense * np.eye(3)[base], columns)
 
 
 def _joint(machine: Machine, name: str, *, inverse: bool) -> Joint:
@@ -259,10 +265,16 @@ def inverse(chain: Chain, position: Array, tip_position: Array) -> Array:
     return base
 
 
+def spindle_axis(chain: Chain, position: Array) -> Array:
+    """(n, k) → (n, 3) unit vector from the tip towards the spindle, in the table frame, nominal machine."""
+    ahead = {Slot("t", "stylus", i): float(chain.spindle_direction[i]) for i in range(3)}
+    return tip(chain, position, ahead) - tip(chain, position)
+
+
 def slot_name(slot: Slot) -> str:
     """slot → the ISO 230-1 name of the error that acts there, e.g. EX0C, EYX, EXX, EXt."""
-    if slot.stage == "stylus":
-        return f"E{COMPONENTS[slot.component]}t"
+    if slot.stage in ("stylus", "table"):
+        return f"E{COMPONENTS[slot.component]}{slot.axis}"
     if slot.stage == "motion":
         return f"E{slot.axis}{slot.axis}"
     letter = COMPONENTS[slot.component]

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import kinematics
 from .kinematics import Chain
-from .records import Array, Artefact, Id, Machine, Plan, Readings
+from .records import Array, Artefact, Id, Machine, Readings
+
+
+class Curved(NamedTuple):
+    """The touches of a plan on curved surfaces, one row each."""
+
+    rows: NDArray[np.int64]  # (m,) which touches
+    centre: Array  # (m, 3) mm, nominal centre or a point of the axis
+    radius: Array  # (m,) mm
+    axis: Array  # (m, 3) of a cylinder, zero otherwise
+    side: Array  # (m,) 1 touched from outside, −1 from inside
 
 
 @dataclass(frozen=True)
@@ -61,6 +73,28 @@ class Touches:
         return np.array([-1 if b is None else place[b] for b in own], dtype=np.int64)
 
     @cached_property
+    def curved(self) -> Curved | None:
+        """→ the touches on balls, cylinders and spheres, None when there are none."""
+        rows: list[int] = []
+        found: list[tuple[Array, float, Array, float]] = []
+        for i, facet in enumerate(self.artefact.facets[f] for f in self.facet):
+            if facet.ball is not None:
+                ball = self.artefact.balls[facet.ball]
+                found.append((np.array(ball.centre), ball.radius, np.zeros(3), 1.0))
+            elif facet.surface is not None:
+                surface = facet.surface
+                side = -1.0 if surface.inside else 1.0
+                centre = np.array(facet.point) - side * surface.radius * np.array(facet.normal)
+                axis = np.zeros(3) if surface.axis is None else np.array(surface.axis)
+                found.append((centre, surface.radius, axis, side))
+            else:
+                continue
+            rows.append(i)
+        if not rows:
+            return None
+        return Curved(np.array(rows), *(np.array(values) for values in zip(*found, strict=True)))
+
+    @cached_property
     def indexation(self) -> NDArray[np.int64]:
         """→ (n,) number of the indexation, 0, 1, 2 …: a new one begins when a rotary axis or the spindle has turned."""
         columns = [self.machine.column(name) for name in (*self.machine.rotary, "S")]
@@ -107,18 +141,12 @@ def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> T
     )
 
 
-def from_plan(plan: Plan, direction: Array) -> Touches:
-    """plan, (n, k) direction of last motions → touches at their nominal contacts."""
-    n = len(plan.touches)
-    readings = Readings(
-        plan.machine.names,
-        np.arange(1, n + 1),
-        np.arange(n, dtype=float),
-        tuple(t.facet for t in plan.touches),
-        np.array([t.contact for t in plan.touches]),
-        direction,
-        ("ok",) * n,
-        np.ones(n, dtype=np.int64),
-        np.ones(n, dtype=np.int64),
+def of_facets(machine: Machine, artefact: Artefact, facets: Sequence[Id], position: Array, direction: Array) -> Touches:
+    """facet ids (n), positions (n, k), directions of last motions (n, k) → touches that nobody has made yet."""
+    n = len(facets)
+    count, one = np.arange(n), np.ones(n, dtype=np.int64)
+    return from_readings(
+        machine,
+        artefact,
+        Readings(machine.names, count + 1, count.astype(float), tuple(facets), position, direction, ("ok",) * n, one, one),
     )
-    return from_readings(plan.machine, plan.artefact, readings)

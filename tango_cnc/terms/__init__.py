@@ -19,7 +19,7 @@ from types import ModuleType
 
 from ..files.checked import suggestion
 from ..kinematics import Slot
-from ..records import Array, InputError, Machine
+from ..records import Array, InputError, Machine, TermItem
 from ..touches import Touches
 
 GAP = Slot("", "stylus", -1)
@@ -41,14 +41,19 @@ def families() -> dict[str, ModuleType]:
     return {name: importlib.import_module(f"{__name__}.{name}") for name in names}
 
 
-def find(name: str, machine: Machine) -> Coefficient:
-    """name → coefficient. Raises InputError with the nearest names when no family knows it on this machine."""
+def find(item: TermItem, machine: Machine) -> list[Coefficient]:
+    """name, or cause with its settings → coefficients. Raises InputError with the nearest names when no family knows it."""
     modules = families()
+    name, detail = (item, {}) if isinstance(item, str) else (str(item["cause"]), {k: v for k, v in item.items() if k != "cause"})
+    if name in modules and hasattr(modules[name], "cause"):
+        found: list[Coefficient] = modules[name].cause(machine, **detail)
+        return found
     for module in modules.values():
-        found: Coefficient | None = module.coefficient(name, machine)
-        if found is not None:
-            return found
-    known = [c.name for module in modules.values() for c in module.coefficients(machine, 3)]
+        one: Coefficient | None = module.coefficient(name, machine) if hasattr(module, "coefficient") else None
+        if one is not None:
+            return [one]
+    known = [c.name for module in modules.values() if hasattr(module, "coefficients") for c in module.coefficients(machine, 3)]
+    known += [name for name, module in modules.items() if hasattr(module, "cause")]
     raise InputError(
         f"terms: found {name!r}, which no term of machine {machine.topology} has; allowed: S1, S2, S3, S4, and names such as "
         f"{', '.join(known[:6])} …{suggestion(name, known)}"

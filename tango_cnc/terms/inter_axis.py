@@ -26,13 +26,18 @@ def coefficient(name: str, machine: Machine) -> Coefficient | None:
 
 
 def coefficients(machine: Machine, degree: int) -> list[Coefficient]:
-    """machine → linear axes, spindle, rotary axes, each from the foundation outwards, the workpiece branch first.
+    """machine → every inter-axis error, first those by which ISO 230-1 (annex A) describes a machine.
 
-    The order decides which of several names for one and the same displacement is kept: the first linear axis is the
-    reference that the others are square to, and the spindle is located before the rotary axes, as ISO 230-1 has it.
+    The order decides which of several names for one and the same displacement is kept. From the foundation outwards, the
+    workpiece branch first: the squareness of each linear axis to those before it, the spindle's two offsets, then each
+    rotary axis but for its own zero position; last what only another choice of reference would call by these names.
     """
     chain = (*machine.workpiece_branch, *machine.tool_branch)
     linear = [name for name in chain if name in machine.linear]
     rotary = [name for name in chain if name in machine.rotary]
-    names = [f"E{c}0{axis}" for axis in (*linear, "S", *rotary) for c in COMPONENTS]
+    third = {frozenset("XY"): "C", frozenset("XZ"): "B", frozenset("YZ"): "A"}
+    names = [f"E{third[frozenset((axis, earlier))]}0{axis}" for i, axis in enumerate(linear) for earlier in linear[:i]]
+    names += ["EX0S", "EY0S"]
+    names += [f"E{c}0{axis}" for axis in rotary for c in COMPONENTS if c != axis]
+    names += [name for axis in (*rotary, "S", *linear) for c in COMPONENTS if (name := f"E{c}0{axis}") not in names]
     return [found for name in names if (found := coefficient(name, machine)) is not None]
