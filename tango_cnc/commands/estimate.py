@@ -1,0 +1,102 @@
+"""`tango estimate`: error parameters from readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..estimate import Estimate, estimate, without
+from ..files import read_cell, read_readings, read_terms
+from ..records import Parameter
+from ..report.units import shown
+from ._common import cell_option, json_option, table, write_json
+
+
+@click.command()
+@cell_option
+@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
+@click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
+@click.option("--exclude-outliers", is_flag=True, help="Fit again without the touches that are flagged as outliers.")
+@json_option
+def command(folder: Path, file: Path | None, terms: str | None, degree: int, exclude_outliers: bool, json_file: str | None) -> None:
+    """Estimates the machine's error parameters, the stylus and the table from readings.
+
+    Only rows with status ok are used. Touches that do not fit are flagged and kept, unless --exclude-outliers is given.
+    """
+    cell = read_cell(folder)
+    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
+    items = cell.terms if terms is None else read_terms(terms)
+    result = estimate(cell.machine, cell.artefact, readings, items, degree)
+    excluded = result.outliers
+    if exclude_outliers and len(excluded):
+        result = estimate(cell.machine, cell.artefact, without(readings, excluded), items, degree)
+    data = as_json(result)
+    if exclude_outliers:
+        data["excluded"] = [int(i) for i in excluded]
+    if not write_json(json_file, data):
+        click.echo(as_text(result))
+    if exclude_outliers and len(excluded):
+        click.echo(f"{len(excluded)} touches excluded: {', '.join(map(str, excluded))}", err=True)
+    skipped = int((~readings.ok).sum())
+    if skipped:
+        click.echo(f"{skipped} of {len(readings)} touches made no proper contact (miss or early) and were not used", err=True)
+
+
+def as_json(result: Estimate) -> dict[str, Any]:
+    """estimate → plain data of the format tango-estimate/1."""
+    size = abs(result.residuals) * 1e3
+
+    def value(parameter: Parameter) -> dict[str, Any]:
+        return {"value": parameter.value, "unit": parameter.unit, "std": parameter.std}
+
+    setup = result.setup
+    data: dict[str, Any] = {
+        "format": "tango-estimate/1",
+        "touches": len(result.residuals),
+        "terms": list(result.parameters),
+        "parameters": {name: value(p) for name, p in result.parameters.items()},
+        "stylus": {name: p.value for name, p in setup.items() if name.endswith("t")},
+        "stylus_std": {name: p.std for name, p in setup.items() if name.endswith("t")},
+        "facets": {name: {"offset": p.value, "std": p.std} for name, p in result.facets.items()},
+        "balls": {name: {"centre": [float(c) for c in centre]} for name, centre in result.balls.items()},
+        "residual": {
+            "max_um": float(size.max()),
+            "mean_abs_um": float(size.mean()),
+            "rms_um": float((size**2).mean() ** 0.5),
+            "std_um": result.sigma * 1e3,
+            "dof": result.dof,
+        },
+        "condition_number": result.condition_number,
+        "not_identifiable": [c.text for c in result.selection.unseen],
+        "outliers": [int(i) for i in result.outliers],
+    }
+    placement = {name: value(p) for name, p in setup.items() if name.endswith("w")}
+    return data | ({"placement": placement} if placement else {})
+
+
+def as_text(result: Estimate) -> str:
+    """estimate → what a person reads on the terminal."""
+    rows = [["parameter", "value", "std", ""]]
+    for name, p in {**result.parameters, **result.setup}.items():
+        factor, unit = shown(p.unit)
+        rows.append([name, f"{p.value * factor:.3f}", f"{p.std * factor:.3f}", unit])
+    offsets = [p.value * 1e3 for p in result.facets.values()]
+    size = abs(result.residuals) * 1e3
+    lines = [
+        table(rows, "<>><"),
+        "",
+        f"unexplained |r|  max {size.max():.2f}  mean {size.mean():.2f}  rms {(size**2).mean() ** 0.5:.2f} µm",
+        f"{len(size)} touches, {len(result.values)} unknowns, {result.dof} degrees of freedom, one touch scatters by "
+        f"{result.sigma * 1e3:.2f} µm (stated {result.model.touches.machine.probe.repeatability * 1e3:.2f})",
+        f"condition number {result.condition_number:.4g}",
+    ]
+    if offsets:
+        lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")
+    lines += [f"cannot be seen: {c.text}" for c in result.selection.unseen]
+    if len(result.outliers):
+        worst = ", ".join(str(i) for i in result.outliers[:10]) + (" …" if len(result.outliers) > 10 else "")
+        lines.append(f"{len(result.outliers)} touches do not fit (kept; leave them out with --exclude-outliers): {worst}")
+    return "\n".join(lines)
