@@ -1,0 +1,69 @@
+"""Letter-and-number records as controls print them (`DPRNT` and its relatives): strict in what is a record.
+
+The format is known here and nowhere else. Three records exist:
+
+    TANGO START <mark> <count>      TANGO END <count>      P17 H1 X-12.3450 Y… Z… B… C…
+
+A record of a touch has every letter exactly once. Numbers come as `-   91.200` (sign, then padding), `.5040`, `90.` and
+with spaces before or between; a decimal comma, a second sign or any other sign is no number.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from ._client import Begun, Ended, Event, Refused, Touched
+
+NUMBER = r"(?P<sign>[+-]?) *(?P<digits>\d+\.\d*|\.\d+|\d+)"
+WORD = re.compile(rf" *(?P<letter>[A-Z]) *{NUMBER}(?![\d.]) *")
+START = re.compile(r" *TANGO +START +(?P<mark>[0-9A-F]+) +(?P<count>\d+) *")
+END = re.compile(r" *TANGO +END +(?P<count>\d+) *")
+
+
+def words(line: str) -> list[tuple[str, str]]:
+    """'X   128.474 Y-   91.200' → [('X', '128.474'), ('Y', '-91.200')]. Raises ValueError saying where it is no list of words."""
+    found: list[tuple[str, str]] = []
+    at = 0
+    while at < len(line):
+        match = WORD.match(line, at)
+        if match is None:
+            raise ValueError(f"no letter and number at column {at + 1}")
+        found.append((match["letter"], match["sign"] + match["digits"]))
+        at = match.end()
+    return found
+
+
+def record(line: str, letters: Sequence[str]) -> Event:
+    """one complete line, the axis letters a touch must carry → its event; Refused when it is no record."""
+    if match := START.fullmatch(line):
+        return Begun(match["mark"], int(match["count"]))
+    if match := END.fullmatch(line):
+        return Ended(int(match["count"]))
+    if not line.isascii() or not line.isprintable():
+        return Refused("characters that no control prints: the line is disturbed or its parity is set wrongly", line)
+    if "," in line:
+        return Refused("a comma: numbers must have a decimal point", line)
+    try:
+        pairs = words(line)
+    except ValueError as error:
+        return Refused(str(error), line)
+    values = dict(pairs)
+    wanted = ["P", "H", *letters]
+    if sorted(letter for letter, _ in pairs) != sorted(wanted):
+        return Refused(f"the words {' '.join(letter for letter, _ in pairs)} instead of {' '.join(wanted)}", line)
+    try:
+        number, flag = int(_whole(values["P"])), int(_whole(values["H"]))
+    except ValueError:
+        return Refused("P and H must be whole numbers", line)
+    if flag not in (0, 1, 2):
+        return Refused(f"H{flag}: the flag is 0 (no contact), 1 (contact) or 2 (early contact)", line)
+    return Touched(number, flag, {letter: float(values[letter]) for letter in letters}, line.strip())
+
+
+def _whole(text: str) -> str:
+    """'17' or '17.' or '17.000' → '17'. Raises ValueError for anything that is not a whole number from 0."""
+    match = re.fullmatch(r"\+?(\d+)(?:\.0*)?", text)
+    if match is None:
+        raise ValueError(text)
+    return match[1]

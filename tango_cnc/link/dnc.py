@@ -1,0 +1,174 @@
+"""RS-232 the way controls read and punch tape: the program goes out drip-fed, printed records come back.
+
+    idle ──DC1 or start=now──▶ sending ──last byte──▶ running ──end mark──▶ done
+              DC3 holds and DC1 releases the sending at any time; every state ends in failed on silence or a closed line
+
+The control prints (`DPRNT`, `PRINT`, `PUT`) between DC2 and DC4, lines ended by CR, LF, CR LF or LF CR CR, with NUL and DEL as
+leader. DC1 and DC3 are obeyed here, whatever the driver of a serial port does about them as well: behind a pty or a TCP
+converter nobody else does. The line has no check sums; what a record is worth is decided by `_words` and `_trust`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..records import InputError
+from ._client import Begun, Ended, Event, Failed, Job, Refused, Touched
+from ._words import record
+
+DC1, DC2, DC3, DC4 = 0x11, 0x12, 0x13, 0x14
+NUL, DEL = 0x00, 0x7F
+LINE_LIMIT = 256  # characters; no control prints a longer one, so this is a lost line end
+EOB = {"lf": "\n", "crlf": "\r\n", "lfcrcr": "\n\r\r"}
+
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "start": ("now", "xon"),  # send at once, or when the control asks with DC1
+    "capture": ("punch", "all"),  # believe what stands between DC2 and DC4, or every line
+    "eob": tuple(EOB),
+    "bits": ("8", "7"),  # 7: the eighth bit is parity and is dropped
+}
+
+
+def tape(program: str, eob: str = "\n") -> bytes:
+    """program text → bytes framed by `%` lines. Raises InputError for characters that the line would not carry."""
+    lines = program.splitlines()
+    for i, line in enumerate(lines, 1):
+        if not line.isascii() or not (line.isprintable() or line.replace("\t", " ").isprintable()):
+            raise InputError(f"program line {i}: found {line!r}; allowed: printable ASCII; a control reads nothing else from tape")
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        raise InputError("the program is empty: there is nothing to send")
+    if lines[0].strip() != "%":
+        lines.insert(0, "%")
+    if lines[-1].strip() != "%":
+        lines.append("%")
+    return "".join(line + eob for line in lines).encode("ascii")
+
+
+class Client:
+    """Sends one program and captures its records."""
+
+    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
+        """job, {option: value of `OPTIONS`} → client. Raises InputError for a program that cannot go over the line."""
+        chosen = {name: options.get(name, allowed[0]) for name, allowed in OPTIONS.items()}
+        self._job = job
+        self._data = tape(job.program, EOB[chosen["eob"]])
+        self._at = 0
+        self._mask = 0x7F if chosen["bits"] == "7" else 0xFF
+        self._all = chosen["capture"] == "all"
+        self._punching = False
+        self._held = chosen["start"] == "xon"
+        self._begun = self._over = False
+        self._position = 0  # of the next touch in job.numbers
+        self._silence = 0.0
+        self._line = bytearray()
+
+    @property
+    def sent(self) -> tuple[int, int]:
+        """→ (bytes sent, bytes in all) of the program."""
+        return self._at, len(self._data)
+
+    @property
+    def held(self) -> bool:
+        """→ whether the control has stopped the sending (DC3), or not asked for it yet."""
+        return self._held
+
+    def bytes_to_send(self, limit: int) -> bytes:
+        """most bytes wanted → the next piece of the program; empty while the control holds it or all is sent."""
+        if self._held or self._over:
+            return b""
+        piece = self._data[self._at : self._at + limit]
+        self._at += len(piece)
+        if piece:
+            self._silence = 0.0
+        return piece
+
+    def receive(self, data: bytes) -> list[Event]:
+        """bytes from the line, cut anywhere → the events they complete."""
+        events: list[Event] = []
+        for byte in data:
+            if not self._over:
+                events += self._one(byte & self._mask)
+        return events
+
+    def _one(self, char: int) -> list[Event]:
+        if char in (DC1, DC3):
+            self._held = char == DC3
+        elif char == DC2:
+            cut = self._cut("a new record began before this one was complete")
+            self._punching = True
+            return cut
+        elif char == DC4:
+            cut = self._cut("the record has no line end: its last digits may be missing")
+            self._punching = False
+            return cut
+        elif char in b"\r\n":
+            return self._complete()
+        elif char not in (NUL, DEL) and (self._punching or self._all):
+            self._line.append(char)
+            if len(self._line) > LINE_LIMIT:
+                return self._cut(f"{LINE_LIMIT} characters without a line end")
+        return []
+
+    def _take(self) -> str:
+        text = self._line.decode("latin-1").strip(" ")
+        self._line.clear()
+        return text
+
+    def _cut(self, why: str) -> list[Event]:
+        text = self._take()
+        return [Refused(why, text)] if text else []
+
+    def _complete(self) -> list[Event]:
+        text = self._take()
+        if text in ("", "%"):
+            return []
+        event = record(text, self._job.letters)
+        if isinstance(event, Refused):
+            return [event]
+        self._silence = 0.0
+        if isinstance(event, Begun):
+            return [event] if self._expected(event) else self._fail(self._stranger(event))
+        if not self._begun:
+            return self._fail(f"a record came before the start mark: {text!r}. Was another program running?")
+        if isinstance(event, Touched) and event.number in self._job.numbers:
+            self._position = max(self._position, self._job.numbers.index(event.number) + 1)
+        if isinstance(event, Ended):
+            self._over = True
+        return [event]
+
+    def _expected(self, event: Begun) -> bool:
+        fits = event.mark == self._job.mark and event.count == len(self._job.numbers) and not self._begun
+        self._begun |= fits
+        return fits
+
+    def _stranger(self, event: Begun) -> str:
+        if self._begun:
+            return "the control began the program a second time; its touches cannot be told from the first ones"
+        ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
+        return f"the control runs another program: its start mark is {event.mark} with {event.count} touches, sent was {ours}"
+
+    def _fail(self, why: str) -> list[Event]:
+        self._over = True
+        return [Failed(why)]
+
+    def elapsed(self, seconds: float) -> list[Event]:
+        """s since the last call → Failed when the control has been silent for longer than the next touch may take."""
+        if self._over:
+            return []
+        self._silence += seconds
+        allowed = self._job.patience[self._position] if self._begun else self._job.start_patience
+        if self._silence <= allowed:
+            return []
+        at, total = self.sent
+        where = f"{at} of {total} bytes are sent" + (" and the control holds the line (DC3)" if self._held and at else "")
+        if at == 0:
+            where = "it never asked for the program (DC1)"
+        return self._fail(f"the control has been silent for {self._silence:.0f} s, {allowed:.0f} s are allowed here; {where}")
+
+    def closed(self) -> list[Event]:
+        """the line is gone → what was cut off by it."""
+        if self._over:
+            return []
+        return [*self._cut("the line was lost in the middle of this record"), *self._fail("the line was lost")]

@@ -1,0 +1,196 @@
+"""One conversation with a controller: the only loop that waits, and the only place where client, trust and journal meet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TextIO
+
+from ..records import LinkError
+from ._client import Begun, Client, Ended, Event, Failed, Identified, Job, Refused, Touched
+from ._trust import Distrust, Gate, judge, next_in_order
+from .journal import Journal
+from .transport import Lost, Transport
+
+POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the control are noticed this soon
+BLOCKED = 0.01  # s between attempts while the line takes no bytes
+REFUSALS = 10  # records in a row that are not believed
+
+
+@dataclass(frozen=True)
+class Step:
+    """What the person at the machine sees: touches done of all, s since the start mark, the last deviation, a remark."""
+
+    done: int
+    total: int
+    time: float
+    deviation: float | None = None  # µm
+    remark: str | None = None
+
+
+class Transcript:
+    """What went over the line, as text: `-> ` sent, `<- ` received, `.. ` seconds; the tests replay such files."""
+
+    def __init__(self, out: TextIO | None, clock: Callable[[], float]) -> None:
+        self._out, self._clock, self._last = out, clock, clock()
+
+    def add(self, mark: str, data: bytes) -> None:
+        """'->' or '<-', bytes → a line of the transcript."""
+        if self._out is None or not data:
+            return
+        now = self._clock()
+        if now - self._last >= 0.001:
+            self._out.write(f".. {now - self._last:.3f}\n")
+        self._last = now
+        self._out.write(f"{mark} {data.decode('latin-1').encode('unicode_escape').decode('ascii')}\n")
+
+
+class Session:
+    """Runs one job to its end mark; every reading is in the journal before another byte is sent."""
+
+    def __init__(
+        self,
+        job: Job,
+        client: Client,
+        journal: Journal,
+        watch: Callable[[Step], None],
+        *,
+        clock: Callable[[], float],
+        now: Callable[[], datetime] = lambda: datetime.now(UTC),
+        gate: Gate | None = None,
+        transcript: TextIO | None = None,
+    ) -> None:
+        """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day."""
+        self._job, self._client, self._journal, self._watch = job, client, journal, watch
+        self._clock, self._now, self._gate = clock, now, gate or Gate()
+        self._transcript = Transcript(transcript, clock)
+        self._touches = {touch.number: touch for touch in job.plan.touches}
+        self._zero: float | None = None  # clock at the time zero of the readings
+        self._place = 0  # of the touch that is due, in job.numbers
+        self._accepted = 0
+        self._doubts = 0
+        self._ended = False
+
+    def run(self, transport: Transport) -> None:
+        """open transport → returns when every touch of the job is in the journal and the end mark has come.
+
+        Raises LinkError when the line or the control fails, when the user stops the run (Ctrl-C), and when records were not
+        believed; the journal then ends with the reason and holds everything measured before.
+        """
+        try:
+            self._converse(transport)
+            missing = self._missing()
+            if missing:
+                raise LinkError(f"the program ran to its end, but {missing} not believed or not received")
+        except KeyboardInterrupt:
+            self._stop("stopped by the user")
+        except LinkError as error:
+            self._stop(str(error))
+        self._journal.add("end", complete=True, why="end mark", utc=_stamp(self._now()))
+
+    def _missing(self) -> str:
+        got = {entry["touch"] for entry in self._journal.entries if entry["kind"] == "reading"}
+        numbers = [str(number) for number in self._job.numbers if number not in got]
+        shown = ", ".join(numbers[:10]) + (f" and {len(numbers) - 10} more" if len(numbers) > 10 else "")
+        return (
+            f"the record{'s' if len(numbers) > 1 else ''} of touch {shown} {'were' if len(numbers) > 1 else 'was'}"
+            if numbers
+            else ""
+        )
+
+    def _stop(self, why: str) -> None:
+        """Writes why into the journal and raises it as what the person has to know."""
+        self._journal.add("end", complete=False, why=why, utc=_stamp(self._now()))
+        warning = "" if self._client.sent[0] == 0 else " The control may still execute what it has received: look at the machine."
+        done, of = self._accepted, len(self._job.numbers)
+        due = f", touch {self._job.numbers[self._place]} was due" if self._place < of else ""
+        raise LinkError(f"{why}. {done} of {of} touches are recorded{due}.{warning}") from None
+
+    def _converse(self, transport: Transport) -> None:
+        last = self._clock()
+        waiting = b""
+        while not self._ended:
+            lost: Lost | None = None
+            data, taken = b"", 0
+            waiting = waiting or self._client.bytes_to_send(transport.chunk)
+            try:
+                taken = transport.write(waiting) if waiting else 0
+                wait = 0.0 if taken else BLOCKED if waiting else POLL
+            except Lost as error:
+                lost, wait = error, POLL  # what came before the line was lost is still read
+            try:
+                data = transport.read(wait)
+            except Lost as error:
+                lost = error
+            self._transcript.add("->", waiting[:taken])
+            self._transcript.add("<-", data)
+            waiting = waiting[taken:]
+            moment = self._clock()
+            if data:
+                self._handle(self._client.receive(data))
+            elif lost:
+                self._handle([*self._client.closed(), Failed(str(lost))])
+            self._handle(self._client.elapsed(moment - last))
+            last = moment
+
+    def _handle(self, events: Sequence[Event]) -> None:
+        for event in events:
+            if isinstance(event, Touched):
+                self._touched(event)
+            elif isinstance(event, Refused):
+                self._doubt(event.why, event.text)
+            elif isinstance(event, Begun):
+                self._begun()
+            elif isinstance(event, Identified):
+                self._journal.add("identity", text=event.text)
+            elif isinstance(event, Ended):
+                self._ended = True
+            elif isinstance(event, Failed) and not self._ended:
+                raise LinkError(event.why)
+
+    def _begun(self) -> None:
+        moment, today = self._clock(), self._now()
+        first = next((entry["utc"] for entry in self._journal.entries if entry["kind"] == "begun"), None)
+        before = max((entry["time_s"] for entry in self._journal.entries if "time_s" in entry), default=0.0)
+        since = 0.0 if first is None else (today - datetime.fromisoformat(first)).total_seconds()
+        self._zero = moment - max(since, before)
+        self._journal.add("begun", utc=_stamp(today), time_s=round(self._time(), 3))
+        self._watch(Step(0, len(self._job.numbers), self._time()))
+
+    def _time(self) -> float:
+        return self._clock() - self._zero if self._zero is not None else 0.0
+
+    def _touched(self, event: Touched) -> None:
+        try:
+            place = next_in_order(event.number, self._job.numbers, self._place)
+            judged = judge(event, self._touches[event.number], self._job.plan.machine, self._gate)
+        except Distrust as doubt:
+            self._doubt(str(doubt), event.text)
+            return
+        self._journal.add(
+            "reading",
+            touch=event.number,
+            time_s=round(self._time(), 3),
+            status=judged.status,
+            position=[float(value) for value in judged.position],
+            record=event.text,
+        )
+        self._place, self._doubts = place + 1, 0
+        self._accepted += 1
+        remark = None if judged.status == "ok" else f"touch {event.number}: {judged.status}"
+        self._watch(Step(self._accepted, len(self._job.numbers), self._time(), judged.deviation, remark))
+
+    def _doubt(self, why: str, text: str) -> None:
+        self._journal.add("refused", why=why, record=text, time_s=round(self._time(), 3))
+        self._doubts += 1
+        remark = f"not believed: {text!r}: {why}"
+        self._watch(Step(self._accepted, len(self._job.numbers), self._time(), None, remark))
+        if self._doubts >= REFUSALS:
+            raise LinkError(
+                f"{REFUSALS} records in a row were not believed; the last one {text!r}: {why}. Check the settings of the line"
+            )
+
+
+def _stamp(moment: datetime) -> str:
+    return moment.isoformat(timespec="milliseconds")
