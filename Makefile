@@ -1,0 +1,43 @@
+# Everything from a fresh checkout: python3 (3.11 or newer) with venv, and make. On Debian: apt install python3-venv make
+PYTHON ?= python3
+BIN := .venv/bin
+# Two workers share two cores only when the linear algebra of each keeps to one.
+export OPENBLAS_NUM_THREADS ?= 1
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
+
+.PHONY: demo test check-long campaign lint format clean
+
+demo: .venv/base.stamp
+	$(BIN)/tango demo
+
+test: .venv/test.stamp
+	$(PYTEST)
+
+check-long: .venv/test.stamp
+	$(PYTEST) -m long
+
+campaign: .venv/test.stamp
+	$(BIN)/python -m pytest -m campaign
+
+lint: .venv/test.stamp
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+format: .venv/test.stamp
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+# A stamp is newer than what it was made from, so a changed list of dependencies is installed by the next call.
+.venv/base.stamp: pyproject.toml setup.py
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo 'Python 3.11 or newer is needed: make PYTHON=python3.11 …'; exit 1; }
+	$(PYTHON) -m venv .venv || { echo 'python3 has no venv here. On Debian and Ubuntu: apt install python3-venv'; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+.venv/test.stamp: .venv/base.stamp
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	touch $@
+
+clean:
+	rm -rf .venv demo campaign build .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info

@@ -1,0 +1,53 @@
+"""What every test may ask for, and what a skipped test means: a notice at home, a failure where CI is set."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+ROOT = Path(__file__).parent.parent
+CI = bool(os.environ.get("CI"))
+PACKAGES = {"rs274": "linuxcnc-uspace", "linuxcnc": "linuxcnc-uspace", "halrun": "linuxcnc-uspace", "socat": "socat"}
+
+# The same examples everywhere and every time; how long one takes depends on who shares the machine.
+settings.register_profile("tango", deadline=None, derandomize=True)
+settings.load_profile("tango")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """`@pytest.mark.system("socat", …)`: without these commands the test is skipped and the notice says what to install."""
+    for mark in item.iter_markers("system"):
+        for command in mark.args:
+            if shutil.which(command) is None:
+                pytest.skip(f"needs the command {command} (apt install {PACKAGES.get(command, command)})")
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    skipped = reporter.stats.get("skipped", []) if reporter is not None else []
+    if CI and skipped and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    if CI and terminalreporter.stats.get("skipped"):
+        terminalreporter.write_line("CI is set: a skipped test fails the run", red=True)
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The folder of the project."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder with reference data beside the project, which is not part of it."""
+    folder = ROOT.parent / "shared"
+    if not folder.is_dir():
+        pytest.fail(f"{folder} is absent") if CI else pytest.skip(f"needs the reference data in {folder}")
+    return folder
