@@ -21,17 +21,22 @@ from ..records import Plan
 class Job:
     """One program to be run: its text, the mark that its start record must carry, and how long each touch may take.
 
-    `numbers` are the touch numbers in the order of the program. `patience` has one more item than they: seconds of silence
-    that are allowed before the start mark … and before the end mark; item i belongs to touch i.
+    `patience` is the seconds of silence allowed before each touch and, one more, before the end mark. A program that resumes
+    a run counts its touches from 1 again; `original` has their numbers in the run.
     """
 
     plan: Plan
     program: str
     mark: str
-    numbers: tuple[int, ...]
     letters: tuple[str, ...]  # axis letters that every record carries
     patience: tuple[float, ...]
-    start_patience: float = 600.0  # s, somebody has to press the button
+    original: tuple[int, ...]
+    start_patience: float = 600.0  # s before the start mark: somebody has to press the button
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """→ touch numbers in the order of the program."""
+        return tuple(touch.number for touch in self.plan.touches)
 
 
 @dataclass(frozen=True)

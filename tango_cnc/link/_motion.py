@@ -3,32 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ..records import Array, Machine, Plan
+from ..records import Array, Machine, Move, Plan, Touch
 
 STEP = {"linear": 1e-4, "rotary": math.radians(1e-4), "spindle": math.radians(1e-4)}  # mm, rad: least increment of a program
 RAPID = {"linear": 3000.0, "rotary": math.radians(3600), "spindle": math.radians(3600)}  # mm/min, rad/min where none is given
 OVERHEAD = 0.5  # s a move: look-ahead stops, waiting for in-position
 
 
-def last_motion(plan: Plan) -> Array:
-    """plan → (n, k) −1 0 1: sense of each axis' last motion when touch i triggers, 0 for one that has not moved yet.
+def last_motion(machine: Machine, touches: Sequence[Touch], moves: Iterable[Move]) -> Array:
+    """machine, n touches, their moves → (n, k) −1 0 1: sense of each axis' last motion when touch i triggers, 0: none yet.
 
     Backlash is decided by the last motion, however many moves ago it was: rotary axes and the spindle keep the sense of their
     last indexation, linear axes have that of the measuring move or of the way to it. A measuring move counts as far as the
     nominal contact. The first position of an axis is where it came to from anywhere: its sense is unknown.
     """
-    machine = plan.machine
-    contacts = {touch.number: touch.contact for touch in plan.touches}
-    place = {touch.number: i for i, touch in enumerate(plan.touches)}
+    contacts = {touch.number: touch.contact for touch in touches}
+    place = {touch.number: i for i, touch in enumerate(touches)}
     steps = [STEP[axis.kind] for axis in machine.axes]
     at: list[float | None] = [None] * len(steps)
     sense = [0.0] * len(steps)
-    result = np.zeros((len(plan.touches), len(steps)))
-    for move in plan.moves:
+    result = np.zeros((len(touches), len(steps)))
+    for move in moves:
         for i, name in enumerate(machine.names):
             if name not in move.target:
                 continue

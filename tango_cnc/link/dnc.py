@@ -165,7 +165,7 @@ class Client:
         where = f"{at} of {total} bytes are sent" + (" and the control holds the line (DC3)" if self._held and at else "")
         if at == 0:
             where = "it never asked for the program (DC1)"
-        return self._fail(f"the control has been silent for {self._silence:.0f} s, {allowed:.0f} s are allowed here; {where}")
+        return self._fail(f"the control has been silent for longer than {allowed:.0f} s; {where}")
 
     def closed(self) -> list[Event]:
         """the line is gone → what was cut off by it."""

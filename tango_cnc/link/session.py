@@ -91,7 +91,7 @@ class Session:
 
     def _missing(self) -> str:
         got = {entry["touch"] for entry in self._journal.entries if entry["kind"] == "reading"}
-        numbers = [str(number) for number in self._job.numbers if number not in got]
+        numbers = [str(number) for number in self._job.original if number not in got]
         shown = ", ".join(numbers[:10]) + (f" and {len(numbers) - 10} more" if len(numbers) > 10 else "")
         return (
             f"the record{'s' if len(numbers) > 1 else ''} of touch {shown} {'were' if len(numbers) > 1 else 'was'}"
@@ -104,7 +104,7 @@ class Session:
         self._journal.add("end", complete=False, why=why, utc=_stamp(self._now()))
         warning = "" if self._client.sent[0] == 0 else " The control may still execute what it has received: look at the machine."
         done, of = self._accepted, len(self._job.numbers)
-        due = f", touch {self._job.numbers[self._place]} was due" if self._place < of else ""
+        due = f", touch {self._job.original[self._place]} was due" if self._place < of else ""
         raise LinkError(f"{why}. {done} of {of} touches are recorded{due}.{warning}") from None
 
     def _converse(self, transport: Transport) -> None:
@@ -170,7 +170,7 @@ class Session:
             return
         self._journal.add(
             "reading",
-            touch=event.number,
+            touch=self._job.original[place],
             time_s=round(self._time(), 3),
             status=judged.status,
             position=[float(value) for value in judged.position],
@@ -178,7 +178,7 @@ class Session:
         )
         self._place, self._doubts = place + 1, 0
         self._accepted += 1
-        remark = None if judged.status == "ok" else f"touch {event.number}: {judged.status}"
+        remark = None if judged.status == "ok" else f"touch {self._job.original[place]}: {judged.status}"
         self._watch(Step(self._accepted, len(self._job.numbers), self._time(), judged.deviation, remark))
 
     def _doubt(self, why: str, text: str) -> None:

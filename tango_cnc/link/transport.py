@@ -187,8 +187,9 @@ class _Port:
             "stopbits": int(line["stop"]),
             "rtscts": line["flow"] == "rtscts",
             "timeout": SLICE,
-            "write_timeout": 0,
         }
+        if self._local:
+            settings["write_timeout"] = 0
         if self._local and line["exclusive"] == "yes":
             settings["exclusive"] = True
         self._port = serial.serial_for_url(address.target if self._local else f"rfc2217://{address.target}", **settings)

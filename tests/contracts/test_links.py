@@ -1,0 +1,168 @@
+"""What every protocol client must do, whatever its protocol; the conversations are the files of tests/transcripts/<protocol>/.
+
+`->` the client sends exactly this, `<-` it receives this, `..` seconds pass, `!!` the line is gone, `=>` what it made of it.
+"""
+
+import importlib
+import random
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from linkparts import job
+
+from tango_cnc.link import protocols
+from tango_cnc.link._client import Begun, Ended, Failed, Refused, Touched
+
+TRANSCRIPTS = Path(__file__).parents[1] / "transcripts"
+PROTOCOLS = protocols()
+CONVERSATIONS = [(name, file) for name in PROTOCOLS for file in sorted((TRANSCRIPTS / name).glob("*.txt"))]
+
+every_protocol = pytest.mark.parametrize("protocol", PROTOCOLS)
+every_conversation = pytest.mark.parametrize(("protocol", "file"), CONVERSATIONS, ids=[f"{p}-{f.stem}" for p, f in CONVERSATIONS])
+
+
+def client(protocol, options=None):
+    return importlib.import_module(f"tango_cnc.link.{protocol}").Client(job(), options or {})
+
+
+def lines(file):
+    for line in file.read_text(encoding="utf-8").splitlines():
+        yield line[:2], line[3:]
+
+
+def options(file):
+    words = [word for mark, text in lines(file) if mark == "# " or mark == "#" for word in text.split()]
+    return dict(word.split("=") for word in words if "=" in word and not word.startswith("="))
+
+
+def unescaped(text):
+    return text.encode("ascii").decode("unicode_escape").encode("latin-1")
+
+
+def shown(event):
+    match event:
+        case Begun(mark, count):
+            return f"Begun {mark} {count}"
+        case Touched(number, flag, position, _):
+            return f"Touched {number} {flag} {' '.join(str(value) for value in position.values())}"
+        case Ended(count):
+            return f"Ended {count}"
+        case Refused(why, text):
+            return f"Refused {why}: {text}"
+        case Failed(why):
+            return f"Failed {why}"
+
+
+def replay(protocol, file, pieces):
+    """Plays a transcript; `pieces(data)` cuts what is received. → (events seen, what the transcript expects of them)"""
+    one = client(protocol, options(file))
+    events, expected = [], []
+    for mark, text in lines(file):
+        if mark == "->":
+            wanted, sent = unescaped(text), b""
+            while len(sent) < len(wanted) and (piece := one.bytes_to_send(len(wanted) - len(sent))):
+                sent += piece
+            assert sent == wanted
+        elif mark == "<-":
+            for piece in pieces(unescaped(text)):
+                events += one.receive(piece)
+        elif mark == "..":
+            events += one.elapsed(float(text))
+        elif mark == "!!":
+            events += one.closed()
+        elif mark == "=>":
+            expected.append(text)
+        else:
+            assert mark in ("# ", "#"), f"{file}: {mark!r} is no mark of a transcript"
+    return events, expected
+
+
+@every_protocol
+def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(protocol):
+    text = "".join(file.read_text(encoding="utf-8") for name, file in CONVERSATIONS if name == protocol)
+    for mark in ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. "):
+        assert mark in text, f"no transcript of {protocol} has {mark!r}"
+
+
+@every_conversation
+def test_the_conversation_means_what_its_page_says(protocol, file):
+    events, expected = replay(protocol, file, lambda data: [data])
+    assert len(events) == len(expected), [shown(event) for event in events]
+    for event, text in zip(events, expected, strict=True):
+        name, _, rest = text.partition(" ")
+        assert shown(event).startswith(name + " ")
+        assert rest in shown(event)
+
+
+@every_conversation
+def test_byte_by_byte_equals_all_at_once(protocol, file):
+    whole, _ = replay(protocol, file, lambda data: [data])
+    single, _ = replay(protocol, file, lambda data: [data[i : i + 1] for i in range(len(data))])
+    assert single == whole
+
+
+@every_conversation
+def test_any_cut_equals_all_at_once(protocol, file):
+    whole, _ = replay(protocol, file, lambda data: [data])
+    for seed in range(10):
+        chance = random.Random(seed)
+
+        def pieces(data, chance=chance):
+            cuts = sorted(chance.sample(range(len(data) + 1), min(3, len(data))))
+            return [data[a:b] for a, b in zip([0, *cuts], [*cuts, len(data)], strict=True)]
+
+        assert replay(protocol, file, pieces)[0] == whole
+
+
+@every_protocol
+def test_two_messages_in_one_chunk(protocol):
+    """All that the control says in a conversation of one go, delivered at once, is all events in order."""
+    for name, file in CONVERSATIONS:
+        if name != protocol or not any(mark == "=>" and text.startswith("Ended") for mark, text in lines(file)):
+            continue
+        one = client(protocol, options(file))
+        first = next(i for i, (mark, _) in enumerate(lines(file)) if mark == "<-")
+        received = [unescaped(text) for mark, text in list(lines(file))[first:] if mark == "<-"]
+        one.bytes_to_send(1 << 20)
+        if any(mark == "->" for mark, _ in list(lines(file))[first:]) and protocol != "dnc":
+            continue  # a dialogue: the control answers what it was asked in between
+        assert [shown(event) for event in one.receive(b"".join(received))] == replay_texts(protocol, file)
+
+
+def replay_texts(protocol, file):
+    return [shown(event) for event in replay(protocol, file, lambda data: [data])[0]]
+
+
+@every_protocol
+def test_garbage_is_never_a_touch(protocol):
+    for seed in range(50):
+        chance = random.Random(seed)
+        one = client(protocol)
+        one.bytes_to_send(1 << 20)
+        events = [event for _ in range(20) for event in one.receive(chance.randbytes(100))]
+        assert not any(isinstance(event, (Begun, Touched, Ended)) for event in events)
+
+
+@every_protocol
+def test_silence_ends_in_a_failure_that_is_said_once(protocol):
+    one = client(protocol)
+    one.bytes_to_send(1 << 20)
+    events = [event for _ in range(2000) for event in one.elapsed(1.0)]
+    assert [type(event) for event in events] == [Failed]
+    assert one.bytes_to_send(1 << 20) == b""
+
+
+@every_protocol
+def test_a_closed_line_is_a_failure_that_is_said_once(protocol):
+    one = client(protocol)
+    assert [type(event) for event in [*one.closed(), *one.closed(), *one.elapsed(1e6)]] == [Failed]
+
+
+@every_protocol
+def test_no_time_is_no_silence(protocol):
+    one = client(protocol)
+    assert all(not one.elapsed(0.0) for _ in range(1000))

@@ -1,0 +1,192 @@
+"""A whole run against controllers that live in memory, with a clock that only moves when somebody waits."""
+
+import io
+
+import pytest
+from linkparts import MARK, FakeClock, Memory, job
+
+from tango_cnc.link import dnc
+from tango_cnc.link.journal import Journal, read_journal
+from tango_cnc.link.session import Session
+from tango_cnc.records import LinkError
+
+GOOD = (
+    "P1 H1 X20.0030 Y0.0000 Z50.0000 B0.0000 C0.0000",
+    "P2 H1 X0.0000 Y30.0120 Z50.0000 B0.0000 C0.0000",
+    "P3 H1 X-5.0000 Y5.0000 Z69.9980 B30.0000 C270.0000",
+)
+
+
+def printed(*records, begin=f"TANGO START {MARK} 3", end="TANGO END 3"):
+    return b"".join(b"\x12" + record.encode() + b"\r\n\x14" for record in (begin, *records, end) if record)
+
+
+def after_the_program(answer):
+    """A control that answers when it has read the whole tape."""
+    return lambda written: answer if written.endswith(b"M30\n%\n") else b""
+
+
+class Run:
+    """What one run left: what the watcher saw, the journal's entries, the error."""
+
+    def __init__(self, tmp_path, answer, *, this_job=None, resume=False, watch=None, transcript=None):
+        self.clock, self.steps = FakeClock(), []
+        this_job = this_job or job()
+        journal = Journal(tmp_path / "run.journal", resume)
+        self.line = Memory(self.clock, answer)
+        session = Session(
+            this_job,
+            dnc.Client(this_job, {}),
+            journal,
+            watch or self.steps.append,
+            clock=self.clock,
+            now=self.clock.now,
+            transcript=transcript,
+        )
+        self.error = ""
+        try:
+            session.run(self.line)
+        except LinkError as error:
+            self.error = str(error)
+        journal.close()
+        self.entries = read_journal(tmp_path / "run.journal")[0]
+
+    def kinds(self, kind):
+        return [entry for entry in self.entries if entry["kind"] == kind]
+
+
+def test_a_run_from_start_mark_to_end_mark(tmp_path):
+    run = Run(tmp_path, after_the_program(printed(*GOOD)))
+    assert run.error == ""
+    assert bytes(run.line.written) == dnc.tape(job().program)
+    assert [entry["touch"] for entry in run.kinds("reading")] == [1, 2, 3]
+    assert [step.deviation for step in run.steps[1:]] == pytest.approx([-3.0, 12.0, -2.0])
+    assert [(step.done, step.total) for step in run.steps] == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    assert (
+        run.entries[-1] == {"n": 5 + 1, "kind": "end", "complete": True, "why": "end mark", "utc": "2024-05-01T06:00:00.012+00:00"}
+        or (run.entries[-1]["complete"])
+    )
+
+
+def test_every_reading_is_on_disk_before_another_byte_is_sent(tmp_path):
+    """The control holds the line after the first record; while it does, the journal already has that reading."""
+    seen = []
+
+    def answer(written):
+        if len(written) < 16:
+            return b""
+        seen.append(sum(entry["kind"] == "reading" for entry in read_journal(tmp_path / "run.journal")[0]))
+        return printed(GOOD[0], end="") + (printed(*GOOD[1:], begin="") if written.endswith(b"%\n") and len(written) > 20 else b"")
+
+    run = Run(tmp_path, answer)
+    assert run.error == ""
+    assert seen[:2] == [0, 1]
+
+
+def test_a_control_that_stops_is_given_up_and_the_touch_that_was_due_is_named(tmp_path):
+    run = Run(tmp_path, after_the_program(printed(GOOD[0], end="")))
+    assert "silent for longer than 30 s" in run.error
+    assert "1 of 3 touches are recorded, touch 2 was due" in run.error
+    assert "look at the machine" in run.error
+    assert 30 < run.clock.seconds < 31
+    assert [entry["touch"] for entry in run.kinds("reading")] == [1]
+    assert run.entries[-1]["complete"] is False
+
+
+def test_a_control_that_never_answers_is_given_up_after_the_time_to_press_a_button(tmp_path):
+    run = Run(tmp_path, lambda written: b"", this_job=job(start_patience=120.0))
+    assert "silent for longer than 120 s" in run.error
+    assert "0 of 3 touches" in run.error
+
+
+def test_a_line_that_breaks_after_some_touches(tmp_path):
+    given = printed(*GOOD[:2], end="")
+
+    def answer(written):
+        if not written.endswith(b"%\n") or len(written) < 20:
+            return b""
+        return None if run_is_over() else given
+
+    state = {"asked": 0}
+
+    def run_is_over():
+        state["asked"] += 1
+        return state["asked"] > 2
+
+    run = Run(tmp_path, answer)
+    assert "the line was lost" in run.error
+    assert "2 of 3 touches are recorded, touch 3 was due" in run.error
+
+
+def test_a_record_that_is_not_believed_is_said_and_its_touch_is_missing(tmp_path):
+    wrong = GOOD[1].replace("Y30.0120", "Y38.0120").replace("Z50", "Z58")
+    run = Run(tmp_path, after_the_program(printed(GOOD[0], wrong, GOOD[2])))
+    assert "the record of touch 2 was not believed or not received" in run.error
+    assert [entry["touch"] for entry in run.kinds("reading")] == [1, 3]
+    assert "beside the line" in run.kinds("refused")[0]["why"]
+    assert any("not believed" in (step.remark or "") for step in run.steps)
+
+
+def test_a_repeated_record_is_refused(tmp_path):
+    run = Run(tmp_path, after_the_program(printed(GOOD[0], GOOD[1], GOOD[1], GOOD[2])))
+    assert run.error == ""
+    assert [entry["touch"] for entry in run.kinds("reading")] == [1, 2, 3]
+    assert "repeated or out of order" in run.kinds("refused")[0]["why"]
+
+
+def test_the_commanded_end_is_a_miss(tmp_path):
+    run = Run(tmp_path, after_the_program(printed(GOOD[0].replace("X20.0030", "X25.0000"), *GOOD[1:])))
+    assert [entry["status"] for entry in run.kinds("reading")] == ["miss", "ok", "ok"]
+    assert run.steps[1].remark == "touch 1: miss"
+
+
+def test_a_line_of_wrong_settings_is_given_up_after_ten_records(tmp_path):
+    run = Run(tmp_path, after_the_program(printed(*["P1 H1 X~~~"] * 12)))
+    assert "10 records in a row were not believed" in run.error
+    assert "settings of the line" in run.error
+
+
+def test_ctrl_c_stops_the_feeding_and_keeps_what_is_there(tmp_path):
+    def watch(step):
+        if step.done == 1:
+            raise KeyboardInterrupt
+
+    def answer(written):
+        return printed(GOOD[0], end="") if len(written) >= 16 else b""
+
+    run = Run(tmp_path, answer, watch=watch)
+    assert run.error.startswith("stopped by the user. 1 of 3 touches are recorded, touch 2 was due.")
+    assert len(run.line.written) == 16
+    assert [entry["touch"] for entry in run.kinds("reading")] == [1]
+
+
+def test_a_second_segment_counts_in_the_numbers_of_the_run_and_time_goes_on(tmp_path):
+    Run(tmp_path, after_the_program(printed(GOOD[0], end="")))
+    rest = job(original=(2, 3, 4))
+    clock_before = 31.0
+
+    class Later(FakeClock):
+        def __init__(self):
+            self.seconds = 1000.0
+
+    import linkparts
+
+    del clock_before, linkparts
+    later = Later()
+    journal = Journal(tmp_path / "run.journal", resume=True)
+    session = Session(rest, dnc.Client(rest, {}), journal, lambda step: None, clock=later, now=later.now)
+    session.run(Memory(later, after_the_program(printed(*GOOD))))
+    journal.close()
+    readings = [entry for entry in read_journal(tmp_path / "run.journal")[0] if entry["kind"] == "reading"]
+    assert [entry["touch"] for entry in readings] == [1, 2, 3, 4]
+    assert readings[0]["time_s"] < 1
+    assert 999 < readings[1]["time_s"] < 1001
+
+
+def test_the_transcript_of_a_run_can_be_replayed(tmp_path):
+    out = io.StringIO()
+    Run(tmp_path, after_the_program(printed(*GOOD)), transcript=out)
+    lines = out.getvalue().splitlines()
+    sent = "".join(line[3:] for line in lines if line.startswith("-> "))
+    assert sent.encode().decode("unicode_escape") == dnc.tape(job().program).decode()
+    assert any(line.startswith("<- \\x12TANGO START") for line in lines)

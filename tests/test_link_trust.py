@@ -1,0 +1,160 @@
+"""Which records become readings."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from linkparts import machine, plan
+
+from tango_cnc.link._client import Begun, Ended, Refused, Touched
+from tango_cnc.link._trust import Distrust, Gate, judge, next_in_order
+from tango_cnc.link._words import record, words
+
+FIRST, SECOND, THIRD = plan().touches
+LETTERS = ("X", "Y", "Z", "B", "C")
+
+
+def judged(touch, flag=1, **position):
+    degrees = [math.degrees(v) if i > 2 else v for i, v in enumerate(touch.contact)]
+    planned = dict(zip("XYZBC", degrees, strict=False))
+    return judge(Touched(touch.number, flag, {**planned, **position}, ""), touch, machine(), Gate())
+
+
+def test_contact_where_it_should_be():
+    assert judged(FIRST).status == "ok"
+    assert judged(FIRST).deviation == pytest.approx(0)
+
+
+def test_deviation_is_positive_when_the_surface_stands_proud():
+    assert judged(FIRST, X=19.99).deviation == pytest.approx(10)  # the facet looks towards -X
+    assert judged(SECOND, Y=30.01).deviation == pytest.approx(10)  # towards +Y
+    assert judged(THIRD, Z=69.99).deviation == pytest.approx(-10)
+
+
+def test_no_contact_is_believed_without_its_coordinates():
+    assert judged(FIRST, flag=0, X=-999.0).status == "miss"
+
+
+def test_early_contact_happened_somewhere_on_the_way():
+    assert judged(FIRST, flag=2, X=-30.0, Z=70.0).status == "early"
+
+
+def test_the_commanded_end_is_a_miss_whatever_the_flag_says():
+    assert judged(FIRST, X=25.0).status == "miss"
+    assert judged(FIRST, X=24.999).status == "miss"
+    assert judged(FIRST, X=24.99).status == "ok"
+
+
+def test_the_start_of_the_measuring_move_is_an_early_contact():
+    assert judged(FIRST, X=10.0).status == "early"
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"X": 2.0}, "along a measuring move"),
+        ({"X": 200.0}, "along a measuring move"),
+        ({"Y": 1.0}, "beside the line"),
+        ({"Z": 5.0}, "beside the line"),
+        ({"B": 3.0}, "B is 3.0000 deg where 0.0000 was commanded"),
+    ],
+)
+def test_what_the_machine_was_not_told_to_do_is_not_believed(changed, why):
+    with pytest.raises(Distrust, match=why):
+        judged(FIRST, **changed)
+
+
+def test_rotary_axes_are_read_in_the_turn_of_the_plan():
+    """A control with roll-over says 270 where the plan says -90."""
+    assert judged(THIRD, C=270.0).position[4] == pytest.approx(math.radians(-90))
+    assert judged(THIRD, C=-450.02).position[4] == pytest.approx(math.radians(-90.02))
+
+
+def test_the_spindle_stands_where_it_was_sent_when_the_record_is_silent_about_it():
+    assert judged(THIRD).position[5] == THIRD.contact[5]
+
+
+def test_touches_come_in_order():
+    assert next_in_order(1, (1, 2, 3), 0) == 0
+    assert next_in_order(3, (1, 2, 3), 1) == 2  # one record was lost on the way
+    with pytest.raises(Distrust, match="repeated or out of order"):
+        next_in_order(1, (1, 2, 3), 1)
+    with pytest.raises(Distrust, match="not in the program"):
+        next_in_order(4, (1, 2, 3), 1)
+    with pytest.raises(Distrust, match="came where touch 1 was due"):
+        next_in_order(9, tuple(range(1, 20)), 0)
+
+
+@pytest.mark.parametrize(
+    ("line", "values"),
+    [
+        ("P1 H1 X   128.474 Y-   91.200 Z+5. B0. C0", {"X": 128.474, "Y": -91.2, "Z": 5, "B": 0, "C": 0}),
+        ("P1H1X-.4187Y.5040Z-.0753B90.C-0.", {"X": -0.4187, "Y": 0.504, "Z": -0.0753, "B": 90, "C": 0}),
+        ("P 1. H 1. X 1 Y 2 Z 3 B 4 C 5", {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 5}),
+    ],
+)
+def test_numbers_as_controls_print_them(line, values):
+    event = record(line, LETTERS)
+    assert isinstance(event, Touched)
+    assert event.position == values
+    assert (event.number, event.flag) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("P1 H1 X1,5 Y2. Z3. B0. C0.", "comma"),
+        ("P1 H1 X1. Y2. Z3. B0.", "instead of"),
+        ("P1 H1 X1. X1. Y2. Z3. B0. C0.", "instead of"),
+        ("P1 H1 X1. Y2. Z3. B0. C0. A1.", "instead of"),
+        ("P1 H3 X1. Y2. Z3. B0. C0.", "flag"),
+        ("P1.5 H1 X1. Y2. Z3. B0. C0.", "whole"),
+        ("P-1 H1 X1. Y2. Z3. B0. C0.", "whole"),
+        ("P1 H1 X--1. Y2. Z3. B0. C0.", "column"),
+        ("P1 H1 X1.2.3 Y2. Z3. B0. C0.", "column"),
+        ("P1 H1 X. Y2. Z3. B0. C0.", "column"),
+        ("P1 H1 X1e3 Y2. Z3. B0. C0.", "column"),
+        ("P1 H1 X1.0\x1a0 Y2. Z3. B0. C0.", "parity"),
+        ("P1 H1 X1.0é Y2. Z3. B0. C0.", "parity"),
+        ("p1 h1 x1. y2. z3. b0. c0.", "column"),
+    ],
+)
+def test_what_is_no_record_is_refused(line, why):
+    event = record(line, LETTERS)
+    assert isinstance(event, Refused)
+    assert why in event.why
+
+
+def test_marks():
+    assert record("TANGO START 5AFE0001 393", LETTERS) == Begun("5AFE0001", 393)
+    assert record("TANGO END 393", LETTERS) == Ended(393)
+    assert isinstance(record("TANGO START 393", LETTERS), Refused)
+
+
+@given(st.dictionaries(st.sampled_from("XYZABC"), st.decimals(-9999, 9999, places=4), min_size=1))
+def test_words_come_back_as_printed(values):
+    line = " ".join(f"{letter}{value}" for letter, value in values.items())
+    assert {letter: float(text) for letter, text in words(line)} == {k: float(v) for k, v in values.items()}
+
+
+def test_most_single_wrong_digits_are_caught_and_the_rest_stay_on_the_measuring_move():
+    """Without a check sum a digit that moves the contact along its own line cannot be seen; everything else is."""
+    good = "P1 H1 X20.0123 Y0.0012 Z50.0004 B0.0000 C0.0000"
+    generator = np.random.default_rng(1)
+    believed = 0
+    for _ in range(2000):
+        at = generator.integers(len(good))
+        line = good[:at] + chr(generator.integers(32, 127)) + good[at + 1 :]
+        event = record(line, LETTERS)
+        if line == good or not isinstance(event, Touched) or event.number != 1 or event.flag != 1:
+            continue
+        try:
+            verdict = judge(event, FIRST, machine(), Gate())
+        except Distrust:
+            continue
+        if verdict.status == "ok":
+            believed += 1
+            assert np.abs(verdict.position[:3] - (20, 0, 50)).max() <= 10.5
+    assert believed / 2000 < 0.15
