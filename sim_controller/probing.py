@@ -16,7 +16,7 @@ from tango_cnc.records import Array, Artefact, Machine, World
 from . import effects, surfaces
 from .effects import Disturbance, History
 from .roots import Gap
-from .world import Placement, TrueMachine, place, true_machine
+from .world import Placement, TrueMachine, nominal_machine, place, tip_in_table, true_machine
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,26 @@ def rig(machine: Machine, artefact: Artefact, world: World, seed: int | None = N
         world.noise,
         world.seed if seed is None else seed,
     )
+
+
+def home(machine: Machine) -> Array:
+    """machine → (k,) mm rad, its reference position: rotary axes 0, every linear axis where it draws the tool off the table.
+
+    An axis across the spindle stands at 0, or at the end of its travel that is nearest to 0.
+    """
+    nominal = nominal_machine(machine)
+    still = np.zeros((1, len(machine.names)))
+    spindle = np.array(machine.spindle.direction)
+    position = np.zeros(len(machine.names))
+    for name in machine.linear:
+        column, axis = machine.column(name), machine.axis(name)
+        low, high = axis.travel or (-np.inf, np.inf)
+        step = still.copy()
+        step[0, column] = 1.0
+        along = float((tip_in_table(nominal, step, still) - tip_in_table(nominal, still, still))[0] @ spindle)
+        away = high if along > 0.5 else low if along < -0.5 else min(max(0.0, low), high)
+        position[column] = away if np.isfinite(away) else 0.0
+    return position
 
 
 def noise(r: Rig, count: int) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tango_cnc.records import Array, Artefact, InputError, Machine, Readings, Strategy, World
 
 from . import clock, effects
-from .probing import Rig, facet_rows, gap_along, history, noise, rig, undisturbed
+from .probing import Rig, facet_rows, gap_along, history, home, noise, rig, undisturbed
 from .roots import first_zero
 from .world import nominal_machine, tip_in_table
 
@@ -34,8 +34,8 @@ def simulate(
 ) -> Readings:
     """cell, world, repetitions → what the true machine reads; `seed` overrides the world's.
 
-    The approach is along the nominal facet normal from the stand-off to the search end. Every day starts at the home position
-    (all axes zero, last moved in the positive direction) and 24 h (or as many days as it takes) after the day before.
+    The approach is along the nominal facet normal from the stand-off to the search end. Every day starts at the home position,
+    every axis last moved in the positive direction, and 24 h (or as many days as it takes) after the day before.
     Raises InputError for names that do not exist and for positions outside an axis' travel.
     """
     if cycles < 1 or days < 1:
@@ -51,8 +51,7 @@ def simulate(
     surface = facet_rows(r, cycle.facets)[rows]
     standoff, end = cycle.standoff[rows], cycle.end[rows]
     first = np.arange(len(rows)) % rows_a_day == 0
-    home = np.zeros(standoff.shape[1])
-    came_from = np.where(first[:, None], home, np.roll(standoff, 1, axis=0))
+    came_from = np.where(first[:, None], home(machine), np.roll(standoff, 1, axis=0))
     direction = _directions(first, came_from, standoff, end)
 
     nothing = undisturbed(len(rows))

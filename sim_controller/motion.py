@@ -1,0 +1,284 @@
+"""What the axes do, whatever language told them to: moves with their contacts, the simulated clock, the record of touches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tango_cnc.records import Array
+
+from . import clock, effects, probing, surfaces
+from .faults import Faults
+from .probing import Rig, gap_along, rows_of, undisturbed
+from .roots import bracketed_zero
+from .search import first_contact
+from .world import place
+
+STILL = 1e-9  # mm or rad: less is rounding, not a motion
+LATENCY = 0.001  # s between trigger and the beginning of the stop
+DECELERATION = 2000.0  # mm/s²
+RELEASE = 0.003  # mm beyond the trigger point at which the stylus is free again
+BEND = 2.0  # mm that the stylus gives way before it breaks
+NEAR = 1.0  # mm around the undisturbed contact in which effects may move it
+
+Note = Callable[..., None]
+
+
+class MotionStop(Exception):
+    """The motion ended where it was not told to: `cause` is collision, overtravel or fault."""
+
+    def __init__(self, cause: str, text: str, axis: str = "", sign: int = 0) -> None:
+        super().__init__(text)
+        self.cause, self.axis, self.sign = cause, axis, sign
+
+
+@dataclass(frozen=True)
+class Skip:
+    """A probing move: whether the probe triggered, where (k,) mm rad the axes were then, whether it was deflected before."""
+
+    hit: bool
+    position: Array
+    already: bool = False
+
+
+@dataclass(frozen=True)
+class _Pressed:
+    """The stylus is deflected by this surface; `gap` mm is what is geometrically left of it."""
+
+    row: int
+    gap: float
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """One contact as the effects have to know it."""
+
+    row: int
+    position: Array
+    direction: Array
+    move: Array
+    time: float
+    feed: float
+
+
+class Motion:
+    """The moving machine. Positions are mm and rad in the order of `Machine.names`; `wait` is called with simulated seconds."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        note: Note = lambda event, **data: None,
+        wait: Callable[[float], None] = lambda s: None,
+        faults: Faults | None = None,
+    ) -> None:
+        self.rig, self.machine = rig, rig.machine
+        self.time = 0.0
+        self.touches = 0
+        self._note, self._wait = note, wait
+        self._faults = faults or Faults()
+        self._position = probing.home(rig.machine)
+        self._direction = np.ones(len(rig.machine.names))
+        self._move = np.zeros(len(rig.machine.names))
+        self._pressed: _Pressed | None = None
+        self._stuck = False
+        self._contacts: list[_Contact] = []
+
+    @property
+    def position(self) -> Array:
+        """→ (k,) mm rad, where the axes stand by their own scales."""
+        return self._position.copy()
+
+    @property
+    def deflected(self) -> bool:
+        """→ whether the probe signal is on."""
+        return self._pressed is not None or self._stuck
+
+    def rapid(self, target: Mapping[str, float], *, straight: bool = True) -> None:
+        """{axis: mm rad} → goes there. `straight` False: every axis at its own rapid, the short ways first done.
+
+        Raises MotionStop when the probe trips or an axis would leave its travel.
+        """
+        end = self._end(target)
+        for corner in [end] if straight else self._corners(end):
+            seconds = float(clock.rapid_time(self.machine, (corner - self._position)[None])[0])
+            self._positioning("rapid", corner, seconds)
+
+    def feed(self, target: Mapping[str, float], feed: float) -> None:
+        """{axis: mm rad}, mm/min (deg/min when only rotary axes move) → goes there. Raises MotionStop as `rapid`."""
+        end = self._end(target)
+        self._positioning("feed", end, self._length(end) / (feed / 60))
+
+    def skip(self, target: Mapping[str, float], feed: float) -> Skip:
+        """{axis: mm rad}, mm/min → moves until the probe triggers, at most there. Raises MotionStop outside the travel.
+
+        The move overruns the trigger by latency and deceleration; a probe that is deflected before it starts ends it at once.
+        """
+        end = self._end(target)
+        if self.deflected:
+            self._note("skip", result="already deflected", **self._shown())
+            return Skip(True, self.position, already=True)
+        start, direction = self._position, self._turned(end)
+        contact = first_contact(self.rig, start, end, direction)
+        length = self._length(end)
+        if contact is None:
+            self._arrive(end, length / (feed / 60))
+            self._note("skip", result="miss", **self._shown())
+            return Skip(False, self.position)
+        undisturbed_s, row = contact
+        s = self._disturbed(start, end, direction, undisturbed_s, row, length / (feed / 60), feed)
+        if s is None:
+            self._arrive(end, length / (feed / 60))
+            self._note("skip", result="miss", **self._shown())
+            return Skip(False, self.position)
+        trigger = start + s * (end - start)
+        speed = feed / 60
+        overrun = (speed * LATENCY + speed**2 / (2 * DECELERATION)) / length if length > 0 else 0.0
+        stop = start + min(1.0, s + overrun) * (end - start)
+        self._arrive(stop, s * length / speed)
+        self._pressed = _Pressed(row, float(self._gaps(row, stop[None], direction)[0]))
+        self.touches += 1
+        self._note("contact", touch=self.touches, surface=self._name(row), at=self._table(trigger), **self._shown())
+        fault = self._faults.after_touch(self.touches)
+        if fault == "stuck":
+            self._stuck = True
+        elif fault is not None:
+            raise MotionStop("fault", fault)
+        return Skip(True, trigger)
+
+    def dwell(self, seconds: float) -> None:
+        """s → the clock goes on."""
+        self.time += seconds
+        self._wait(seconds)
+
+    def set_position(self, axis: str, value: float) -> None:
+        """axis, rad → the scale of a rolling-over axis reads this from now on; nothing moves."""
+        self._position = self._position.copy()
+        self._position[self.machine.column(axis)] = value
+
+    def _end(self, target: Mapping[str, float]) -> Array:
+        end = self._position.copy()
+        for name, value in target.items():
+            end[self.machine.column(name)] = value
+        for axis, value in zip(self.machine.axes, end, strict=True):
+            if axis.travel is not None and not axis.travel[0] - 1e-6 <= value <= axis.travel[1] + 1e-6:
+                sign = 1 if value > axis.travel[1] else -1
+                raise MotionStop("overtravel", f"{axis.name} would leave its travel", axis.name, sign)
+        return end
+
+    def _corners(self, end: Array) -> list[Array]:
+        """→ the corners of a path on which every axis runs at its own rapid until it has arrived."""
+        change = end - self._position
+        speed = np.array([axis.rapid or clock.RAPID[axis.kind] for axis in self.machine.axes])
+        times = np.abs(change) / speed
+        moving = np.unique(times[np.abs(change) > STILL])
+        return [np.where(times <= t, end, self._position + np.sign(change) * speed * t) for t in moving]
+
+    def _length(self, end: Array) -> float:
+        change = end - self._position
+        linear = [self.machine.column(name) for name in self.machine.linear]
+        millimetres = float(np.linalg.norm(change[linear]))
+        return millimetres if millimetres > STILL else float(np.degrees(np.abs(change).max()))
+
+    def _turned(self, end: Array) -> Array:
+        change = end - self._position
+        return np.where(np.abs(change) > STILL, np.sign(change), self._direction)
+
+    def _positioning(self, kind: str, end: Array, seconds: float) -> None:
+        direction = self._turned(end)
+        tripped: tuple[float, int] | None
+        tripped = first_contact(self.rig, self._position, end, direction) if self._pressed is None else self._leave(end, direction)
+        if tripped is None:
+            self._arrive(end, seconds)
+            self._note(kind, **self._shown())
+            return
+        s, row = tripped
+        stop = self._position + s * (end - self._position)
+        self._arrive(stop, s * seconds)
+        self._pressed = _Pressed(row, 0.0)
+        text = f"probe tripped during a move that is not a probing move ({kind}, on {self._name(row)})"
+        self._note("collision", surface=self._name(row), at=self._table(stop), move=kind, **self._shown())
+        raise MotionStop("collision", text)
+
+    def _leave(self, end: Array, direction: Array) -> tuple[float, int] | None:
+        """→ the contact of a move that starts with the stylus deflected: it must let go before it meets anything."""
+        assert self._pressed is not None
+        change, row = end - self._position, self._pressed.row
+        finest = min(0.5, 0.001 / max(self._length(end), STILL))
+        s = np.concatenate([[0.0], np.geomspace(finest, 1.0, 60)])
+        gaps = self._gaps(row, self._position + s[:, None] * change, direction)
+        free = gaps > max(self._pressed.gap, 0.0) + RELEASE
+        first = int(np.argmax(free)) if free.any() else len(gaps) - 1
+        if gaps[: first + 1].min() < self._pressed.gap - BEND:
+            return float(s[int(np.argmin(gaps[: first + 1]))]), row
+        if not free.any():
+            return None
+        self._pressed = None
+        return first_contact(self.rig, self._position, end, direction, float(s[first]))
+
+    def _gaps(self, row: int, positions: Array, direction: Array) -> Array:
+        tip = place(self.rig.true, positions, np.broadcast_to(direction, positions.shape)).tip
+        return surfaces.gaps(self.rig.surfaces, tip)[:, row]
+
+    def _arrive(self, end: Array, seconds: float) -> None:
+        change = end - self._position
+        moved = np.abs(change) > STILL
+        self._direction = np.where(moved, np.sign(change), self._direction)
+        self._move = np.where(moved, change, self._move)
+        self._position = end.copy()
+        self.dwell(seconds)
+
+    def _disturbed(
+        self, start: Array, end: Array, direction: Array, s: float, row: int, seconds: float, feed: float
+    ) -> float | None:
+        """→ where on the move the probe really triggers, with effects and noise; None when the move ends before."""
+        r = self.rig
+        if row >= len(r.surfaces.facets) or not (r.effects or r.noise):
+            return s
+        change = end - start
+        move = np.where(np.abs(change) > STILL, s * change, self._move)
+        self._contacts.append(_Contact(row, start + s * change, direction, move, self.time + s * seconds, feed))
+        disturbance = self._last_disturbance()
+        gap = gap_along(r, start[None], end[None], direction[None], np.array([row]), disturbance)
+        width = NEAR / max(self._length(end), NEAR)
+        low, high = np.array([max(0.0, s - width)]), np.array([min(1.0, s + width)])
+        only = np.array([0])
+        at_low, at_high = gap(only, low), gap(only, high)
+        if at_high[0] > 0:
+            return None
+        return float(low[0]) if at_low[0] <= 0 else float(bracketed_zero(gap, low, high, at_low, at_high)[0])
+
+    def _last_disturbance(self) -> effects.Disturbance:
+        """→ one row: what happens at the latest contact."""
+        r, known, count = self.rig, self._contacts, len(self._contacts)
+        noise = probing.noise(r, count)[-1:]
+        if not r.effects:
+            nothing = undisturbed(1)
+            return effects.Disturbance(noise, nothing.work, nothing.table, {})
+        history = probing.history(
+            r,
+            np.array([c.row for c in known]),
+            np.array([c.position for c in known]),
+            np.array([c.direction for c in known]),
+            np.array([c.move for c in known]),
+            np.array([c.time for c in known]),
+            np.ones(count, dtype=np.int64),
+            np.array([c.feed for c in known]),
+            np.zeros(count),
+        )
+        last = rows_of(effects.disturbance(r.effects, history, r.seed), np.array([count - 1]))
+        assert last.gap is not None
+        return effects.Disturbance(last.gap + noise, last.work, last.table, last.errors)
+
+    def _name(self, row: int) -> str:
+        facets = self.rig.surfaces.facets
+        return f"facet {facets[row]}" if row < len(facets) else f"obstacle {row - len(facets) + 1}"
+
+    def _table(self, position: Array) -> dict[str, float]:
+        """→ {axis: value} with every digit, mm and deg."""
+        return {a.name: float(v if a.kind == "linear" else np.degrees(v)) for a, v in zip(self.machine.axes, position, strict=True)}
+
+    def _shown(self) -> dict[str, Any]:
+        return {"time_s": round(self.time, 6), "position": self._table(self._position)}
