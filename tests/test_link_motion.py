@@ -5,6 +5,7 @@ import math
 import numpy as np
 from linkparts import plan
 
+from tango_cnc.duration import duration
 from tango_cnc.link._motion import durations, last_motion
 from tango_cnc.records import Move
 
@@ -41,8 +42,9 @@ def test_motion_below_the_least_increment_is_none():
     assert senses(moves)[1, 0] == -1
 
 
-def test_time_of_a_touch_is_that_of_its_slowest_axes_and_clamps():
+def test_the_time_of_a_touch_counts_from_the_touch_before_it():
     seconds = durations(plan())
-    # touch 2: back 15 mm, up 50, across 40, down 50 at 6000 mm/min, 15 mm at 180 mm/min, six moves with overhead
-    assert math.isclose(seconds[2], 15 / 100 + 50 / 100 + 40 / 100 + 50 / 100 + 15 / 3 + 5 * 0.5, rel_tol=1e-9)
-    assert seconds[3] > 90 / 60 + 1.5
+    assert sum(seconds.values()) < sum(duration(plan()).values())  # the parting retract belongs to no touch
+    # touch 2: back 15 mm, up 50, across 40, down 50 at 100 mm/s and 2 m/s² (0.05 s to get there and stop), 10 mm at 3 mm/s
+    assert math.isclose(seconds[2], (15 + 50 + 40 + 50) / 100 + 4 * 0.05 + 10 / 3, rel_tol=1e-9)
+    assert seconds[3] > seconds[2] + 1.5  # a clamp

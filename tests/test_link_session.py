@@ -62,10 +62,7 @@ def test_a_run_from_start_mark_to_end_mark(tmp_path):
     assert [entry["touch"] for entry in run.kinds("reading")] == [1, 2, 3]
     assert [step.deviation for step in run.steps[1:]] == pytest.approx([-3.0, 12.0, -2.0])
     assert [(step.done, step.total) for step in run.steps] == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    assert (
-        run.entries[-1] == {"n": 5 + 1, "kind": "end", "complete": True, "why": "end mark", "utc": "2024-05-01T06:00:00.012+00:00"}
-        or (run.entries[-1]["complete"])
-    )
+    assert run.entries[-1]["complete"] is True
 
 
 def test_every_reading_is_on_disk_before_another_byte_is_sent(tmp_path):
@@ -163,16 +160,8 @@ def test_ctrl_c_stops_the_feeding_and_keeps_what_is_there(tmp_path):
 def test_a_second_segment_counts_in_the_numbers_of_the_run_and_time_goes_on(tmp_path):
     Run(tmp_path, after_the_program(printed(GOOD[0], end="")))
     rest = job(original=(2, 3, 4))
-    clock_before = 31.0
-
-    class Later(FakeClock):
-        def __init__(self):
-            self.seconds = 1000.0
-
-    import linkparts
-
-    del clock_before, linkparts
-    later = Later()
+    later = FakeClock()
+    later.seconds = 1000.0
     journal = Journal(tmp_path / "run.journal", resume=True)
     session = Session(rest, dnc.Client(rest, {}), journal, lambda step: None, clock=later, now=later.now)
     session.run(Memory(later, after_the_program(printed(*GOOD))))

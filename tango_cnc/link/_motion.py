@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from .. import duration
 from ..records import Array, Machine, Move, Plan, Touch
 
 STEP = {"linear": 1e-4, "rotary": math.radians(1e-4), "spindle": math.radians(1e-4)}  # mm, rad: least increment of a program
-RAPID = {"linear": 3000.0, "rotary": math.radians(3600), "spindle": math.radians(3600)}  # mm/min, rad/min where none is given
-OVERHEAD = 0.5  # s a move: look-ahead stops, waiting for in-position
 
 
 def last_motion(machine: Machine, touches: Sequence[Touch], moves: Iterable[Move]) -> Array:
@@ -42,27 +41,12 @@ def last_motion(machine: Machine, touches: Sequence[Touch], moves: Iterable[Move
 
 
 def durations(plan: Plan) -> dict[int, float]:
-    """plan → {touch number: s from the touch before it to this one}, at full rapid; nobody promises more than the order of it."""
-    machine = plan.machine
-    at: dict[str, float] = {}
+    """plan → {touch number: predicted s from the touch before it, or from the start, to this one}."""
     result: dict[int, float] = {}
     spent = 0.0
-    for move in plan.moves:
-        spent += _duration(machine, at, move.target, plan.strategy.approach.feed if move.kind == "probe" else None)
-        at.update(move.target)
+    for move, seconds in zip(plan.moves, duration.of_moves(plan), strict=True):
+        spent += seconds
         if move.kind == "probe":
             result[move.touch] = spent
             spent = 0.0
     return result
-
-
-def _duration(machine: Machine, at: Mapping[str, float], target: Mapping[str, float], feed: float | None) -> float:
-    times = [0.0]
-    for name, value in target.items():
-        axis = machine.axis(name)
-        way = abs(value - at.get(name, value))
-        if way <= STEP[axis.kind]:
-            continue
-        speed = feed if feed is not None and axis.kind == "linear" else axis.rapid or RAPID[axis.kind]
-        times.append(60 * way / speed + axis.clamp_time)
-    return max(times) + OVERHEAD
