@@ -6,7 +6,7 @@ column per axis in the order of `Machine.names`: X Y Z, then the rotary letters 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -238,7 +238,10 @@ MoveKind = Literal["retract", "clear", "index", "approach", "probe", "back"]
 
 @dataclass(frozen=True)
 class Touch:
-    """One touch of a plan: axis positions (mm, rad; columns of `Machine.names`) of stand-off, contact and search end."""
+    """One touch of a plan: axis positions (mm, rad; columns of `Machine.names`) of stand-off, contact and search end.
+
+    `over` is the stand-off backed off along the tool to where nothing on the table reaches at this indexation.
+    """
 
     number: int
     facet: Id
@@ -246,6 +249,22 @@ class Touch:
     standoff: tuple[float, ...]
     contact: tuple[float, ...]
     end: tuple[float, ...]
+    over: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Where rotary axes and spindle turn before touch `touch`: clear of all that they sweep; linear axes stand still.
+
+    `before` and `after` differ in the rotary columns only; `via` leads on to the first touch where the way is not free.
+    `first` is the axis that moves alone when nobody knows where the machine stands (the start of the program).
+    """
+
+    touch: int
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    via: tuple[float, ...] | None = None
+    first: str | None = None
 
 
 @dataclass(frozen=True)
@@ -259,13 +278,59 @@ class Move:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be measured and how to get there: data, to be printed, posted, checked, drawn or run."""
+    """What is to be measured and how to get there: data, to be printed, posted, checked, drawn or run.
+
+    `turns` are sorted by touch; the last one is the parting retract, with a touch number one past the last.
+    """
 
     machine: Machine
     artefact: Artefact
     strategy: Strategy
     touches: tuple[Touch, ...]
-    moves: tuple[Move, ...]
+    turns: tuple[Turn, ...]
+    left_out: tuple[str, ...] = ()  # touches of the strategy that are not in the plan, in words
+
+    @property
+    def moves(self) -> Iterator[Move]:
+        """→ every motion in its order; each names only the axes that move."""
+        turns = {turn.touch: turn for turn in self.turns}
+        at: tuple[float, ...] | None = None
+        for touch in self.touches:
+            if touch.number in turns:
+                turn = turns[touch.number]
+                yield from self._turn(turn, at, touch.number)
+                at = turn.via or turn.after
+            for kind, target in (
+                ("clear", touch.over),
+                ("approach", touch.standoff),
+                ("probe", touch.end),
+                ("back", touch.standoff),
+                ("retract", touch.over),
+            ):
+                if changes := self._changes(at, target):
+                    yield Move(kind, changes, touch.number)  # type: ignore[arg-type]
+                at = target
+        last = len(self.touches)
+        if last + 1 in turns:
+            yield from self._turn(turns[last + 1], at, last)
+
+    def _turn(self, turn: Turn, at: tuple[float, ...] | None, touch: int) -> Iterator[Move]:
+        linear = self._changes(at, turn.before, self.machine.linear)
+        if turn.first is not None:
+            yield Move("retract", {turn.first: linear.pop(turn.first)}, touch)
+            yield Move("clear", linear, touch)
+        elif linear:
+            yield Move("retract", linear, touch)
+        before = None if at is None else turn.before
+        if turning := self._changes(before, turn.after, (*self.machine.rotary, "S")):
+            yield Move("index", turning, touch)
+        if turn.via is not None:
+            yield Move("clear", self._changes(turn.after, turn.via), touch)
+
+    def _changes(self, at: tuple[float, ...] | None, to: tuple[float, ...], names: Sequence[str] | None = None) -> dict[str, float]:
+        pairs = zip(self.machine.names, at or to, to, strict=True)
+        moved = (pair for pair in pairs if at is None or abs(pair[1] - pair[2]) > 1e-9)
+        return {name: new for name, _, new in moved if names is None or name in names}
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,266 @@
+"""What every post is made of: a table of steps, a table of options, numbers and words that no control can misread.
+
+A post is a file with `POST = Post(...)`. A step is a function `(job, leg) → lines`; a step that a dialect forgets is a
+TypeError when its file is read, because `Post` has no defaults for them. `program` calls the steps in the order of the plan:
+
+    begin · probe_on · { retract clear index approach probe back record } per move · probe_off · end
+
+Lines are produced one by one, so that the length of a plan does not matter.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import importlib.util
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tango_cnc.records import InputError, Machine, Plan, Touch
+
+FOLDER = Path(__file__).parent
+BLANK = "000000000000"  # stands for the mark while the mark is computed
+MARK = re.compile(r"\bPROGRAM ([0-9A-F]{12})\b")
+CODES = re.compile(r"[A-Z0-9 .\-]*")  # what an option may put into a program: words, no brackets, comments or line ends
+
+
+@dataclass(frozen=True)
+class Option:
+    """A field of the control's profile: `controller:` keys of tango.yaml other than post and port.
+
+    An unverified default is printed into the program and by `tango plan` until the profile states the field itself.
+    """
+
+    name: str
+    default: Any
+    meaning: str
+    verified: bool = False
+    choices: tuple[Any, ...] = ()
+    codes: bool = False  # the text goes into the program as it stands
+
+
+@dataclass(frozen=True)
+class Job:
+    """One plan on its way into a program."""
+
+    plan: Plan
+    options: Mapping[str, Any]
+    plan_mark: str
+    mark: str  # hash of the program's own text
+    unverified: tuple[str, ...]
+
+    @property
+    def machine(self) -> Machine:
+        """→ the machine of the plan."""
+        return self.plan.machine
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One move as a post sees it: `target` the axes that move, `to` every axis whose place is known after it.
+
+    mm and rad; linear axes that nobody has moved yet are missing from `to`.
+    """
+
+    kind: str
+    target: Mapping[str, float]
+    to: Mapping[str, float]
+    touch: Touch
+
+
+Lines = Iterable[str]
+Whole = Callable[[Job], Lines]
+Step = Callable[[Job, Leg], Lines]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Post:
+    """A dialect. Every step is required."""
+
+    title: str
+    extension: str  # without the dot
+    options: tuple[Option, ...]
+    doubts: tuple[str, ...]  # facts about the control that nobody has confirmed and no option can change
+    stem: Callable[[Job], str]  # file name without extension
+    begin: Whole  # framing, what this is, modal reset, checks before anything moves, start mark
+    probe_on: Whole
+    retract: Step  # up along the tool, guarded
+    clear: Step  # above everything, guarded
+    index: Step  # rotary axes and spindle
+    approach: Step  # down to the stand-off, guarded
+    probe: Step  # the measuring move, and whether it hit, missed or came early
+    back: Step  # to the stand-off the way it came; the probe may still be deflected
+    record: Step  # one line for the reader: touch, flag, machine coordinates
+    probe_off: Whole
+    end: Whole  # end mark, end of program, macros that travel with it
+    record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
+
+
+def load(name: str) -> Post:
+    """name of a file in this folder, or path of a user's own → post. Raises InputError when there is none or it is not one."""
+    own = name.endswith(".py") or "/" in name or "\\" in name
+    file = Path(name) if own else FOLDER / f"{name}.py"
+    if not file.is_file() or (not own and name.startswith("_")):
+        known = names()
+        near = difflib.get_close_matches(name, known, n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise InputError(f"post {name!r}: no such post; there are {', '.join(known)}, or give the path of your own .py file.{hint}")
+    spec = importlib.util.spec_from_file_location(f"postprocessors.{file.stem}" if not own else f"own_post_{file.stem}", file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"post {file}: cannot be read: {type(error).__name__}: {error}") from error
+    post = getattr(module, "POST", None)
+    if not isinstance(post, Post):
+        raise InputError(f"post {file}: defines no POST = Post(...); see docs/dialects.md")
+    return post
+
+
+def names() -> list[str]:
+    """→ the posts of this folder."""
+    return sorted(file.stem for file in FOLDER.glob("*.py") if not file.name.startswith("_"))
+
+
+def settings(post: Post, given: Mapping[str, Any]) -> dict[str, Any]:
+    """post, `controller` keys → every option with its value. Raises InputError for an unknown key or a value it cannot have."""
+    known = {option.name: option for option in post.options}
+    for key in given:
+        if key not in known:
+            near = difflib.get_close_matches(str(key), known, n=1)
+            hint = f" Did you mean {near[0]!r}?" if near else ""
+            raise InputError(f"controller: found the unknown key {key!r}; allowed: post, port, {', '.join(known)}.{hint}")
+    return {name: _value(option, given[name]) if name in given else option.default for name, option in known.items()}
+
+
+def _value(option: Option, value: Any) -> Any:
+    kind = type(option.default)
+    fits = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value, fits = float(value), True
+    if not fits or (option.choices and value not in option.choices):
+        words = {int: "a whole number", float: "a number", str: "a text", bool: "true or false", dict: "a mapping (key: value)"}
+        allowed = ", ".join(str(c) for c in option.choices) or words.get(kind, kind.__name__)
+        raise InputError(f"controller.{option.name}: found {value!r}; allowed: {allowed} ({option.meaning})")
+    if kind is float and not math.isfinite(value):
+        raise InputError(f"controller.{option.name}: found {value!r}; allowed: a finite number")
+    if option.codes and not CODES.fullmatch(value):
+        raise InputError(f"controller.{option.name}: found {value!r}; allowed: capital letters, digits, blanks, points and signs")
+    return value
+
+
+def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:
+    """post, `controller` keys → what nobody has confirmed: a field that the profile states counts as confirmed."""
+    open_fields = (o for o in post.options if not o.verified and o.name not in given)
+    return (*(f"{o.name} = {o.default if o.default != '' else 'none'}: {o.meaning}" for o in open_fields), *post.doubts)
+
+
+def program(post: Post, plan: Plan, given: Mapping[str, Any], plan_mark: str) -> tuple[str, str, Callable[[], Iterator[str]]]:
+    """post, plan, `controller` keys, hash of the plan → file name, mark of the program, its lines (from the start at each call).
+
+    The mark is the sha256 of the program's text with zeros in its own place. Raises InputError for options and numbers
+    that cannot be written.
+    """
+    options, doubts = settings(post, given), unverified(post, given)
+
+    def job(mark: str) -> Job:
+        return Job(plan, options, plan_mark, mark, doubts)
+
+    digest = hashlib.sha256()
+    for line in _lines(post, job(BLANK)):
+        digest.update(line.encode("ascii") + b"\n")
+    mark = digest.hexdigest()[: len(BLANK)].upper()
+    return f"{post.stem(job(mark))}.{post.extension}", mark, lambda: _lines(post, job(mark))
+
+
+def mark_of(text: str) -> str:
+    """text of a program → its mark. Raises InputError when it has none or was changed after it was written."""
+    found = MARK.search(text)
+    if found is None:
+        raise InputError("the program carries no mark 'PROGRAM …': it was not written by tango plan")
+    blank = text.replace("\r\n", "\n").replace(found[1], BLANK)
+    if hashlib.sha256(blank.encode("utf-8")).hexdigest()[: len(BLANK)].upper() != found[1]:
+        raise InputError(f"the program was changed after tango plan wrote it (mark {found[1]}): write it again with tango plan")
+    return found[1]
+
+
+def _lines(post: Post, job: Job) -> Iterator[str]:
+    for line in _steps(post, job):
+        if not line.isascii() or not (line.isprintable() or not line):
+            raise InputError(f"post {post.title}: the line {line!r} has characters that no control reads; correct the post")
+        yield line
+
+
+def _steps(post: Post, job: Job) -> Iterator[str]:
+    steps: dict[str, Step] = {
+        "retract": post.retract,
+        "clear": post.clear,
+        "index": post.index,
+        "approach": post.approach,
+        "probe": post.probe,
+        "back": post.back,
+    }
+    touches = {touch.number: touch for touch in job.plan.touches}
+    to: dict[str, float] = {}
+    yield from post.begin(job)
+    yield from post.probe_on(job)
+    for move in job.plan.moves:
+        to.update(move.target)
+        leg = Leg(move.kind, move.target, dict(to), touches[move.touch])
+        yield from steps[move.kind](job, leg)
+        if move.kind == "back":
+            yield from post.record(job, leg)
+    yield from post.probe_off(job)
+    yield from post.end(job)
+
+
+def number(value: float, decimals: int = 4) -> str:
+    """value → text with a decimal point, without exponent, trailing zeros or -0: '119.04', '10.', '0.'.
+
+    Raises InputError for what is not finite or has more than eight digits, which controls refuse or misread.
+    """
+    if not math.isfinite(value):
+        raise InputError(f"a position is {value!r}: no number for a program; check machine and artefact")
+    text = f"{value:.{decimals}f}".rstrip("0") if decimals else f"{value:.0f}."
+    if len(text.replace(".", "").replace("-", "")) > 8:
+        raise InputError(f"the number {text} has more than the eight digits that controls read; check machine and artefact")
+    return "0." if text in ("-0.", "0.") else text
+
+
+def comment(text: object, length: int = 60) -> str:
+    """any text, from any file → what may stand in a comment or message: capitals, digits, blanks and . - +, nothing else."""
+    plain = "".join(c if c.isascii() and (c.isalnum() or c in " .-+") else " " for c in str(text).upper())
+    return " ".join(plain.split())[:length].rstrip()
+
+
+def degrees(value: float) -> float:
+    """rad → deg, free of the rounding of the conversion."""
+    return round(math.degrees(value), 9) + 0.0
+
+
+def rolled(value: float, decimals: int) -> float:
+    """deg → the same place in [0, 360), also after rounding to `decimals`."""
+    turned = round(value, decimals) % 360.0
+    return 0.0 if round(turned, decimals) >= 360.0 else turned
+
+
+def rolls_over(machine: Machine, name: str) -> bool:
+    """axis letter → whether [0, 360) is within its travel, so that any angle may be written as one of these."""
+    travel = machine.axis(name).travel
+    return travel is None or (travel[0] <= 1e-9 and travel[1] >= 2 * math.pi - 1e-9)
+
+
+def early_distance(plan: Plan) -> float:
+    """plan → mm from the stand-off within which a contact is early: the search zone is `search` before and after the contact."""
+    approach = plan.strategy.approach
+    return max(approach.standoff - approach.search, 0.1 * approach.standoff)
+
+
+def search_distance(plan: Plan) -> float:
+    """plan → mm from the stand-off to the search end."""
+    return plan.strategy.approach.standoff + plan.strategy.approach.search

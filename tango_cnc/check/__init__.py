@@ -1,0 +1,7 @@
+"""What a plan must not do: leave the travels, reach through the table, touch what it does not measure."""
+
+from .collision import Pose, obstruction
+from .solid import Solid, solid
+from .travel import outside
+
+__all__ = ["Pose", "Solid", "obstruction", "outside", "solid"]

@@ -1,0 +1,118 @@
+"""Artefact → the bodies that the probe must not hit.
+
+The facets say where the table's surface is, not what is between them. Whatever lies behind every outer facet is taken to
+be table: a convex body, cut off where the facets end. A facet that other facets look over (a step, a slot, a bore) is an inner one;
+there the convex body says nothing and only the facet itself, the balls and the declared obstacles count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.spatial import HalfspaceIntersection
+
+from ..records import Array, Artefact, Facet, Id, Obstacle
+
+SIDES = 16  # of the prism around a cylinder
+LEVEL = 0.5  # mm: facets of one plane may be entered this unevenly and still be outer ones
+OVERHANG = 50.0  # mm that the table may go on beyond its facets, for clearances
+
+
+@dataclass(frozen=True)
+class Body:
+    """A convex body in the table frame: the points x with `normal` @ x <= `offset`; its corners."""
+
+    normal: Array  # (f, 3) outward unit normals
+    offset: Array  # (f,) mm
+    corner: Array  # (v, 3) mm
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Everything on the table, table frame: the convex table body (if facets define one), obstacles, balls."""
+
+    table: Body | None
+    obstacles: tuple[Body, ...]
+    centre: Array  # (b, 3) mm of balls
+    radius: Array  # (b,) mm
+    outer: frozenset[Id]  # facets that bound the table body
+
+    @property
+    def corner(self) -> Array:
+        """→ (v, 3) mm, corners of table and obstacles, with the table's possible overhang."""
+        bodies = [*([self.table] if self.table else []), *self.obstacles]
+        return np.concatenate([np.zeros((0, 3)), *(body.corner for body in bodies)])
+
+    def top(self, direction: Array) -> Array:
+        """(m, 3) unit vectors → (m,) mm, how far anything on the table reaches in that direction; −inf for an empty table."""
+        corners = (self.corner @ direction.T).max(axis=0, initial=-np.inf)
+        balls = (self.centre @ direction.T + self.radius[:, None]).max(axis=0, initial=-np.inf)
+        return np.maximum(corners, balls)
+
+    def reach(self, point: Array) -> float:
+        """(3,) → mm, radius of the sphere around the point that holds everything on the table."""
+        corners = np.linalg.norm(self.corner - point, axis=1).max(initial=0.0)
+        balls = (np.linalg.norm(self.centre - point, axis=1) + self.radius).max(initial=0.0)
+        return float(max(corners, balls))
+
+
+def solid(artefact: Artefact) -> Solid:
+    """artefact → the bodies on the table."""
+    flat = [f for f in artefact.facets.values() if f.ball is None and not (f.surface and f.surface.inside)]
+    table, outer = _table(flat) if flat else (None, np.zeros(0, dtype=bool))
+    balls = list(artefact.balls.values())
+    return Solid(
+        table,
+        tuple(_obstacle(o) for o in artefact.obstacles),
+        np.array([b.centre for b in balls]).reshape(-1, 3),
+        np.array([b.radius for b in balls]),
+        frozenset(f.id for f, bounds in zip(flat, outer, strict=True) if bounds),
+    )
+
+
+def _table(facets: list[Facet]) -> tuple[Body, NDArray[np.bool_]]:
+    point = np.array([f.point for f in facets])
+    normal = np.array([f.normal for f in facets])
+    offset = np.einsum("ij,ij->i", normal, point)
+    beyond = np.array([(point @ n).max() for n in normal]) - offset
+    outer = beyond <= LEVEL
+    planes = np.column_stack([normal, offset + np.maximum(beyond, 0.0)])[outer]
+    planes = planes[np.unique(np.round(planes, 6), axis=0, return_index=True)[1]]
+    low, high = point.min(axis=0), point.max(axis=0)
+    sides = np.vstack([np.eye(3), -np.eye(3)])
+    tight = np.vstack([planes, np.column_stack([sides, np.concatenate([high, -low])])])
+    loose = np.vstack([planes, np.column_stack([sides, np.concatenate([high + OVERHANG, OVERHANG - low])])])
+    return Body(tight[:, :3], tight[:, 3], _corners(loose)), outer
+
+
+def _corners(planes: Array) -> Array:
+    """(f, 4) normal and offset → (v, 3) corners of the bounded body."""
+    inside = linprog([0, 0, 0, -1], np.column_stack([planes[:, :3], np.ones(len(planes))]), planes[:, 3], bounds=(None, None)).x
+    half = np.column_stack([planes[:, :3], -planes[:, 3]])
+    corners: Array = HalfspaceIntersection(half, inside[:3]).intersections
+    return corners
+
+
+def _obstacle(obstacle: Obstacle) -> Body:
+    if obstacle.kind == "box":
+        low, high = np.minimum(obstacle.low, obstacle.high), np.maximum(obstacle.low, obstacle.high)  # type: ignore[arg-type]
+        normal = np.vstack([np.eye(3), -np.eye(3)])
+        corner = np.array(
+            [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+        )
+        return Body(normal, np.concatenate([high, -low]), corner)
+    assert obstacle.base is not None and obstacle.axis is not None and obstacle.radius is not None and obstacle.height is not None
+    axis, base = np.array(obstacle.axis), np.array(obstacle.base)
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    across /= np.linalg.norm(across)
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    around = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(axis, across)
+    normal = np.vstack([around, axis, -axis])
+    offset = np.concatenate([around @ base + obstacle.radius, [axis @ base + obstacle.height, -axis @ base]])
+    half = np.pi / SIDES
+    turned = np.cos(angle + half)[:, None] * across + np.sin(angle + half)[:, None] * np.cross(axis, across)
+    ring = base + turned * obstacle.radius / np.cos(half)
+    return Body(normal, offset, np.vstack([ring, ring + obstacle.height * axis]))

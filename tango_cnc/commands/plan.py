@@ -1,0 +1,113 @@
+"""`tango plan`: the NC program of a cell and plan.csv."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..files import read_cell
+from ..files.plan import plan_lines, write_together
+from ..records import InputError, Plan
+from ._common import cell_option, json_option, table, write_json
+
+
+@click.command()
+@cell_option
+@click.option("--post", metavar="NAME|FILE.py", help="Dialect, or your own post; default: controller.post of the cell.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the program; default: program/ in the cell.")
+@click.option(
+    "--obstructed",
+    type=click.Choice(["refuse", "leave-out", "keep"]),
+    default="refuse",
+    show_default=True,
+    help="Touches that a straight probe cannot make: refuse the plan, leave them out, or keep them (the table is not solid there).",
+)
+@click.option("--dry-run", is_flag=True, help="Print the moves instead of writing anything.")
+@json_option
+def command(folder: Path, post: str | None, out: Path | None, obstructed: str, dry_run: bool, json_file: str | None) -> None:
+    """Writes the NC program and plan.csv: where every touch happens and how the probe gets there."""
+    from postprocessors import _base as posts
+
+    from .. import plan as planner
+
+    cell = read_cell(folder)
+    name = post or (cell.controller.post if cell.controller else None)
+    if name is None and not dry_run:
+        raise InputError(f"{folder / 'tango.yaml'}: no controller.post; state it there or with --post ({', '.join(posts.names())})")
+    made = planner.plan(cell, obstructed)
+    for text in made.left_out:
+        click.echo(f"left out: {text}", err=True)
+    if dry_run:
+        for line in _moves(made):
+            click.echo(line)
+        return
+    assert name is not None
+    dialect = posts.load(name if post or not name.endswith(".py") else str(folder / name))
+    # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
+    options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
+    mark = planner.plan_hash(made)
+    file_name, program_mark, lines = posts.program(dialect, made, options, mark)
+    target = out or folder / "program"
+    write_together({target / file_name: lines, target / "plan.csv": lambda: plan_lines(made)})
+    doubts = posts.unverified(dialect, options)
+    result = _result(made, name, target / file_name, target / "plan.csv", program_mark, mark, doubts)
+    if not write_json(json_file, result):
+        click.echo(_text(made, result))
+
+
+def _moves(plan: Plan) -> list[str]:
+    rows = []
+    for move in plan.moves:
+        linear = plan.machine.linear
+        target = " ".join(f"{n}{v if n in linear else math.degrees(v):.3f}" for n, v in move.target.items())
+        rows.append([str(move.touch), move.kind, target])
+    return table(rows, "><<").splitlines()
+
+
+def _result(plan: Plan, post: str, file: Path, csv: Path, mark: str, plan_mark: str, doubts: tuple[str, ...]) -> dict[str, Any]:
+    used = {}
+    for i, axis in enumerate(plan.machine.axes):
+        unit = math.degrees if axis.kind != "linear" else float
+        values = [move.target[axis.name] for move in plan.moves if axis.name in move.target]
+        used[axis.name] = {
+            "from": round(unit(min(values)), 6),
+            "to": round(unit(max(values)), 6),
+            "travel": None if axis.travel is None else [round(unit(v), 6) for v in axis.travel],
+            "unit": "mm" if axis.kind == "linear" else "deg",
+            "contact": [round(unit(f(t.contact[i] for t in plan.touches)), 6) for f in (min, max)],
+        }
+    return {
+        "format": "tango-plan/1",
+        "post": post,
+        "program": str(file),
+        "plan": str(csv),
+        "program_hash": mark,
+        "plan_hash": plan_mark,
+        "touches": len(plan.touches),
+        "indexations": len(plan.turns) - 1,
+        "facets": len({touch.facet for touch in plan.touches}),
+        "left_out": list(plan.left_out),
+        "moves": dict(Counter(move.kind for move in plan.moves)),
+        "travel_used": used,
+        "unverified": list(doubts),
+    }
+
+
+def _text(plan: Plan, result: dict[str, Any]) -> str:
+    rows = [["axis", "used from", "to", "travel", ""]]
+    for name, used in result["travel_used"].items():
+        travel = "" if used["travel"] is None else f"{used['travel'][0]:g} … {used['travel'][1]:g}"
+        rows.append([name, f"{used['from']:.3f}", f"{used['to']:.3f}", travel, used["unit"]])
+    missing = f", {len(plan.left_out)} touches of the strategy left out" if plan.left_out else ""
+    doubts = "".join(f"\n  {text}" for text in result["unverified"])
+    return (
+        f"{result['touches']} touches on {result['facets']} facets at {result['indexations']} indexations{missing}\n"
+        f"{table(rows, '<>>><')}\n"
+        f"program {result['program']} (hash {result['program_hash']})\n"
+        f"plan    {result['plan']} (hash {result['plan_hash']})\n"
+        + (f"unverified: confirm on your control and state it under controller: in tango.yaml{doubts}" if doubts else "")
+    ).rstrip()

@@ -1,0 +1,136 @@
+"""Cell → Plan. Everything is computed for all touches at once; a loop only writes the records.
+
+Theory of operation. At one indexation the table stands still and the probe keeps its direction, so the tip moves in the
+table frame as the linear axes do, on straight lines. Seen from there, with the spindle "above":
+
+    ───── over ───────────────────── over ─────   the clear level: nothing on the table reaches it
+           │ approach                  │
+        stand-off ──probe──▶ | facet   ▼          straight down, then along the facet's normal, and back the same way
+
+Above the clear level everything of the probe is above the tip, so any way there is free. Rotary axes turn only where the
+sphere that the table can sweep, and the sphere that a swivelling probe can sweep, are apart (`clearance.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import check, kinematics
+from ..check.travel import travel_text
+from ..records import Array, Cell, InputError, Plan, Touch
+from .clearance import MARGIN, Clearance
+
+OBSTRUCTED = ("refuse", "leave-out", "keep")  # what to do with touches that the probe cannot make
+Rows = NDArray[np.int64]
+NAMED = 8  # touches named in one complaint
+
+
+def plan(cell: Cell, obstructed: str = "refuse") -> Plan:
+    """cell → plan. Raises InputError naming touch, facet, indexation and axis of what cannot be reached.
+
+    `obstructed`: touches at which the straight probe would hit what is on the table are an error ('refuse'), are not planned
+    and listed in the plan ('leave-out'), or are planned all the same ('keep': the table is not the convex body it is taken for).
+    """
+    machine, artefact, approach = cell.machine, cell.artefact, cell.strategy.approach
+    chain = kinematics.chain(machine)
+    station = np.array([[i.position.get(name, 0.0) for name in machine.names] for i in cell.strategy.indexations])
+    at = np.repeat(np.arange(len(station)), [len(i.facets) for i in cell.strategy.indexations])
+    facets = [facet for i in cell.strategy.indexations for facet in i.facets]
+    place = {facet: i for i, facet in enumerate(artefact.facets)}
+    row = np.array([place[f] for f in facets])
+    point = np.array([f.point for f in artefact.facets.values()])[row]
+    normal = np.array([f.normal for f in artefact.facets.values()])[row]
+    spindle = kinematics.spindle_axis(chain, station)
+    tip = point + machine.probe.tip_radius * normal
+    solid = check.solid(artefact)
+
+    def named(touch: int) -> str:
+        return f"touch {touch + 1} (facet {facets[touch]}, indexation {at[touch] + 1}: {_pose(cell, at[touch])})"
+
+    blocked = check.obstruction(check.Pose(tuple(facets), tip, normal, spindle[at]), machine.probe, approach, artefact, solid)
+    if blocked and obstructed == "refuse":
+        raise InputError(
+            f"{cell.strategy.name}: {len(blocked)} of {len(facets)} touches cannot be made with a straight probe:\n"
+            f"{_some(f'{named(touch)}: {why}' for touch, why in sorted(blocked.items()))}\n"
+            "Take these facets out of those indexations, or let the plan do it (--obstructed leave-out)."
+        )
+    left_out: tuple[str, ...] = ()
+    if blocked and obstructed == "leave-out":
+        left_out = tuple(f"{named(touch)}: {why}" for touch, why in sorted(blocked.items()))
+        keep = np.setdiff1d(np.arange(len(facets)), list(blocked))
+        if not len(keep):
+            raise InputError(f"{cell.strategy.name}: no touch is left; the first one was {left_out[0]}")
+        at, tip, normal, facets = at[keep], tip[keep], normal[keep], [facets[i] for i in keep]
+
+    def axes(tips: Array) -> Array:
+        return _inverse(chain, station[at], tips)
+
+    standoff = tip + approach.standoff * normal
+    height = np.einsum("ij,ij->i", standoff, spindle[at])
+    level = np.maximum(solid.top(spindle) + MARGIN + machine.probe.tip_radius, _highest(height, at, len(station)))
+    over = axes(standoff + np.maximum(level[at] - height, 0.0)[:, None] * spindle[at])
+    ends = {"contact": axes(tip), "stand-off": axes(standoff), "search end": axes(tip - approach.search * normal)}
+    _within(cell, facets, at, {**ends, "clear level": over})
+    touches = tuple(
+        Touch(i + 1, facet, int(index), *positions)
+        for i, (facet, index, *positions) in enumerate(
+            zip(
+                facets,
+                at,
+                *(map(tuple, values.tolist()) for values in (ends["stand-off"], ends["contact"], ends["search end"], over)),
+                strict=True,
+            )
+        )
+    )
+    turns = Clearance(machine, chain, solid, level, station).turns(touches, lambda index: _pose(cell, index))
+    return Plan(machine, artefact, cell.strategy, touches, turns, left_out)
+
+
+def _highest(height: Array, at: Rows, count: int) -> Array:
+    """(n,) heights, (n,) indexation of each → (count,) the largest of each indexation."""
+    highest = np.full(count, -np.inf)
+    np.maximum.at(highest, at, height)
+    return highest
+
+
+def _inverse(chain: kinematics.Chain, position: Array, tip: Array) -> Array:
+    try:
+        return kinematics.inverse(chain, position, tip)
+    except np.linalg.LinAlgError:
+        raise InputError("machine: the three linear axes do not span space; check their directions") from None
+
+
+def _within(cell: Cell, facets: Sequence[str], at: Rows, positions: Mapping[str, Array]) -> None:
+    """Raises InputError naming every kind of position that leaves the travel of an axis."""
+    machine = cell.machine
+    found = []
+    for what, position in positions.items():
+        beyond = check.outside(machine, position)
+        for row, column in zip(*np.nonzero(beyond), strict=True):
+            name = machine.names[column]
+            where = f"touch {row + 1} (facet {facets[row]}, indexation {at[row] + 1}: {_pose(cell, at[row])})"
+            found.append((row, f"{where}: the {what} needs {travel_text(machine, name, position[row, column])}"))
+    if found:
+        found.sort(key=lambda item: item[0])
+        raise InputError(
+            f"{cell.strategy.name}: {len({row for row, _ in found})} of {len(facets)} touches are beyond the travel of an axis:\n"
+            f"{_some(text for _, text in found)}\n"
+            "Take these facets out of those indexations, turn the table otherwise, or correct travels, probe length and facets."
+        )
+
+
+def _pose(cell: Cell, index: int) -> str:
+    """indexation, from 0 → 'B 30 C -90 S 0'."""
+    position = cell.strategy.indexations[index].position
+    return " ".join(f"{name} {math.degrees(position.get(name, 0.0)):g}" for name in (*cell.machine.rotary, "S"))
+
+
+def _some(lines: Iterable[str]) -> str:
+    """lines → the first of them, one below the other, and how many more there are."""
+    listed = list(lines)
+    more = [f"  … and {len(listed) - NAMED} more"] if len(listed) > NAMED else []
+    return "\n".join([f"  {line}" for line in listed[:NAMED]] + more)

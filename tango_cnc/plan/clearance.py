@@ -1,0 +1,227 @@
+"""Where rotary axes may turn: what the table sweeps and what a swivelling probe sweeps are two spheres that stay apart.
+
+The sphere of a branch sits on its rotary axis nearest the foundation. A body on the outermost rotary axis keeps its distance
+from a point of that axis, and that point keeps its distance from the first axis; so the radius is the sum, whatever the
+angles. A branch without a rotary axis sweeps nothing: its table is taken as it stands, its probe points where it points.
+Turning the spindle moves only the probe about its own axis and is done at the same places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from .. import check, kinematics
+from ..check.travel import travel_text
+from ..records import Array, Axis, InputError, Machine, Touch, Turn
+
+MARGIN = 20.0  # mm between the tip and everything on the table when the probe is clear
+TRIES = 8  # a lift that also moves what it is lifted from is approached step by step
+
+
+class Clearance:
+    """One machine with what stands on its table; answers where the probe goes between indexations."""
+
+    def __init__(self, machine: Machine, chain: kinematics.Chain, solid: check.Solid, level: Array, station: Array) -> None:
+        """machine, its chain, bodies on the table, clear level (m,) mm of each indexation, rotary positions (m, k)."""
+        self._machine, self._chain, self._solid, self._level, self._station = machine, chain, solid, level, station
+        self._columns = list(chain.linear_columns)
+        self._swivels = any(machine.axis(name).kind == "rotary" for name in machine.tool_branch)
+        self._spindle = kinematics.spindle_axis(chain, station)
+
+    def turns(self, touches: Sequence[Touch], name: Callable[[int], str]) -> tuple[Turn, ...]:
+        """touches, indexation → its name → a turn wherever rotary axes move, and the parting retract.
+
+        Raises InputError when the travels leave no place to turn.
+        """
+        found = []
+        previous: Touch | None = None
+        for touch in touches:
+            if previous is None or not np.array_equal(self._station[previous.indexation], self._station[touch.indexation]):
+                found.append(self._turn(previous, touch, name))
+            previous = touch
+        last = touches[-1]
+        place = self._place(np.array(last.over), last.indexation, self._up(last.indexation), name)
+        return (*found, Turn(last.number + 1, _tuple(place), _tuple(place)))
+
+    def _turn(self, previous: Touch | None, touch: Touch, name: Callable[[int], str]) -> Turn:
+        start = previous or touch
+        after_index = touch.indexation
+        complaint: InputError | None = None
+        candidates = [self._up(start.indexation), self._up(after_index), np.array(self._machine.spindle.direction)]
+        for up in candidates if self._swivels else candidates[:1]:
+            try:
+                return self._turn_towards(up, previous, start, touch, name)
+            except InputError as error:
+                complaint = complaint or error
+        assert complaint is not None
+        raise complaint
+
+    def _turn_towards(self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str]) -> Turn:
+        before = self._place(np.array(start.over), start.indexation, up, name)
+        after = before.copy()
+        turning = [i for i in range(len(before)) if i not in self._columns]
+        after[turning] = self._station[touch.indexation][turning]
+        via = None
+        tip = kinematics.tip(self._chain, after[None])[0]
+        if tip @ self._spindle[touch.indexation] < self._level[touch.indexation] - 1e-9:
+            via = self._descend(np.array(touch.over), touch.indexation, up, after, name)
+        first = None
+        if previous is None:
+            lift = self._along(before, self._spindle[start.indexation])
+            first = self._machine.names[self._columns[int(np.argmax(np.abs(lift[self._columns])))]]
+        return Turn(touch.number, _tuple(before), _tuple(after), None if via is None else _tuple(via), first)
+
+    def _place(self, over: Array, index: int, up: Array, name: Callable[[int], str]) -> Array:
+        """position above a touch, its indexation, direction in the machine frame → where axes may turn, lifted that way."""
+        place, lift = over.copy(), self._lift(over, index, up)
+        for _ in range(TRIES):
+            missing = -self._apart(place, up)
+            if missing <= 1e-9:
+                break
+            place = place + (missing + 1e-9) * lift
+        if self._apart(place, up) < -1e-6:
+            raise InputError(f"indexation {index + 1} ({name(index)}): no lift takes the probe clear of what the rotary axes sweep")
+        return self._reachable(place, index, name)
+
+    def _descend(self, over: Array, index: int, up: Array, after: Array, name: Callable[[int], str]) -> Array:
+        """→ a place above the next touch at least as high as where the axes turned, in the direction `up`."""
+        lift = self._lift(over, index, up)
+        missing = self._rise(up, over, after)
+        gain = self._rise(up, over, over + lift)
+        return self._reachable(over + max(missing / gain, 0.0) * lift, index, name)
+
+    def _rise(self, up: Array, low: Array, high: Array) -> float:
+        """→ mm that the probe is farther up from the table at the second position than at the first."""
+        return float(up @ (self._tool(high)[0] - self._tool(low)[0] - self._table(high)[0] + self._table(low)[0]))
+
+    def _reachable(self, place: Array, index: int, name: Callable[[int], str]) -> Array:
+        beyond = check.outside(self._machine, place[None])[0]
+        for column in np.flatnonzero(beyond):
+            axis = self._machine.names[column]
+            raise InputError(
+                f"indexation {index + 1} ({name(index)}): to turn the rotary axes clear of the table the probe needs "
+                f"{travel_text(self._machine, axis, float(place[column]))}. "
+                "A shorter probe, facets and balls nearer to the rotary axes or obstacles that reach less far would do it."
+            )
+        return place
+
+    def _lift(self, over: Array, index: int, up: Array) -> Array:
+        """→ (k,) displacement per mm upwards that does not bring the probe nearer to the table of this indexation."""
+        rotation, _ = _pose(self._machine, self._machine.workpiece_branch, over)
+        direction = rotation.T @ up  # table frame
+        spindle = self._spindle[index]
+        leaving = direction @ spindle
+        if leaving < 0:
+            direction = direction - leaving * spindle
+            size = np.linalg.norm(direction)
+            if size < 1e-6:
+                raise InputError(f"indexation {index + 1}: the probe turns right round and there is no free way for it")
+            direction = direction / size
+        return self._along(over, direction)
+
+    def _along(self, position: Array, direction: Array) -> Array:
+        """(k,), (3,) direction in the table frame → (k,) displacement of the linear axes that moves the tip 1 mm that way."""
+        tip = kinematics.tip(self._chain, position[None])
+        moved = kinematics.inverse(self._chain, position[None], tip + direction)[0]
+        change = moved - position
+        change[[i for i in range(len(position)) if i not in self._columns]] = 0.0
+        return change
+
+    def _up(self, index: int) -> Array:
+        """indexation → direction from the tip to the spindle in the machine frame."""
+        rotation, _ = _pose(self._machine, self._machine.tool_branch, self._station[index])
+        return rotation @ np.array(self._machine.spindle.direction)
+
+    def _apart(self, position: Array, up: Array) -> float:
+        """→ mm between the two spheres along `up`, beyond the margin."""
+        (tool, probe), (table, reach) = self._tool(position), self._table(position)
+        if not any(self._machine.axis(name).kind == "rotary" for name in self._machine.workpiece_branch):
+            rotation, shift = _pose(self._machine, self._machine.workpiece_branch, position)
+            reach = float(self._solid.top((rotation.T @ up)[None])[0])
+            table = shift
+        return float(up @ (tool - table)) - probe - reach - MARGIN
+
+    def _table(self, position: Array) -> tuple[Array, float]:
+        """→ centre (machine frame) and radius of what everything on the table can sweep."""
+        return _sphere(self._machine, self._machine.workpiece_branch, position, self._solid.reach)
+
+    def _tool(self, position: Array) -> tuple[Array, float]:
+        """→ centre (machine frame) and radius of what the probe can sweep; tip and tip radius where it cannot swivel."""
+        probe = self._machine.probe
+        direction = np.array(self._machine.spindle.direction)
+        tip = np.array(self._machine.spindle.point) - probe.length * direction
+        if not self._swivels:
+            rotation, shift = _pose(self._machine, self._machine.tool_branch, position)
+            return rotation @ tip + shift, probe.tip_radius
+        ends = tip, tip + max(probe.length - probe.body_length, 0.0) * direction, tip + probe.length * direction
+        sizes = probe.tip_radius, probe.body_radius, probe.body_radius
+
+        def reach(point: Array) -> float:
+            return max(float(np.linalg.norm(end - point)) + size for end, size in zip(ends, sizes, strict=True))
+
+        return _sphere(self._machine, self._machine.tool_branch, position, reach)
+
+
+def _tuple(position: Array) -> tuple[float, ...]:
+    return tuple(position.tolist())
+
+
+def _pose(machine: Machine, branch: Sequence[str], position: Array) -> tuple[Array, Array]:
+    """axes from the foundation outwards, (k,) → rotation (3, 3) and shift (3,): body frame at the zero pose → machine frame."""
+    rotation, shift = np.eye(3), np.zeros(3)
+    for name in branch:
+        axis, value = machine.axis(name), position[machine.column(name)]
+        if axis.kind == "linear":
+            shift = shift + value * (rotation @ np.array(axis.direction))
+        elif axis.kind == "rotary":
+            turn, point = _turn(axis, value), np.array(axis.point)
+            shift = shift + rotation @ (point - turn @ point)
+            rotation = rotation @ turn
+    return rotation, shift
+
+
+def _turn(axis: Axis, angle: float) -> Array:
+    """axis, rad → (3, 3) rotation about its direction (Rodrigues)."""
+    x, y, z = axis.direction
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def _sphere(machine: Machine, branch: Sequence[str], position: Array, reach: Callable[[Array], float]) -> tuple[Array, float]:
+    """branch, (k,), point → radius of the outermost body around it → centre (machine frame), radius for all rotary angles.
+
+    Linear axes between and beyond the rotary ones count as they stand.
+    """
+    rotary = [i for i, name in enumerate(branch) if machine.axis(name).kind == "rotary"]
+    if not rotary:
+        _, shift = _pose(machine, branch, position)
+        return shift, reach(np.zeros(3))
+    inner = branch[: rotary[0]]
+    rotation, shift = _pose(machine, inner, position)
+    axis = machine.axis(branch[rotary[0]])
+    if len(rotary) == 1:
+        beyond = _offset(machine, branch[rotary[0] + 1 :], position)
+        centre = np.array(axis.point)
+        return rotation @ centre + shift, reach(centre - beyond)
+    outer = machine.axis(branch[rotary[1]])
+    between = _offset(machine, branch[rotary[0] + 1 : rotary[1]], position)
+    beyond = _offset(machine, branch[rotary[1] + 1 :], position)
+    centre, nearest = _closest(axis, np.array(outer.point) + between, np.array(outer.direction))
+    return rotation @ centre + shift, float(np.linalg.norm(nearest - centre)) + reach(nearest - between - beyond)
+
+
+def _offset(machine: Machine, names: Sequence[str], position: Array) -> Array:
+    """linear axes → (3,) mm, what they shift together at the zero pose of the rotary ones."""
+    return sum((position[machine.column(name)] * np.array(machine.axis(name).direction) for name in names), np.zeros(3))
+
+
+def _closest(axis: Axis, point: Array, direction: Array) -> tuple[Array, Array]:
+    """axis and a line → the point of the axis and the point of the line that are nearest to each other."""
+    p, d = np.array(axis.point), np.array(axis.direction)
+    across = np.cross(d, direction)
+    if across @ across < 1e-12:
+        return p + ((point - p) @ d) * d, point
+    s, t = np.linalg.lstsq(np.column_stack([d, -direction]), point - p, rcond=None)[0]
+    return p + s * d, point + t * direction
