@@ -1,0 +1,161 @@
+"""The table measured by a CMM against the table as estimated, and against where the model says the tip was (Tables 4-7, 4-8).
+
+A CMM knows the shape of the table and not where it stands on the machine: every comparison removes the rigid displacement
+(three translations, three rotations) that fits best, exactly as the thesis does.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..estimate import Estimate
+from ..files.checked import complaint, read_text, suggestion
+from ..records import Array, Artefact, Id, InputError, Readings
+from ..touches import Touches, from_readings
+from ._shared import Figures, figures, tips
+
+FEWEST = 7  # facets: six go into the fit
+FARTHEST = 5.0  # mm from the nominal facet: more is another frame or another facet
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Residuals of one best fit, mm along the facets' normals, positive = more material or tip farther out than the CMM says."""
+
+    facet: tuple[Id, ...]
+    residual: Array  # (n,)
+    shift: Array  # (3,) mm, of the CMM's frame to get there
+    turn: Array  # (3,) rad
+
+    @property
+    def figures(self) -> Figures:
+        """→ figures of the residuals."""
+        return figures(self.residual)
+
+
+def read_cmm(file: Path, artefact: Artefact) -> dict[Id, Array]:
+    """CSV with `facet` and either `x,y,z` (mm, a point on the surface, table frame) or `offset` (mm along the nominal normal).
+
+    → facet id: (3,) mm, measured point; several rows of one facet are averaged. Raises InputError for anything else.
+    """
+    rows = list(csv.reader(read_text(file).splitlines()))
+    header = [name.strip() for name in rows[0]] if rows else []
+    points = {"x", "y", "z"} <= set(header)
+    known = ["facet", "x", "y", "z", "offset"]
+    for name in header:
+        if name not in known:
+            raise complaint(file, 1, "header", f"the unknown column {name!r}", f"{', '.join(known)}.{suggestion(name, known)}")
+    if "facet" not in header or points == ("offset" in header):
+        found = f"the columns {', '.join(header) or 'none'}"
+        raise complaint(file, 1, "header", found, "facet and either x, y, z (mm, table frame) or offset (mm along the nominal normal)")
+    found_points: dict[Id, list[Array]] = {}
+    for line, row in enumerate(rows[1:], 2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(header):
+            raise complaint(file, line, "row", f"{len(row)} values", f"{len(header)}, one for each column")
+        cells = dict(zip(header, (cell.strip() for cell in row), strict=True))
+        facet = _planar(file, line, cells["facet"], artefact)
+        values = [_number(file, line, name, cells[name]) for name in (("x", "y", "z") if points else ("offset",))]
+        nominal, normal = np.array(artefact.facets[facet].point), np.array(artefact.facets[facet].normal)
+        point = np.array(values) if points else nominal + values[0] * normal
+        if abs(away := float((point - nominal) @ normal)) > FARTHEST:
+            raise complaint(
+                file,
+                line,
+                f"facet {facet}",
+                f"a point {away:.3f} mm from its nominal plane",
+                f"at most {FARTHEST:g} mm: give the points in the table frame (aligned on the CMM to within a few mm)",
+            )
+        found_points.setdefault(facet, []).append(point)
+    if len(found_points) < FEWEST:
+        raise complaint(file, None, "facet", f"{len(found_points)} facets", f"{FEWEST} or more, six go into the best fit")
+    return {facet: np.mean(measured, axis=0) for facet, measured in found_points.items()}
+
+
+def _planar(file: Path, line: int, facet: str, artefact: Artefact) -> Id:
+    planes = [f.id for f in artefact.facets.values() if f.ball is None]
+    if facet not in planes:
+        raise complaint(file, line, "facet", repr(facet), f"a facet that is no part of a ball: {', '.join(planes)}")
+    return facet
+
+
+def _number(file: Path, line: int, name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise complaint(file, line, name, repr(text), "a finite number of mm")
+    return value
+
+
+def compare_artefact(result: Estimate, measured: Mapping[Id, Array]) -> Comparison:
+    """estimate, CMM points → estimated facet offsets minus measured ones after the best fit (Table 4-7).
+
+    Raises InputError when the facets in common do not fix a rigid displacement.
+    """
+    offsets = result.facets
+    facets = [f for f in offsets if f in measured]
+    return _compare(result.model.touches.artefact, facets, np.array([offsets[f].value for f in facets]), measured)
+
+
+def compare_tips(result: Estimate, readings: Readings, measured: Mapping[Id, Array]) -> Comparison:
+    """estimate, readings (its own or held out), CMM points → where the model puts the tip against the measured facets (Table 4-8).
+
+    Machine and stylus are the estimate's, the table is the CMM's. Raises InputError as `compare_artefact`.
+    """
+    own = result.model.touches
+    rows = readings.rows(readings.ok & np.array([f in measured for f in readings.facet], dtype=np.bool_))
+    touches = from_readings(own.machine, own.artefact, rows)
+    height = _height(touches, tips(result, touches))
+    return _compare(own.artefact, touches.facet, height, measured)
+
+
+def _height(touches: Touches, tip: Array) -> Array:
+    """→ (n,) mm, of the contact above the nominal plane."""
+    height: Array = np.sum((tip - touches.point) * touches.normal, axis=1) - touches.machine.probe.tip_radius
+    return height
+
+
+def _compare(artefact: Artefact, facets: Sequence[Id], height: Array, measured: Mapping[Id, Array]) -> Comparison:
+    """facet ids (n), heights above the nominal planes (n,) mm, CMM points → residuals of the best fit of the CMM to them."""
+    point = np.array([measured[f] for f in facets]).reshape(-1, 3)
+    nominal = np.array([artefact.facets[f].point for f in facets]).reshape(-1, 3)
+    normal = np.array([artefact.facets[f].normal for f in facets]).reshape(-1, 3)
+    lever = np.hstack([normal, np.cross(point, normal) / 100.0])
+    if len(set(facets)) < FEWEST or np.linalg.svd(lever, compute_uv=False)[-1] < 1e-3:
+        raise InputError(
+            f"CMM: the {len(set(facets))} facets in common do not fix where the table stands; "
+            "measure facets on the top and on at least three sides"
+        )
+    shift, turn = np.zeros(3), np.eye(3)
+    for _ in range(20):
+        moved = point @ turn.T + shift
+        residual = height - np.sum((moved - nominal) * normal, axis=1)
+        lever = np.hstack([normal, np.cross(moved, normal)])
+        step = np.linalg.lstsq(lever, residual, rcond=None)[0]
+        small = _rotation(step[3:])
+        shift, turn = small @ shift + step[:3], small @ turn
+        if np.max(np.abs(lever @ step)) < 1e-11:
+            break
+    moved = point @ turn.T + shift
+    residual = height - np.sum((moved - nominal) * normal, axis=1)
+    vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    return Comparison(tuple(facets), residual, shift, vector)
+
+
+def _rotation(vector: Array) -> Array:
+    """(3,) rad → (3, 3), exact (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-300:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross)

@@ -1,0 +1,153 @@
+"""Indexations that take no part in the estimate are predicted by it (thesis section 4.8, Table 4-9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..estimate import Estimate, estimate
+from ..files.readings import degrees_of
+from ..model import Model, linearise
+from ..records import Array, Artefact, InputError, Machine, Readings, TangoError, TermItem
+from ..touches import from_readings
+from ._shared import Figures, figures
+
+Groups = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """One row a touch that was predicted without its group: residual and how far it was to be expected, mm."""
+
+    groups: Groups
+    touch: NDArray[np.int64]
+    facet: tuple[str, ...]
+    indexation: NDArray[np.int64]  # from 1, as in the strategy
+    group: NDArray[np.int64]  # place in `groups`
+    residual: Array  # positive = the ball stands off the predicted surface
+    expected: Array  # one standard deviation: touch, parameters and facet offsets together
+    fitted: Array  # residuals of the estimates' own touches, all groups
+    unpredictable: tuple[str, ...]  # facets that only held-out indexations touch
+    unseen: tuple[str, ...]  # what the remaining indexations cannot tell apart, in words
+
+    @property
+    def figures(self) -> Figures:
+        """→ figures of the held-out residuals."""
+        return figures(self.residual)
+
+    @property
+    def ratio(self) -> float:
+        """→ rms of residual over expectation: 1 where the model predicts as well as it claims."""
+        return float(np.sqrt(np.mean((self.residual / self.expected) ** 2))) if len(self.residual) else 0.0
+
+
+def indexations(readings: Readings, machine: Machine) -> NDArray[np.int64]:
+    """readings → (n,) number of the indexation from 1, the same in every cycle.
+
+    A new one begins when a rotary axis or the spindle has turned; rows of any status count.
+    """
+    columns = [machine.column(name) for name in (*machine.rotary, "S")]
+    turned = (np.abs(np.diff(readings.position[:, columns], axis=0)) > np.radians(0.05)).any(axis=1)
+    fresh = (np.diff(readings.cycle) != 0) | (np.diff(readings.day) != 0)
+    number = np.ones(len(readings), dtype=np.int64)
+    for i in range(1, len(readings)):
+        number[i] = 1 if fresh[i - 1] else number[i - 1] + turned[i - 1]
+    return number
+
+
+def leave_one_out(number: NDArray[np.int64]) -> Groups:
+    """(n,) indexation numbers → one group each."""
+    return tuple((int(i),) for i in np.unique(number))
+
+
+def dealt(number: NDArray[np.int64], size: int) -> Groups:
+    """(n,) indexation numbers, indexations a group → groups, dealt like cards so that each is spread over the whole plan.
+
+    Raises InputError when nothing would be left to estimate from.
+    """
+    every = np.unique(number)
+    if not 1 <= size < len(every):
+        raise InputError(f"--groups: found {size}; allowed: 1 to {len(every) - 1}, the readings have {len(every)} indexations")
+    count = -(-len(every) // size)
+    return tuple(tuple(int(i) for i in every[k::count]) for k in range(count))
+
+
+def held_out(
+    machine: Machine, artefact: Artefact, readings: Readings, terms: Sequence[TermItem], groups: Groups, degree: int = 3
+) -> HeldOut:
+    """readings, terms, groups of indexations → each group predicted by an estimate from all others.
+
+    Raises InputError for an indexation that the readings lack, TangoError when what remains supports no estimate.
+    """
+    number = indexations(readings, machine)
+    known = set(number.tolist())
+    for i in (i for group in groups for i in group):
+        if i not in known:
+            raise InputError(f"--hold-out: found indexation {i}; allowed: 1 to {max(known)}, counted as in the strategy")
+    parts: list[tuple[Readings, NDArray[np.int64], int, Array, Array]] = []
+    lost: set[str] = set()
+    fitted, unseen = [], {}
+    for place, group in enumerate(groups):
+        out = np.isin(number, group)
+        try:
+            result = estimate(machine, artefact, readings.rows(~out), terms, degree)
+        except TangoError as error:
+            raise TangoError(f"without indexations {', '.join(map(str, group))}: {error}") from None
+        fitted.append(result.residuals)
+        unseen |= {c.text: None for c in result.selection.unseen}
+        seen = set(result.model.touches.facets) | {f.id for f in artefact.facets.values() if f.ball in result.model.touches.balls}
+        rows = np.flatnonzero(out & readings.ok)
+        lost |= {readings.facet[i] for i in rows} - seen
+        rows = rows[[readings.facet[i] in seen for i in rows]]
+        if len(rows):
+            parts.append((readings.rows(rows), number[rows], place, *predict(result, readings.rows(rows))))
+    if not parts:
+        raise TangoError(
+            f"held out: every facet of indexations {groups} is touched there alone ({', '.join(sorted(lost))}); hold out fewer"
+        )
+    return HeldOut(
+        groups,
+        np.concatenate([p[0].touch for p in parts]),
+        tuple(f for p in parts for f in p[0].facet),
+        np.concatenate([p[1] for p in parts]),
+        np.concatenate([np.full(len(p[1]), p[2]) for p in parts]),
+        np.concatenate([p[3] for p in parts]),
+        np.concatenate([p[4] for p in parts]),
+        np.concatenate(fitted),
+        tuple(f for f in artefact.facets if f in lost),
+        tuple(unseen),
+    )
+
+
+def predict(result: Estimate, readings: Readings) -> tuple[Array, Array]:
+    """estimate, other readings on facets that it knows → their gaps (n,) mm and standard deviations to be expected (n,) mm.
+
+    Variance of a prediction: J C Jᵀ + σ² (GUM 5.2.2). Raises InputError for a facet that the estimate does not know.
+    """
+    model = result.model
+    touches = from_readings(model.touches.machine, model.touches.artefact, readings)
+    other = Model(touches, model.coefficients)
+    place = {name: i for i, name in enumerate(model.names)}
+    if missing := [name for name in other.names if name not in place]:
+        raise InputError(f"prediction: found touches on {', '.join(missing)}; allowed: facets that the estimate has touched")
+    index = [place[name] for name in other.names]
+    gaps, jacobian = linearise(other, result.values[index])
+    covariance = result.covariance[np.ix_(index, index)]
+    variance = np.sum(jacobian @ covariance * jacobian, axis=1) + result.sigma**2
+    return gaps, np.sqrt(variance)
+
+
+def in_words(readings: Readings, machine: Machine, group: Sequence[int]) -> str:
+    """readings, indexation numbers → where they are: `3 (B 90 C −270), …` in degrees."""
+    number = indexations(readings, machine)
+    degrees = readings.position / degrees_of(machine)
+    names = [name for name in (*machine.rotary, "S")]
+
+    def one(i: int) -> str:
+        row = degrees[np.flatnonzero(number == i)[0]]
+        return f"{i} ({' '.join(f'{name}{row[machine.column(name)]:.0f}' for name in names)})"
+
+    return ", ".join(one(i) for i in group)
