@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kinematics
-from .kinematics import Chain
+from .kinematics import Chain, Sensitivity, Slot
 from .records import Array, Artefact, Id, Machine, Readings
 
 
@@ -117,6 +117,33 @@ class Touches:
         """
         tip = self.point + self.machine.probe.tip_radius * self.normal
         return replace(self, position=kinematics.inverse(self.chain, self.position, tip))
+
+    @cached_property
+    def seen(self) -> Sensitivity:
+        """→ levers and normals of the nominal contacts: what a pattern is made of."""
+        nominal = self.nominal
+        return kinematics.sensitivity(self.chain, kinematics.trace(self.chain, nominal.position), self.normal)
+
+    @property
+    def machine_normal(self) -> Array:
+        """→ (n, 3) outward normals in the machine frame."""
+        return self.seen.machine_normal
+
+    @property
+    def spindle_normal(self) -> Array:
+        """→ (n, 3) outward normals in the frame that turns with the spindle."""
+        return self.seen.spindle_normal
+
+    def lever(self, name: str) -> Array:
+        """letter → (n,) mm/mm or mm/rad, change of the gap when that axis goes further than commanded."""
+        return self.seen.slots[Slot(name, "motion")]
+
+    @cached_property
+    def warm(self) -> Array:
+        """→ (n,) s since the machine was started on the touch's day; every day starts like the first."""
+        first = {day: self.time[self.day == day].min() for day in np.unique(self.day)}
+        begin = np.array([first[day] for day in self.day])
+        return self.time - begin + (self.time.min() if len(self) else 0.0)
 
 
 def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> Touches:
