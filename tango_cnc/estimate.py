@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
 from .identify import Selection, select
-from .model import Model, known, linearise, residual
+from .model import Model, known, linearise
 from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, TermItem
 from .touches import from_readings
 
@@ -34,9 +35,20 @@ class Estimate:
     residuals: Array  # (n,) mm, positive = the ball stands off the estimated surface
     sigma: float  # mm, standard deviation of a touch: from the residuals and their degrees of freedom
     dof: int
-    condition_number: float
     iterations: int
-    outliers: NDArray[np.int64]  # touch numbers, flagged and not removed
+    jacobian: Array  # (n + m, p) at the solution: gaps of the touches, then calibrated facets and scale bar; mm, rad
+    known_residuals: Array  # (m,) mm, calibrated facets and scale bar
+    known_weights: Array  # (m,) sigma over their uncertainties
+
+    @cached_property
+    def condition_number(self) -> float:
+        """→ of the Jacobian in mm and rad, machine and setup columns together, scale bar included."""
+        return float(np.linalg.cond(self.jacobian))
+
+    @cached_property
+    def outliers(self) -> NDArray[np.int64]:
+        """→ numbers of the touches that a robust fit cannot reach: flagged, not removed."""
+        return _outliers(self)
 
     @property
     def model(self) -> Model:
@@ -109,86 +121,86 @@ def fit(selection: Selection) -> Estimate:
             "use a smaller set of terms (--terms) or touch more facets"
         )
     sigma = max(model.touches.machine.probe.repeatability, SIGMA_FLOOR)
-    values, iterations = np.zeros(p), 0
-    for _ in range(3):
-        values, normal_root, steps = _iterate(model, values, sigma)
-        iterations += steps
-        gaps = residual(model, values)
+    values, before = np.zeros(p), np.inf
+    for iterations in range(1, ITERATIONS + 1):
+        gaps, jacobian = linearise(model, values)
+        offsets, rows, uncertainty = known(model, values)
+        full = np.vstack([jacobian, rows])
+        weights = sigma / uncertainty
+        change, root = _step(full, np.concatenate([gaps, offsets]), np.concatenate([np.ones(n), weights]))
+        moved = full @ change
+        values = values - change
+        gaps, offsets = gaps - moved[:n], offsets - moved[n:]
+        size = float(np.max(np.abs(moved)))
         found = max(float(np.sqrt(gaps @ gaps / dof)), SIGMA_FLOOR)
         settled = m == 0 or abs(found - sigma) < 1e-3 * sigma
         sigma = found
-        if settled:
-            break
-    _, jacobian = linearise(model, values)
-    _, rows, uncertainty = known(model, values)
-    weighted = np.vstack([jacobian, rows * (sigma / uncertainty)[:, None]])
-    scale = np.linalg.norm(weighted, axis=0)
-    inverse_root = linalg.solve_triangular(normal_root, np.eye(p))
-    covariance = sigma**2 * (inverse_root @ inverse_root.T) / np.outer(scale, scale)
-    return Estimate(
-        selection,
-        values,
-        covariance,
-        gaps,
-        sigma,
-        dof,
-        float(np.linalg.cond(np.vstack([jacobian, rows]))),
-        iterations,
-        _outliers(model, gaps, weighted / scale),
-    )
-
-
-def _iterate(model: Model, values: Array, sigma: float) -> tuple[Array, Array, int]:
-    """start, standard deviation of a touch → solution, triangular root of the scaled normal matrix, number of steps."""
-    for step in range(1, ITERATIONS + 1):
-        gaps, jacobian = linearise(model, values)
-        offsets, rows, uncertainty = known(model, values)
-        weight = sigma / uncertainty
-        full = np.vstack([jacobian, rows * weight[:, None]])
-        right = np.concatenate([gaps, offsets * weight])
-        scale = np.linalg.norm(full, axis=0)
-        scaled = full / scale
-        root = linalg.qr(scaled, mode="r", check_finite=False)[0][: len(scale)]
-        # Seminormal equations, one solve forwards and one back; the iteration itself corrects what rounding leaves.
-        change = linalg.solve_triangular(root, linalg.solve_triangular(root, scaled.T @ right, trans="T", check_finite=False))
-        values = values - change / scale
-        if float(np.max(np.abs(scaled @ change))) < STEP:
-            return values, root, step
+        # What is still to come is the last step times the rate at which the steps shrink.
+        if settled and size * min(1.0, size / before) < STEP:
+            inverse = linalg.solve_triangular(root, sigma * np.eye(p), check_finite=False)
+            return Estimate(selection, values, inverse @ inverse.T, gaps, sigma, dof, iterations, full, offsets, weights)
+        before = size
     raise TangoError(
         f"estimate: the iteration did not settle in {ITERATIONS} steps; check readings and machine.yaml "
         "(axis directions, facet normals, stylus length), or use a smaller set of terms"
     )
 
 
-def _outliers(model: Model, gaps: Array, scaled: Array) -> NDArray[np.int64]:
-    """gaps (n,), scaled Jacobian (n + m, p) at the solution → touch numbers that a robust fit cannot reach.
+def _step(full: Array, right: Array, weights: Array) -> tuple[Array, Array]:
+    """Jacobian (k, p), residuals (k,), weights (k,) → change (p,), triangular root (p, p) of the weighted normal matrix.
+
+    One QR decomposition of the scaled columns with the right-hand side beside them. Raises TangoError for dependent columns.
+    """
+    p = full.shape[1]
+    weighted = full * weights[:, None]
+    scale = np.linalg.norm(weighted, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    augmented = np.empty((len(full), p + 1), order="F")
+    np.divide(weighted, scale, out=augmented[:, :p])
+    augmented[:, p] = right * weights
+    triangle = linalg.lapack.dgeqrf(augmented, lwork=64 * (p + 1), overwrite_a=True)[0]  # what stands below it is not read
+    root = triangle[:p, :p]
+    if not np.min(np.abs(np.diag(root))) > 1e-14:
+        raise TangoError(
+            "estimate: the touches that were made cannot tell all unknowns apart; check that readings and artefact "
+            "belong together, or use a smaller set of terms (--terms)"
+        )
+    return linalg.solve_triangular(root, triangle[:p, p], check_finite=False) / scale, root * scale
+
+
+def _outliers(result: Estimate) -> NDArray[np.int64]:
+    """estimate → touch numbers that a robust fit cannot reach.
 
     Bisquare weights (Beaton & Tukey 1974) around the least-squares solution, residuals divided by what their leverage leaves
     of them, scale by the median; the threshold lets one set of good readings in a thousand be accused.
     """
+    gaps = result.residuals
     n = len(gaps)
-    extra = len(scaled) - n
+    weighted = result.jacobian * np.concatenate([np.ones(n), result.known_weights])[:, None]
+    basis = np.asarray(np.linalg.qr(weighted)[0])
+    touched, below = basis[:n], basis[n:]
+    held, pull = below.T @ below, below.T @ (result.known_residuals * result.known_weights)
     weight = np.ones(n)
-    spread = gaps
+    standard = np.zeros(n)
     for _ in range(8):
-        root = np.sqrt(np.concatenate([weight, np.ones(extra)]))
-        q, r = np.linalg.qr(scaled * root[:, None])
-        if np.min(np.abs(np.diag(r))) < 1e-9:
+        try:
+            root = np.linalg.cholesky((touched.T * weight) @ touched + held)
+        except np.linalg.LinAlgError:
             break
-        correction = np.linalg.solve(r, q.T @ (root * np.concatenate([gaps, np.zeros(extra)])))
-        spread = gaps - scaled[:n] @ correction
-        left = np.clip(1 - np.sum(q[:n] ** 2, axis=1), 0.0, 1.0)
+        seen = linalg.solve_triangular(root, touched.T, lower=True, check_finite=False)
+        correction = linalg.solve_triangular(root, touched.T @ (weight * gaps) + pull, lower=True, check_finite=False)
+        left = np.clip(1 - weight * np.sum(seen**2, axis=0), 0.0, 1.0)
         alone = left < 1e-6
-        standard = np.where(alone, 0.0, spread / np.sqrt(np.where(alone, 1.0, left)))
+        standard = np.where(alone, 0.0, (gaps - correction @ seen) / np.sqrt(np.where(alone, 1.0, left)))
         size = 1.4826 * float(np.median(np.abs(standard[~alone]))) if not alone.all() else 0.0
         if size < SIGMA_FLOOR:
             return np.array([], dtype=np.int64)
-        new = np.clip(1 - (standard / (6 * size)) ** 2, 0.05, None) ** 2
+        standard /= size
+        new = np.clip(1 - (standard / 6) ** 2, 0.05, None) ** 2
         if np.max(np.abs(new - weight)) < 0.02:
             break
         weight = new
-    limit = float(stats.norm.isf(0.0005 / n))
-    return model.touches.number[np.abs(standard) > limit * size]
+    return result.model.touches.number[np.abs(standard) > float(stats.norm.isf(0.0005 / n))]
 
 
 def without(readings: Readings, touches: NDArray[np.int64]) -> Readings:

@@ -7,10 +7,13 @@ same way on a rich plan: random poses over the whole travel, every direction, a 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy import linalg
 
 from . import kinematics
 from .model import PLACEMENT, STYLUS, Model, known, linearise, setup_coefficient
@@ -53,24 +56,26 @@ def independent(matrix: Array, tolerance: float = TOLERANCE) -> tuple[list[int],
     dependent column push out the columns behind it.
     """
     reduced: Array = matrix if matrix.shape[0] <= matrix.shape[1] else np.asarray(np.linalg.qr(matrix, mode="r"))
-    basis: Array = np.empty((reduced.shape[0], 0))
-    triangle: Array = np.zeros((0, 0))
+    count = reduced.shape[1]
+    basis = np.empty((count, reduced.shape[0]))
+    triangle = np.zeros((count, count))
     kept: list[int] = []
     left: dict[int, Array] = {}
-    for j in range(reduced.shape[1]):
-        column = reduced[:, j]
-        weights = basis.T @ column
-        rest = column - basis @ weights
-        again = basis.T @ rest
-        rest -= basis @ again
+    for j in range(count):
+        column, k = reduced[:, j], len(kept)
+        weights = basis[:k] @ column
+        rest = column - weights @ basis[:k]
+        again = basis[:k] @ rest
+        rest -= again @ basis[:k]
         weights += again
-        size = float(np.linalg.norm(rest))
+        size = math.sqrt(rest @ rest)
         if size > tolerance:
-            triangle = np.block([[triangle, weights[:, None]], [np.zeros((1, len(kept))), np.array([[size]])]])
-            basis = np.column_stack([basis, rest / size])
+            triangle[:k, k] = weights
+            triangle[k, k] = size
+            np.divide(rest, size, out=basis[k])
             kept.append(j)
         else:
-            left[j] = np.asarray(np.linalg.solve(triangle, weights))
+            left[j] = linalg.solve_triangular(triangle[:k, :k], weights) if k else np.empty(0)
     return kept, left
 
 
@@ -97,7 +102,7 @@ def _wanted(machine: Machine, terms: Sequence[TermItem], degree: int) -> list[Co
             subset = max(subset, SUBSETS.index(item))
         else:
             explicit.extend(find(item, machine))
-    result = subset_terms(machine, subset, degree) if subset else []
+    result = list(subset_terms(machine, subset, degree)) if subset else []
     names = {c.name for c in result}
     for c in explicit:
         if c.name in names:
@@ -109,7 +114,8 @@ def _wanted(machine: Machine, terms: Sequence[TermItem], degree: int) -> list[Co
     return result
 
 
-def subset_terms(machine: Machine, subset: int, degree: int) -> list[Coefficient]:
+@lru_cache(maxsize=32)
+def subset_terms(machine: Machine, subset: int, degree: int) -> tuple[Coefficient, ...]:
     """machine, 1–3 for S2–S4, degree → coefficients that a rich plan on this topology tells apart (thesis Table 4-1)."""
     candidates = error_motion.scales(machine)
     if subset >= 2:
@@ -122,7 +128,7 @@ def subset_terms(machine: Machine, subset: int, degree: int) -> list[Coefficient
     setup = [setup_coefficient(name) for name in (*STYLUS, *(() if machine.rotary else PLACEMENT))]
     kept, _ = _visible(touches, setup, candidates)
     names = {c.name for c in kept}
-    return [c for c in candidates if c.name in names]
+    return tuple(c for c in candidates if c.name in names)
 
 
 def _visible(

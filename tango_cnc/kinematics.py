@@ -91,12 +91,12 @@ def axis_frame(name: str, direction: tuple[float, float, float]) -> tuple[Array 
     base = {"X": 0, "A": 0, "Y": 1, "B": 1}.get(name, 2)
     d = np.array(direction)
     e = np.eye(3)[base]
-    cosine = float(d @ e)
-    if 1 - abs(cosine) < 1e-12:
-        return None, base, 1.0 if cosine > 0 else -1.0
+    for sense in (1.0, -1.0):
+        if np.linalg.norm(d - sense * e) < 1e-12:
+            return None, base, sense
     v = np.cross(e, d)
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    rotation = np.eye(3) + cross + cross @ cross / (1 + cosine)
+    rotation = np.eye(3) + cross + 2 * cross @ cross / ((e + d) @ (e + d))
     return rotation.T, base, 1.0
 
 
@@ -166,7 +166,10 @@ def _start(chain: Chain, position: Array, errors: Errors) -> Point:
 
 
 def tip(chain: Chain, position: Array, errors: Errors | None = None) -> Array:
-    """(..., n, k) mm rad, errors by slot → (..., n, 3) mm, tip centre in the table frame (thesis eq. 4-4 … 4-7)."""
+    """(..., n, k) mm rad, errors by slot → (..., n, 3) mm, tip centre in the table frame (thesis eq. 4-4 … 4-7).
+
+    Complex errors give a complex tip: the derivative by complex step, against which `sensitivity` is judged.
+    """
     errors = errors or {}
     x = _start(chain, position, errors)
     for joint in chain.joints:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import kinematics
 from .kinematics import Slot
@@ -59,6 +60,16 @@ class Model:
         return found
 
     @cached_property
+    def by_slot(self) -> tuple[NDArray[np.int64], Array, NDArray[np.int64], NDArray[np.int64]]:
+        """→ coefficients sorted by slot, their regressors, where each slot begins among them; (c,) slot of each coefficient."""
+        rows = list(self.slots.values())
+        order = np.array([i for own in rows for i in own], dtype=np.int64)
+        begin = np.cumsum([0, *(len(own) for own in rows[:-1])])
+        slot = np.empty(len(order), dtype=np.int64)
+        slot[order] = np.repeat(np.arange(len(rows)), [len(own) for own in rows])
+        return order, self.regressors[order], begin, slot
+
+    @cached_property
     def bar(self) -> tuple[int, int] | None:
         """→ places in `touches.balls` of the two balls of the scale bar, None when it was not touched whole."""
         bar = self.touches.artefact.scale_bar
@@ -80,10 +91,11 @@ class Model:
 
 def errors(model: Model, values: Array) -> dict[Slot, Array]:
     """model, (..., c) coefficients → the error at every slot for every touch, (..., n) mm or rad."""
-    result = {}
-    for slot, rows in model.slots.items():
-        result[slot] = values[..., rows] @ model.regressors[rows]
-    return result
+    if not model.slots:
+        return {}
+    order, regressors, begin, _ = model.by_slot
+    acting = np.add.reduceat(values[..., order, None] * regressors, begin, axis=-2)
+    return {slot: acting[..., i, :] for i, slot in enumerate(model.slots)}
 
 
 def gap(touches: Touches, tip: Array, offsets: Array, shifts: Array) -> tuple[Array, Array]:
@@ -112,9 +124,9 @@ def gap(touches: Touches, tip: Array, offsets: Array, shifts: Array) -> tuple[Ar
         moved = moved + np.where((own >= 0)[:, None], shifts[..., own, :], 0.0)
     spoke = tip[..., rows, :] - centre - moved
     spoke = spoke - np.sum(spoke * axis, axis=-1, keepdims=True) * axis
-    distance = np.linalg.norm(spoke, axis=-1)
+    distance = np.sqrt(np.sum(spoke * spoke, axis=-1))  # not a norm: complex errors must stay analytic
     value = np.array(value)
-    gradient = np.array(gradient)
+    gradient = np.array(gradient, dtype=spoke.dtype)
     value[..., rows] = side * (distance - curvature_radius) - radius
     gradient[..., rows, :] = (side / distance)[..., None] * spoke
     return value, gradient
@@ -138,11 +150,11 @@ def linearise(model: Model, values: Array) -> tuple[Array, Array]:
     value, gradient = gap(touches, run.tip, offsets, shifts)
     if GAP in acting:
         value = value + acting[GAP]
-    levers = kinematics.sensitivity(touches.chain, run, gradient).slots
-    jacobian = np.zeros((len(touches), len(model.names)), order="F")
-    for slot, rows in model.slots.items():
-        jacobian[:, rows] = (model.regressors[rows] * (1.0 if slot == GAP else levers[slot])).T
+    levers = {GAP: np.ones(len(touches)), **kinematics.sensitivity(touches.chain, run, gradient).slots}
+    jacobian = np.zeros((len(model.names), len(touches))).T
     count = len(model.coefficients)
+    if count:
+        jacobian[:, :count] = (np.array([levers[slot] for slot in model.slots])[model.by_slot[3]] * model.regressors).T
     row = np.flatnonzero(touches.facet_index >= 0)
     along = np.sum(gradient[row] * touches.normal[row], axis=-1)
     jacobian[row, count + touches.facet_index[row]] = -along
