@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import click
 
 from ..estimate import Estimate, estimate, without
-from ..files import read_cell, read_readings, read_terms
+from ..files import blamed_on, read_cell, read_readings, read_terms
 from ..records import Parameter
 from ..report.units import shown
 from ._common import cell_option, json_option, table, write_json
@@ -29,7 +30,8 @@ def command(folder: Path, file: Path | None, terms: str | None, degree: int, exc
     cell = read_cell(folder)
     readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
     items = cell.terms if terms is None else read_terms(terms)
-    result = estimate(cell.machine, cell.artefact, readings, items, degree)
+    with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
+        result = estimate(cell.machine, cell.artefact, readings, items, degree)
     excluded = result.outliers
     if exclude_outliers and len(excluded):
         result = estimate(cell.machine, cell.artefact, without(readings, excluded), items, degree)

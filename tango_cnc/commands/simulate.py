@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..files import read_cell, read_world, readings_text, write_text
+from ..files import blamed_on, read_cell, read_world, readings_text, write_text
 from ._common import cell_option, json_option, write_json
 
 
@@ -33,8 +33,10 @@ def command(
     from sim_controller.simulate import simulate
 
     cell = read_cell(folder)
-    world = read_world(world_file or folder / "world.yaml")
-    readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed)
+    world_file = world_file or folder / "world.yaml"
+    world = read_world(world_file)
+    with blamed_on(world_file):
+        readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed)
     target = output or folder / "readings.csv"
     write_text(target, readings_text(readings, None if exact else 6))
     counts = {status: readings.status.count(status) for status in ("ok", "miss", "early")}

@@ -186,7 +186,7 @@ def _scale_bar(node: Node, balls: dict[Id, Ball]) -> ScaleBar:
     fields = node.fields(["balls", "length", "uncertainty"])
     first, second = (_known_ball(item, balls) for item in fields["balls"].list(2))
     if first == second:
-        raise fields["balls"].wrong("two different balls")
+        raise fields["balls"].wrong("two different balls", f"ball {first} twice")
     return ScaleBar((first, second), fields["length"].number(above=0), fields["uncertainty"].number(above=0))
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -109,8 +111,10 @@ class Node:
         if high < math.inf:
             bounds.append(f"at most {high:g}")
         allowed = "a finite number" + (" " + " and ".join(bounds) if bounds else "")
-        if not isinstance(self.raw, yaml.ScalarNode) or self.raw.style in ("'", '"'):
+        if not isinstance(self.raw, yaml.ScalarNode):
             raise self.wrong(allowed)
+        if self.raw.style in ("'", '"'):
+            raise self.wrong(allowed, f"the text {self.raw.value!r} in quotes")
         try:
             value = float(self.raw.value)
         except ValueError:
@@ -199,3 +203,28 @@ def read_text(file: Path) -> str:
 def load(file: Path) -> Node:
     """file → its root. Raises InputError when it cannot be read or is not YAML."""
     return parse(file, read_text(file))
+
+
+@contextmanager
+def blamed_on(file: Path) -> Iterator[None]:
+    """file whose values a later stage judges → within it, an InputError about one of its keys names the file and the line."""
+    try:
+        yield
+    except InputError as error:
+        match = re.match(r"(\w+)(?:\[(\d+)\])?(?:\.(\w+))?: found (?:the unknown key )?'([^']*)'", str(error))
+        top = dict(load(file).items()).get(match[1]) if match else None
+        if match is None or top is None:
+            raise
+        at = _where(top, match)
+        raise InputError(f"{file}:{at}: {error}") from None
+
+
+def _where(node: Node, match: re.Match[str]) -> int:
+    if match[2] is not None and isinstance(node.raw, yaml.SequenceNode):
+        node = node.list()[int(match[2])]
+    if isinstance(node.raw, yaml.MappingNode):
+        inside = dict(node.items())
+        node = inside.get(match[3] or match[4], node)
+    elif isinstance(node.raw, yaml.SequenceNode):
+        node = next((item for item in node.list() if item.plain() == match[4]), node)
+    return node.line

@@ -1,0 +1,430 @@
+"""Files: what is written is read back, and whatever is wrong is said with file, line, key, what was found and what is allowed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tango_cnc import files
+from tango_cnc.cli import guarded, tango
+from tango_cnc.records import (
+    Approach,
+    Artefact,
+    Axis,
+    Ball,
+    Facet,
+    Indexation,
+    InputError,
+    Machine,
+    Obstacle,
+    Probe,
+    Readings,
+    ScaleBar,
+    Strategy,
+    Surface,
+    World,
+)
+
+CELL = {
+    "tango.yaml": """\
+tango: 1
+machine: machine.yaml
+artefact: artefact.yaml
+strategy: strategy.yaml
+terms: [S2]
+controller: {post: fanuc, port: "socket://127.0.0.1:8193"}
+""",
+    "machine.yaml": """\
+name: small
+topology: wCBXfZY(S)t
+axes:
+  X: {kind: linear, direction: [1, 0, 0], travel: [-400, 400]}
+  Y: {kind: linear, direction: [0, 1, 0], travel: [-350, 350]}
+  Z: {kind: linear, direction: [0, 0, 1], travel: [-100, 800]}
+  B: {kind: rotary, direction: [0, 1, 0], point: [0, 0, 0], travel: [-95, 95], rapid: 3600, clamp_time: 1.5}
+  C: {kind: rotary, direction: [0, 0, 1], point: [0, 0, 0], travel: [-365, 365]}
+  S: {kind: spindle, direction: [0, 0, 1], point: [0, 0, 0]}
+probe: {length: 326.674, tip_radius: 3.0, repeatability: 0.0007}
+""",
+    "artefact.yaml": """\
+name: cube
+facets:
+  1: {point: [100, 0, 0], normal: [1, 0, 0]}
+  2: {point: [0, 100, 0], normal: [0, 1, 0]}
+  top: {point: [0, 0, 20], normal: [0, 0, 1], uncertainty: 0.0005}
+  11: {point: [50, 0, 72.7], normal: [0, 0, 1], ball: 1}
+balls:
+  1: {centre: [50, 0, 60], radius: 12.7}
+  2: {centre: [-50, 0, 60], radius: 12.7}
+scale_bar: {balls: [1, 2], length: 100.001, uncertainty: 0.0005}
+""",
+    "strategy.yaml": """\
+name: two indexations
+approach: {standoff: 10, search: 5, feed: 180}
+indexations:
+  - {S: 0, B: 0, C: 0, facets: [1, 2, top, 11]}
+  - {B: 30, C: -90, facets: [top, 1]}
+""",
+    "world.yaml": """\
+errors: {EX0C: -0.108}
+stylus: {EXt: 0.01}
+facets: {1: 0.02}
+noise: 0.0006
+effects: [{cause: thermal_drift, amplitude: 0.01, tau: 2400, direction: [0, 1, 0]}]
+seed: 7
+""",
+    "readings.csv": """\
+touch,time_s,facet,X,Y,Z,B,C,S,dX,dY,dZ,dB,dC,dS,status,cycle,day,feed
+1,0.0,1,103,0,326,0,0,0,-1,0,0,0,0,0,ok,1,1,180
+2,9.5,2,0,103,326,0,0,0,0,-1,0,0,0,0,ok,1,1,180
+3,19.0,top,0,0,349.674,0,0,0,0,0,-1,0,0,0,ok,1,1,180
+""",
+}
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    for name, text in CELL.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(folder)): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
+
+
+# Each case: in this file, instead of this text, that text stands; the complaint names that line, that key and these words.
+BAD_CELLS = {
+    "misspelt key": ("machine.yaml", "tip_radius", "tip_radios", 10, "probe.tip_radios", "Did you mean 'tip_radius'"),
+    "key of nobody": ("tango.yaml", "terms: [S2]", "colour: red", 5, "colour", "the unknown key 'colour'"),
+    "missing key": ("machine.yaml", ", travel: [-350, 350]", "", 5, "axes.Y", "no key 'travel'"),
+    "missing axis": ("machine.yaml", CELL["machine.yaml"].splitlines()[7] + "\n", "", 4, "axes", "no key 'C'"),
+    "same key twice": ("artefact.yaml", "  2: {point: [0, 100, 0]", "  1: {point: [0, 100, 0]", 4, "facets.1", "twice"),
+    "text for a number": ("machine.yaml", "length: 326.674", "length: long", 10, "probe.length", "'long'; allowed: a finite"),
+    "number in quotes": ("machine.yaml", "length: 326.674", "length: '326.674'", 10, "probe.length", "in quotes; allowed: a finite number"),
+    "NaN": ("machine.yaml", "repeatability: 0.0007", "repeatability: .nan", 10, "probe.repeatability", "'.nan'"),
+    "infinity": ("artefact.yaml", "[100, 0, 0], normal", "[1e999, 0, 0], normal", 3, "facets.1.point[0]", "a finite number"),
+    "a radius of zero": ("artefact.yaml", "60], radius: 12.7", "60], radius: 0", 8, "balls.1.radius", "greater than 0"),
+    "negative search": ("strategy.yaml", "search: 5", "search: -5", 2, "approach.search", "greater than 0"),
+    "number for a list": ("artefact.yaml", "point: [0, 100, 0]", "point: 100", 4, "facets.2.point", "a list of 3 values"),
+    "two coordinates": ("artefact.yaml", "point: [0, 100, 0]", "point: [0, 100]", 4, "facets.2.point", "2 values; allowed"),
+    "list for a mapping": ("tango.yaml", CELL["tango.yaml"].split("controller: ")[1], "[fanuc]", 6, "controller", "a mapping"),
+    "nothing": ("machine.yaml", "name: small", "name:", 1, "name", "found nothing; allowed: a text"),
+    "normal not of unit length": ("artefact.yaml", "[1, 0, 0]}", "[1, 0.1, 0]}", 3, "facets.1.normal", "of length 1.00499"),
+    "direction not of unit length": ("machine.yaml", "[0, 1, 0], t", "[0, 2, 0], t", 5, "axes.Y.direction", "of length 2"),
+    "facet of nobody": ("strategy.yaml", "[top, 1]", "[tap, 1]", 5, "indexations[1].facets[0]", "11). Did you mean 'top'"),
+    "ball that nobody defines": ("artefact.yaml", "ball: 1", "ball: 3", 6, "facets.11.ball", "a ball of this file (1, 2)"),
+    "bar from a ball to itself": ("artefact.yaml", "balls: [1, 2]", "balls: [1, 1]", 10, "scale_bar.balls", "ball 1 twice; allowed: two different"),
+    "axis that the machine lacks": ("strategy.yaml", "{B: 30, C", "{B: 30, A: 0, C", 5, "indexations[1].A", "B, C, facets, S"),
+    "indexation without C": ("strategy.yaml", "{B: 30, C: -90", "{B: 30", 5, "indexations[1]", "no key 'C'"),
+    "indexation without facets": ("strategy.yaml", "[top, 1]", "[]", 5, "indexations[1].facets", "at least one facet"),
+    "no indexation": ("strategy.yaml", CELL["strategy.yaml"].split("ions:")[1], " []", 3, "indexations", "at least one"),
+    "topology": ("machine.yaml", "wCBXfZY(S)t", "wCBXfZY(S)", 2, "topology", "e.g. wCBXfZY(S)t"),
+    "three rotary axes": ("machine.yaml", "wCBXfZY(S)t", "wCBXfAZY(S)t", 2, "topology", "up to two of A B C"),
+    "kind of axis": ("machine.yaml", "X: {kind: linear", "X: {kind: linaer", 4, "axes.X.kind", "Did you mean 'linear'"),
+    "travel upside down": ("machine.yaml", "travel: [-95, 95]", "travel: [95, -95]", 7, "axes.B.travel", "low below high"),
+    "version of the format": ("tango.yaml", "tango: 1", "tango: 2", 1, "tango", "1, the version of the format"),
+    "terms": ("tango.yaml", "[S2]", "3.5", 5, "terms", "S1, S2, S3, S4 or a list"),
+    "controller without post": ("tango.yaml", "post: fanuc, ", "", 6, "controller", "no key 'post'"),
+    "not YAML": ("strategy.yaml", "facets: [top, 1]}", "facets: [top, 1}", 5, "", "not valid YAML"),
+    "tab": ("tango.yaml", "machine: machine.yaml", "machine:\n\tx: 1", 3, "", "not valid YAML"),
+    "error that no machine has": ("world.yaml", "EX0C", "EX0Q", 1, "errors", "found 'EX0Q'; allowed"),
+    "effect that nobody knows": ("world.yaml", "thermal_", "termal_", 5, "effects[0].cause", "Did you mean 'thermal_drift'"),
+    "effect with a misspelt key": ("world.yaml", "tau:", "tao:", 5, "effects[0]", "the unknown key 'tao'"),
+    "effect without cause": ("world.yaml", "cause: thermal_drift, ", "", 5, "effects[0]", "no cause"),
+    "stylus offset of nobody": ("world.yaml", "EXt", "EXs", 2, "stylus", "EXt, EYt, EZt"),
+    "seed that is no whole number": ("world.yaml", "seed: 7", "seed: 7.5", 6, "seed", "a whole number"),
+    "term that no machine has": ("tango.yaml", "[S2]", "[S2, EYX22]", 5, "terms", "found 'EYX22'"),
+    "facet offset of nobody": ("world.yaml", "facets: {1:", "facets: {one:", 3, "facets", "found 'one'; allowed: facets of artefact"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD_CELLS)
+def test_bad_cell_is_refused_in_words_and_nothing_is_written(case: str, cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name, old, new, line, key, words = BAD_CELLS[case]
+    text = CELL[name]
+    assert text.count(old) >= 1
+    (cell / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+    command = "estimate" if key == "terms" else "simulate"
+    refused([command, "-C", str(cell)], cell, [f"{name}:{line}:" if line else "", key, words], capsys)
+
+
+BAD_READINGS = {
+    "NaN": ("103,0,326", "nan,0,326", 2, "X", "'nan'; allowed: a finite number"),
+    "empty value": ("103,0,326", ",0,326", 2, "X", "''; allowed: a finite number"),
+    "text": ("9.5", "soon", 3, "time_s", "'soon'"),
+    "facet that nobody defines": (
+        "19.0,top",
+        "19.0,tip",
+        4,
+        "facet",
+        "'tip'; allowed: a facet of artefact 'cube'. Did you mean 'top'",
+    ),
+    "status": ("-1,0,0,0,ok", "-1,0,0,0,okay", 4, "status", "'okay'; allowed: ok, miss, early"),
+    "direction": ("0,0,0,-1,0,0", "0,0,0,-2,0,0", 2, "dX", "-2.0; allowed: -1, 0 or 1"),
+    "half a touch": ("\n3,", "\n3.5,", 4, "touch", "a whole number"),
+    "short row": (",1,1,180\n2", ",1\n2", 2, "", "17 values; 19 values, as many as the header names"),
+    "no column": ("touch,time_s", "touch,time", 1, "header", "no column 'time_s'"),
+    "column of nobody": (",feed\n", ",fed\n", 1, "header", "the unknown column 'fed'; allowed"),
+    "column twice": (",dX,", ",X,", 1, "header", "the column 'X' twice"),
+    "header only": (CELL["readings.csv"].split("\n", 1)[1], "", 2, "", "no rows under the header"),
+    "empty file": (CELL["readings.csv"], "", None, "readings.csv", "the file is empty"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_READINGS)
+def test_bad_readings_are_refused_in_words_and_nothing_is_written(
+    case: str, cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old, new, line, key, words = BAD_READINGS[case]
+    assert old in CELL["readings.csv"]
+    (cell / "readings.csv").write_text(CELL["readings.csv"].replace(old, new, 1), encoding="utf-8")
+    command = ["estimate", "-C", str(cell), "--json", str(cell / "estimate.json")]
+    refused(command, cell, [f"readings.csv:{line}:" if line else "", key, words], capsys)
+
+
+@pytest.mark.parametrize("name", ["tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml", "world.yaml", "readings.csv"])
+@pytest.mark.parametrize("damage", ["absent", "empty", "binary", "folder"])
+def test_damaged_file_is_named(name: str, damage: str, cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = cell / name
+    file.unlink()
+    if damage == "empty":
+        file.touch()
+    elif damage == "binary":
+        file.write_bytes(b"\xff\xfe\x00\x81")
+    elif damage == "folder":
+        file.mkdir()
+    words = {"absent": "no such file", "empty": "empty", "binary": "not UTF-8", "folder": "cannot be read"}[damage]
+    command = ["estimate"] if name == "readings.csv" else ["simulate"]
+    refused([*command, "-C", str(cell)], cell, [name, words], capsys)
+
+
+def refused(command: list[str], folder: Path, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    before = contents(folder)
+    status = guarded(tango.main, command, standalone_mode=False)
+    out, err = capsys.readouterr()
+    assert (status, out) == (2, "")
+    assert err.startswith("tango: ") and "Traceback" not in err
+    for word in words:
+        assert word in err
+    assert contents(folder) == before
+
+
+def test_good_cell_is_read(cell: Path) -> None:
+    found = files.read_cell(cell)
+    assert found.machine.workpiece_branch == ("X", "B", "C")
+    assert found.machine.tool_branch == ("Z", "Y", "S")
+    assert found.machine.axis("B").travel == pytest.approx((math.radians(-95), math.radians(95)))
+    assert found.terms == ("S2",)
+    assert found.strategy.indexations[1].position == pytest.approx({"B": math.radians(30), "C": math.radians(-90), "S": 0.0})
+    assert found.artefact.facets["11"].ball == "1"
+
+
+def test_missing_direction_columns_follow_from_the_positions(cell: Path) -> None:
+    found = files.read_cell(cell)
+    file = cell / "bare.csv"
+    file.write_text(
+        "time_s,touch,status,facet,C,B,Z,Y,X\n0,1,ok,1,0,0,5,0,0\n1,2,ok,1,0,0,4,0,0\n2,3,ok,2,90,0,4,0,0\n", encoding="utf-8"
+    )
+    readings = files.read_readings(file, found.machine, found.artefact)
+    assert readings.direction.tolist() == [[0, 0, 0, 0, 0, 0], [0, 0, -1, 0, 0, 0], [0, 0, -1, 0, 1, 0]]
+    assert readings.position[2, 4] == pytest.approx(math.pi / 2)
+
+
+def test_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "readings.csv"
+    files.write_text(file, "old")
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        files.write_text(file, "new")
+    assert contents(tmp_path) == {"readings.csv": b"old"}
+
+
+# Round trips. Numbers are of a size that a machine has; texts are anything that is printed on one line.
+numbers = st.floats(-1e4, 1e4).map(lambda v: round(v, 9) + 0.0)
+positive = st.floats(1e-4, 1e4).map(lambda v: round(v, 9))
+texts = st.text(st.characters(exclude_categories=["Z", "C"]), min_size=1, max_size=12)
+vectors = st.tuples(numbers, numbers, numbers)
+
+
+@st.composite
+def directions(draw: st.DrawFn) -> tuple[float, float, float]:
+    v = np.array(draw(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)))
+    x, y, z = v / np.linalg.norm(v)
+    return float(x), float(y), float(z)
+
+
+@st.composite
+def machines(draw: st.DrawFn) -> Machine:
+    letters = draw(st.permutations([*"XYZ", *draw(st.sampled_from(["", "A", "B", "C", "AB", "AC", "BC"]))]))
+    split = draw(st.integers(0, len(letters)))
+    names = [*"XYZ", *sorted(set(letters) - set("XYZ")), "S"]
+    axes = []
+    for name in names:
+        kind = "linear" if name in "XYZ" else "spindle" if name == "S" else "rotary"
+        scale = 1.0 if kind == "linear" else math.pi / 180
+        low, size = draw(numbers), draw(positive)
+        axes.append(
+            Axis(
+                name,
+                kind,
+                draw(directions()),
+                draw(vectors),
+                None if kind == "spindle" else (low * scale, (low + size) * scale),
+                draw(st.none() | positive.map(lambda v, scale=scale: v * scale)),
+                draw(st.none() | positive),
+                draw(st.just(0.0) | positive),
+            )
+        )
+    topology = f"w{''.join(letters[:split])}f{''.join(letters[split:])}(S)t"
+    probe = Probe(*(draw(positive) for _ in range(6)))
+    return Machine(draw(texts), topology, tuple(axes), tuple(reversed(letters[:split])), (*letters[split:], "S"), probe)
+
+
+@st.composite
+def artefacts(draw: st.DrawFn) -> Artefact:
+    keys = draw(st.lists(texts | st.integers(0, 999).map(str), min_size=2, max_size=2, unique=True))
+    balls = {key: Ball(key, draw(vectors), draw(positive)) for key in keys}
+    cylinder = st.builds(Surface, st.just("cylinder"), positive, directions(), st.booleans())
+    sphere = st.builds(Surface, st.just("sphere"), positive, st.none(), st.booleans())
+    facets = {}
+    for key in draw(st.lists(texts | st.integers(0, 999).map(str), min_size=1, max_size=5, unique=True)):
+        ball, surface = draw(st.tuples(st.none() | st.sampled_from(keys), st.none()) | st.tuples(st.none(), cylinder | sphere))
+        facets[key] = Facet(key, draw(vectors), draw(directions()), ball, draw(st.none() | positive), surface)
+    box = st.builds(Obstacle, st.just("box"), low=vectors, high=vectors)
+    rod = st.builds(Obstacle, st.just("cylinder"), base=vectors, axis=directions(), radius=positive, height=positive)
+    bar = st.builds(ScaleBar, st.just((keys[0], keys[1])), positive, positive)
+    return Artefact(draw(texts), facets, balls, draw(st.none() | bar), tuple(draw(st.lists(box | rod, max_size=2))))
+
+
+@st.composite
+def cells(draw: st.DrawFn) -> tuple[Machine, Artefact, Strategy]:
+    machine, artefact = draw(machines()), draw(artefacts())
+    angles = st.floats(-360, 360).map(lambda v: math.radians(round(v, 6)))
+    order = st.lists(st.sampled_from(list(artefact.facets)), min_size=1, max_size=4).map(tuple)
+    positions = st.fixed_dictionaries({name: angles for name in (*machine.rotary, "S")})
+    indexations = draw(st.lists(st.builds(Indexation, positions, order), min_size=1, max_size=4))
+    return machine, artefact, Strategy(draw(texts), draw(st.builds(Approach, positive, positive, positive)), tuple(indexations))
+
+
+def same(a: object, b: object) -> bool:
+    """Equal but for the last digits that degrees, and normals that are normalised again, cost."""
+    if isinstance(a, float) and isinstance(b, float):
+        return math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-11)
+    if dataclasses.is_dataclass(a):
+        return type(a) is type(b) and same(vars(a), vars(b))
+    if isinstance(a, dict) and isinstance(b, dict):
+        return set(a) == set(b) and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, tuple | list) and isinstance(b, tuple | list):
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+    return a == b
+
+
+@settings(max_examples=30)
+@given(cells())
+def test_cell_round_trip(tmp_path_factory: pytest.TempPathFactory, cell: tuple[Machine, Artefact, Strategy]) -> None:
+    machine, artefact, strategy = cell
+    folder = tmp_path_factory.getbasetemp()
+    for name, text in (
+        ("machine", files.machine_text(machine)),
+        ("artefact", files.artefact_text(artefact)),
+        ("strategy", files.strategy_text(strategy)),
+    ):
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+    assert same(files.read_machine(folder / "machine.yaml"), machine)
+    read = files.read_artefact(folder / "artefact.yaml")
+    assert same(read, artefact) and list(read.facets) == list(artefact.facets)
+    assert same(files.read_strategy(folder / "strategy.yaml", machine, artefact), strategy)
+
+
+names = st.sampled_from(["EX0C", "EYY1", "EBBb", "EAX0"])
+effects = st.fixed_dictionaries({"cause": texts, "amplitude": numbers, "direction": st.lists(numbers, min_size=3, max_size=3)})
+worlds = st.builds(
+    World,
+    st.dictionaries(names, st.floats(-1, 1)),
+    st.dictionaries(st.sampled_from(["EXt", "EYt", "EZt"]), numbers),
+    st.dictionaries(texts | st.integers(0, 99).map(str), numbers),
+    st.floats(0, 1),
+    st.lists(effects, max_size=2).map(tuple),
+    st.integers(0, 2**31),
+)
+
+
+@given(worlds)
+def test_world_round_trip(tmp_path_factory: pytest.TempPathFactory, world: World) -> None:
+    file = tmp_path_factory.getbasetemp() / "world.yaml"
+    file.write_text(files.world_text(world), encoding="utf-8")
+    assert same(files.read_world(file), world)
+
+
+@st.composite
+def measured(draw: st.DrawFn) -> tuple[Machine, Artefact, Readings]:
+    machine, artefact = draw(machines()), draw(artefacts())
+    n, k = draw(st.integers(1, 5)), len(machine.names)
+
+    def column(values: st.SearchStrategy[float]) -> np.ndarray:
+        return np.array(draw(st.lists(values, min_size=n, max_size=n)))
+
+    position = np.column_stack([column(numbers.map(lambda v: round(v, 6))) for _ in range(k)]) * files.degrees_of(machine)
+    return (
+        machine,
+        artefact,
+        Readings(
+            machine.names,
+            column(st.integers(1, 10**6)),
+            column(st.floats(0, 1e6).map(lambda v: round(v, 3))),
+            tuple(draw(st.lists(st.sampled_from(list(artefact.facets)), min_size=n, max_size=n))),
+            position,
+            np.column_stack([column(st.sampled_from([-1.0, 1.0])) for _ in range(k)]),
+            tuple(draw(st.lists(st.sampled_from(["ok", "miss", "early"]), min_size=n, max_size=n))),
+            column(st.integers(1, 99)),
+            column(st.integers(1, 99)),
+            draw(st.none() | st.builds(lambda v: np.full(n, v), st.integers(1, 999).map(float))),
+            draw(st.dictionaries(texts, st.builds(lambda v: np.full(n, v), st.integers(-40, 90).map(float)), max_size=2)),
+        ),
+    )
+
+
+@settings(max_examples=30)
+@given(measured(), st.sampled_from([6, None]))
+def test_readings_round_trip(
+    tmp_path_factory: pytest.TempPathFactory, made: tuple[Machine, Artefact, Readings], decimals: int | None
+) -> None:
+    machine, artefact, readings = made
+    file = tmp_path_factory.getbasetemp() / "readings.csv"
+    file.write_text(files.readings_text(readings, decimals), encoding="utf-8")
+    found = files.read_readings(file, machine, artefact)
+    for field in dataclasses.fields(Readings):
+        one, other = getattr(found, field.name), getattr(readings, field.name)
+        if isinstance(other, np.ndarray):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-8)
+        elif field.name == "temperatures":
+            assert list(one) == list(other) and all(np.array_equal(one[name], other[name]) for name in other)
+        else:
+            assert one == other
+
+
+@given(st.sampled_from(sorted(CELL)), st.integers(0, 400), st.text(st.characters(exclude_categories=["Cs"]), max_size=6))
+def test_whatever_is_typed_into_a_file_it_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, name: str, at: int, typed: str
+) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    for other, text in CELL.items():
+        changed = text[: at % len(text)] + typed + text[at % len(text) :] if other == name else text
+        (folder / other).write_text(changed, encoding="utf-8")
+    try:
+        cell = files.read_cell(folder)
+        files.read_world(folder / "world.yaml")
+        files.read_readings(folder / "readings.csv", cell.machine, cell.artefact)
+    except InputError as error:
+        assert str(folder) in str(error)
