@@ -1,0 +1,104 @@
+"""`python -m sim_controller`: a process that pretends to be the controller of a cell."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import click
+
+from tango_cnc.cli import guarded
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.files.checked import read_text
+from tango_cnc.records import InputError
+
+from . import server
+from .faults import KINDS, faults
+from .lines import PtyLine, listen
+from .probing import rig
+from .session import Ledger, Session, Setup
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--cell", "folder", type=click.Path(path_type=Path), default=Path("."), metavar="DIR", help="Folder of the cell.")
+@click.option("--world", "world_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: world.yaml in the cell.")
+@click.option("--tcp", metavar="HOST:PORT", help="Listen here, as a serial device server would; port 0 takes any free one.")
+@click.option("--pty", is_flag=True, help="Open a pseudo-terminal, as a serial port.")
+@click.option("--language", default="macro_b", show_default=True, help="What the control understands.")
+@click.option("--protocol", default="dnc", show_default=True, help="How it talks.")
+@click.option(
+    "--mode", type=click.Choice(["memory", "dnc"]), default="memory", show_default=True, help="Store, then run; or drip-feed."
+)
+@click.option(
+    "--speed", type=click.FloatRange(0), default=math.inf, help="Simulated seconds per second; 0 and inf: as fast as it goes."
+)
+@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Parameters of the control, e.g. increment=0.0001.")
+@click.option("--g54", metavar="X,Y,Z", help="Work offset, mm.")
+@click.option("--stored", type=click.Path(path_type=Path), metavar="FILE", help="Programs that the control has in its memory.")
+@click.option("--parity", is_flag=True, help="7 data bits, even parity.")
+@click.option("--buffer", type=click.IntRange(64), default=4096, show_default=True, help="Bytes taken in ahead of execution.")
+@click.option("--seed", type=click.IntRange(0), help="Of noise and effects; default: the world's.")
+@click.option("--fault", "fault_texts", multiple=True, metavar="NAME=N", help=f"{', '.join(KINDS)}: after N touches.")
+@click.option("--ledger", type=click.Path(path_type=Path), metavar="FILE", help="What truly happened, as JSON lines.")
+@click.option("--once", is_flag=True, help="End after one program.")
+def main(
+    folder: Path,
+    world_file: Path | None,
+    tcp: str | None,
+    pty: bool,
+    language: str,
+    protocol: str,
+    mode: str,
+    speed: float,
+    settings: tuple[str, ...],
+    g54: str | None,
+    stored: Path | None,
+    parity: bool,
+    buffer: int,
+    seed: int | None,
+    fault_texts: tuple[str, ...],
+    ledger: Path | None,
+    once: bool,
+) -> None:
+    """Pretends to be the controller of a cell whose true machine is described by a world file.
+
+    The first line on stdout is the port to connect to (socket://127.0.0.1:8193 or /dev/pts/3).
+    """
+    if (tcp is None) == (not pty):
+        raise InputError("found both or neither of --tcp and --pty; allowed: one of them")
+    cell = read_cell(folder)
+    truth = rig(cell.machine, cell.artefact, read_world(world_file or folder / "world.yaml"), seed)
+    chosen = dict(_pair(text) for text in settings)
+    if g54 is not None:
+        chosen["g54"] = " ".join(f"{name}:{value}" for name, value in zip("XYZ", g54.split(","), strict=False))
+    library = tuple(read_text(stored).replace("%", "").splitlines()) if stored else ()
+    setup = Setup(language, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer)
+    talk = server.protocol(protocol)
+    journal = Ledger(ledger)
+    session = Session(truth, setup, journal.note)
+    try:
+        if tcp is not None:
+            listening = listen(tcp)
+            host, port = listening.getsockname()[:2]
+            click.echo(f"socket://{host}:{port}")
+            sys.stdout.flush()
+            server.serve_tcp(listening, talk, session, parity=parity, once=once)
+        else:
+            line = PtyLine()
+            click.echo(line.path)
+            sys.stdout.flush()
+            server.serve_pty(line, talk, session, parity=parity, once=once)
+    finally:
+        journal.close()
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, separator, value = text.partition("=")
+    if not separator:
+        raise InputError(f"--set: found {text!r}; allowed: NAME=VALUE, e.g. increment=0.0001")
+    return name, value
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main.main, standalone_mode=False, prog_name="python -m sim_controller"))

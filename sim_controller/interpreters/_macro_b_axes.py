@@ -1,0 +1,157 @@
+"""Axis words → moves: work and tool offsets, incremental and inch, roll-over, and the position variables."""
+
+from __future__ import annotations
+
+import math
+
+from tango_cnc.records import Array
+
+from .. import probing
+from ..motion import Motion
+from ._macro_b_alarms import alarm
+from ._macro_b_blocks import Word, axis_value
+from ._macro_b_profile import Profile
+
+TURN = 360.0
+
+
+class Axes:
+    """The control axes in mm and deg. What #5021 and #5041 read is older than the axes after a move that was not waited for."""
+
+    def __init__(self, motion: Motion, profile: Profile) -> None:
+        self._motion, self._profile = motion, profile
+        self._machine = motion.machine
+        self._offsets = {54: {name: profile.g54.get(name, 0.0) for name in profile.axes}}
+        self._length = 0.0
+        self.inch, self.incremental, self.work = False, False, 54
+        self._known = self._now()
+        self._skipped = dict(self._known)
+        self._roll()
+
+    def settle(self) -> None:
+        """The control has waited for the axes: what it knows of them is true again."""
+        self._known = self._now()
+
+    def select_length(self, number: int) -> None:
+        """G43 H, or 0 for G49. Raises Alarm for an offset number that the control lacks."""
+        if number and number not in self._profile.tool_lengths:
+            raise alarm("PS0030", f"H{number}")
+        self._length = self._profile.tool_lengths[number] if number else 0.0
+
+    def rapid(self, found: list[Word]) -> None:
+        """axis words → G00."""
+        self._motion.rapid(self._target(found), straight=self._profile.straight_rapid)
+        self._after_move()
+
+    def feed(self, found: list[Word], feed: float) -> None:
+        """axis words, mm/min → G01."""
+        self._motion.feed(self._target(found), feed)
+        self._after_move()
+
+    def skip(self, found: list[Word], feed: float) -> None:
+        """axis words, mm/min → G31: the position at the trigger, or the end point, goes to #5061…; nothing tells which."""
+        self._skipped = self._degrees(self._motion.skip(self._target(found), feed).position)
+        self._roll()
+        self.settle()
+
+    def machine_move(self, found: list[Word]) -> None:
+        """axis words → G53: rapid in machine coordinates; ignored in G91. Waits for the axes."""
+        if not self.incremental:
+            values = {word.letter: self._value(word) for word in found}
+            now = self._now()
+            targets = {name: self._rolled(name, value, now[name]) for name, value in values.items()}
+            self._motion.rapid(self._radians(targets), straight=self._profile.straight_rapid)
+            self._after_move()
+        self.settle()
+
+    def reference(self, found: list[Word]) -> None:
+        """axis words → G28: through that point to the reference position of those axes."""
+        self.rapid(found)
+        home = self._degrees(probing.home(self._machine))
+        self._motion.rapid(self._radians({word.letter: home[word.letter] for word in found}), straight=self._profile.straight_rapid)
+        self._after_move()
+
+    def variable(self, number: int) -> float | None:
+        """#5001…, #5021…, #5041…, #5061…, #5081…, #5201… → value in the present unit; None for any other."""
+        base, index = (number - 1) // 20 * 20 + 1, (number - 1) % 20
+        if index >= len(self._profile.axes):
+            return None
+        name = self._profile.axes[index]
+        offset = self._offset(name)
+        length = self._length if name == "Z" else 0.0
+        now = self._now()[name]
+        table = {
+            5001: now - offset - length,
+            5021: self._known[name],
+            5041: self._known[name] - offset,
+            5061: self._skipped[name] - offset,
+            5081: length,
+            5201: 0.0,
+        }
+        table |= {5221 + 20 * i: self._offset(name, 54 + i) for i in range(6)}
+        value = table.get(base)
+        return None if value is None else value / self._unit(name)
+
+    def set_variable(self, number: int, value: float) -> bool:
+        """number of a work offset (#5221…), value → whether it can be written and was."""
+        work, index = 54 + (number - 5221) // 20, (number - 1) % 20
+        if not 54 <= work <= 59 or index >= len(self._profile.axes):
+            return False
+        name = self._profile.axes[index]
+        self._offsets.setdefault(work, {})[name] = value * self._unit(name)
+        return True
+
+    def _target(self, found: list[Word]) -> dict[str, float]:
+        now, targets = self._now(), {}
+        for word in found:
+            name, value = word.letter, self._value(word)
+            if self.incremental:
+                targets[name] = now[name] + value
+            else:
+                length = self._length if name == "Z" else 0.0
+                targets[name] = self._rolled(name, value + self._offset(name) + length, now[name], value < 0)
+        return self._radians(targets)
+
+    def _rolled(self, name: str, target: float, now: float, negative: bool = False) -> float:
+        """→ the target of a roll-over axis: the nearer way, or the way of the sign; half a turn goes in the positive direction."""
+        if name not in self._profile.rollover:
+            return target
+        if self._profile.signed_direction:
+            ahead = (abs(target) - now) % TURN
+            return now + (ahead - TURN if negative and ahead else ahead)
+        change = (target - now) % TURN
+        return now + (change - TURN if change > TURN / 2 else change)
+
+    def _after_move(self) -> None:
+        self._roll()
+        if not self._profile.read_ahead:
+            self.settle()
+
+    def _roll(self) -> None:
+        """The scale of a roll-over axis reads 0 ≤ angle < 360 when it stands."""
+        for name in self._profile.rollover:
+            angle = self._now()[name]
+            if not 0 <= angle < TURN:
+                self._motion.set_position(name, math.radians(angle % TURN))
+
+    def _value(self, word: Word) -> float:
+        return axis_value(word, self._profile.increment, self._profile.calculator) * self._unit(word.letter)
+
+    def _unit(self, name: str) -> float:
+        return 25.4 if self.inch and name in self._machine.linear else 1.0
+
+    def _offset(self, name: str, work: int | None = None) -> float:
+        return self._offsets.get(self.work if work is None else work, {}).get(name, 0.0)
+
+    def _now(self) -> dict[str, float]:
+        return self._degrees(self._motion.position)
+
+    def _degrees(self, position: Array) -> dict[str, float]:
+        values = {}
+        for name in self._profile.axes:
+            value = float(position[self._machine.column(name)])
+            values[name] = value if name in self._machine.linear else math.degrees(value)
+        return values
+
+    def _radians(self, values: dict[str, float]) -> dict[str, float]:
+        return {name: value if name in self._machine.linear else math.radians(value) for name, value in values.items()}

@@ -1,0 +1,33 @@
+"""What differs between machines with a Fanuc-like control; every default is a guess that a real machine may refute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from decimal import Decimal
+from typing import Literal
+
+from tango_cnc.records import Machine
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Parameters and options of the control, with the parameter numbers of the 0i/30i families where they are known."""
+
+    axes: tuple[str, ...]  # control axes 1, 2, 3 …: the order of #5001, #5021, #5041, #5061 (1020)
+    increment: Decimal = Decimal("0.001")  # mm and deg (IS-B; IS-C is 0.0001)
+    calculator: bool = False  # a number without decimal point is whole mm (3401#0 DPI)
+    g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
+    tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # H → mm
+    rollover: tuple[str, ...] = ()  # rotary axes of type 'roll-over' (1008#0 ROA)
+    signed_direction: bool = False  # the sign of a roll-over command is its direction (1008#1 RAB)
+    straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
+    read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
+    padding: Literal["spaces", "none"] = "spaces"  # leading zeros of DPRNT (6001#1 PRT)
+    line_end: Literal["lf", "crlf", "lfcrcr"] = "lf"  # 100#3 NCR, 6001#4 CRO
+    branches_in_dnc: bool = False  # GOTO and WHILE in a drip-fed main program, which real ones refuse
+
+
+def default_profile(machine: Machine) -> Profile:
+    """machine → profile with X Y Z and then the rotary letters in alphabetical order; the spindle is no axis."""
+    return Profile((*machine.linear, *machine.rotary))

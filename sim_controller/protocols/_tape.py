@@ -1,0 +1,78 @@
+"""A tape as it arrives: leader, `%`, lines, `%`; filled by the line and emptied by the control, with XON and XOFF between them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+
+class Tape:
+    """Bytes in, lines out. `wants_pause` and `wants_more` say what the flow control has to tell the other side."""
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._buffer = bytearray()
+        self._changed = threading.Condition()
+        self._begun = self._ended = False
+
+    @property
+    def begun(self) -> bool:
+        """→ whether the first % has come."""
+        return self._begun
+
+    @property
+    def ended(self) -> bool:
+        """→ whether the closing % has come, or nothing can come any more."""
+        return self._ended
+
+    def put(self, data: bytes) -> bytes:
+        """7-bit bytes as they come, cut anywhere → what follows the closing %."""
+        with self._changed:
+            for i, byte in enumerate(data):
+                if self._ended:
+                    return data[i:]
+                if byte in (0x00, 0x7F):
+                    continue
+                if not self._begun:
+                    self._begun = byte == ord("%")
+                elif byte == ord("%"):
+                    self._ended = True
+                else:
+                    self._buffer.append(byte)
+            self._changed.notify_all()
+        return b""
+
+    def close(self) -> None:
+        """Nothing will come any more."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    @property
+    def wants_pause(self) -> bool:
+        """→ whether the buffer is nearly full."""
+        return len(self._buffer) > 0.75 * self._capacity
+
+    @property
+    def wants_more(self) -> bool:
+        """→ whether there is room again."""
+        return len(self._buffer) < 0.25 * self._capacity
+
+    def lines(self) -> Iterator[str]:
+        """→ lines between the two %, each as soon as it is complete; waits for them. What follows % on its line is its title."""
+        self._next_line()
+        while (line := self._next_line()) is not None:
+            if line.strip():
+                yield line
+
+    def _next_line(self) -> str | None:
+        with self._changed:
+            while (end := self._buffer.find(b"\n")) < 0 and not self._ended:
+                self._changed.wait()
+            if end < 0:
+                rest = self._buffer.decode("latin-1")
+                self._buffer.clear()
+                return rest if rest.strip() else None
+            line = self._buffer[:end].decode("latin-1")
+            del self._buffer[: end + 1]
+            return line.strip("\r")

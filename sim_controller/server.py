@@ -1,0 +1,46 @@
+"""Waits for somebody to talk to, on TCP or on a pseudo-terminal, and lets the protocol do the talking."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import socket
+from typing import Any
+
+from tango_cnc.records import InputError
+
+from . import protocols
+from .lines import Closed, Line, ParityLine, PtyLine, TcpLine
+from .session import Session
+
+
+def protocol(name: str) -> Any:
+    """name → module of the protocol. Raises InputError for one that there is no file for."""
+    known = sorted(m.name for m in pkgutil.iter_modules(protocols.__path__) if not m.name.startswith("_"))
+    if name not in known:
+        raise InputError(f"--protocol: found {name!r}; allowed: {', '.join(known)}")
+    return importlib.import_module(f"{protocols.__name__}.{name}")
+
+
+def serve_tcp(listening: socket.socket, talk: Any, session: Session, *, parity: bool, once: bool) -> None:
+    """listening socket, protocol → one connection after the other, each with a control just switched on; one only with `once`."""
+    with listening:
+        while True:
+            connection, _ = listening.accept()
+            _talk(TcpLine(connection), talk, session, parity, once)
+            if once:
+                return
+
+
+def serve_pty(line: PtyLine, talk: Any, session: Session, *, parity: bool, once: bool) -> None:
+    """pseudo-terminal, protocol → served until the process is ended, or one program has ended with `once`."""
+    _talk(line, talk, session, parity, once)
+
+
+def _talk(line: Line, talk: Any, session: Session, parity: bool, once: bool) -> None:
+    try:
+        talk.serve(ParityLine(line) if parity else line, session, once)
+    except Closed:
+        session.note("line", state="closed")
+    finally:
+        line.close()

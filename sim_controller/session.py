@@ -1,0 +1,158 @@
+"""One simulated machine with its control, from switching on to switching off, and the ledger of what truly happened."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import importlib
+import json
+import math
+import pkgutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import Any, TextIO, get_args, get_origin, get_type_hints
+
+from tango_cnc.records import InputError, Machine
+
+from . import interpreters
+from .faults import Faults
+from .motion import Motion
+from .probing import Rig
+
+BUFFER = 4096  # bytes of program that the control takes in ahead of execution
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What `python -m sim_controller` is told: language, its settings, mode, pace, faults."""
+
+    family: str = "macro_b"
+    settings: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    streamed: bool = False
+    speed: float = math.inf  # simulated seconds per real second
+    faults: Faults = Faults()  # noqa: RUF009  frozen
+    library: tuple[str, ...] = ()  # lines of programs that the control has stored
+    buffer: int = BUFFER
+
+
+class Ledger:
+    """JSON lines, one an event, flushed at once; without a file it is only counted."""
+
+    def __init__(self, file: Path | None) -> None:
+        self._out: TextIO | None = file.open("w", encoding="utf-8") if file else None
+        self._lock = threading.Lock()
+        self._began = time.monotonic()
+
+    def note(self, event: str, **data: Any) -> None:
+        """event, what there is to say of it → one line."""
+        if self._out is None:
+            return
+        with self._lock:
+            self._out.write(json.dumps({"event": event, "real_s": round(time.monotonic() - self._began, 4), **data}) + "\n")
+            self._out.flush()
+
+    def close(self) -> None:
+        """Closes the file."""
+        if self._out is not None:
+            self._out.close()
+
+
+class Session:
+    """What a protocol works with: it makes the control, runs tapes on it and writes the ledger."""
+
+    def __init__(self, rig: Rig, setup: Setup, note: Callable[..., None] = lambda event, **data: None) -> None:
+        self._rig, self._setup, self.note = rig, setup, note
+        self._language = language(setup.family)
+        self._profile = profile(self._language, rig.machine, setup.settings)
+        self.buffer = setup.buffer
+
+    def control(self, punch: Callable[[bytes], None]) -> Any:
+        """where its output goes → a control that has just been switched on, the machine at its reference position."""
+        motion = Motion(self._rig, self.note, self._wait, self._setup.faults)
+        self.note("power", state="on", home=motion.position.tolist())
+        return self._language.Control(motion, self._profile, punch, self.note, self._setup.library)
+
+    def run(self, control: Any, lines: Iterator[str]) -> None:
+        """control, lines of one tape → executed. Raises Alarm and Silence."""
+        self.note("program", state="reading" if self._setup.streamed else "storing")
+        control.run(lines if self._setup.streamed else list(lines), self._setup.streamed)
+        self.note("program", state="ended")
+
+    def received(self, count: int) -> None:
+        """bytes that came."""
+        if count:
+            self.note("input", bytes=count)
+
+    def show(self, text: str) -> None:
+        """What stands on the control's screen, for whoever watches stderr."""
+        print(text, file=sys.stderr, flush=True)
+
+    def _wait(self, seconds: float) -> None:
+        if math.isfinite(self._setup.speed) and self._setup.speed > 0:
+            time.sleep(seconds / self._setup.speed)
+
+
+def families() -> list[str]:
+    """→ languages that can be interpreted: the files of `interpreters/`."""
+    return sorted(m.name for m in pkgutil.iter_modules(interpreters.__path__) if not m.name.startswith("_"))
+
+
+def language(family: str) -> Any:
+    """name → its module. Raises InputError for one that there is no file for."""
+    if family not in families():
+        near = difflib.get_close_matches(family, families(), n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise InputError(f"--language: found {family!r}; allowed: {', '.join(families())}.{hint}")
+    return importlib.import_module(f"{interpreters.__name__}.{family}")
+
+
+def profile(module: Any, machine: Machine, settings: Mapping[str, str]) -> Any:
+    """language, machine, {field: text} → its profile. Raises InputError for unknown fields and values."""
+    known = {field.name for field in dataclasses.fields(module.Profile)}
+    hints = get_type_hints(module.Profile)
+    values: dict[str, Any] = {}
+    for name, text in settings.items():
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f" Did you mean {near[0]!r}?" if near else ""
+            raise InputError(f"--set: found {name!r}; allowed: {', '.join(sorted(known))}.{hint}")
+        values[name] = _setting(name, text, hints[name])
+    for name in values.get("axes", ()) + values.get("rollover", ()) + tuple(values.get("g54", ())):
+        if name not in (*machine.linear, *machine.rotary):
+            raise InputError(f"--set: found axis {name!r}; allowed: {' '.join((*machine.linear, *machine.rotary))}")
+    return dataclasses.replace(module.default_profile(machine), **values)
+
+
+def _setting(name: str, text: str, kind: Any) -> Any:
+    def wrong(allowed: str) -> InputError:
+        return InputError(f"--set {name}: found {text!r}; allowed: {allowed}")
+
+    if kind is bool:
+        if text not in ("true", "false"):
+            raise wrong("true or false")
+        return text == "true"
+    if kind is Decimal:
+        try:
+            value = Decimal(text)
+        except InvalidOperation:
+            raise wrong("a number") from None
+        if not value.is_finite() or value <= 0:
+            raise wrong("a number greater than 0")
+        return value
+    if get_origin(kind) is tuple:
+        return tuple(text.replace(",", " ").split())
+    if get_args(kind) and all(isinstance(a, str) for a in get_args(kind)):
+        if text not in get_args(kind):
+            raise wrong(", ".join(get_args(kind)))
+        return text
+    key = get_args(kind)[0]
+    try:
+        pairs = (item.split(":") for item in text.replace(",", " ").split())
+        return {key(k): float(v) for k, v in pairs}
+    except ValueError:
+        raise wrong("name:number pairs, e.g. X:12.5,Y:-3") from None
