@@ -47,8 +47,11 @@ def test_the_commanded_end_is_a_miss_whatever_the_flag_says():
     assert judged(FIRST, X=24.99).status == "ok"
 
 
-def test_the_start_of_the_measuring_move_is_an_early_contact():
+def test_a_contact_before_the_search_zone_is_early():
+    """Stand-off 10 mm before the nominal contact, 5 mm are searched beyond it and 5 mm before it."""
     assert judged(FIRST, X=10.0).status == "early"
+    assert judged(FIRST, X=14.99).status == "early"
+    assert judged(FIRST, X=15.01).status == "ok"
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,8 @@
 A line without check sums delivers wrong digits that look right: of randomly corrupted records a strict grammar alone accepts
 5–7 %. A reading is therefore compared with what the machine was told to do: it must lie on the line of its own measuring
 move, between stand-off and search end, with the rotary axes where they were sent. Controls whose skip is silent (Fanuc's
-G31 and its relatives) store the programmed end when nothing was touched: that is a miss whatever the flag says.
+G31 and its relatives) store the programmed end when nothing was touched: that is a miss whatever the flag says. The search
+zone reaches as far before the nominal contact as the search goes beyond it; a contact before the zone is early.
 """
 
 from __future__ import annotations
@@ -65,7 +66,8 @@ def judge(record: Touched, touch: Touch, machine: Machine, gate: Gate) -> Judged
         raise Distrust(f"{way:.3f} mm along a measuring move of {length:.3f} mm")
     if way >= length - gate.resolution:
         return Judged("miss", position, None)
-    if way <= gate.resolution:
+    searched = float(np.linalg.norm(end - contact[~turned]))
+    if way < max(length - 2 * searched, (length - searched) / 10) - gate.resolution:
         return Judged("early", position, None)
     return Judged("ok", position, float((contact[~turned] - position[~turned]) @ along) * 1e3)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TextIO
 
+from ..plan import last_motion
 from ..records import LinkError
 from ._client import Begun, Client, Ended, Event, Failed, Identified, Job, Refused, Touched
 from ._trust import Distrust, Gate, judge, next_in_order
@@ -66,6 +67,7 @@ class Session:
         self._clock, self._now, self._gate = clock, now, gate or Gate()
         self._transcript = Transcript(transcript, clock)
         self._touches = {touch.number: touch for touch in job.plan.touches}
+        self._directions = last_motion(job.plan)
         self._zero: float | None = None  # clock at the time zero of the readings
         self._place = 0  # of the touch that is due, in job.numbers
         self._accepted = 0
@@ -174,6 +176,7 @@ class Session:
             time_s=round(self._time(), 3),
             status=judged.status,
             position=[float(value) for value in judged.position],
+            direction=[int(sense) for sense in self._directions[place]],
             record=event.text,
         )
         self._place, self._doubts = place + 1, 0

@@ -1,0 +1,175 @@
+"""`tango run`: sends the program to the controller and records the readings."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..files import read_cell
+from ..files.checked import read_text
+from ..records import Cell, InputError, Plan
+from ._common import cell_option, json_option, write_json
+
+if TYPE_CHECKING:
+    from ..link._measure import Program
+    from ..link.session import Step
+
+PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
+
+
+@click.command()
+@cell_option
+@click.option(
+    "--program", "program_file", type=click.Path(path_type=Path), metavar="FILE", help="Send this program of 'tango plan'."
+)
+@click.option("--port", metavar="URL", help="Instead of controller.port, e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff.")
+@click.option(
+    "--readings", "readings_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: readings.csv in the cell."
+)
+@click.option("--resume", is_flag=True, help="Continue the run that stopped: make the touches that have no reading.")
+@click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
+@click.option(
+    "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="Silence of the control that is allowed."
+)
+@click.option(
+    "--obstructed",
+    type=click.Choice(["refuse", "leave-out", "keep"]),
+    default="refuse",
+    show_default=True,
+    help="Touches that a straight probe cannot make, as in 'tango plan'.",
+)
+@click.option(
+    "--transcript", type=click.File("w", lazy=False), metavar="FILE", help="Also write down every byte that goes over the line."
+)
+@json_option
+def command(
+    folder: Path,
+    program_file: Path | None,
+    port: str | None,
+    readings_file: Path | None,
+    resume: bool,
+    yes: bool,
+    timeout: float | None,
+    obstructed: str,
+    transcript: Any,
+    json_file: str | None,
+) -> None:
+    """Drives the controller through the plan; every reading is on disk before the next one is made.
+
+    The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
+    """
+    from ..link._measure import Wanted, measure
+    from ..plan import plan
+
+    cell = read_cell(folder)
+    if cell.controller is None:
+        raise InputError(
+            f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
+        )
+    address = port or cell.controller.port
+    if address is None:
+        raise InputError(
+            f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
+        )
+    if resume and program_file is not None:
+        raise InputError("--program and --resume: a run goes on with a program of the remaining touches; leave --program out")
+    made = plan(cell, obstructed)
+    someone = sys.stdin.isatty()
+    target = readings_file or folder / "readings.csv"
+    wanted = Wanted(address, "dnc", cell.controller.post, target, resume, timeout, 600.0 if someone else 60.0, transcript)
+
+    def confirm(part: Plan, program: Program) -> None:
+        if not yes and someone:
+            _ask(part, address)
+
+    bar = _Bar()
+    try:
+        origin = measure(cell, made, wanted, lambda part: _posted(cell, made, part, program_file), bar, confirm)
+    finally:
+        bar.close()
+    result = {"readings": str(target), **origin}
+    if not write_json(json_file, result):
+        bad = "".join(f", {origin[status]} {word}" for status, word in (("miss", "missed"), ("early", "early")) if origin[status])
+        doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
+        click.echo(f"{origin['touches']} touches{bad}{doubted} → {target}")
+
+
+def _posted(cell: Cell, whole: Plan, part: Plan, program_file: Path | None) -> Program:
+    """cell, its plan, the part of it that is run now, a program from 'tango plan' → what is sent; also written into program/."""
+    from postprocessors import _base as posts
+
+    from ..files.plan import plan_lines, write_together
+    from ..link._measure import Program
+    from ..plan import plan_hash
+
+    assert cell.controller is not None
+    name = cell.controller.post
+    post = posts.load(str(cell.folder / name) if name.endswith(".py") else name)
+    letters = post.record_letters(part.machine)
+    if program_file is not None:
+        text = read_text(program_file)
+        mark = posts.mark_of(text)
+        found = PLAN.search(text)
+        if found is None or found[1] != plan_hash(whole):
+            other = found[1] if found else "none"
+            raise InputError(
+                f"{program_file}: found plan {other}; the cell makes plan {plan_hash(whole)}. "
+                "The files of the cell have changed since: write the program again with 'tango plan'"
+            )
+        return Program(text, mark, letters)
+    file_name, mark, lines = posts.program(post, part, cell.controller.options, plan_hash(part))
+    target = cell.folder / "program" / ("" if part is whole else "rest")
+    write_together({target / file_name: lines, target / "plan.csv": lambda: plan_lines(part)})
+    return Program("".join(line + "\n" for line in lines()), mark, letters)
+
+
+def _ask(part: Plan, address: str) -> None:
+    """Raises click.Abort unless the person at the machine agrees."""
+    from ..duration import duration, spoken
+
+    click.echo(
+        f"{part.machine.name} on {address} will make {len(part.touches)} touches in about {spoken(sum(duration(part).values()))}. "
+        "Probe in the spindle, switched on, clear of the table; hand on feed hold.",
+        err=True,
+    )
+    click.confirm("Start?", default=False, abort=True, err=True)
+
+
+class _Bar:
+    """Progress on stderr: a line that is written over on a terminal, one line in ten percent elsewhere."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stderr.isatty()
+        self._open = False
+        self._shown = -1
+
+    def __call__(self, step: Step) -> None:
+        if step.remark:
+            self.close()
+            click.echo(step.remark, err=True)
+        left = step.time / step.done * (step.total - step.done) if step.done else 0.0
+        width = 24
+        filled = width * step.done // step.total
+        last = "" if step.deviation is None else f"  last {step.deviation:+.1f} µm"
+        text = f"[{'#' * filled}{'.' * (width - filled)}] {step.done}/{step.total}  {_clock(left)} left{last}"
+        if self._terminal:
+            click.echo(f"\r{text:<78}", err=True, nl=False)
+            self._open = True
+        elif 10 * step.done // step.total > self._shown:
+            self._shown = 10 * step.done // step.total
+            click.echo(text, err=True)
+
+    def close(self) -> None:
+        """Ends the line that is written over."""
+        if self._open:
+            click.echo(err=True)
+            self._open = False
+
+
+def _clock(seconds: float) -> str:
+    whole = round(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"

@@ -1,0 +1,213 @@
+"""One run from plan to readings: which touches are still to be made, the conversation, and the files it leaves.
+
+readings.csv, readings.json              a complete run
+readings.partial.csv, …partial.json      what an unfinished run has so far
+readings.journal                         every reading as it came; the only thing that `--resume` believes
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TextIO
+from urllib.parse import parse_qsl, urlsplit
+
+import numpy as np
+
+from .. import __version__, duration
+from ..files import readings_text, write_text
+from ..plan import plan as make_plan
+from ..plan import plan_hash
+from ..records import Array, Cell, Indexation, InputError, LinkError, Plan, Touch
+from . import protocols
+from ._client import Job
+from ._readings import missing, provenance, readings_of
+from .journal import Journal, read_journal
+from .session import Session, Step
+from .transport import open_port, parse
+
+FLOOR, TIMES = 30.0, 3.0  # silence allowed before a touch: s, and multiples of its predicted time
+
+
+@dataclass(frozen=True)
+class Program:
+    """What the post made of a plan."""
+
+    text: str
+    mark: str  # in its start record
+    letters: tuple[str, ...]  # axis letters of its records
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the person at the machine asked for."""
+
+    port: str
+    protocol: str  # of the post; the port's URL may name another one with link=
+    post: str
+    readings: Path
+    resume: bool = False
+    timeout: float | None = None  # s of silence
+    start_timeout: float = 600.0  # s until the start mark
+    transcript: TextIO | None = None
+
+
+def measure(
+    cell: Cell,
+    plan: Plan,
+    wanted: Wanted,
+    post: Callable[[Plan], Program],
+    watch: Callable[[Step], None],
+    confirm: Callable[[Plan, Program], None],
+) -> dict[str, Any]:
+    """cell, its plan, what is wanted, how to post a plan → provenance of the readings that are on disk now.
+
+    `confirm` is asked before the first byte is sent; it raises what stops the run. Raises InputError before anything is
+    opened, LinkError when the port does not open or the run does not end; then what is measured is in the partial files.
+    """
+    file = wanted.readings.with_suffix(".journal")
+    before = _started(file, plan) if wanted.resume else []
+    left = missing(before, plan)
+    if not left:
+        return _finish(before, plan, wanted.readings)
+    part = plan if len(left) == len(plan.touches) else rest_of(cell, plan, left)
+    program = post(part)
+    protocol, options = _protocol(wanted)
+    address = parse(wanted.port, {**options, "link": tuple(protocols())})
+    job = _job(part, program, left, wanted)
+    client = protocol.Client(job, address.options)
+    confirm(part, program)
+    transport = open_port(address)
+    try:
+        if not before:
+            _set_aside(file)
+        journal = Journal(file, resume=bool(before))
+        try:
+            journal.add("segment", **_segment(plan, program, left, wanted))
+            session = Session(job, client, journal, watch, clock=time.monotonic, transcript=wanted.transcript)
+            try:
+                session.run(transport)
+            except LinkError as error:
+                raise LinkError(f"{error} {_keep(journal.entries, plan, wanted.readings)}") from None
+            return _finish(journal.entries, plan, wanted.readings)
+        finally:
+            journal.close()
+    finally:
+        transport.close()
+
+
+def rest_of(cell: Cell, plan: Plan, left: tuple[int, ...]) -> Plan:
+    """cell, its plan, touch numbers → plan of these touches alone, numbered from 1 in the same order."""
+    wanted = [touch for touch in plan.touches if touch.number in set(left)]
+    indexations = []
+    for number, indexation in enumerate(cell.strategy.indexations):
+        facets = tuple(touch.facet for touch in wanted if touch.indexation == number)
+        if facets:
+            indexations.append(Indexation(indexation.position, facets))
+    rest = make_plan(replace(cell, strategy=replace(cell.strategy, indexations=tuple(indexations))), "keep")
+    same = len(rest.touches) == len(wanted) and np.allclose(_contacts(rest.touches), _contacts(wanted), rtol=0, atol=1e-6)
+    if not same or [touch.facet for touch in rest.touches] != [touch.facet for touch in wanted]:
+        raise InputError("the remaining touches cannot be planned as they were; run the whole plan again without --resume")
+    return rest
+
+
+def _contacts(touches: Sequence[Touch]) -> Array:
+    return np.array([touch.contact for touch in touches])
+
+
+def durations(plan: Plan) -> dict[int, float]:
+    """plan → {touch number: predicted s from the touch before it, or from the start, to this one}."""
+    result: dict[int, float] = {}
+    spent = 0.0
+    for move, seconds in zip(plan.moves, duration.of_moves(plan), strict=True):
+        spent += seconds
+        if move.kind == "probe":
+            result[move.touch] = spent
+            spent = 0.0
+    return result
+
+
+def _started(file: Path, plan: Plan) -> list[dict[str, Any]]:
+    """journal of a run, the plan of today → its entries. Raises InputError when there is none or the plan is another."""
+    entries, _ = read_journal(file)
+    segment = next((entry for entry in entries if entry["kind"] == "segment"), None)
+    if segment is None:
+        raise InputError(f"{file}: no run was started; leave --resume out")
+    if segment["plan_hash"] != plan_hash(plan):
+        raise InputError(
+            f"{file}: found a run of plan {segment['plan_hash']}; the cell now makes plan {plan_hash(plan)}. "
+            "Readings of two plans do not go together: restore the files of the cell, or run the whole plan without --resume"
+        )
+    return entries
+
+
+def _protocol(wanted: Wanted) -> tuple[Any, Mapping[str, tuple[str, ...]]]:
+    """→ (module of the protocol, its options). Raises InputError for a protocol that there is not."""
+    query = dict(parse_qsl(urlsplit(wanted.port).query)) if "://" in wanted.port else {}
+    name = query.get("link", wanted.protocol)
+    if name not in protocols():
+        raise InputError(f"port {wanted.port!r}: link: found {name!r}; allowed: {', '.join(protocols())}")
+    module = import_module(f"{__package__}.{name}")
+    return module, module.OPTIONS
+
+
+def _job(part: Plan, program: Program, left: tuple[int, ...], wanted: Wanted) -> Job:
+    seconds = durations(part)
+    patience = [FLOOR + TIMES * seconds[touch.number] for touch in part.touches]
+    patience.append(FLOOR + TIMES * max(seconds.values()))  # the parting retract
+    if wanted.timeout is not None:
+        patience = [wanted.timeout] * len(patience)
+    start = wanted.start_timeout if wanted.timeout is None else wanted.timeout
+    return Job(part, program.text, program.mark, program.letters, tuple(patience), left, start)
+
+
+def _segment(plan: Plan, program: Program, left: tuple[int, ...], wanted: Wanted) -> dict[str, Any]:
+    return {
+        "utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "tool_version": __version__,
+        "machine": plan.machine.name,
+        "controller": {"post": wanted.post, "port": wanted.port},
+        "plan_hash": plan_hash(plan),
+        "program_hash": program.mark,
+        "touches": list(left),
+    }
+
+
+def _set_aside(file: Path) -> None:
+    """Keeps the journal of an earlier run under the time of its last entry; nothing that was measured is ever deleted."""
+    if file.exists():
+        stamp = datetime.fromtimestamp(file.stat().st_mtime, UTC).strftime("%Y%m%dT%H%M%S%f")
+        file.rename(file.with_name(f"{file.stem}.{stamp}.journal"))
+
+
+def _partial(file: Path) -> Path:
+    return file.with_name(f"{file.stem}.partial.csv")
+
+
+def _keep(entries: list[dict[str, Any]], plan: Plan, file: Path) -> str:
+    """Writes the partial files; → a sentence that says where."""
+    readings = readings_of(entries, plan)
+    if readings is None:
+        return "Nothing was measured."
+    _write(_partial(file), readings_text(readings), provenance(entries, plan))
+    return f"They are in {_partial(file)}; 'tango run --resume' makes the missing touches."
+
+
+def _finish(entries: list[dict[str, Any]], plan: Plan, file: Path) -> dict[str, Any]:
+    readings = readings_of(entries, plan)
+    assert readings is not None  # nothing is missing, and a plan has touches
+    origin = provenance(entries, plan)
+    _write(file, readings_text(readings), origin)
+    for old in (_partial(file), _partial(file).with_suffix(".json")):
+        old.unlink(missing_ok=True)
+    return origin
+
+
+def _write(file: Path, text: str, origin: dict[str, Any]) -> None:
+    write_text(file, text)
+    write_text(file.with_suffix(".json"), json.dumps(origin, indent=1, ensure_ascii=False, allow_nan=False) + "\n")

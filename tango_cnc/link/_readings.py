@@ -1,0 +1,66 @@
+"""Journal → readings, and what `readings.json` says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..records import Plan, Readings
+
+Entries = Sequence[Mapping[str, Any]]
+
+
+def readings_of(entries: Entries, plan: Plan) -> Readings | None:
+    """entries of a journal, plan of the whole run → readings in the order of measurement; None when there are none."""
+    found = [entry for entry in entries if entry["kind"] == "reading"]
+    if not found:
+        return None
+    facet = {touch.number: touch.facet for touch in plan.touches}
+    return Readings(
+        plan.machine.names,
+        np.array([entry["touch"] for entry in found], dtype=np.int64),
+        np.array([entry["time_s"] for entry in found], dtype=float),
+        tuple(facet[entry["touch"]] for entry in found),
+        np.array([entry["position"] for entry in found], dtype=float),
+        np.array([entry["direction"] for entry in found], dtype=float),
+        tuple(entry["status"] for entry in found),
+        np.ones(len(found), dtype=np.int64),
+        np.ones(len(found), dtype=np.int64),
+        np.full(len(found), plan.strategy.approach.feed),
+    )
+
+
+def missing(entries: Entries, plan: Plan) -> tuple[int, ...]:
+    """entries of a journal, plan of the whole run → touches that have no reading yet."""
+    got = {entry["touch"] for entry in entries if entry["kind"] == "reading"}
+    return tuple(touch.number for touch in plan.touches if touch.number not in got)
+
+
+def provenance(entries: Entries, plan: Plan) -> dict[str, Any]:
+    """entries of a journal, plan of the whole run → where the readings come from (readings.json)."""
+    segments = [entry for entry in entries if entry["kind"] == "segment"]
+    first = segments[0]
+    identity = [entry["text"] for entry in entries if entry["kind"] == "identity"]
+    statuses = [entry["status"] for entry in entries if entry["kind"] == "reading"]
+    ends = [entry for entry in entries if entry["kind"] == "end"]
+    return {
+        "format": "tango-run/1",
+        "program_hash": first["program_hash"],
+        "plan_hash": first["plan_hash"],
+        "machine": first["machine"],
+        "controller": {**first["controller"], "identity": identity[0] if identity else None},
+        "start_utc": first["utc"],
+        "end_utc": ends[-1]["utc"] if ends else None,
+        "tool_version": first["tool_version"],
+        "touches": len(plan.touches),
+        **{status: statuses.count(status) for status in ("ok", "miss", "early")},
+        "missing": list(missing(entries, plan)),
+        "refused": [{"record": entry["record"], "why": entry["why"]} for entry in entries if entry["kind"] == "refused"],
+        "segments": [
+            {"start_utc": entry["utc"], "program_hash": entry["program_hash"], "touches": len(entry["touches"])}
+            for entry in segments
+        ],
+        "left_out": list(plan.left_out),
+    }

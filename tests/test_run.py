@@ -1,0 +1,254 @@
+"""`tango run` against a scripted control on a TCP port: it reads the tape, then prints what its script says."""
+
+import csv
+import json
+import re
+import socket
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tango_cnc.cli import guarded, tango
+from tango_cnc.commands.init import write_example
+from tango_cnc.duration import duration
+from tango_cnc.files import read_cell, read_readings
+from tango_cnc.files.plan import read_plan
+from tango_cnc.link._measure import durations
+from tango_cnc.link.journal import read_journal
+from tango_cnc.plan import last_motion, plan
+
+STRATEGY = """\
+name: seven touches
+approach: {standoff: 10, search: 5, feed: 180}
+indexations:
+  - {S: 0, B: 0, C: 0, facets: [3, 5, 7]}
+  - {S: 0, B: 0, C: 90, facets: [3, 5]}
+  - {S: 90, B: 0, C: 0, facets: [5, 7]}
+"""
+
+
+@pytest.fixture
+def cell(tmp_path):
+    folder = tmp_path / "cell"
+    write_example(folder, "hu40t")
+    (folder / "strategy.yaml").write_text(STRATEGY)
+    return folder
+
+
+class Control:
+    """Prints the nominal contact of every touch, shifted by `proud` mm outwards; stops printing after `stop` touches."""
+
+    def __init__(self, folder, proud=0.01, stop=None, hang_up=False, edit=lambda number, line: line, delay=None):
+        self.folder, self.proud, self.stop, self.hang_up, self.edit = folder, proud, stop, hang_up, edit
+        self.tape = b""
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.url = f"socket://127.0.0.1:{self.server.getsockname()[1]}"
+        self.thread = threading.Thread(target=self._serve, daemon=True)
+        self.thread.start()
+
+    def _serve(self):
+        connection, _ = self.server.accept()
+        with connection:
+            while not re.search(rb"\n%\n$", self.tape):
+                self.tape += connection.recv(4096)
+            text = self.tape.decode()
+            mark = re.search(r"TANGO\*START\*([0-9A-F]+)", text)[1]
+            touches = re.findall(r"\(TOUCH (\d+) ", text)
+            machine = read_cell(self.folder).machine
+            here = self.folder / "program" / ("plan.csv" if len(touches) == 7 else "rest/plan.csv")
+            planned = read_plan(here, machine)
+            self._print(connection, f"TANGO START {mark} {len(touches)}")
+            for i, number in enumerate(planned.touch):
+                if self.stop is not None and i >= self.stop:
+                    if not self.hang_up:
+                        connection.recv(1)  # silent until the other side leaves
+                    return
+                away = planned.standoff[i] - planned.contact[i]
+                at = planned.contact[i] + self.proud * away / np.linalg.norm(away)
+                at[3:] = np.degrees(at[3:])
+                words = " ".join(f"{name}{value:.4f}" for name, value in zip(machine.names, at, strict=True))
+                self._print(connection, self.edit(number, f"P{number} H1 {words}"))
+            self._print(connection, f"TANGO END {len(touches)}")
+            connection.recv(1)
+
+    @staticmethod
+    def _print(connection, line):
+        connection.sendall(b"\x12" + line.encode() + b"\n\r\r\x14")
+
+
+class Result:
+    def __init__(self, *args):
+        runner = CliRunner()
+        with runner.isolation() as streams:
+            self.code = guarded(tango.main, [str(a) for a in args], standalone_mode=False)
+            self.out, self.err = streams[0].getvalue().decode(), streams[1].getvalue().decode()
+
+
+def run(folder, control, *more):
+    return Result("run", "-C", folder, "--port", control.url, *more)
+
+
+def readings(folder, name="readings.csv"):
+    cell = read_cell(folder)
+    return read_readings(folder / name, cell.machine, cell.artefact)
+
+
+def test_a_run_writes_the_program_sends_exactly_that_and_records_every_touch(cell):
+    control = Control(cell)
+    result = run(cell, control)
+    assert (result.code, result.out) == (0, f"7 touches → {cell / 'readings.csv'}\n")
+    assert control.tape.decode() == (cell / "program" / "O8700.nc").read_text()
+    got, made = readings(cell), plan(read_cell(cell))
+    assert list(got.touch) == [1, 2, 3, 4, 5, 6, 7]
+    assert got.facet == tuple(touch.facet for touch in made.touches)
+    assert np.abs(np.linalg.norm(got.position[:, :3] - [touch.contact[:3] for touch in made.touches], axis=1) - 0.01).max() < 1e-4
+    known = last_motion(made) != 0
+    assert (got.direction[known] == last_motion(made)[known]).all()
+    assert "7/7" in result.err
+    assert "last +10.0 µm" in result.err
+
+
+def test_readings_json_says_where_the_readings_come_from(cell):
+    run(cell, Control(cell))
+    origin = json.loads((cell / "readings.json").read_text())
+    mark = re.search(r"PROGRAM ([0-9A-F]{12}) PLAN ([0-9A-F]{12})", (cell / "program" / "O8700.nc").read_text())
+    assert (origin["program_hash"], origin["plan_hash"]) == (mark[1], mark[2])
+    assert origin["machine"] == read_cell(cell).machine.name
+    assert origin["controller"]["post"] == "fanuc"
+    assert origin["start_utc"].endswith("+00:00")
+    assert origin["tool_version"]
+    assert (origin["ok"], origin["miss"], origin["missing"], origin["refused"]) == (7, 0, [], [])
+
+
+def test_a_control_that_stops_leaves_a_partial_file_and_the_old_readings_alone(cell):
+    (cell / "readings.csv").write_text("yesterday's")
+    result = run(cell, Control(cell, stop=4), "--timeout", "0.4")
+    assert result.code == 3
+    assert "silent for longer than" in result.err
+    assert "4 of 7 touches are recorded, touch 5 was due" in result.err
+    assert "readings.partial.csv; 'tango run --resume'" in result.err
+    assert (cell / "readings.csv").read_text() == "yesterday's"
+    assert len(readings(cell, "readings.partial.csv")) == 4
+    assert json.loads((cell / "readings.partial.json").read_text())["missing"] == [5, 6, 7]
+
+
+def test_a_control_that_hangs_up_is_said_to_have_done_so(cell):
+    result = run(cell, Control(cell, stop=2, hang_up=True))
+    assert result.code == 3
+    assert "2 of 7 touches are recorded, touch 3 was due" in result.err
+
+
+def test_resume_makes_the_missing_touches_and_ends_with_what_one_run_would_have_given(cell):
+    run(cell, Control(cell))
+    whole = readings(cell)
+    run(cell, Control(cell, stop=4), "--timeout", "0.4")
+    control = Control(cell)
+    result = run(cell, control, "--resume")
+    assert result.code == 0
+    assert re.findall(rb"\(TOUCH (\d+) FACET (\d+)\)", control.tape) == [(b"1", b"5"), (b"2", b"5"), (b"3", b"7")]
+    resumed = readings(cell)
+    assert list(resumed.touch) == list(whole.touch)
+    assert resumed.facet == whole.facet
+    assert np.array_equal(resumed.position, whole.position)
+    assert (np.diff(resumed.time) >= 0).all()
+    assert not (cell / "readings.partial.csv").exists()
+    assert [segment["touches"] for segment in json.loads((cell / "readings.json").read_text())["segments"]] == [7, 3]
+
+
+def test_resume_makes_a_touch_whose_record_was_not_believed(cell):
+    def edit(number, line):
+        return line.replace("P3 H1 X", "P3 H1 X,") if number == 3 else line
+
+    result = run(cell, Control(cell, edit=edit))
+    assert result.code == 3
+    assert "the record of touch 3 was not believed or not received" in result.err
+    control = Control(cell)
+    assert run(cell, control, "--resume").code == 0
+    assert re.findall(rb"\(TOUCH (\d+) FACET (\d+)\)", control.tape) == [(b"1", b"7")]
+    assert list(readings(cell).touch) == [1, 2, 4, 5, 6, 7, 3]
+
+
+def test_resume_after_the_cell_has_changed_is_refused(cell):
+    run(cell, Control(cell, stop=4), "--timeout", "0.4")
+    (cell / "strategy.yaml").write_text(STRATEGY.replace("C: 90", "C: 80"))
+    result = Result("run", "-C", cell, "--resume")
+    assert result.code == 2
+    assert "Readings of two plans do not go together" in result.err
+
+
+def test_resume_without_a_run_is_refused(cell):
+    result = Result("run", "-C", cell, "--resume")
+    assert result.code == 2
+    assert "there is no run to resume" in result.err
+
+
+def test_a_new_run_keeps_the_journal_of_the_old_one(cell):
+    run(cell, Control(cell, stop=4), "--timeout", "0.4")
+    run(cell, Control(cell))
+    journals = sorted(cell.glob("readings*.journal"))
+    counts = [sum(entry["kind"] == "reading" for entry in read_journal(file)[0]) for file in journals]
+    assert sorted(counts) == [4, 7]
+
+
+def test_nobody_listening_changes_nothing_but_the_program(cell):
+    before = {file.name for file in cell.iterdir()}
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+    result = Result("run", "-C", cell, "--port", url)
+    assert result.code == 3
+    assert "does not open: Connection refused" in result.err
+    assert {file.name for file in cell.iterdir()} - before == {"program"}
+
+
+@pytest.mark.parametrize(
+    ("edit", "why"),
+    [
+        (lambda text: text.replace("F180.", "F280.", 1), "was changed after tango plan wrote it"),
+        (lambda text: "%\nO1\nM30\n%\n", "carries no mark"),
+    ],
+)
+def test_a_program_that_tango_did_not_write_is_not_sent(cell, edit, why):
+    Result("plan", "-C", cell)
+    file = cell / "program" / "O8700.nc"
+    (cell / "other.nc").write_text(edit(file.read_text()))
+    result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--program", cell / "other.nc")
+    assert result.code == 2
+    assert why in result.err
+
+
+def test_a_program_of_another_plan_is_not_sent(cell):
+    Result("plan", "-C", cell)
+    (cell / "strategy.yaml").write_text(STRATEGY.replace("C: 90", "C: 80"))
+    result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--program", cell / "program" / "O8700.nc")
+    assert result.code == 2
+    assert "The files of the cell have changed since" in result.err
+
+
+def test_a_program_of_tango_plan_is_sent_as_it_is(cell):
+    Result("plan", "-C", cell)
+    control = Control(cell)
+    assert run(cell, control, "--program", cell / "program" / "O8700.nc").code == 0
+    assert control.tape.decode() == (cell / "program" / "O8700.nc").read_text()
+
+
+def test_json_goes_to_stdout_alone(cell):
+    result = run(cell, Control(cell), "--json", "-")
+    assert json.loads(result.out)["ok"] == 7
+
+
+def test_the_time_of_a_touch_counts_from_the_touch_before_it(cell):
+    made = plan(read_cell(cell))
+    seconds = durations(made)
+    assert list(seconds) == [1, 2, 3, 4, 5, 6, 7]
+    assert min(seconds.values()) > 10 / 3  # the measuring move alone
+    parting = sum(duration(made).values()) - sum(seconds.values())
+    assert 0 < parting < 30
+
+
+def test_every_row_has_the_feed_of_its_measuring_move(cell):
+    run(cell, Control(cell))
+    with Path(cell / "readings.csv").open() as file:
+        assert {row["feed"] for row in csv.DictReader(file)} == {"180"}
