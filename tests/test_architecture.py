@@ -1,0 +1,168 @@
+"""Who may import whom. The table is the architecture; the rest reads the import statements of every file and compares."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+NUMERIC = "records files.checked kinematics touches terms model identify estimate"
+# A module of tango_cnc → what else of tango_cnc it may import. The longest name that fits decides; its own package is allowed.
+INTERNAL = {
+    "records": "",
+    "files": "records",
+    "kinematics": "records",
+    "touches": "records kinematics",
+    "terms": "records kinematics touches files.checked",
+    "model": "records kinematics touches terms",
+    "identify": "records kinematics touches terms model",
+    "estimate": "records touches terms model identify",
+    "check": "records kinematics",
+    "duration": "records",
+    "plan": "records kinematics check",
+    "link": "records files plan duration __version__",
+    "design": f"{NUMERIC} plan check duration",
+    "uncertainty": NUMERIC,
+    "diagnose": NUMERIC,
+    "verify": f"{NUMERIC} files",
+    "compensate": f"{NUMERIC} verify uncertainty files",
+    "history": "records files",
+    "reproduce": f"{NUMERIC} files verify uncertainty diagnose report sim",
+    "report": f"{NUMERIC} verify uncertainty diagnose",
+    "web": "records files history report",
+    "commands": f"{NUMERIC} __version__ files check duration plan link design uncertainty diagnose verify compensate history "
+    "reproduce report web",
+    "cli": "records commands __version__",
+}
+# Packages beside tango_cnc, and who may import them.
+POSTS_MAY = ("tango_cnc.records", "tango_cnc.plan.digest", "postprocessors")
+SIMULATOR_MAY = ("tango_cnc.records", "tango_cnc.files", "sim_controller")
+# The simulator is a program of its own; it ends with the same exit codes and sentences as `tango`.
+EXCEPTIONS = {"sim_controller.__main__": ("tango_cnc.cli",)}
+USES_POSTS = ("tango_cnc.commands", "postprocessors")
+USES_SIMULATOR = ("tango_cnc.commands", "tango_cnc.reproduce", "sim_controller")
+
+# Third-party libraries beyond numpy and scipy, and the only modules that may import them.
+LIBRARIES = {
+    "yaml": ("tango_cnc.files", "tango_cnc.link.modbus", "tango_cnc.commands"),
+    "click": ("tango_cnc.commands", "tango_cnc.cli", "sim_controller.__main__"),
+    "serial": ("tango_cnc.link.transport", "sim_controller"),
+    "pymodbus": ("tango_cnc.link.transport", "sim_controller"),
+    "matplotlib": ("tango_cnc.report", "tango_cnc.reproduce", "tango_cnc.commands", "tango_cnc.web"),
+    "dask": ("tango_cnc.uncertainty",),
+}
+# Clients know bytes and seconds as arguments; clock, port and file belong to the session around them.
+TOUCHES_THE_WORLD = set(
+    [
+        "asyncio",
+        "fcntl",
+        "os",
+        "pathlib",
+        "random",
+        "secrets",
+        "select",
+        "socket",
+        "ssl",
+        "subprocess",
+        "tempfile",
+        "termios",
+        "threading",
+        "time",
+    ]
+)
+LINK_WITH_IO = {"transport", "session", "journal", "_measure"}
+PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "duration", "uncertainty", "diagnose")
+
+
+def modules(root: Path) -> dict[str, Path]:
+    found = {}
+    for package in ("tango_cnc", "postprocessors", "sim_controller"):
+        for file in sorted((root / package).rglob("*.py")):
+            parts = file.relative_to(root).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return found
+
+
+def imports(name: str, file: Path, known: dict[str, Path]) -> Iterator[str]:
+    """Full names of the modules that a file imports, wherever in the file, `from . import x` spelt out."""
+    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            for alias in node.names:
+                inner = f"{base}.{alias.name}"
+                yield inner if inner in known or base == "tango_cnc" else base
+
+
+def inside(name: str, packages: tuple[str, ...]) -> bool:
+    return any(name == package or name.startswith(f"{package}.") for package in packages)
+
+
+def complaints(name: str, imported: str) -> Iterator[str]:
+    if inside(imported, EXCEPTIONS.get(name, ())):
+        return
+    top = imported.split(".")[0]
+    if top == "tango_cnc" and inside(name, ("tango_cnc",)):
+        own = name.removeprefix("tango_cnc").removeprefix(".")
+        row = max((stage for stage in INTERNAL if inside(own, (stage,))), key=len, default=None)
+        if own and row is None:
+            yield f"{name}: no row in the table; say what it may import"
+        elif own and imported != "tango_cnc":
+            allowed = tuple(f"tango_cnc.{stage}" for stage in [row, *INTERNAL[str(row)].split()])
+            if not inside(imported, allowed):
+                yield f"{name} imports {imported}"
+    elif top == "tango_cnc" and inside(name, ("postprocessors",)) and not inside(imported, POSTS_MAY):
+        yield f"{name} imports {imported}"
+    elif top == "tango_cnc" and inside(name, ("sim_controller",)) and not inside(imported, SIMULATOR_MAY):
+        yield f"{name} imports {imported}: the simulator judges the product and shares no mathematics with it"
+    elif (top == "postprocessors" and not inside(name, USES_POSTS)) or (
+        top == "sim_controller" and not inside(name, USES_SIMULATOR)
+    ):
+        yield f"{name} imports {imported}"
+    elif top in LIBRARIES and not inside(name, LIBRARIES[top]):
+        yield f"{name} imports {imported}: {', '.join(LIBRARIES[top])} may"
+    elif top not in {"tango_cnc", "postprocessors", "sim_controller", "numpy", "scipy", *LIBRARIES, *sys.stdlib_module_names}:
+        yield f"{name} imports {imported}: a library that no row allows"
+    if top in TOUCHES_THE_WORLD:
+        stage, _, part = name.removeprefix("tango_cnc.").partition(".")
+        client = stage == "link" and part and part not in LINK_WITH_IO
+        if client or (name.startswith("tango_cnc.") and stage in PURE):
+            yield f"{name} imports {imported}: clock, port, randomness and files are arguments there"
+
+
+def test_every_import_is_in_the_table(root: Path) -> None:
+    known = modules(root)
+    found = [c for name, file in known.items() for i in imports(name, file, known) for c in complaints(name, i)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "imported"),
+    [
+        ("tango_cnc.kinematics", "tango_cnc.estimate"),
+        ("tango_cnc.records", "tango_cnc.files"),
+        ("tango_cnc.plan.build", "tango_cnc.cli"),
+        ("tango_cnc.brandnew", "tango_cnc.records"),
+        ("sim_controller.world", "tango_cnc.kinematics"),
+        ("sim_controller.world", "postprocessors"),
+        ("tango_cnc.estimate", "sim_controller.world"),
+        ("postprocessors.fanuc", "tango_cnc.plan.build"),
+        ("tango_cnc.link.grbl", "serial"),
+        ("tango_cnc.link.dnc", "time"),
+        ("tango_cnc.model", "random"),
+        ("tango_cnc.model", "pandas"),
+    ],
+)
+def test_the_table_can_refuse(name: str, imported: str) -> None:
+    assert list(complaints(name, imported))
+
+
+def test_no_file_is_too_long_to_read(root: Path) -> None:
+    lengths = {name: len(file.read_text(encoding="utf-8").splitlines()) for name, file in modules(root).items()}
+    assert not {name: n for name, n in lengths.items() if n > 450}
