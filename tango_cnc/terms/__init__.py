@@ -5,6 +5,8 @@ A family is a module with `TEXT` (what it is, for people), `SOURCE` (clause, equ
     coefficients(machine, degree) → the coefficients of this family that a machine can have, in order of preference
     coefficient(name, machine)    → the one of that name, or None when the name is not of this family
 
+A family is also a cause that `diagnose` may name when it has `cause(machine, **setting)`; `_cause.py` says what belongs to it.
+
 A coefficient says where it acts (a slot of the chain, or `GAP`: directly on the gap) and with which regressor; its author
 writes no derivative of the chain.
 """
@@ -12,10 +14,12 @@ writes no derivative of the chain.
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 from ..files.checked import suggestion
 from ..kinematics import Slot
@@ -41,13 +45,35 @@ def families() -> dict[str, ModuleType]:
     return {name: importlib.import_module(f"{__name__}.{name}") for name in names}
 
 
+def causes() -> dict[str, ModuleType]:
+    """→ every family that `diagnose` may name as a cause, by name."""
+    return {name: module for name, module in families().items() if hasattr(module, "cause")}
+
+
+def cause(name: str, machine: Machine, setting: Mapping[str, Any]) -> list[Coefficient]:
+    """name of a cause, its settings → coefficients. Raises InputError for settings that it does not have or needs."""
+    make = families()[name].cause
+    allowed = [key for key in inspect.signature(make).parameters if key != "machine"]
+    if allowed and allowed[-1] == "other":
+        allowed[-1] = "with"
+    for key in setting:
+        if key not in allowed:
+            raise InputError(
+                f"terms: {name}: found {key!r}; allowed: {', '.join(allowed) or 'no settings'}{suggestion(key, allowed)}"
+            )
+    try:
+        found: list[Coefficient] = make(machine, **setting)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"terms: {name}: found {dict(setting)}; allowed: {', '.join(allowed)} ({error})") from None
+    return found
+
+
 def find(item: TermItem, machine: Machine) -> list[Coefficient]:
     """name, or cause with its settings → coefficients. Raises InputError with the nearest names when no family knows it."""
     modules = families()
     name, detail = (item, {}) if isinstance(item, str) else (str(item["cause"]), {k: v for k, v in item.items() if k != "cause"})
     if name in modules and hasattr(modules[name], "cause"):
-        found: list[Coefficient] = modules[name].cause(machine, **detail)
-        return found
+        return cause(name, machine, detail)
     for module in modules.values():
         one: Coefficient | None = module.coefficient(name, machine) if hasattr(module, "coefficient") else None
         if one is not None:

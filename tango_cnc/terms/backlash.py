@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from typing import Any
 
 from ..kinematics import Slot
-from ..records import Machine
+from ..records import InputError, Machine
+from ..touches import Touches
 from . import Coefficient
 
 TEXT = "backlash"
 SOURCE = "ISO 230-1:2012, 3.5.6 (half of the reversal value); thesis section 4.4"
+FRAME = "axis"
+MISTAKEN = ("probe_lobing",)
+ADVICE = "compensate the reversal value, or put the coefficient into the terms of the model"
+REFINE: dict[str, str] = {}
 
 PATTERN = re.compile(r"E([XYZABC])\1b")
 
@@ -27,3 +34,18 @@ def coefficients(machine: Machine, degree: int) -> list[Coefficient]:
     """machine → one of every linear and rotary axis."""
     names = [f"E{axis}{axis}b" for axis in (*machine.linear, *machine.rotary)]
     return [found for name in names if (found := coefficient(name, machine)) is not None]
+
+
+def variants(touches: Touches) -> Iterator[dict[str, Any]]:
+    """touches → every linear axis that came from both sides."""
+    for axis in touches.machine.linear:
+        if len(set(touches.sign(axis)) - {0.0}) == 2:
+            yield {"axis": axis}
+
+
+def cause(machine: Machine, axis: str) -> list[Coefficient]:
+    """machine, linear axis → its coefficient in mm. Raises InputError for another axis."""
+    found = coefficient(f"E{axis}{axis}b", machine)
+    if found is None:
+        raise InputError(f"terms: backlash: axis: found {axis!r}; allowed: {', '.join((*machine.linear, *machine.rotary))}")
+    return [found]

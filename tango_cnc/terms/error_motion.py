@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from ..kinematics import Slot
-from ..records import COMPONENTS, Array, Machine
+from ..records import COMPONENTS, Array, InputError, Machine
 from ..touches import Touches
 from . import Coefficient
 
 TEXT = "error motion"
 SOURCE = "ISO 230-1:2012, 3.6; thesis eq. 4-6, 4-8"
+FRAME = "axis"
+MISTAKEN = ("compensation_kink", "moving_mass")
+ADVICE = "put the coefficient into the terms of the model (S4 has them all) and compensate it"
+REFINE: dict[str, str] = {}
 
 PATTERN = re.compile(r"E([XYZABC])([XYZABC])([0-9])")
 
@@ -47,3 +53,17 @@ def coefficients(machine: Machine, degree: int) -> list[Coefficient]:
     axes = [name for name in (*machine.workpiece_branch, *machine.tool_branch) if name != "S"]
     names = [f"E{c}{axis}{d}" for d in range(1, degree + 1) for axis in axes for c in COMPONENTS]
     return [found for name in names if (found := coefficient(name, machine)) is not None]
+
+
+def variants(touches: Touches) -> Iterator[dict[str, Any]]:
+    """touches → every coefficient up to degree 3."""
+    for c in coefficients(touches.machine, 3):
+        yield {"name": c.name}
+
+
+def cause(machine: Machine, name: str) -> list[Coefficient]:
+    """machine, name such as EYX2 → that coefficient. Raises InputError for a name that the machine lacks."""
+    found = coefficient(name, machine)
+    if found is None:
+        raise InputError(f"terms: error_motion: name: found {name!r}; allowed: EYX2 … for axes {' '.join(machine.names)}")
+    return [found]

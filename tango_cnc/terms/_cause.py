@@ -1,0 +1,110 @@
+"""What the files of causes have in common.
+
+A cause is a family with, besides `TEXT` and `SOURCE`,
+
+    FRAME      in which frame it acts: machine, table, spindle, axis, probe, log
+    MISTAKEN   names of the causes that it is taken for
+    ADVICE     what a person does about it
+    REFINE     its shape parameters that are searched between the values of `variants`: name → log, linear or touch
+    variants(touches)         → settings (mappings) that are worth trying on these touches
+    cause(machine, **setting) → the coefficients that these settings stand for
+
+and, when it has no pattern but a spread, `spread(touches)` → settings and variances (n,) or covariances (n, n) of unit size,
+with `variants` left out. A value of a coefficient that acts on the gap is positive when the surface is read too early, outside
+of where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import Array, InputError
+from ..touches import Touches
+from . import GAP, Coefficient
+
+Pattern = Callable[[Touches], Array]
+Variants = Iterator[dict[str, Any]]
+HOUR = 3600.0
+
+
+def label(cause: str, *setting: Any) -> str:
+    """name of a cause, settings → the stem of the names of its coefficients, different for different settings."""
+    shown = [f"{s:.6g}" if isinstance(s, float) else str(s) for s in setting if s is not None]
+    return f"{cause}[{','.join(shown)}]" if shown else cause
+
+
+def early(name: str, pattern: Pattern, unit: str = "mm") -> Coefficient:
+    """name, pattern (n,) → coefficient that makes the surface read too early by value × pattern."""
+    return Coefficient(name, unit, GAP, lambda touches: -pattern(touches))
+
+
+def normals(touches: Touches, frame: str) -> Array:
+    """machine, table or spindle → (n, 3) outward normals in that frame. Raises InputError for another word."""
+    if frame == "machine":
+        return touches.machine_normal
+    if frame == "table":
+        return touches.normal
+    if frame == "spindle":
+        return touches.spindle_normal
+    raise InputError(f"terms: frame: found {frame!r}; allowed: machine, table, spindle")
+
+
+def displaced(
+    stem: str, frame: str, shape: Pattern, direction: Sequence[float] | None = None, unit: str = "mm"
+) -> list[Coefficient]:
+    """stem, frame, shape (n,), direction or None → coefficients of a displacement n·a × shape: x y z, or one along `direction`."""
+    if direction is not None:
+        unit_vector = np.array(direction, dtype=float) / np.linalg.norm(direction)
+        return [early(stem, lambda t: normals(t, frame) @ unit_vector * shape(t), unit)]
+
+    def along(i: int) -> Pattern:
+        return lambda t: normals(t, frame)[:, i] * shape(t)
+
+    return [early(f"{stem}.{c}", along(i), unit) for i, c in enumerate("xyz")]
+
+
+def wave(stem: str, slot: Slot, angle: Pattern, unit: str, size: Pattern | None = None) -> list[Coefficient]:
+    """stem, slot, angle (n,) rad, size (n,) → cosine and sine that act there; at `GAP` positive = read too early."""
+    sign = -1.0 if slot == GAP else 1.0
+
+    def part(function: Callable[[Array], Array]) -> Pattern:
+        return lambda t: sign * function(angle(t)) * (1.0 if size is None else size(t))
+
+    return [Coefficient(f"{stem}.cos", unit, slot, part(np.cos)), Coefficient(f"{stem}.sin", unit, slot, part(np.sin))]
+
+
+def grown(shape: str, tau: float, sensor: str | None = None) -> Pattern:
+    """exponential, linear or sensor → how much of a slow change has happened at each touch, (n,)."""
+    if sensor is not None:
+        return lambda t: t.temperatures[sensor] - t.temperatures[sensor][0]
+    if shape == "exponential":
+        return lambda t: 1 - np.exp(-t.warm / tau)
+    if shape == "linear":
+        return lambda t: t.warm / tau
+    raise InputError(f"terms: shape: found {shape!r}; allowed: exponential, linear")
+
+
+def slow(touches: Touches, number: int = 7) -> Variants:
+    """touches → settings of `grown`: time constants from a twentieth to three times the run, straight line, every sensor."""
+    run = max(float(np.ptp(touches.warm)), 1.0)
+    for tau in np.geomspace(run / 15, 2.5 * run, number):
+        yield {"shape": "exponential", "tau": float(tau)}
+    yield {"shape": "linear", "tau": HOUR}
+    for sensor, value in touches.temperatures.items():
+        if np.ptp(value) > 0.05:
+            yield {"sensor": sensor}
+
+
+def need(cause: str, name: str, value: Any, allowed: Sequence[Any]) -> None:
+    """Raises InputError when a setting is not one of the allowed ones."""
+    if value not in allowed:
+        raise InputError(f"terms: {cause}: {name}: found {value!r}; allowed: {', '.join(map(str, allowed))}")
+
+
+def moved_axes(touches: Touches, axes: Sequence[str], least: float) -> list[str]:
+    """letters, mm or rad → those axes that move by more than that during the test."""
+    return [axis for axis in axes if np.ptp(touches.axis(axis)) > least]

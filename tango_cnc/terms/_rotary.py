@@ -1,0 +1,51 @@
+"""Error motions of a rotary axis at a harmonic of its angle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import COMPONENTS, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, label, need
+
+ORDERS = (1, 2, 3, 4)
+BASE = {"A": 0, "B": 1, "C": 2}
+
+
+def harmonics(cause: str, machine: Machine, axis: str, order: int, components: str, motion: str | None) -> list[Coefficient]:
+    """cause, axis, order, components such as XY → cosine and sine of each, mm or rad; `motion` X, Y … keeps one of them."""
+    need(cause, "axis", axis, machine.rotary)
+    unit = "mm" if components[0] in "XYZ" else "rad"
+    stem = label(cause, axis, order, motion)
+
+    def one(name: str, letter: str, function: str, sign: float = 1.0) -> Coefficient:
+        slot = Slot(axis, "intra", COMPONENTS.index(letter))
+        wave = np.cos if function == "cos" else np.sin
+        return Coefficient(name, unit, slot, lambda t: sign * wave(order * t.axis(axis)))
+
+    shown = components if motion is None else motion
+    return [one(f"{stem}.{letter}{f}", letter, f) for letter in shown for f in ("cos", "sin")]
+
+
+def across(axis: str, rotation: bool) -> str:
+    """rotary axis → its two radial components: XY of C; AB when rotations are meant."""
+    letters = "ABC" if rotation else "XYZ"
+    return "".join(letter for i, letter in enumerate(letters) if i != BASE[axis])
+
+
+def along(axis: str) -> str:
+    """rotary axis → its axial component: Z of C."""
+    return "XYZ"[BASE[axis]]
+
+
+def every(touches: Touches, components: dict[str, str]) -> Variants:
+    """touches, components of every axis → all of them together and each alone, orders 1 to 4."""
+    for axis, letters in components.items():
+        if len(np.unique(np.round(touches.axis(axis), 3))) > 3:
+            for order in ORDERS:
+                yield {"axis": axis, "order": order}
+                if len(letters) > 1:
+                    for letter in letters:
+                        yield {"axis": axis, "order": order, "motion": letter}

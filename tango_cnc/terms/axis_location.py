@@ -1,0 +1,29 @@
+"""An axis location (inter-axis) error that the fitted set lacks."""
+
+from __future__ import annotations
+
+from ..records import InputError, Machine
+from ..touches import Touches
+from . import Coefficient, inter_axis
+from ._cause import Variants
+
+TEXT = "an axis stands in the wrong place or at the wrong angle"
+SOURCE = "ISO 230-1:2012, 3.9.4; thesis eq. 4-5"
+FRAME = "axis"
+MISTAKEN = ("encoder_harmonic",)
+ADVICE = "put the coefficient into the terms of the model and compensate it"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → every inter-axis error of the machine."""
+    for c in inter_axis.coefficients(touches.machine, 1):
+        yield {"name": c.name}
+
+
+def cause(machine: Machine, name: str) -> list[Coefficient]:
+    """machine, name such as EX0C → that coefficient. Raises InputError for a name that the machine lacks."""
+    found = inter_axis.coefficient(name, machine)
+    if found is None:
+        raise InputError(f"terms: axis_location: name: found {name!r}; allowed: EX0C … for axes {' '.join(machine.names)}")
+    return [found]

@@ -1,0 +1,37 @@
+"""The scale disc of a rotary axis is off centre (order 1), oval (order 2) …: `l_k cos(m q_k + φ)`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, label, need
+
+TEXT = "the angle encoder of a rotary axis has a periodic error"
+SOURCE = "ISO 230-2:2014; ISO 230-7:2015, 3.2 (orders)"
+FRAME = "axis"
+MISTAKEN = ("axis_location", "rotary_backlash")
+ADVICE = "have the encoder centred or compensated by a table of the control, or keep the term"
+REFINE: dict[str, str] = {}
+ORDERS = (1, 2, 3, 4, 5, 6)
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → orders 1 to 6 of every rotary axis."""
+    for axis in touches.machine.rotary:
+        if len(np.unique(np.round(touches.axis(axis), 3))) > 3:
+            for order in ORDERS:
+                yield {"axis": axis, "order": order}
+
+
+def cause(machine: Machine, axis: str, order: int = 1) -> list[Coefficient]:
+    """machine, rotary axis, order → cosine and sine, rad."""
+    need("encoder_harmonic", "axis", axis, machine.rotary)
+    stem, slot = label("encoder_harmonic", axis, order), Slot(axis, "motion")
+    return [
+        Coefficient(f"{stem}.cos", "rad", slot, lambda t: np.cos(order * t.axis(axis))),
+        Coefficient(f"{stem}.sin", "rad", slot, lambda t: np.sin(order * t.axis(axis))),
+    ]

@@ -1,0 +1,39 @@
+"""The first touch after an indexation or a pause reads differently."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Array, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, early, label, need
+
+TEXT = "the first touch after an indexation or a pause reads differently"
+SOURCE = "probe wake-up and settling of clamps; ISO 230-10:2022, 5.4 (warm-up touches)"
+FRAME = "probe"
+MISTAKEN = ("indexation_seating",)
+ADVICE = "make one touch that does not count after every indexation, or keep the term"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → after an indexation; after pauses that stand out."""
+    yield {"after": "indexation"}
+    waits = np.diff(touches.time)
+    if len(waits) and waits.max() > 3 * np.median(waits):
+        usual = float(np.median(waits))
+        for pause in (3 * usual, 10 * usual, 30 * usual):
+            if 2 <= int((waits > pause).sum()) <= len(waits) // 4:
+                yield {"after": "pause", "pause": pause}
+
+
+def cause(machine: Machine, after: str = "indexation", pause: float = 60.0) -> list[Coefficient]:
+    """machine, after what, pause in s → coefficient in mm, read too early when positive."""
+    need("first_touch", "after", after, ("indexation", "pause"))
+
+    def pattern(t: Touches) -> Array:
+        fresh = np.diff(t.indexation) > 0 if after == "indexation" else np.diff(t.time) > pause
+        return np.concatenate([[True], fresh]).astype(float)
+
+    return [early(label("first_touch", after, *((pause,) if after == "pause" else ())), pattern)]

@@ -1,0 +1,36 @@
+"""The table sags as it tilts: a displacement or a tilt that grows with the sine of the tilting axis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import COMPONENTS, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, early, label, need
+
+TEXT = "the table sags under its own weight as it tilts"
+SOURCE = "ISO 230-1:2012, 3.4.3 (compliance); sine of the tilt as for a beam"
+FRAME = "machine"
+MISTAKEN = ("encoder_harmonic", "rotary_tilt")
+ADVICE = "calibrate with the load that is machined, or keep the term"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → displacements and tilts with every rotary axis that is not turned fully round."""
+    for axis in touches.machine.rotary:
+        if 0.3 < np.ptp(touches.axis(axis)) < 1.4 * np.pi:
+            for component in COMPONENTS:
+                yield {"axis": axis, "component": component}
+
+
+def cause(machine: Machine, axis: str, component: str = "Y") -> list[Coefficient]:
+    """machine, tilting axis, X Y Z (displacement, mm) or A B C (tilt of its body, rad) → coefficient, times sin of the axis."""
+    need("gravity_sag", "axis", axis, machine.rotary)
+    need("gravity_sag", "component", component, COMPONENTS)
+    stem, i = label("gravity_sag", axis, component), COMPONENTS.index(component)
+    if i < 3:
+        return [early(stem, lambda t: t.machine_normal[:, i] * np.sin(t.axis(axis)))]
+    return [Coefficient(stem, "rad", Slot(axis, "inter", i), lambda t: np.sin(t.axis(axis)))]

@@ -1,0 +1,44 @@
+"""Where an axis stops depends on how far it came: a function of the length of its last move, not of its sign."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import Array, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, label, moved_axes, need
+
+TEXT = "where an axis stops depends on the length of its last move"
+SOURCE = "servo settling and guide friction; ISO 230-1:2012, 3.5.7"
+FRAME = "axis"
+MISTAKEN = ("backlash",)
+ADVICE = "approach every touch from the same distance, add a dwell after long moves, or keep the term"
+REFINE = {"length": "log"}
+
+
+def way(t: Touches, axis: str) -> Array:
+    """touches, letter → (n,) mm, how far that axis came since the touch before."""
+    place = t.axis(axis)
+    return np.abs(np.diff(place, prepend=place[:1]))
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → every linear axis, proportional to the length or settling over some length."""
+    for axis in moved_axes(touches, touches.machine.linear, 10.0):
+        yield {"axis": axis, "shape": "linear"}
+        for length in (10.0, 30.0, 100.0):
+            yield {"axis": axis, "shape": "exponential", "length": length}
+
+
+def cause(machine: Machine, axis: str, shape: str = "linear", length: float = 100.0) -> list[Coefficient]:
+    """machine, linear axis, way/length or 1 − e^(−way/length), length in mm → coefficient in mm."""
+    need("move_length_memory", "axis", axis, machine.linear)
+    need("move_length_memory", "shape", shape, ("linear", "exponential"))
+
+    def memory(t: Touches) -> Array:
+        relative = way(t, axis) / length
+        return relative if shape == "linear" else 1 - np.exp(-relative)
+
+    return [Coefficient(label("move_length_memory", axis, shape, length), "mm", Slot(axis, "motion"), memory)]

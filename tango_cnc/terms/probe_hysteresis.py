@@ -1,0 +1,37 @@
+"""The stylus does not come back to where it was: the touch is off along the deflection of the touch before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Array, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, early, label, need, normals
+
+TEXT = "the probe remembers the direction of the touch before"
+SOURCE = "ISO 230-10:2022, 6.2 (probing repeatability); kinematic re-seating of the stylus"
+FRAME = "spindle"
+MISTAKEN = ("backlash",)
+ADVICE = "touch twice and use the second touch, have the probe serviced, or keep the term"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → remembered in the spindle frame, or in the machine frame."""
+    yield {"frame": "spindle"}
+    if np.ptp(touches.axis("S")) > 0.01:
+        yield {"frame": "machine"}
+
+
+def cause(machine: Machine, frame: str = "spindle") -> list[Coefficient]:
+    """machine, frame → coefficient in mm: cosine of the angle between this and the last touch's normal."""
+    need("probe_hysteresis", "frame", frame, ("spindle", "machine"))
+
+    def pattern(t: Touches) -> Array:
+        normal = normals(t, frame)
+        result = np.zeros(len(t))
+        result[1:] = np.sum(normal[1:] * normal[:-1], axis=1)
+        return result
+
+    return [early(label("probe_hysteresis", *(() if frame == "spindle" else (frame,))), pattern)]

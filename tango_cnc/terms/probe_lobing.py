@@ -1,0 +1,38 @@
+"""The probe triggers later in some directions than in others: `√(n_sx² + n_sy²) cos(mθ + φ)` in the spindle frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Array, Machine
+from ..touches import Touches
+from . import GAP, Coefficient
+from ._cause import Variants, label, wave
+
+TEXT = "the probe's pre-travel depends on the direction around its axis"
+SOURCE = "ISO 230-10:2022, 6.4 (2D probing error); thesis section 7.3"
+FRAME = "spindle"
+MISTAKEN = ("backlash",)
+ADVICE = "orient the spindle so that the probe always touches on the same side, use a strain-gauge probe, or keep the term"
+REFINE: dict[str, str] = {}
+ORDERS = (2, 3, 4, 6)  # order 1 is the stylus offset
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → orders 2, 3, 4 and 6."""
+    for order in ORDERS:
+        yield {"order": order}
+
+
+def cause(machine: Machine, order: int = 3) -> list[Coefficient]:
+    """machine, order → cosine and sine, mm."""
+
+    def azimuth(t: Touches) -> Array:
+        result: Array = order * np.arctan2(t.spindle_normal[:, 1], t.spindle_normal[:, 0])
+        return result
+
+    def across(t: Touches) -> Array:
+        result: Array = np.hypot(t.spindle_normal[:, 0], t.spindle_normal[:, 1])
+        return result
+
+    return wave(label("probe_lobing", order), GAP, azimuth, "mm", across)

@@ -1,0 +1,30 @@
+"""A rotary axis moves along its axis at a harmonic of its angle (EZC of a C axis), which no low polynomial follows."""
+
+from __future__ import annotations
+
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, need
+from ._rotary import along, every, harmonics
+
+TEXT = "a rotary axis moves along its axis as it turns"
+SOURCE = "ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6"
+FRAME = "axis"
+MISTAKEN = (
+    "rotary_radial",
+    "rotary_tilt",
+)
+ADVICE = "check the bearing and its preload, or keep the term"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → orders 1 to 4 of every rotary axis."""
+    yield from every(touches, {axis: along(axis) for axis in touches.machine.rotary})
+
+
+def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None) -> list[Coefficient]:
+    """machine, rotary axis, order, one component or all → cosines and sines, mm, in the frame of the turning body."""
+    need("rotary_axial", "axis", axis, machine.rotary)
+    return harmonics("rotary_axial", machine, axis, order, along(axis), motion)

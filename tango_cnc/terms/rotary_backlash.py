@@ -1,0 +1,29 @@
+"""Lost motion of a rotary axis: it stops short in the direction of its last motion, `l_k d_k`."""
+
+from __future__ import annotations
+
+from ..kinematics import Slot
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, label, need
+
+TEXT = "a rotary axis has lost motion"
+SOURCE = "ISO 230-1:2012, 3.5.6; ISO 230-2:2014"
+FRAME = "axis"
+MISTAKEN = ("encoder_harmonic",)
+ADVICE = "always index from the same side, adjust the drive, or compensate the reversal value"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → every rotary axis that came from both sides."""
+    for axis in touches.machine.rotary:
+        if len(set(touches.sign(axis)) - {0.0}) == 2:
+            yield {"axis": axis}
+
+
+def cause(machine: Machine, axis: str) -> list[Coefficient]:
+    """machine, rotary axis → coefficient in rad."""
+    need("rotary_backlash", "axis", axis, machine.rotary)
+    return [Coefficient(label("rotary_backlash", axis), "rad", Slot(axis, "motion"), lambda t: t.sign(axis))]

@@ -1,0 +1,33 @@
+"""A linear scale or screw grows with its temperature: the axis is off by `q_k α(t)`."""
+
+from __future__ import annotations
+
+from ..kinematics import Slot
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import HOUR, Variants, grown, label, need, slow
+
+TEXT = "the scale of an axis grows as it warms up"
+SOURCE = "ISO 230-3:2020 clause 7; steel and glass scales grow 8 to 12 µm/m/K"
+FRAME = "axis"
+MISTAKEN = ("table_growth",)
+ADVICE = "warm the axis up by moving it, check the compensation of its scale temperature, or keep the term"
+REFINE = {"tau": "log"}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → every linear axis with time constants, a straight line, every temperature sensor."""
+    for axis in touches.machine.linear:
+        for setting in slow(touches, 5):
+            yield {"axis": axis, **setting}
+
+
+def cause(
+    machine: Machine, axis: str, shape: str = "exponential", tau: float = HOUR, sensor: str | None = None
+) -> list[Coefficient]:
+    """machine, linear axis, α(t) = value × (1 − e^(−t/tau) or t/tau) → coefficient in mm/mm of command."""
+    need("scale_drift", "axis", axis, machine.linear)
+    growing = grown(shape, tau, sensor)
+    stem = label("scale_drift", axis, *((sensor,) if sensor else (shape, tau)))
+    return [Coefficient(stem, "mm/mm/K" if sensor else "mm/mm", Slot(axis, "motion"), lambda t: t.axis(axis) * growing(t))]

@@ -1,0 +1,47 @@
+"""The spindle does not stop where it is told: the stylus, a little off its axis, swings sideways with S."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Array, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, early, label, need
+
+TEXT = "the spindle does not orient where it is told and swings the stylus"
+SOURCE = "ISO 230-7:2015; stylus offset × error of S"
+FRAME = "spindle"
+MISTAKEN = ("probe_lobing",)
+ADVICE = "orient the spindle always from the same side, centre the stylus, or keep the term"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → an orientation that differs from the others, and an error periodic in S."""
+    places = np.unique(np.round(np.degrees(touches.axis("S")), 2))
+    if len(places) > 1:
+        for place in places:
+            yield {"S": float(place)}
+        if len(places) > 3:
+            for order in (1, 2):
+                yield {"order": order}
+
+
+def cause(machine: Machine, S: float | None = None, order: int = 1) -> list[Coefficient]:
+    """machine, orientation in deg that is off, or order of an error periodic in S → sideways shifts in the spindle frame, mm."""
+    need("spindle_orientation", "order", order, (1, 2))
+
+    def there(t: Touches) -> Array:
+        return (np.abs(np.degrees(t.axis("S")) - float(S or 0.0)) < 0.5).astype(float)
+
+    def part(i: int, weight: str) -> Coefficient:
+        def pattern(t: Touches) -> Array:
+            by = there(t) if weight == "at" else (np.cos if weight == "cos" else np.sin)(order * t.axis("S"))
+            return t.spindle_normal[:, i] * by
+
+        return early(f"{stem}.{'xy'[i]}{'' if weight == 'at' else weight}", pattern)
+
+    stem = label("spindle_orientation", *((S,) if S is not None else (f"order {order}",)))
+    weights = ("at",) if S is not None else ("cos", "sin")
+    return [part(i, weight) for weight in weights for i in (0, 1)]

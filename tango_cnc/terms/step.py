@@ -1,0 +1,40 @@
+"""A knock, a restart, a re-seated or remounted table: everything sits somewhere else from one touch on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, displaced, label
+
+TEXT = "something moved at once (restart, re-seated probe, remounted table, knock)"
+SOURCE = "change-point model; thesis section 7.3 (dismount and remount)"
+FRAME = "machine or table"
+MISTAKEN = ("thermal_drift", "table_drift")
+ADVICE = "find out what happened at that moment and measure again; keep the term only if it cannot be repeated"
+REFINE = {"at": "touch"}
+FEWEST = 6  # touches before and after
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → every fourth touch and the beginning of every indexation, in both frames."""
+    n = len(touches)
+    begins = np.flatnonzero(np.diff(touches.indexation)) + 2
+    for at in sorted({*begins.tolist(), *range(FEWEST + 1, n - FEWEST, 4)}):
+        if FEWEST < at <= n - FEWEST:
+            for frame in ("machine", "table"):
+                yield {"at": int(at), "frame": frame}
+
+
+def cause(machine: Machine, at: float, frame: str = "machine", direction: Sequence[float] | None = None) -> list[Coefficient]:
+    """machine, first touch after it (1 = first touch used) → displacement in x y z of that frame, mm."""
+    at = int(at)
+
+    def after(t: Touches) -> np.ndarray:
+        return (np.arange(1, len(t) + 1) >= at).astype(float)
+
+    return displaced(label("step", at, frame), frame, after, direction)

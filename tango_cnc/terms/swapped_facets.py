@@ -1,0 +1,40 @@
+"""Two facets are exchanged in the log of one indexation: each is read with the offset of the other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Array, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, early, label
+
+TEXT = "two facets are exchanged in the readings"
+SOURCE = "clerical error; both are read with the offset of the other"
+FRAME = "log"
+MISTAKEN = ("chip",)
+ADVICE = "exchange the two facets in the readings, or measure this indexation again"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → every pair of parallel facets of one indexation."""
+    for number in np.unique(touches.indexation):
+        rows = np.flatnonzero(touches.indexation == number)
+        for i, row in enumerate(rows):
+            for other in rows[i + 1 :]:
+                if touches.facet[row] != touches.facet[other] and touches.normal[row] @ touches.normal[other] > 0.999:
+                    pair = (touches.facet[row], touches.facet[other])
+                    yield {"facets": pair, "first": int(rows[0]) + 1, "last": int(rows[-1]) + 1}
+
+
+def cause(machine: Machine, facets: tuple[str, str], first: int = 1, last: int = 2**31) -> list[Coefficient]:
+    """machine, two facets, touches between which they are exchanged → difference of their offsets, mm."""
+    one, two = (str(f) for f in facets)
+
+    def pattern(t: Touches) -> Array:
+        number, facet = np.arange(1, len(t) + 1), np.array(t.facet)
+        inside = (number >= first) & (number <= last)
+        return inside * ((facet == one).astype(float) - (facet == two))
+
+    return [early(label("swapped_facets", one, two, first), pattern)]

@@ -1,0 +1,34 @@
+"""The table drifts and takes the drift along as it turns: `n_w·a f(t)` with the normal in the table frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import HOUR, Variants, displaced, grown, label, slow
+
+TEXT = "the table creeps on its turntable"
+SOURCE = "ISO 230-3:2020 clause 5, seen from the table"
+FRAME = "table"
+MISTAKEN = ("thermal_drift",)
+ADVICE = "check the table's clamping and coolant temperature, or keep the term"
+REFINE = {"tau": "log"}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → time constants, a straight line, every temperature sensor."""
+    yield from slow(touches)
+
+
+def cause(
+    machine: Machine,
+    shape: str = "exponential",
+    tau: float = HOUR,
+    sensor: str | None = None,
+    direction: Sequence[float] | None = None,
+) -> list[Coefficient]:
+    """machine, f(t) = 1 − e^(−t/tau) or t/tau, tau in s → coefficients in mm (mm/K for a sensor), table frame."""
+    stem = label("table_drift", *((sensor,) if sensor else (shape, tau)))
+    return displaced(stem, "table", grown(shape, tau, sensor), direction, "mm/K" if sensor else "mm")

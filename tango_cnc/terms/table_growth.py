@@ -1,0 +1,29 @@
+"""The table grows with its temperature: `n_w·p α(t)`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import HOUR, Variants, early, grown, label, slow
+
+TEXT = "the table grows as it warms up"
+SOURCE = "ISO 230-3:2020 clause 5; steel grows 12 µm/m/K"
+FRAME = "table"
+MISTAKEN = ("scale_drift",)
+ADVICE = "let table and coolant settle, measure the scale bar at the beginning and at the end, or keep the term"
+REFINE = {"tau": "log"}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → time constants, a straight line, every temperature sensor."""
+    yield from slow(touches)
+
+
+def cause(machine: Machine, shape: str = "exponential", tau: float = HOUR, sensor: str | None = None) -> list[Coefficient]:
+    """machine, α(t) = value × (1 − e^(−t/tau) or t/tau) → coefficient in mm/mm (mm/mm/K for a sensor)."""
+    growing = grown(shape, tau, sensor)
+    stem = label("table_growth", *((sensor,) if sensor else (shape, tau)))
+    return [early(stem, lambda t: np.sum(t.normal * t.point, axis=1) * growing(t), "mm/mm/K" if sensor else "mm/mm")]

@@ -1,0 +1,34 @@
+"""Warm-up: everything on the table drifts against the tool, `n·a f(t)` with the normal in the machine frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import HOUR, Variants, displaced, grown, label, slow
+
+TEXT = "the machine drifts as it warms up"
+SOURCE = "ISO 230-3:2020 clause 5; thesis section 7.3, procedure I"
+FRAME = "machine"
+MISTAKEN = ("table_drift", "step")
+ADVICE = "warm the machine up before calibrating, mix the order of indexations, or keep the term"
+REFINE = {"tau": "log"}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → time constants, a straight line, every temperature sensor."""
+    yield from slow(touches)
+
+
+def cause(
+    machine: Machine,
+    shape: str = "exponential",
+    tau: float = HOUR,
+    sensor: str | None = None,
+    direction: Sequence[float] | None = None,
+) -> list[Coefficient]:
+    """machine, f(t) = 1 − e^(−t/tau) or t/tau, tau in s → coefficients in mm (mm/K for a sensor), machine frame."""
+    stem = label("thermal_drift", *((sensor,) if sensor else (shape, tau)))
+    return displaced(stem, "machine", grown(shape, tau, sensor), direction, "mm/K" if sensor else "mm")

@@ -1,0 +1,28 @@
+"""The control latches its position too late: the reading is off by feed × delay along the approach."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, early
+
+TEXT = "the control reads its position a moment after the probe has triggered"
+SOURCE = "1 µm per ms at 60 mm/min; ISO 230-10:2022, annex A (feed dependence)"
+FRAME = "probe"
+MISTAKEN = ("pretravel_anisotropy",)
+ADVICE = "always measure with the feed at which the probe was calibrated, or keep the term"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → the one pattern, where the feed is recorded and varies."""
+    if np.isfinite(touches.feed).all() and np.ptp(touches.feed) > 0:
+        yield {}
+
+
+def cause(machine: Machine) -> list[Coefficient]:
+    """machine → delay in s: a late latch reads too deep, so the surface appears too far inside."""
+    return [early("trigger_latency", lambda t: -np.nan_to_num(t.feed) / 60.0, "s")]
