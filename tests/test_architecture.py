@@ -24,16 +24,17 @@ INTERNAL = {
     "duration": "records",
     "plan": "records kinematics check",
     "link": "records files plan duration __version__",
+    "iso230": NUMERIC,
     "design": f"{NUMERIC} plan check duration",
     "uncertainty": NUMERIC,
     "diagnose": NUMERIC,
-    "verify": f"{NUMERIC} files",
-    "compensate": f"{NUMERIC} verify uncertainty files",
+    "verify": f"{NUMERIC} files iso230",
+    "compensate": f"{NUMERIC} iso230 verify uncertainty files",
     "history": "records files",
-    "reproduce": f"{NUMERIC} files verify uncertainty diagnose report sim",
-    "report": f"{NUMERIC} verify uncertainty diagnose",
+    "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
+    "report": f"{NUMERIC} iso230 verify uncertainty diagnose",
     "web": "records files history report",
-    "commands": f"{NUMERIC} __version__ files check duration plan link design uncertainty diagnose verify compensate history "
+    "commands": f"{NUMERIC} __version__ files iso230 check duration plan link design uncertainty diagnose verify compensate history "
     "reproduce report web",
     "cli": "records commands __version__",
 }
@@ -42,8 +43,10 @@ POSTS_MAY = ("tango_cnc.records", "tango_cnc.plan.digest", "postprocessors")
 SIMULATOR_MAY = ("tango_cnc.records", "tango_cnc.files", "sim_controller")
 # The simulator is a program of its own; it ends with the same exit codes and sentences as `tango`.
 EXCEPTIONS = {"sim_controller.__main__": ("tango_cnc.cli",)}
-USES_POSTS = ("tango_cnc.commands", "postprocessors")
-USES_SIMULATOR = ("tango_cnc.commands", "tango_cnc.reproduce", "sim_controller")
+USED_BY = {
+    "postprocessors": ("tango_cnc.commands", "postprocessors"),
+    "sim_controller": ("tango_cnc.commands", "tango_cnc.reproduce", "sim_controller"),
+}
 
 # Third-party libraries beyond numpy and scipy, and the only modules that may import them.
 LIBRARIES = {
@@ -55,24 +58,10 @@ LIBRARIES = {
     "dask": ("tango_cnc.uncertainty",),
 }
 # Clients know bytes and seconds as arguments; clock, port and file belong to the session around them.
-TOUCHES_THE_WORLD = set(
-    [
-        "asyncio",
-        "fcntl",
-        "os",
-        "pathlib",
-        "random",
-        "secrets",
-        "select",
-        "socket",
-        "ssl",
-        "subprocess",
-        "tempfile",
-        "termios",
-        "threading",
-        "time",
-    ]
-)
+TOUCHES_THE_WORLD = {
+    *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
+    *("subprocess", "tempfile", "termios", "threading", "time"),
+}
 LINK_WITH_IO = {"transport", "session", "journal", "_measure"}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "duration", "uncertainty", "diagnose")
 

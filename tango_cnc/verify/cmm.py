@@ -40,9 +40,10 @@ class Comparison:
 
 
 def read_cmm(file: Path, artefact: Artefact) -> dict[Id, Array]:
-    """CSV with `facet` and either `x,y,z` (mm, a point on the surface, table frame) or `offset` (mm along the nominal normal).
+    """CSV file → facet id: (3,) mm, measured point, table frame; several rows of one facet are averaged.
 
-    → facet id: (3,) mm, measured point; several rows of one facet are averaged. Raises InputError for anything else.
+    The file has `facet` and either `x,y,z` (mm, a point on the surface, table frame) or `offset` (mm along the nominal
+    normal). Raises InputError for anything else.
     """
     rows = list(csv.reader(read_text(file).splitlines()))
     header = [name.strip() for name in rows[0]] if rows else []
