@@ -26,16 +26,16 @@ INTERNAL = {
     "link": "records files plan duration __version__",
     "iso230": NUMERIC,
     "design": f"{NUMERIC} plan check duration",
-    "uncertainty": NUMERIC,
-    "diagnose": NUMERIC,
+    "uncertainty": f"{NUMERIC} files",
+    "diagnose": f"{NUMERIC} files",
     "verify": f"{NUMERIC} files iso230",
     "compensate": f"{NUMERIC} iso230 verify uncertainty files",
     "history": "records files",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
     "report": f"{NUMERIC} iso230 verify uncertainty diagnose",
     "web": "records files history report",
-    "commands": f"{NUMERIC} __version__ files iso230 check duration plan link design uncertainty diagnose verify compensate history "
-    "reproduce report web",
+    "commands": f"{NUMERIC} __version__ files iso230 check duration plan link design uncertainty diagnose verify compensate "
+    "history reproduce report web",
     "cli": "records commands __version__",
 }
 # Packages beside tango_cnc, and who may import them.
@@ -63,7 +63,7 @@ TOUCHES_THE_WORLD = {
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
 LINK_WITH_IO = {"transport", "session", "journal", "_measure"}
-PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "duration", "uncertainty", "diagnose")
+PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "duration")
 
 
 def modules(root: Path) -> dict[str, Path]:
@@ -110,9 +110,7 @@ def complaints(name: str, imported: str) -> Iterator[str]:
         yield f"{name} imports {imported}"
     elif top == "tango_cnc" and inside(name, ("sim_controller",)) and not inside(imported, SIMULATOR_MAY):
         yield f"{name} imports {imported}: the simulator judges the product and shares no mathematics with it"
-    elif (top == "postprocessors" and not inside(name, USES_POSTS)) or (
-        top == "sim_controller" and not inside(name, USES_SIMULATOR)
-    ):
+    elif top in USED_BY and not inside(name, USED_BY[top]):
         yield f"{name} imports {imported}"
     elif top in LIBRARIES and not inside(name, LIBRARIES[top]):
         yield f"{name} imports {imported}: {', '.join(LIBRARIES[top])} may"

@@ -54,7 +54,7 @@ def read_cmm(file: Path, artefact: Artefact) -> dict[Id, Array]:
             raise complaint(file, 1, "header", f"the unknown column {name!r}", f"{', '.join(known)}.{suggestion(name, known)}")
     if "facet" not in header or points == ("offset" in header):
         found = f"the columns {', '.join(header) or 'none'}"
-        raise complaint(file, 1, "header", found, "facet and either x, y, z (mm, table frame) or offset (mm along the nominal normal)")
+        raise complaint(file, 1, "header", found, "facet and either x, y, z (mm, table frame) or offset (mm along the normal)")
     found_points: dict[Id, list[Array]] = {}
     for line, row in enumerate(rows[1:], 2):
         if not any(cell.strip() for cell in row):
