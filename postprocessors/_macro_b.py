@@ -1,12 +1,14 @@
 """The Macro-B family: G31 that says nothing when it misses, #506x, DPRNT. One `Words` table a dialect, the steps are shared.
 
-Main program and macros are O-programs of one file. A touch is six lines that a person can read; what they do is written once,
-in four macros after the main program:
+Four pieces of macro text do everything near the table (`_macro_b_text.py`):
 
-    P+1  protected move: G31 to X Y Z, alarm when it stops short
-    P+2  measuring move: G31 from I J K to X Y Z; #110 = 1 contact, 0 none, 2 early; #111 … machine coordinates
-    P+3  record of touch T, spindle at S
-    P+4  rotary axes A B C have arrived
+    1  protected move: G31 to X Y Z, alarm when it stops short
+    2  measuring move: G31 from I J K to X Y Z; #110 = 1 contact, 0 none, 2 early; #111 … machine coordinates
+    3  record of touch T, spindle at S
+    4  rotary axes A B C have arrived
+
+They stand in the program wherever they are needed (`macros: inline`: nothing to load, runs from memory and drip-fed), or once, as
+O-programs behind the main program (`macros: called`: a quarter of the size, but only from memory).
 
 All targets are machine coordinates. G31 lives in the work frame, so the constant difference of both is read once with the axes
 at rest (#101 …) and taken off; each touch reads it again and stops when it has changed.
@@ -20,36 +22,23 @@ from typing import Any
 
 from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, comment, degrees, early_distance, number, rolled, rolls_over
-
-ARGUMENT = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
-FRAME = 100  # #101 …: machine minus work coordinate of axis 1 …
-MISSES = 109  # #109: touches without contact in a row
-FLAG = 110  # #110, then #111 …: flag and machine coordinates of the last touch
+from . import _macro_b_text as text
+from ._base import Job, Leg, Option, comment, degrees, number, rolled, rolls_over
+from ._macro_b_text import FLAG, FRAME, MISSES, Words, axis_numbers
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
 
-
-@dataclass(frozen=True)
-class Words:
-    """What differs between the dialects of the family."""
-
-    open: tuple[str, ...] = ("POPEN",)
-    close: tuple[str, ...] = ("PCLOS",)
-    end: str = "M30"
-    alarm: str = "#3000={number}({text})"
-    first_alarm: int = 81
-    o_digits: int = 4
-
-
 OPTIONS = (
-    Option("program_number", 8700, "O number of the program; its macros take the next four", verified=True),
-    Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94", "modal state that the control knows every word of", codes=True),
+    Option("program_number", 8700, "O number of the program; macros take the next four", verified=True),
+    Option(
+        "macros", "inline", "where the macro text stands: in every touch, or called from behind M30", True, ("inline", "called")
+    ),
+    Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
     Option("probe_on", "", "words that switch the probe on, e.g. G65 P9832", codes=True),
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
-    Option("rollover", True, "a rotary axis that may stand anywhere takes angles of 0 … 360 the short way (ROA, param 1008#0)"),
+    Option("rollover", True, "rotary axes that may stand anywhere take angles of 0 to 360 (ROA, param 1008#0); false: as planned"),
     Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
     Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
     Option("print_format", "44", "digits before and after the point of a printed coordinate", choices=("44", "43", "53")),
@@ -60,163 +49,120 @@ OPTIONS = (
 )
 
 DOUBTS = (
-    "G31 ends at once when the probe is deflected and stores the end point in #506X when nothing is met",
+    "G31 ends at once when the probe is deflected and stores the end point in #506x when nothing is met",
     "G53 G0 turns a rotary axis in machine coordinates",
-    "#506X #502X #504X of axes at rest differ by constants",
-    "the probe must be on: nothing but its signal stops a protected move",
+    "#506x, #502x and #504x of axes at rest differ by constants",
+    "a probe that is off stops nothing: protected moves protect only while it is on",
 )
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """The steps of the family for the words of one dialect."""
+
+    words: Words
+
+    def stem(self, job: Job) -> str:
+        return f"O{job.options['program_number']:0{self.words.o_digits}d}"
+
+    def begin(self, job: Job) -> Iterator[str]:
+        plan, machine = job.plan, job.machine
+        _check(job)
+        yield "%"
+        yield f"{self.stem(job)}(TANGO {comment(machine.name, 40)})"
+        yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
+        yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
+        yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
+        for doubt in job.unverified:
+            yield f"(UNVERIFIED {comment(doubt, 70)})"
+        yield job.options["reset"]
+        yield "(MACHINE MINUS WORK COORDINATES)"
+        yield self.words.wait
+        for name, axis in axis_numbers(job).items():
+            yield f"#{FRAME + axis}=#{5020 + axis}-#{5040 + axis}({name})"
+        yield f"#{MISSES}=0"
+        yield from self.words.open
+        yield f"#{FLAG}={len(plan.touches)}"
+        yield f"DPRNT[TANGO*START*{job.mark}*#{FLAG}[60]]"
+
+    def probe_on(self, job: Job) -> Iterator[str]:
+        yield job.options["probe_on"] or "(NO WORDS STATED THAT SWITCH THE PROBE ON)"
+
+    def probe_off(self, job: Job) -> Iterator[str]:
+        yield job.options["probe_off"] or "(NO WORDS STATED THAT SWITCH THE PROBE OFF)"
+
+    def retract(self, job: Job, leg: Leg) -> Iterator[str]:
+        yield "(UP)"
+        yield from self._protected(job, leg)
+
+    def clear(self, job: Job, leg: Leg) -> Iterator[str]:
+        yield "(OVER)"
+        yield from self._protected(job, leg)
+
+    def approach(self, job: Job, leg: Leg) -> Iterator[str]:
+        yield f"N{leg.touch.number}(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
+        yield from self._protected(job, leg)
+
+    def _protected(self, job: Job, leg: Leg) -> Iterator[str]:
+        values = _words(job, "XYZ", leg.to)
+        yield from self._macro(job, 1, values | {"F": number(job.options["positioning_feed"])})
+
+    def index(self, job: Job, leg: Leg) -> Iterator[str]:
+        options = job.options
+        where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
+        yield f"(INDEX {where})"
+        if "S" in leg.target and options["orient"]:
+            yield f"{options['orient']}{_spindle(job, leg.target['S'])}"
+        turned = {}
+        for name in job.machine.rotary:
+            if name in leg.target:
+                turned[name] = number(_angle(job, name, leg.target[name]), options["decimals"])
+                yield from filter(None, [options["unclamp"].get(name)])
+                yield f"G90 G53 G0 {name}{turned[name]}"
+                yield from filter(None, [options["clamp"].get(name)])
+        if turned:
+            yield from self._macro(job, 4, turned)
+
+    def probe(self, job: Job, leg: Leg) -> Iterator[str]:
+        start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+        values = _words(job, "XYZ", leg.to) | dict(zip("IJK", _words(job, "XYZ", start).values(), strict=True))
+        yield from self._macro(job, 2, values | {"F": number(job.plan.strategy.approach.feed)})
+
+    def back(self, job: Job, leg: Leg) -> Iterator[str]:
+        numbers = axis_numbers(job)
+        place = " ".join(f"{name}[{value}-#{FRAME + numbers[name]}]" for name, value in _words(job, "XYZ", leg.to).items())
+        yield f"G1 {place} F{number(job.options['positioning_feed'])}"
+
+    def record(self, job: Job, leg: Leg) -> Iterator[str]:
+        yield from self._macro(job, 3, {"T": number(leg.touch.number), "S": _spindle(job, leg.to["S"])})
+
+    def end(self, job: Job) -> Iterator[str]:
+        yield f"#{FLAG}={len(job.plan.touches)}"
+        yield f"DPRNT[TANGO*END*#{FLAG}[60]]"
+        yield from self.words.close
+        yield self.words.end
+        if job.options["macros"] == "called":
+            for which, (title, piece) in enumerate(text.PIECES, 1):
+                yield f"O{job.options['program_number'] + which:0{self.words.o_digits}d}({title})"
+                yield from piece(job, self.words, None)
+                yield "M99"
+        yield "%"
+
+    def _macro(self, job: Job, which: int, arguments: Mapping[str, str]) -> Iterator[str]:
+        """number of a piece, {letter: number as text} → its call, or its lines."""
+        if job.options["macros"] == "called":
+            yield f"G65 P{job.options['program_number'] + which} {' '.join(letter + value for letter, value in arguments.items())}"
+        else:
+            yield from text.PIECES[which - 1][1](job, self.words, arguments)
+
+
+STEPS = ("stem", "begin", "probe_on", "retract", "clear", "index", "approach", "probe", "back", "record", "probe_off", "end")
 
 
 def steps(words: Words) -> dict[str, Any]:
     """words of a dialect → the steps of its post."""
-
-    def alarm(offset: int, text: str) -> str:
-        return words.alarm.format(number=words.first_alarm + offset, text=text)
-
-    def begin(job: Job) -> Iterator[str]:
-        plan, machine = job.plan, job.machine
-        _check(job)
-        yield "%"
-        yield f"O{_macro(job, 0):0{words.o_digits}d}(TANGO {comment(machine.name, 40)})"
-        yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
-        yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
-        yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
-        for text in job.unverified:
-            yield f"(UNVERIFIED {comment(text, 70)})"
-        yield job.options["reset"]
-        yield "G53"
-        yield "(MACHINE MINUS WORK COORDINATES)"
-        for i, axis in _numbers(job).items():
-            yield f"#{FRAME + axis}=#{5020 + axis}-#{5040 + axis}({i})"
-        yield f"#{MISSES}=0"
-        yield from words.open
-        yield f"#{FLAG}={len(plan.touches)}"
-        yield f"DPRNT[TANGO*START*{job.mark}*#{FLAG}[60]]"
-
-    def probe_on(job: Job) -> Iterator[str]:
-        yield job.options["probe_on"] or "(NO WORDS STATED THAT SWITCH THE PROBE ON)"
-
-    def probe_off(job: Job) -> Iterator[str]:
-        yield job.options["probe_off"] or "(NO WORDS STATED THAT SWITCH THE PROBE OFF)"
-
-    def protected(job: Job, leg: Leg) -> Iterator[str]:
-        yield f"G65 P{_macro(job, 1)} {_xyz(job, leg.to)} F{number(job.options['positioning_feed'])}"
-
-    def index(job: Job, leg: Leg) -> Iterator[str]:
-        decimals = job.options["decimals"]
-        where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-        yield f"(INDEX {where})"
-        if "S" in leg.target and job.options["orient"]:
-            yield f"{job.options['orient']}{number(rolled(degrees(leg.target['S']), decimals), decimals)}"
-        turned = []
-        for name in job.machine.rotary:
-            if name not in leg.target:
-                continue
-            turned.append(f"{name}{number(_angle(job, name, leg.target[name]), decimals)}")
-            yield from filter(None, [job.options["unclamp"].get(name)])
-            yield f"G90 G53 G0 {turned[-1]}"
-            yield from filter(None, [job.options["clamp"].get(name)])
-        if turned:
-            yield f"G65 P{_macro(job, 4)} {' '.join(turned)}"
-
-    def approach(job: Job, leg: Leg) -> Iterator[str]:
-        yield f"N{leg.touch.number}(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
-        yield from protected(job, leg)
-
-    def probe(job: Job, leg: Leg) -> Iterator[str]:
-        start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
-        decimals = job.options["decimals"]
-        ijk = " ".join(f"{letter}{number(start[name], decimals)}" for letter, name in zip("IJK", "XYZ", strict=True))
-        yield f"G65 P{_macro(job, 2)} {_xyz(job, leg.to)} {ijk} F{number(job.plan.strategy.approach.feed)}"
-
-    def back(job: Job, leg: Leg) -> Iterator[str]:
-        place = {name: number(leg.to[name], job.options["decimals"]) for name in "XYZ"}
-        numbers = _numbers(job)
-        words_ = " ".join(f"{name}[{place[name]}-#{FRAME + numbers[name]}]" for name in "XYZ")
-        yield f"G1 {words_} F{number(job.options['positioning_feed'])}"
-
-    def record(job: Job, leg: Leg) -> Iterator[str]:
-        angle = rolled(degrees(leg.to["S"]), job.options["decimals"])
-        yield f"G65 P{_macro(job, 3)} T{number(leg.touch.number)} S{number(angle, job.options['decimals'])}"
-
-    def end(job: Job) -> Iterator[str]:
-        yield f"#{FLAG}={len(job.plan.touches)}"
-        yield f"DPRNT[TANGO*END*#{FLAG}[60]]"
-        yield from words.close
-        yield words.end
-        yield from macros(job)
-        yield "%"
-
-    def macros(job: Job) -> Iterator[str]:
-        tolerance = number(job.options["tolerance"])
-        axis = _numbers(job)
-        xyz = [(ARGUMENT[name], axis[name], 30 + i) for i, name in enumerate("XYZ", 1)]
-        short = "+".join(f"[#{5060 + a}-#{w}]*[#{5060 + a}-#{w}]" for _, a, w in xyz)
-        yield f"O{_macro(job, 1):0{words.o_digits}d}(PROTECTED MOVE TO MACHINE X Y Z AT F)"
-        for argument, a, _ in xyz:
-            yield f"IF[#{argument}EQ#0]THEN#{argument}=#{5020 + a}"
-        for argument, a, work in xyz:
-            yield f"#{work}=#{argument}-#{FRAME + a}"
-        yield "G31 X#31 Y#32 Z#33 F#9"
-        yield f"IF[SQRT[{short}]GT{tolerance}]THEN{alarm(0, 'PROBE MET SOMETHING ON ITS WAY')}"
-        yield "M99"
-        yield f"O{_macro(job, 2):0{words.o_digits}d}(MEASURING MOVE FROM MACHINE I J K TO X Y Z AT F)"
-        for argument, a, work in xyz:
-            yield f"#{work}=#{argument}-#{FRAME + a}"
-        yield "G31 X#31 Y#32 Z#33 F#9"
-        for name, a in axis.items():
-            yield f"#{FLAG + a}=#{5060 + a}+#{5020 + a}-#{5040 + a}({name})"
-        for _, a, _ in xyz:
-            moved = f"ABS[#{5020 + a}-#{5040 + a}-#{FRAME + a}]"
-            yield f"IF[{moved}GT0.001]THEN{alarm(1, 'WORK OFFSET CHANGED')}"
-        start = "+".join(f"[#{FLAG + a}-#{4 + i}]*[#{FLAG + a}-#{4 + i}]" for i, (_, a, _) in enumerate(xyz))
-        yield f"#{FLAG}=1"
-        yield f"IF[SQRT[{start}]LT{number(early_distance(job.plan))}]THEN#{FLAG}=2"
-        yield f"IF[SQRT[{short}]LT{tolerance}]THEN#{FLAG}=0"
-        yield f"#{MISSES}=#{MISSES}+1"
-        yield f"IF[#{FLAG}NE0]THEN#{MISSES}=0"
-        yield f"IF[#{MISSES}GE{job.options['misses']}]THEN{alarm(2, 'NO CONTACT. IS THE PROBE ALIVE')}"
-        yield "M99"
-        yield f"O{_macro(job, 3):0{words.o_digits}d}(RECORD OF TOUCH T WITH SPINDLE AT S)"
-        form = job.options["print_format"]
-        coordinates = "*".join(f"{name}#{FLAG + a}[{form}]" for name, a in axis.items())
-        yield f"DPRNT[P#20[60]*H#{FLAG}[10]*{coordinates}*S#19[{form}]]"
-        yield "M99"
-        yield f"O{_macro(job, 4):0{words.o_digits}d}(ROTARY AXES HAVE ARRIVED AT A B C)"
-        yield "G53"
-        for name in job.machine.rotary:
-            argument, a = ARGUMENT[name], axis[name]
-            yield f"IF[#{argument}EQ#0]THEN#{argument}=#{5020 + a}"
-            yield f"#31=ABS[#{5020 + a}-#{argument}]"
-            yield "#31=ABS[#31-360*FIX[#31/360+0.5]]"
-            yield f"IF[#31GT0.01]THEN{alarm(3, 'ROTARY AXIS NOT IN PLACE')}"
-        yield "M99"
-
-    return {
-        "stem": lambda job: f"O{_macro(job, 0):0{words.o_digits}d}",
-        "begin": begin,
-        "probe_on": probe_on,
-        "retract": protected,
-        "clear": protected,
-        "index": index,
-        "approach": approach,
-        "probe": probe,
-        "back": back,
-        "record": record,
-        "probe_off": probe_off,
-        "end": end,
-    }
-
-
-def _macro(job: Job, which: int) -> int:
-    return int(job.options["program_number"]) + which
-
-
-def _numbers(job: Job) -> dict[str, int]:
-    """job → {axis letter: its number in the system variables}, spindle left out."""
-    names = [name for name in job.machine.names if name != "S"]
-    stated: Mapping[str, Any] = job.options["axis_numbers"]
-    return {name: int(stated[name]) for name in names} if stated else {name: i for i, name in enumerate(names, 1)}
+    family = _Steps(words)
+    return {name: getattr(family, name) for name in STEPS}
 
 
 def _check(job: Job) -> None:
@@ -224,15 +170,19 @@ def _check(job: Job) -> None:
     machine, options = job.machine, job.options
     stated = options["axis_numbers"]
     names = [name for name in machine.names if name != "S"]
-    if stated and (sorted(stated) != sorted(names) or sorted(set(stated.values())) != sorted(stated.values())):
-        raise InputError(f"controller.axis_numbers: found {stated!r}; allowed: a number of its own for each of {', '.join(names)}")
-    if any(not isinstance(n, int) or not 1 <= n <= 8 for n in stated.values()):
-        raise InputError(f"controller.axis_numbers: found {stated!r}; allowed: whole numbers 1 … 8")
+    given = list(stated.values())
+    fits = sorted(stated) == sorted(names) and len(set(map(str, given))) == len(given)
+    if stated and not (fits and all(isinstance(n, int) and 1 <= n <= 8 for n in given)):
+        raise InputError(
+            f"controller.axis_numbers: found {stated!r}; allowed: a number 1 … 8 of its own for each of {', '.join(names)}"
+        )
     if not 1 <= options["program_number"] <= 9995:
         raise InputError(f"controller.program_number: found {options['program_number']}; allowed: 1 … 9995")
+    if options["positioning_feed"] <= 0 or options["tolerance"] <= 0 or options["misses"] < 1:
+        raise InputError("controller: found positioning_feed, tolerance or misses of 0 or less; allowed: more than 0")
     for key in ("unclamp", "clamp"):
         for name, word in options[key].items():
-            if name not in machine.rotary or not isinstance(word, str) or not word.replace(" ", "").isalnum():
+            if name not in machine.rotary or not (isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()):
                 raise InputError(
                     f"controller.{key}: found {name!r}: {word!r}; allowed: a word such as M10 for {', '.join(machine.rotary)}"
                 )
@@ -242,10 +192,16 @@ def _check(job: Job) -> None:
 
 
 def _angle(job: Job, name: str, value: float) -> float:
+    """axis letter, rad → deg to command."""
     angle = degrees(value)
     return rolled(angle, job.options["decimals"]) if job.options["rollover"] and rolls_over(job.machine, name) else angle
 
 
-def _xyz(job: Job, place: Mapping[str, float]) -> str:
-    """Axis words of the linear axes whose place is known."""
-    return " ".join(f"{name}{number(place[name], job.options['decimals'])}" for name in "XYZ" if name in place)
+def _spindle(job: Job, value: float) -> str:
+    """rad → angle of the spindle in [0, 360) as text."""
+    return number(rolled(degrees(value), job.options["decimals"]), job.options["decimals"])
+
+
+def _words(job: Job, names: str, place: Mapping[str, float]) -> dict[str, str]:
+    """axis letters, positions → {letter: number as text} of those that are known."""
+    return {name: number(place[name], job.options["decimals"]) for name in names if name in place}

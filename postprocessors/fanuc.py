@@ -1,6 +1,7 @@
 """Fanuc 0i, 16i, 18i, 21i, 30i with custom macro B (B-63534EN, B-63944EN; docs/dialects.md says which facts are confirmed)."""
 
 from ._base import Post
-from ._macro_b import DOUBTS, OPTIONS, Words, steps
+from ._macro_b import DOUBTS, OPTIONS, steps
+from ._macro_b_text import Words
 
 POST = Post(title="Fanuc macro B", extension="nc", options=OPTIONS, doubts=DOUBTS, **steps(Words()))

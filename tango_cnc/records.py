@@ -310,7 +310,7 @@ class Plan:
                 if changes := self._changes(at, target):
                     yield Move(kind, changes, touch.number)  # type: ignore[arg-type]
                 at = target
-        last = len(self.touches)
+        last = self.touches[-1].number
         if last + 1 in turns:
             yield from self._turn(turns[last + 1], at, last)
 

@@ -1,7 +1,7 @@
 """Cell → Plan: where every touch happens and how the probe gets there without touching anything else."""
 
-from .build import OBSTRUCTED, plan
+from .build import OBSTRUCTED, part, plan
 from .digest import plan_hash
 from .motion import last_motion
 
-__all__ = ["OBSTRUCTED", "last_motion", "plan", "plan_hash"]
+__all__ = ["OBSTRUCTED", "last_motion", "part", "plan", "plan_hash"]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,27 @@ def plan(cell: Cell, obstructed: str = "refuse") -> Plan:
     return Plan(machine, artefact, cell.strategy, touches, turns, left_out)
 
 
+def part(whole: Plan, numbers: Sequence[int]) -> Plan:
+    """plan, numbers of touches → the plan of these alone, numbers and order kept, with a safe way between them (for --resume).
+
+    Raises InputError for a number that the plan lacks, and when no touch is left.
+    """
+    wanted = set(numbers)
+    unknown = wanted - {touch.number for touch in whole.touches}
+    if unknown or not wanted:
+        found = f"touch {min(unknown)}" if unknown else "no touch"
+        raise InputError(f"part of a plan: found {found}; allowed: touches 1 … {whole.touches[-1].number} of the plan")
+    touches = tuple(touch for touch in whole.touches if touch.number in wanted)
+    machine, chain = whole.machine, kinematics.chain(whole.machine)
+    station = np.array([[i.position.get(name, 0.0) for name in machine.names] for i in whole.strategy.indexations])
+    spindle = kinematics.spindle_axis(chain, station)
+    at = np.array([touch.indexation for touch in touches])
+    over = kinematics.tip(chain, np.array([touch.over for touch in touches]))
+    level = _highest(np.einsum("ij,ij->i", over, spindle[at]), at, len(station))
+    clearance = Clearance(machine, chain, check.solid(whole.artefact), level, station)
+    return replace(whole, touches=touches, turns=clearance.turns(touches, lambda index: _pose(whole, index)))
+
+
 def _highest(height: Array, at: Rows, count: int) -> Array:
     """(n,) heights, (n,) indexation of each → (count,) the largest of each indexation."""
     highest = np.full(count, -np.inf)
@@ -123,7 +145,7 @@ def _within(cell: Cell, facets: Sequence[str], at: Rows, positions: Mapping[str,
         )
 
 
-def _pose(cell: Cell, index: int) -> str:
+def _pose(cell: Cell | Plan, index: int) -> str:
     """indexation, from 0 → 'B 30 C -90 S 0'."""
     position = cell.strategy.indexations[index].position
     return " ".join(f"{name} {math.degrees(position.get(name, 0.0)):g}" for name in (*cell.machine.rotary, "S"))

@@ -1,0 +1,128 @@
+"""The pieces of macro text of the Macro-B family, for a call (arguments in #1 … #26) or in place (arguments as numbers)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ._base import Job, early_distance, number
+
+ARGUMENT = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
+FRAME = 100  # #101 …: machine minus work coordinate of axis 1 …
+MISSES = 109  # touches in a row without contact
+FLAG = 110  # and #111 …: flag and machine coordinates of the last touch
+WORK = 30  # #31 #32 #33: target in the work frame; #34 #35 #36: way from the start
+ARRIVED = 0.01  # deg
+
+
+@dataclass(frozen=True)
+class Words:
+    """What differs between the dialects of the family."""
+
+    open: tuple[str, ...] = ("POPEN",)
+    close: tuple[str, ...] = ("PCLOS",)
+    end: str = "M30"
+    wait: str = "G53"  # a block after which #5021 is read with the axes at rest
+    alarm: str = "#3000={number}({text})"
+    first_alarm: int = 81
+    o_digits: int = 4
+
+    def stop(self, which: int, text: str) -> str:
+        """number from 0, at most 31 characters → the statement that ends everything with this message."""
+        return self.alarm.format(number=self.first_alarm + which, text=text)
+
+
+Arguments = Mapping[str, str] | None  # None: the text of a macro, whose arguments are in local variables
+
+
+def axis_numbers(job: Job) -> dict[str, int]:
+    """job → {axis letter: its number in the system variables}; the spindle is none of them."""
+    names = [name for name in job.machine.names if name != "S"]
+    stated: Mapping[str, Any] = job.options["axis_numbers"]
+    return {name: int(stated[name]) for name in names} if stated else {name: i for i, name in enumerate(names, 1)}
+
+
+def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
+    """G31 to X Y Z at F: whatever stops it short is an alarm. An axis that is not named stays where it is."""
+    for name, axis in _linear(job):
+        if given is None:
+            yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}=#{5020 + axis}"
+    yield from _targets(job, given)
+    yield f"G31 X#31 Y#32 Z#33 F{_value(given, 'F')}"
+    yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE MET SOMETHING ON ITS WAY')}"
+
+
+def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
+    """G31 from I J K to X Y Z at F: flag and machine coordinates."""
+    yield from _targets(job, given)
+    yield f"G31 X#31 Y#32 Z#33 F{_value(given, 'F')}"
+    for name, axis in axis_numbers(job).items():
+        yield f"#{FLAG + axis}=#{5060 + axis}+#{5020 + axis}-#{5040 + axis}({name})"
+    moved = "+".join(f"ABS[#{5020 + axis}-#{5040 + axis}-#{FRAME + axis}]" for _, axis in _linear(job))
+    yield f"IF[{moved}GT0.001]THEN{words.stop(1, 'WORK OFFSET CHANGED')}"
+    for i, (start, (_, axis)) in enumerate(zip("IJK", _linear(job), strict=True), 4):
+        yield f"#{WORK + i}=#{FLAG + axis}-{_signed(_value(given, start))}"
+    yield f"#{FLAG}=1"
+    yield f"IF[SQRT[#34*#34+#35*#35+#36*#36]LT{number(early_distance(job.plan))}]THEN#{FLAG}=2"
+    yield f"IF[{_short(job)}LT{number(job.options['tolerance'])}]THEN#{FLAG}=0"
+    yield f"#{MISSES}=#{MISSES}+1"
+    yield f"IF[#{FLAG}NE0]THEN#{MISSES}=0"
+    yield f"IF[#{MISSES}GE{job.options['misses']}]THEN{words.stop(2, 'NO CONTACT. IS THE PROBE ALIVE')}"
+
+
+def record(job: Job, words: Words, given: Arguments) -> Iterator[str]:
+    """One printed line: touch T, flag, machine coordinates, spindle at S."""
+    if given is not None:
+        yield f"#{ARGUMENT['T']}={given['T']}"
+        yield f"#{ARGUMENT['S']}={given['S']}"
+    form = job.options["print_format"]
+    coordinates = "*".join(f"{name}#{FLAG + axis}[{form}]" for name, axis in axis_numbers(job).items())
+    yield f"DPRNT[P#{ARGUMENT['T']}[60]*H#{FLAG}[10]*{coordinates}*S#{ARGUMENT['S']}[{form}]]"
+
+
+def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
+    """Rotary axes stand at A B C, whole turns aside; an axis that is not named is not asked."""
+    yield words.wait
+    for name in job.machine.rotary:
+        if given is not None and name not in given:
+            continue
+        place = f"#{5020 + axis_numbers(job)[name]}"
+        if given is None:
+            yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}={place}"
+        yield f"#31=ABS[{place}-{_signed(_value(given, name))}]"
+        yield "#31=ABS[#31-360*FIX[#31/360+0.5]]"
+        yield f"IF[#31GT{number(ARRIVED)}]THEN{words.stop(3, 'ROTARY AXIS NOT IN PLACE')}"
+
+
+Piece = Callable[[Job, Words, Arguments], Iterator[str]]
+PIECES: tuple[tuple[str, Piece], ...] = (
+    ("PROTECTED MOVE TO MACHINE X Y Z AT F", protected),
+    ("MEASURING MOVE FROM MACHINE I J K TO X Y Z AT F", measuring),
+    ("RECORD OF TOUCH T WITH SPINDLE AT S", record),
+    ("ROTARY AXES HAVE ARRIVED AT A B C", arrived),
+)
+
+
+def _linear(job: Job) -> list[tuple[str, int]]:
+    return [(name, axis) for name, axis in axis_numbers(job).items() if name in "XYZ"]
+
+
+def _value(given: Arguments, letter: str) -> str:
+    return f"#{ARGUMENT[letter]}" if given is None else given[letter]
+
+
+def _signed(value: str) -> str:
+    """→ the value as it may stand after a minus sign."""
+    return f"[{value}]" if value.startswith("-") else value
+
+
+def _targets(job: Job, given: Arguments) -> Iterator[str]:
+    for i, (name, axis) in enumerate(_linear(job), 1):
+        known = given is None or name in given
+        yield f"#{WORK + i}={_value(given, name) if known else f'#{5020 + axis}'}-#{FRAME + axis}"
+
+
+def _short(job: Job) -> str:
+    """→ the expression for the distance in mm, axis by axis, between where a G31 ended and its target."""
+    return "+".join(f"ABS[#{5060 + axis}-#{WORK + i}]" for i, (_, axis) in enumerate(_linear(job), 1))
