@@ -1,0 +1,234 @@
+"""Gaps of many trials at once, exact, with every length carried as a deviation from the nominal contact.
+
+Theory of operation. The nominal path of each stylus tip through the chain is worked out once and kept (`Stop.at`). A trial
+moves that path by less than a millimetre, and only this deviation is carried from step to step: a shift adds to it, a
+commanded turn turns it, a turn by an error angle α adds (cos α − 1) and sin α times the point itself. Error angles are
+small: the Taylor terms that are left out move a point a metre away by less than 2e-10 mm; larger ones go through the library's
+sine. A block of trials is small enough for its temporaries to stay in the second-level cache.
+
+Because only deviations are carried, single precision is enough for trials: it rounds a gap by about 1e-8 mm, a hundred
+thousandth of what a probe repeats, and halves the time. Balls and scale bars keep double precision (their radii and length
+are subtracted).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..model import Model
+from ..records import Array
+from ..terms import GAP
+
+SMALL = 1e-3  # rad: up to here two Taylor terms of sine and cosine, the neglected α⁴/24 is 4e-14
+TINY = 1e-4  # rad: up to here one of the sine, the neglected α³/6 is 2e-13
+
+
+class Acting(NamedTuple):
+    """The coefficients that act at one slot: which unknowns, and their regressors; (c, 1) where no touch differs."""
+
+    unknowns: slice | list[int]
+    regressors: Array  # (c, n) or (c, 1)
+    largest: Array  # (c,) largest |regressor|
+
+
+class Stop(NamedTuple):
+    """One thing that happens to a deviation d on its way: a fixed turn of the axes, a commanded turn, or an error."""
+
+    kind: str  # frame | command | shift | turn
+    base: int = 0
+    factor: float = 1.0
+    acting: Acting | None = None
+    matrix: Array | None = None  # (3, 3) of a frame
+    sine: Array | None = None  # (n,) of a command
+    cosine: Array | None = None
+    at: tuple[Array, Array] | None = None  # (n,) mm, the two coordinates across `base` of the nominal path before an error turn
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A model made ready for many trials."""
+
+    model: Model
+    start: tuple[tuple[int, Acting], ...]  # stylus offsets: component, coefficients
+    spindle_frame: Array
+    stops: tuple[Stop, ...]
+    tip: Array  # (3, n) mm nominal tip in the table frame
+    normal: Array  # (3, n)
+    gap: Array  # (n,) mm nominal gap of the plane touches
+    own_facet: Array  # (F, n) 1 where the touch is on the facet
+    direct: Acting | None  # coefficients that act on the gap itself
+
+
+def batch(model: Model, dtype: type[np.floating[Any]] = np.float32) -> Batch:
+    """model, precision of the trials → its nominal paths and the stops on them."""
+    touches = model.touches
+    chain = touches.chain
+    n = len(touches)
+    acting = {slot: _acting(model, rows, dtype) for slot, rows in model.slots.items()}
+    x = [np.full(n, c) for c in chain.tip]
+    stops: list[Stop] = []
+    for joint in chain.joints:
+        x = [c - p for c, p in zip(x, joint.point, strict=True)]
+        if joint.frame is not None:
+            stops.append(Stop("frame", matrix=joint.frame.astype(dtype)))
+            x = list(joint.frame @ np.array(x))
+        for step in joint.steps:
+            j, k = (step.base + 1) % 3, (step.base + 2) % 3
+            if step.column is not None:
+                amount = step.factor * touches.position[:, step.column]
+                if step.turn and np.any(amount):
+                    sine, cosine = np.sin(amount), np.cos(amount)
+                    stops.append(Stop("command", step.base, sine=sine.astype(dtype), cosine=cosine.astype(dtype)))
+                    x[j], x[k] = cosine * x[j] - sine * x[k], sine * x[j] + cosine * x[k]
+                elif not step.turn:
+                    x[step.base] = x[step.base] + amount
+            if step.slot in acting:
+                kind = "turn" if step.turn else "shift"
+                stops.append(Stop(kind, step.base, step.factor, acting[step.slot], at=(x[j].astype(dtype), x[k].astype(dtype))))
+        if joint.frame is not None:
+            stops.append(Stop("frame", matrix=joint.frame.T.astype(dtype)))
+            x = list(joint.frame.T @ np.array(x))
+        x = [c + p for c, p in zip(x, joint.point, strict=True)]
+    tip = np.array(x)
+    gap = np.sum((tip.T - touches.point) * touches.normal, axis=1) - touches.machine.probe.tip_radius
+    own_facet = (touches.facet_index == np.arange(len(touches.facets))[:, None]).astype(dtype)
+    start = tuple((i, acting[Slot("t", "stylus", i)]) for i in range(3) if Slot("t", "stylus", i) in acting)
+    return Batch(model, start, chain.spindle_frame.astype(dtype), tuple(stops), tip, touches.normal.T.astype(dtype), gap.astype(dtype), own_facet, acting.get(GAP))
+
+
+def _acting(model: Model, rows: list[int], dtype: type[np.floating[Any]]) -> Acting:
+    regressors = model.regressors[rows].astype(dtype)
+    if np.all(regressors == regressors[:, :1]):
+        regressors = regressors[:, :1]
+    first, last = rows[0], rows[-1] + 1
+    return Acting(slice(first, last) if rows == list(range(first, last)) else rows, np.ascontiguousarray(regressors), np.abs(regressors).max(axis=1))
+
+
+def _amount(acting: Acting, values: Array) -> Array:
+    """→ (b, n) or (b, 1): the error at a slot in each trial."""
+    own = values[:, acting.unknowns]
+    result: Array = own * acting.regressors if own.shape[1] == 1 else own @ acting.regressors
+    return result
+
+
+def gaps(ready: Batch, values: Array) -> Array:
+    """ready model, (b, p) unknowns → (b, n) mm, the same as `model.residual` to rounding (model.md, one touch one equation)."""
+    model = ready.model
+    touches = model.touches
+    shape = (len(values), len(touches))
+    exact, values = values, values.astype(ready.gap.dtype)
+    d: list[Array | None] = [None, None, None]
+    for component, acting in ready.start:
+        amount = _amount(acting, values)
+        for i in range(3):
+            if ready.spindle_frame[component, i]:
+                own = amount * ready.spindle_frame[component, i]
+                d[i] = np.broadcast_to(own, shape) if d[i] is None else d[i] + own
+    for stop in ready.stops:
+        if stop.kind == "shift":
+            assert stop.acting is not None
+            amount = _amount(stop.acting, values)
+            if stop.factor != 1.0:
+                amount *= stop.factor
+            old = d[stop.base]
+            d[stop.base] = amount if old is None else old + amount
+        elif stop.kind == "turn":
+            _error_turn(stop, values, d)
+        elif stop.kind == "command":
+            _command_turn(stop, d)
+        else:
+            assert stop.matrix is not None
+            d = list(np.tensordot(stop.matrix, np.array([np.zeros(shape) if c is None else np.broadcast_to(c, shape) for c in d]), 1))
+    return _close(ready, values, exact, d, shape)
+
+
+def _command_turn(stop: Stop, d: list[Array | None]) -> None:
+    j, k = (stop.base + 1) % 3, (stop.base + 2) % 3
+    y, z, sine, cosine = d[j], d[k], stop.sine, stop.cosine
+    assert sine is not None and cosine is not None
+    if y is None and z is None:
+        return
+    if y is None or z is None:
+        only = z if y is None else y
+        d[j], d[k] = (-sine * only, cosine * only) if y is None else (cosine * only, sine * only)  # type: ignore[operator]
+        return
+    d[j], d[k] = cosine * y - sine * z, sine * y + cosine * z
+
+
+def _error_turn(stop: Stop, values: Array, d: list[Array | None]) -> None:
+    """d → R(α)(x + d) − x, x the nominal point: only what differs from the nominal path is carried on."""
+    assert stop.acting is not None and stop.at is not None
+    j, k = (stop.base + 1) % 3, (stop.base + 2) % 3
+    sine = _amount(stop.acting, values)
+    if stop.factor != 1.0:
+        sine *= stop.factor
+    largest = float(np.max(np.abs(values[:, stop.acting.unknowns]) @ stop.acting.largest, initial=0.0))
+    less = sine * sine
+    less *= -0.5  # cos α − 1
+    if largest > SMALL:
+        sine, less = np.sin(sine), -2 * np.sin(sine / 2) ** 2
+    elif largest > TINY:
+        sine *= 1.0 + less / 3
+    y = stop.at[0] if d[j] is None else stop.at[0] + d[j]
+    z = stop.at[1] if d[k] is None else stop.at[1] + d[k]
+    first = less * y
+    first -= sine * z
+    less = less * z
+    less += sine * y
+    d[j] = first if d[j] is None else np.add(first, d[j], out=first)
+    d[k] = less if d[k] is None else np.add(less, d[k], out=less)
+
+
+def _close(ready: Batch, values: Array, exact: Array, d: list[Array | None], shape: tuple[int, int]) -> Array:
+    """→ (b, n) mm: the gap along the normal; balls and other curved surfaces by their distance."""
+    model = ready.model
+    touches = model.touches
+    result = np.empty(shape, ready.gap.dtype)
+    result[:] = ready.gap
+    for i, c in enumerate(d):
+        if c is not None:
+            result += c * ready.normal[i]
+    offsets = model.split(values)[1]
+    if offsets.shape[1]:
+        result -= offsets @ ready.own_facet
+    result = result.astype(float)
+    if touches.curved is not None:
+        rows = touches.curved.rows
+        moved = np.stack([np.zeros((len(values), len(rows))) if c is None else np.broadcast_to(c, shape)[:, rows] for c in d], axis=-1)
+        result[:, rows] = _curved(ready, rows, moved.astype(float), *model.split(exact)[1:])
+    if ready.direct is not None:
+        result += _amount(ready.direct, values)
+    return result
+
+
+def _curved(ready: Batch, rows: Array, moved: Array, offsets: Array, shifts: Array) -> Array:
+    touches = ready.model.touches
+    assert touches.curved is not None
+    _, centre, radius, axis, side = touches.curved
+    spoke = (ready.tip.T[rows] - centre) + moved
+    if offsets.shape[1]:
+        own = touches.facet_index[rows]
+        spoke = spoke - np.where(own >= 0, offsets[:, own], 0.0)[..., None] * touches.normal[rows]
+    if shifts.shape[1]:
+        own = touches.ball_index[rows]
+        spoke = spoke - np.where((own >= 0)[:, None], shifts[:, own], 0.0)
+    spoke = spoke - np.sum(spoke * axis, axis=-1, keepdims=True) * axis
+    result: Array = side * (np.linalg.norm(spoke, axis=-1) - radius) - touches.machine.probe.tip_radius
+    return result
+
+
+def known_residuals(model: Model, values: Array) -> Array:
+    """model, (b, p) unknowns → (b, m) mm, calibrated facets and scale bar in the order of `model.known`."""
+    offsets, shifts = model.split(values)[1:]
+    columns = [offsets[:, place] for place, _ in model.calibrated]
+    bar = model.touches.artefact.scale_bar
+    if model.bar is not None and bar is not None:
+        one, two = model.bar
+        centres = [np.array(model.touches.artefact.balls[b].centre) for b in bar.balls]
+        apart = (centres[0] - centres[1]) + (shifts[:, one] - shifts[:, two])
+        columns.append(np.linalg.norm(apart, axis=1) - bar.length)
+    return np.array(columns).reshape(len(columns), len(values)).T
