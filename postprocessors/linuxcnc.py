@@ -1,0 +1,187 @@
+"""LinuxCNC 2.9 and later (g-code.adoc, o-code.adoc, tried with rs274 and the whole control).
+
+A move that is no probing move is aborted by the control itself when the probe trips, so positioning is plain G53 G1. Probing is
+G38.3, which does not stop the program when it misses; #5070 tells. Previews never trip the probe, so whatever ends a program
+looks at #<_task> first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from tango_cnc.records import InputError, Machine
+
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, number, rolled
+
+PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
+PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
+RESET = "G17 G21 G40 G49 G80 G90 G94"
+
+OPTIONS = (
+    Option("log", "tango-readings.txt", "file for the records, on the control's disk", verified=True),
+    Option("orient", True, "the spindle is oriented with M19 R (needs spindle.0.orient in HAL)"),
+    Option("orient_time", 30, "seconds that M19 may take", verified=True),
+    Option("wrapped", False, "rotary axes have WRAPPED_ROTARY = 1: angles of 0 to 360 instead of those of the plan"),
+    Option("probe_on", "", "words that switch the probe on", codes=True),
+    Option("probe_off", "", "words that switch the probe off", codes=True),
+    Option("positioning_feed", 3000.0, "mm/min between touches", verified=True),
+    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+)
+DOUBTS = ("a probe that is off stops nothing: guarded moves are guarded only while it is on",)
+
+
+def begin(job: Job) -> Iterator[str]:
+    """Header, the two subroutines, modal reset, the frame, start mark."""
+    plan = job.plan
+    _check(job)
+    yield f"(TANGO {comment(job.machine.name, 40)})"
+    yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
+    yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
+    yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
+    for doubt in job.unverified:
+        yield f"(UNVERIFIED {comment(doubt, 100)})"
+    yield from _touch(job)
+    yield from _record(job.machine)
+    yield RESET
+    yield "(MACHINE MINUS WORK COORDINATES)"
+    for name in _axes(job.machine):
+        yield f"#<_tango_{name.lower()}> = [#<_abs_{name.lower()}> - #<_{name.lower()}>]"
+    yield "#<_tango_misses> = 0"
+    yield from _abort("O100", "#[5210 + 20 * #5220] NE 0", "THE WORK FRAME IS ROTATED")
+    yield f"(LOGOPEN,{job.options['log']})"
+    yield f"(LOG,TANGO START {job.mark} {len(plan.touches)})"
+
+
+def _touch(job: Job) -> Iterator[str]:
+    """Subroutine: probes from #4 #5 #6 to #1 #2 #3 (machine coordinates) at #7; flag and machine coordinates in #<_tango_…>."""
+    yield "O<tango_touch> SUB"
+    target = " ".join(f"{name}[#{i} - #<_tango_{name.lower()}>]" for i, name in enumerate("XYZ", 1))
+    yield f"G38.3 {target} F#7"
+    for name in _axes(job.machine):
+        low = name.lower()
+        yield f"#<_tango_at_{low}> = [#{5061 + PLACE[name]} + #<_abs_{low}> - #<_{low}>]"
+    for name in "XYZ":
+        low = name.lower()
+        yield from _abort(f"O11{PLACE[name]}", f"ABS[#<_abs_{low}> - #<_{low}> - #<_tango_{low}>] GT 0.001", "WORK OFFSET CHANGED")
+    way = " + ".join(f"[#<_tango_at_{name.lower()}> - #{i}] ** 2" for i, name in enumerate("XYZ", 4))
+    yield "#<_tango_flag> = 1"
+    yield f"O120 IF [SQRT[{way}] LT {number(early_distance(job.plan))}]"
+    yield "#<_tango_flag> = 2"
+    yield "O120 ENDIF"
+    yield "#<_tango_misses> = [#<_tango_misses> + 1]"
+    yield "O130 IF [#5070 EQ 0]"
+    yield "#<_tango_flag> = 0"
+    yield "O130 ELSE"
+    yield "#<_tango_misses> = 0"
+    yield "O130 ENDIF"
+    yield from _abort("O140", f"#<_tango_misses> GE {job.options['misses']}", "NO CONTACT. IS THE PROBE ALIVE")
+    yield "O<tango_touch> ENDSUB"
+
+
+def _record(machine: Machine) -> Iterator[str]:
+    """Subroutine: one line for touch #1 with the spindle at #2."""
+    yield "O<tango_record> SUB"
+    first, *rest = _axes(machine)
+    values = f"{first}%.6f#<_tango_at_{first.lower()}> " + " ".join(f"{name}#<_tango_at_{name.lower()}>" for name in rest)
+    yield f"(LOG,P%d#1 H#<_tango_flag> {values} S#2)"
+    yield "O<tango_record> ENDSUB"
+
+
+def _abort(label: str, condition: str, message: str) -> Iterator[str]:
+    """Ends the program with a message, but never a preview, where nothing is ever touched."""
+    yield f"{label} IF [[#<_task> EQ 1] AND [{condition}]]"
+    yield f"(ABORT,{message})"
+    yield f"{label} ENDIF"
+
+
+def probe_on(job: Job) -> Iterator[str]:
+    """The words of the profile, if there are any."""
+    yield job.options["probe_on"] or "(NO WORDS STATED THAT SWITCH THE PROBE ON)"
+
+
+def probe_off(job: Job) -> Iterator[str]:
+    """The words of the profile, if there are any."""
+    yield job.options["probe_off"] or "(NO WORDS STATED THAT SWITCH THE PROBE OFF)"
+
+
+def move(job: Job, leg: Leg) -> Iterator[str]:
+    """A straight move in machine coordinates, which the control aborts when the probe trips."""
+    yield f"G53 G1 {_words(leg)} F{number(job.options['positioning_feed'])}"
+
+
+def index(job: Job, leg: Leg) -> Iterator[str]:
+    """Spindle, then one rotary axis after the other, as a locking indexer wants it."""
+    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
+    yield f"(INDEX {where})"
+    if "S" in leg.target and job.options["orient"]:
+        yield f"M19 R{number(rolled(degrees(leg.target['S']), 4))} Q{job.options['orient_time']}"
+    for name in job.machine.rotary:
+        if name in leg.target:
+            angle = degrees(leg.target[name])
+            yield f"G53 G0 {name}{number(rolled(angle, 4) if job.options['wrapped'] else angle)}"
+
+
+def approach(job: Job, leg: Leg) -> Iterator[str]:
+    """Down to the stand-off."""
+    yield f"(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
+    yield from move(job, leg)
+
+
+def probe(job: Job, leg: Leg) -> Iterator[str]:
+    """The measuring move by its subroutine."""
+    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    values = [number(place[name]) for place in (leg.to, start) for name in "XYZ"]
+    yield "O<tango_touch> CALL " + " ".join(f"[{v}]" for v in (*values, number(job.plan.strategy.approach.feed)))
+
+
+def record(job: Job, leg: Leg) -> Iterator[str]:
+    """The line of the touch by its subroutine."""
+    yield f"O<tango_record> CALL [{leg.touch.number}] [{number(rolled(degrees(leg.to['S']), 4))}]"
+
+
+def end(job: Job) -> Iterator[str]:
+    """End mark and end of program."""
+    yield f"(LOG,TANGO END {len(job.plan.touches)})"
+    yield "(LOGCLOSE)"
+    yield "M2"
+
+
+def _axes(machine: Machine) -> list[str]:
+    return [name for name in machine.names if name != "S"]
+
+
+def _words(leg: Leg) -> str:
+    return " ".join(f"{name}{number(leg.to[name])}" for name in "XYZ" if name in leg.target)
+
+
+def _check(job: Job) -> None:
+    """Raises InputError for options that do not fit the plan."""
+    options = job.options
+    if not PATH.fullmatch(options["log"]):
+        raise InputError(f"controller.log: found {options['log']!r}; allowed: a path of letters, digits, . _ - and /")
+    if options["positioning_feed"] <= 0 or options["misses"] < 1 or options["orient_time"] < 1:
+        raise InputError("controller: found positioning_feed, misses or orient_time of 0 or less; allowed: more than 0")
+    turns = {round(touch.standoff[job.machine.column("S")], 9) for touch in job.plan.touches}
+    if not options["orient"] and len(turns) > 1:
+        raise InputError("controller.orient: found False; allowed: true, as this strategy turns the spindle")
+
+
+POST = Post(
+    title="LinuxCNC",
+    extension="ngc",
+    options=OPTIONS,
+    doubts=DOUBTS,
+    stem=lambda job: "tango",
+    begin=begin,
+    probe_on=probe_on,
+    retract=move,
+    clear=move,
+    index=index,
+    approach=approach,
+    probe=probe,
+    back=move,
+    record=record,
+    probe_off=probe_off,
+    end=end,
+)
