@@ -1,5 +1,6 @@
 """`tango run` against a scripted control on a TCP port: it reads the tape, then prints what its script says."""
 
+import contextlib
 import csv
 import json
 import re
@@ -16,7 +17,7 @@ from tango_cnc.commands.init import write_example
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell, read_readings
 from tango_cnc.files.plan import read_plan
-from tango_cnc.link._measure import durations
+from tango_cnc.link._measure import durations, repeatable
 from tango_cnc.link.journal import read_journal
 from tango_cnc.plan import last_motion, plan
 
@@ -51,7 +52,7 @@ class Control:
 
     def _serve(self):
         connection, _ = self.server.accept()
-        with connection:
+        with connection, contextlib.suppress(ConnectionError):
             while not re.search(rb"\n%\n$", self.tape):
                 self.tape += connection.recv(4096)
             text = self.tape.decode()
@@ -148,14 +149,17 @@ def test_resume_makes_the_missing_touches_and_ends_with_what_one_run_would_have_
     control = Control(cell)
     result = run(cell, control, "--resume")
     assert result.code == 0
-    assert re.findall(rb"\(TOUCH (\d+) FACET (\d+)\)", control.tape) == [(b"1", b"5"), (b"2", b"5"), (b"3", b"7")]
+    facets = [text.decode() for text in re.findall(rb"\(TOUCH \d+ FACET (\d+)\)", control.tape)]
+    assert facets == ["3", "5", "5", "7"]  # touch 4 once more, then touches 5, 6 and 7
     resumed = readings(cell)
     assert list(resumed.touch) == list(whole.touch)
     assert resumed.facet == whole.facet
     assert np.array_equal(resumed.position, whole.position)
     assert (np.diff(resumed.time) >= 0).all()
     assert not (cell / "readings.partial.csv").exists()
-    assert [segment["touches"] for segment in json.loads((cell / "readings.json").read_text())["segments"]] == [7, 3]
+    origin = json.loads((cell / "readings.json").read_text())
+    assert [segment["touches"] for segment in origin["segments"]] == [7, 3]
+    assert origin["repeated"] == [{"touch": 4, "status": "ok", "moved_mm": 0.0}]
 
 
 def test_resume_makes_a_touch_whose_record_was_not_believed(cell):
@@ -167,8 +171,28 @@ def test_resume_makes_a_touch_whose_record_was_not_believed(cell):
     assert "the record of touch 3 was not believed or not received" in result.err
     control = Control(cell)
     assert run(cell, control, "--resume").code == 0
-    assert re.findall(rb"\(TOUCH (\d+) FACET (\d+)\)", control.tape) == [(b"1", b"7")]
+    facets = [text.decode() for text in re.findall(rb"\(TOUCH \d+ FACET (\d+)\)", control.tape)]
+    assert facets == ["5", "7", "7"]  # touches 6 and 7 once more, then touch 3
     assert list(readings(cell).touch) == [1, 2, 4, 5, 6, 7, 3]
+
+
+def test_resume_on_a_table_that_was_moved_is_refused_before_anything_new_is_measured(cell):
+    run(cell, Control(cell, stop=4), "--timeout", "0.4")
+    result = run(cell, Control(cell, proud=0.05), "--resume")
+    assert result.code == 3
+    assert "touch 4 was repeated and is 40 µm away, 20 µm are allowed" in result.err
+    assert "Run without --resume" in result.err
+    assert "makes the missing touches" not in result.err
+    assert list(readings(cell, "readings.partial.csv").touch) == [1, 2, 3, 4]
+
+
+def test_touches_are_repeated_where_the_machine_stands_and_look_in_different_directions(cell):
+    made = plan(read_cell(cell))
+    entries = [{"kind": "reading", "touch": n, "status": "ok"} for n in (1, 2, 3)]
+    assert repeatable(entries, made) == (1, 2, 3)
+    assert repeatable([*entries, {"kind": "reading", "touch": 4, "status": "miss"}], made) == (1, 2, 3)
+    assert repeatable([*entries, {"kind": "reading", "touch": 4, "status": "ok"}], made) == (4,)
+    assert repeatable([], made) == ()
 
 
 def test_resume_after_the_cell_has_changed_is_refused(cell):

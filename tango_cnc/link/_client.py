@@ -22,7 +22,8 @@ class Job:
     """One program to be run: its text, the mark that its start record must carry, and how long each touch may take.
 
     `patience` is the seconds of silence allowed before each touch and, one more, before the end mark. A program that resumes
-    a run counts its touches from 1 again; `original` has their numbers in the run.
+    a run counts its touches from 1 again; `original` has their numbers in the run, and the first `again` of them were
+    measured before and are repeated to see whether anything has moved in the meantime.
     """
 
     plan: Plan
@@ -31,6 +32,7 @@ class Job:
     letters: tuple[str, ...]  # axis letters that every record carries
     patience: tuple[float, ...]
     original: tuple[int, ...]
+    again: int = 0
     start_patience: float = 600.0  # s before the start mark: somebody has to press the button
 
     @property

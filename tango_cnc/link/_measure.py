@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib import import_module
+from itertools import groupby
 from pathlib import Path
 from typing import Any, TextIO
 from urllib.parse import parse_qsl, urlsplit
@@ -28,7 +29,7 @@ from . import protocols
 from ._client import Job
 from ._readings import missing, provenance, readings_of
 from .journal import Journal, read_journal
-from .session import Session, Step
+from .session import Moved, Session, Step
 from .transport import open_port, parse
 
 FLOOR, TIMES = 30.0, 3.0  # silence allowed before a touch: s, and multiples of its predicted time
@@ -75,11 +76,12 @@ def measure(
     left = missing(before, plan)
     if not left:
         return _finish(before, plan, wanted.readings)
-    part = plan if len(left) == len(plan.touches) else rest_of(cell, plan, left)
+    again = repeatable(before, plan)
+    part = rest_of(cell, plan, again, left) if before else plan
     program = post(part)
     protocol, options = _protocol(wanted)
     address = parse(wanted.port, {**options, "link": tuple(protocols())})
-    job = _job(part, program, left, wanted)
+    job = _job(part, program, again, left, wanted)
     client = protocol.Client(job, address.options)
     confirm(part, program)
     transport = open_port(address)
@@ -93,7 +95,8 @@ def measure(
             try:
                 session.run(transport)
             except LinkError as error:
-                raise LinkError(f"{error} {_keep(journal.entries, plan, wanted.readings)}") from None
+                advice = "" if isinstance(error, Moved) else "; 'tango run --resume' makes the missing touches"
+                raise LinkError(f"{error} {_keep(journal.entries, plan, wanted.readings, advice)}".rstrip()) from None
             return _finish(journal.entries, plan, wanted.readings)
         finally:
             journal.close()
@@ -101,17 +104,32 @@ def measure(
         transport.close()
 
 
-def rest_of(cell: Cell, plan: Plan, left: tuple[int, ...]) -> Plan:
-    """cell, its plan, touch numbers → plan of these touches alone, numbered from 1 in the same order."""
-    wanted = [touch for touch in plan.touches if touch.number in set(left)]
+def repeatable(entries: Sequence[Mapping[str, Any]], plan: Plan) -> tuple[int, ...]:
+    """entries of a journal, its plan → up to three touches of its last indexation that look as differently as they can."""
+    touches = {touch.number: touch for touch in plan.touches}
+    good = [touches[entry["touch"]] for entry in entries if entry["kind"] == "reading" and entry["status"] == "ok"]
+    there = [touch for touch in good if touch.indexation == good[-1].indexation][::-1]
+    away = np.array([np.subtract(touch.standoff, touch.contact) for touch in there])
+    chosen = [0] if there else []
+    while len(chosen) < min(3, len(there)):
+        likeness = np.abs(away @ away[chosen].T).max(axis=1)
+        likeness[chosen] = np.inf
+        chosen.append(int(np.argmin(likeness)))
+    return tuple(sorted(there[i].number for i in chosen))
+
+
+def rest_of(cell: Cell, plan: Plan, again: tuple[int, ...], left: tuple[int, ...]) -> Plan:
+    """cell, its plan, touch numbers → plan of the touches `again`, then of those `left`, numbered from 1."""
+    touches = {touch.number: touch for touch in plan.touches}
+    wanted = [touches[number] for number in (*again, *left)]
     indexations = []
-    for number, indexation in enumerate(cell.strategy.indexations):
-        facets = tuple(touch.facet for touch in wanted if touch.indexation == number)
-        if facets:
-            indexations.append(Indexation(indexation.position, facets))
+    for numbers in (again, left):
+        for index, same in groupby(numbers, key=lambda number: touches[number].indexation):
+            position = cell.strategy.indexations[index].position
+            indexations.append(Indexation(position, tuple(touches[number].facet for number in same)))
     rest = make_plan(replace(cell, strategy=replace(cell.strategy, indexations=tuple(indexations))), "keep")
-    same = len(rest.touches) == len(wanted) and np.allclose(_contacts(rest.touches), _contacts(wanted), rtol=0, atol=1e-6)
-    if not same or [touch.facet for touch in rest.touches] != [touch.facet for touch in wanted]:
+    as_before = len(rest.touches) == len(wanted) and np.allclose(_contacts(rest.touches), _contacts(wanted), rtol=0, atol=1e-6)
+    if not as_before or [touch.facet for touch in rest.touches] != [touch.facet for touch in wanted]:
         raise InputError("the remaining touches cannot be planned as they were; run the whole plan again without --resume")
     return rest
 
@@ -156,14 +174,14 @@ def _protocol(wanted: Wanted) -> tuple[Any, Mapping[str, tuple[str, ...]]]:
     return module, module.OPTIONS
 
 
-def _job(part: Plan, program: Program, left: tuple[int, ...], wanted: Wanted) -> Job:
+def _job(part: Plan, program: Program, again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted) -> Job:
     seconds = durations(part)
     patience = [FLOOR + TIMES * seconds[touch.number] for touch in part.touches]
     patience.append(FLOOR + TIMES * max(seconds.values()))  # the parting retract
     if wanted.timeout is not None:
         patience = [wanted.timeout] * len(patience)
     start = wanted.start_timeout if wanted.timeout is None else wanted.timeout
-    return Job(part, program.text, program.mark, program.letters, tuple(patience), left, start)
+    return Job(part, program.text, program.mark, program.letters, tuple(patience), (*again, *left), len(again), start)
 
 
 def _segment(plan: Plan, program: Program, left: tuple[int, ...], wanted: Wanted) -> dict[str, Any]:
@@ -189,13 +207,13 @@ def _partial(file: Path) -> Path:
     return file.with_name(f"{file.stem}.partial.csv")
 
 
-def _keep(entries: list[dict[str, Any]], plan: Plan, file: Path) -> str:
-    """Writes the partial files; → a sentence that says where."""
+def _keep(entries: list[dict[str, Any]], plan: Plan, file: Path, advice: str) -> str:
+    """Writes the partial files; → a sentence that says where and what to do."""
     readings = readings_of(entries, plan)
     if readings is None:
-        return "Nothing was measured."
+        return ""
     _write(_partial(file), readings_text(readings), provenance(entries, plan))
-    return f"They are in {_partial(file)}; 'tango run --resume' makes the missing touches."
+    return f"They are in {_partial(file)}{advice}."
 
 
 def _finish(entries: list[dict[str, Any]], plan: Plan, file: Path) -> dict[str, Any]:

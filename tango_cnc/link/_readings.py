@@ -58,6 +58,9 @@ def provenance(entries: Entries, plan: Plan) -> dict[str, Any]:
         **{status: statuses.count(status) for status in ("ok", "miss", "early")},
         "missing": list(missing(entries, plan)),
         "refused": [{"record": entry["record"], "why": entry["why"]} for entry in entries if entry["kind"] == "refused"],
+        "repeated": [
+            {"touch": e["touch"], "status": e["status"], "moved_mm": e["moved_mm"]} for e in entries if e["kind"] == "again"
+        ],
         "segments": [
             {"start_utc": entry["utc"], "program_hash": entry["program_hash"], "touches": len(entry["touches"])}
             for entry in segments

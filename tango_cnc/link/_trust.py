@@ -31,6 +31,7 @@ class Gate:
     sideways: float = 0.5  # mm from the line of the measuring move: contouring error, not contact
     turned: float = math.radians(0.1)  # of the rotary axes and the spindle
     resolution: float = 0.002  # mm, within which two positions are the same
+    moved: float = 0.02  # mm between a touch and its repetition by --resume: more than a machine drifts while it waits
 
 
 @dataclass(frozen=True)

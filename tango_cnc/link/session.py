@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TextIO
 
+import numpy as np
+
 from ..plan import last_motion
 from ..records import LinkError
 from ._client import Begun, Client, Ended, Event, Failed, Identified, Job, Refused, Touched
-from ._trust import Distrust, Gate, judge, next_in_order
+from ._trust import Distrust, Gate, Judged, judge, next_in_order
 from .journal import Journal
 from .transport import Lost, Transport
 
@@ -28,6 +30,10 @@ class Step:
     time: float
     deviation: float | None = None  # µm
     remark: str | None = None
+
+
+class Moved(LinkError):
+    """A repeated touch says that what is still to be measured does not go together with what was."""
 
 
 class Transcript:
@@ -86,9 +92,11 @@ class Session:
             if missing:
                 raise LinkError(f"the program ran to its end, but {missing} not believed or not received")
         except KeyboardInterrupt:
-            self._stop("stopped by the user")
+            raise self._stopped("stopped by the user") from None
+        except Moved as error:
+            raise Moved(str(self._stopped(str(error)))) from None
         except LinkError as error:
-            self._stop(str(error))
+            raise self._stopped(str(error)) from None
         self._journal.add("end", complete=True, why="end mark", utc=_stamp(self._now()))
 
     def _missing(self) -> str:
@@ -101,13 +109,13 @@ class Session:
             else ""
         )
 
-    def _stop(self, why: str) -> None:
-        """Writes why into the journal and raises it as what the person has to know."""
+    def _stopped(self, why: str) -> LinkError:
+        """why → what the person has to know, after it is in the journal."""
         self._journal.add("end", complete=False, why=why, utc=_stamp(self._now()))
         warning = "" if self._client.sent[0] == 0 else " The control may still execute what it has received: look at the machine."
         done, of = self._accepted, len(self._job.numbers)
         due = f", touch {self._job.original[self._place]} was due" if self._place < of else ""
-        raise LinkError(f"{why}. {done} of {of} touches are recorded{due}.{warning}") from None
+        return LinkError(f"{why}. {done} of {of} touches are recorded{due}.{warning}")
 
     def _converse(self, transport: Transport) -> None:
         last = self._clock()
@@ -132,7 +140,8 @@ class Session:
             if data:
                 self._handle(self._client.receive(data))
             elif lost:
-                self._handle([*self._client.closed(), Failed(str(lost))])
+                cut = [event for event in self._client.closed() if not isinstance(event, Failed)]
+                self._handle([*cut, Failed(str(lost))])
             self._handle(self._client.elapsed(moment - last))
             last = moment
 
@@ -170,6 +179,16 @@ class Session:
         except Distrust as doubt:
             self._doubt(str(doubt), event.text)
             return
+        if place < self._job.again:
+            self._repeated(place, judged)
+        else:
+            self._store(place, judged, event.text)
+        self._place, self._doubts = place + 1, 0
+        self._accepted += 1
+        remark = None if judged.status == "ok" else f"touch {self._job.original[place]}: {judged.status}"
+        self._watch(Step(self._accepted, len(self._job.numbers), self._time(), judged.deviation, remark))
+
+    def _store(self, place: int, judged: Judged, text: str) -> None:
         self._journal.add(
             "reading",
             touch=self._job.original[place],
@@ -177,12 +196,22 @@ class Session:
             status=judged.status,
             position=[float(value) for value in judged.position],
             direction=[int(sense) for sense in self._directions[place]],
-            record=event.text,
+            record=text,
         )
-        self._place, self._doubts = place + 1, 0
-        self._accepted += 1
-        remark = None if judged.status == "ok" else f"touch {self._job.original[place]}: {judged.status}"
-        self._watch(Step(self._accepted, len(self._job.numbers), self._time(), judged.deviation, remark))
+
+    def _repeated(self, place: int, judged: Judged) -> None:
+        """Raises LinkError when a facet is not where it was before the run stopped."""
+        number = self._job.original[place]
+        before = next(e["position"] for e in self._journal.entries if e["kind"] == "reading" and e["touch"] == number)
+        linear = [axis.kind == "linear" for axis in self._job.plan.machine.axes]
+        moved = float(np.linalg.norm((judged.position - np.array(before))[linear])) if judged.status == "ok" else None
+        self._journal.add("again", touch=number, status=judged.status, moved_mm=moved, time_s=round(self._time(), 3))
+        if moved is None or moved > self._gate.moved:
+            found = judged.status if moved is None else f"{moved * 1e3:.0f} µm away"
+            raise Moved(
+                f"touch {number} was repeated and is {found}, {self._gate.moved * 1e3:.0f} µm are allowed: the machine or its "
+                "table is not as it was before the run stopped, and its readings do not go together. Run without --resume"
+            )
 
     def _doubt(self, why: str, text: str) -> None:
         self._journal.add("refused", why=why, record=text, time_s=round(self._time(), 3))
