@@ -12,7 +12,8 @@ ARGUMENT = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T"
 FRAME = 100  # #101 …: machine minus work coordinate of axis 1 …
 MISSES = 109  # touches in a row without contact
 FLAG = 110  # and #111 …: flag and machine coordinates of the last touch
-WORK = 30  # #31 #32 #33: target in the work frame; #34 #35 #36: way from the start
+WORK = 30  # #31 #32 #33: target in the work frame (local variables end at #33)
+WAY = 27  # #28 #29 #30: from the start to the contact
 ARRIVED = 0.01  # deg
 
 
@@ -61,10 +62,10 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
         yield f"#{FLAG + axis}=#{5060 + axis}+#{5020 + axis}-#{5040 + axis}({name})"
     moved = "+".join(f"ABS[#{5020 + axis}-#{5040 + axis}-#{FRAME + axis}]" for _, axis in _linear(job))
     yield f"IF[{moved}GT0.001]THEN{words.stop(1, 'WORK OFFSET CHANGED')}"
-    for i, (start, (_, axis)) in enumerate(zip("IJK", _linear(job), strict=True), 4):
-        yield f"#{WORK + i}=#{FLAG + axis}-{_signed(_value(given, start))}"
+    for i, (start, (_, axis)) in enumerate(zip("IJK", _linear(job), strict=True), 1):
+        yield f"#{WAY + i}=#{FLAG + axis}-{_signed(_value(given, start))}"
     yield f"#{FLAG}=1"
-    yield f"IF[SQRT[#34*#34+#35*#35+#36*#36]LT{number(early_distance(job.plan))}]THEN#{FLAG}=2"
+    yield f"IF[SQRT[#28*#28+#29*#29+#30*#30]LT{number(early_distance(job.plan))}]THEN#{FLAG}=2"
     yield f"IF[{_short(job)}LT{number(job.options['tolerance'])}]THEN#{FLAG}=0"
     yield f"#{MISSES}=#{MISSES}+1"
     yield f"IF[#{FLAG}NE0]THEN#{MISSES}=0"
