@@ -44,8 +44,9 @@ def coefficient(name: str, machine: Machine) -> Coefficient:
 
 
 def _nearest(name: str, machine: Machine) -> str:
-    near = difflib.get_close_matches(name, list(_all_names(machine)), n=1, cutoff=0.5)
-    return f" Did you mean {near[0]!r}?" if near else ""
+    near = difflib.get_close_matches(name, list(_all_names(machine)), n=20, cutoff=0.5)
+    best = max(near, key=lambda known: sum(a == b for a, b in zip(name, known, strict=False)), default=None)
+    return f" Did you mean {best!r}?" if best else ""
 
 
 def _all_names(machine: Machine) -> Iterable[str]:

@@ -28,7 +28,7 @@ class Surfaces:
     axis: Array  # (m, 3)
     radius: Array  # (m,)
     sign: Array  # (m,)
-    offset: Array  # (m,) mm of material more than nominal
+    offset: Array  # (m,) mm of material more than nominal on a facet of a ball; other facets are shifted along their normal
     extent: Array  # (m,) mm, inf for a ball
     ball: NDArray[np.int64]  # (m,) number of the ball, −1 for none
     obstacles: tuple[Obstacle, ...]
@@ -43,7 +43,7 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
     balls = list(artefact.balls)
     facets = list(artefact.facets.values())
     bare = [Facet("", (0, 0, 0), (0, 0, 1), ball) for ball in balls if all(f.ball != ball for f in facets)]
-    rows = [(f, *_shape(f, artefact)) for f in [*facets, *bare]]
+    rows = [(f, *_shape(f, artefact, world.facets.get(f.id, 0.0))) for f in [*facets, *bare]]
     return Surfaces(
         tuple(f.id for f, *_ in rows),
         np.array([f.point for f, *_ in rows]),
@@ -52,7 +52,7 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
         np.array([axis for _, _, axis, *_ in rows]),
         np.array([radius for *_, radius, _ in rows]),
         np.array([sign for *_, sign in rows]),
-        np.array([world.facets.get(f.id, 0.0) for f, *_ in rows]),
+        np.array([world.facets.get(f.id, 0.0) if f.ball is not None else 0.0 for f, *_ in rows]),
         np.array([extent if f.ball is None else np.inf for f, *_ in rows]),
         np.array([-1 if f.ball is None else balls.index(f.ball) for f, *_ in rows], dtype=np.int64),
         artefact.obstacles,
@@ -60,9 +60,10 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
     )
 
 
-def _shape(facet: Facet, artefact: Artefact) -> tuple[Array, Array, float, float]:
-    """facet → centre, axis, radius, sign."""
-    point, normal, nothing = np.array(facet.point, dtype=float), np.array(facet.normal, dtype=float), np.zeros(3)
+def _shape(facet: Facet, artefact: Artefact, offset: float) -> tuple[Array, Array, float, float]:
+    """facet, mm that it stands out → centre, axis, radius, sign."""
+    normal, nothing = np.array(facet.normal, dtype=float), np.zeros(3)
+    point = np.array(facet.point, dtype=float) + offset * normal
     if facet.ball is not None:
         ball = artefact.balls[facet.ball]
         return np.array(ball.centre), nothing, ball.radius, 1.0

@@ -61,7 +61,10 @@ def unit(direction: Vector) -> Array:
 
 
 def lever(history: History, letter: str) -> Array:
-    """rotary axis → (n,) mm of gap per rad that this axis turns its body further than commanded, nominal geometry."""
+    """rotary axis → (n,) mm by which a surface is read early per rad that this axis turns its body further than commanded.
+
+    Nominal geometry, by central differences.
+    """
     from ..world import nominal_machine, place
 
     nominal, column, step = nominal_machine(history.machine), history.column(letter), 1e-4
