@@ -1,0 +1,101 @@
+"""`tango check`: is the cell sound, can the machine do it, and what would it tell?"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from ..duration import duration, spoken
+from ..files import read_cell, read_terms
+from ..identify import select
+from ..model import known, linearise
+from ..plan import last_motion, plan
+from ..records import Cell, Plan, TermItem
+from ..report.units import shown
+from ..touches import of_facets
+from ._common import cell_option, json_option, table, write_json
+
+
+@click.command()
+@cell_option
+@click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
+@click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
+@json_option
+def command(folder: Path, terms: str | None, degree: int, json_file: str | None) -> int:
+    """Validates the cell, plans it, and says what the touches would and would not tell.
+
+    Exit status 1 when something that the terms ask for cannot be seen.
+    """
+    cell = read_cell(folder)
+    made = plan(cell)
+    data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree)
+    if not write_json(json_file, data):
+        click.echo(as_text(cell, data))
+    return int(bool(data["not_identifiable"]) and not data["mismatch_only"])
+
+
+def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> dict[str, Any]:
+    """cell, its plan, terms → counts, condition number, expected standard deviations, what cannot be seen, predicted time."""
+    position = np.array([touch.contact for touch in made.touches])
+    touches = of_facets(cell.machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
+    selection = select(touches, terms, degree)
+    model = selection.model
+    start = np.zeros(len(model.names))
+    _, jacobian = linearise(model, start)
+    _, rows, uncertainty = known(model, start)
+    sigma = cell.machine.probe.repeatability or 1e-6
+    weighted = np.vstack([jacobian, rows * (sigma / uncertainty)[:, None]])
+    scale = np.linalg.norm(weighted, axis=0)
+    root = np.linalg.qr(weighted / scale, mode="r")
+    std = sigma * np.linalg.norm(np.linalg.inv(root), axis=1) / scale
+    count = Counter(t.facet for t in made.touches)
+    travelled = {name: [float(position[:, i].min()), float(position[:, i].max())] for i, name in enumerate(cell.machine.names)}
+    return {
+        "format": "tango-check/1",
+        "machine": cell.machine.name,
+        "artefact": cell.artefact.name,
+        "strategy": cell.strategy.name,
+        "touches": len(touches),
+        "indexations": len(cell.strategy.indexations),
+        "facets": {facet: count[facet] for facet in cell.artefact.facets},
+        "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
+        "unknowns": len(model.names),
+        "dof": len(touches) + len(rows) - len(model.names),
+        "condition_number": float(np.linalg.cond(np.vstack([jacobian, rows]))),
+        "expected_std": {selection.label(c.name): {"std": float(std[i]), "unit": c.unit} for i, c in enumerate(model.coefficients)},
+        "not_identifiable": [c.text for c in selection.unseen],
+        "mismatch_only": selection.mismatch and len(selection.unseen) == 1,
+        "predicted_time_s": duration(made),
+    }
+
+
+def as_text(cell: Cell, data: dict[str, Any]) -> str:
+    """result of `check` → what a person reads on the terminal."""
+    count = data["facets"]
+    touched = [facet for facet, n in count.items() if n]
+    lines = [
+        f"{cell.machine.name} ({cell.machine.topology}), {cell.artefact.name}, {cell.strategy.name}",
+        f"{data['touches']} touches on {len(touched)} facets at {data['indexations']} indexations; every position is within the travels:",
+        "  " + "  ".join(f"{n} {low:.1f} … {high:.1f}" for n, (low, high) in data["range"].items()),
+    ]
+    once = [facet for facet in touched if count[facet] == 1 and cell.artefact.facets[facet].ball is None]
+    if once:
+        lines.append(f"touched once only, which tells nothing but their own offset: facets {', '.join(once)}")
+    rows = [["expected std", "", ""]]
+    for name, value in data["expected_std"].items():
+        factor, unit = shown(value["unit"])
+        rows.append([name, f"{value['std'] * factor:.3g}", unit])
+    lines += [
+        "",
+        f"{data['unknowns']} unknowns, {data['dof']} degrees of freedom, condition number {data['condition_number']:.4g}",
+        "",
+    ]
+    lines.append(table(rows, "<><"))
+    lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
+    time = data["predicted_time_s"]
+    lines += ["", f"predicted time {spoken(sum(time.values()))}: " + ", ".join(f"{part} {spoken(s)}" for part, s in time.items())]
+    return "\n".join(lines)

@@ -1,0 +1,71 @@
+"""Plan → how long it takes, by part: trapezoids without jerk limits, each axis with its own rapid and acceleration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from .records import Axis, Move, Plan
+
+PARTS = {
+    "retract": "retract and clear",
+    "clear": "retract and clear",
+    "index": "index and clamp",
+    "approach": "approach",
+    "probe": "probe",
+    "back": "back off",
+}
+# Used where machine.yaml says nothing: mm/min or rad/min, and m/s² or rad/s².
+DEFAULT_RAPID = {"linear": 10000.0, "rotary": math.radians(3600), "spindle": math.radians(3600)}
+DEFAULT_ACCELERATION = {"linear": 2.0, "rotary": 5.0, "spindle": 5.0}
+
+
+def trapezoid(distance: float, speed: float, acceleration: float) -> float:
+    """distance, speed per s, acceleration per s² → s from rest to rest."""
+    if distance * acceleration >= speed**2:
+        return distance / speed + speed / acceleration
+    return 2 * math.sqrt(distance / acceleration)
+
+
+def _axis_time(axis: Axis, distance: float) -> float:
+    speed = (axis.rapid or DEFAULT_RAPID[axis.kind]) / 60
+    acceleration = axis.acceleration or DEFAULT_ACCELERATION[axis.kind]
+    return trapezoid(distance, speed, acceleration * (1000 if axis.kind == "linear" else 1))
+
+
+def of_moves(plan: Plan) -> list[float]:
+    """plan → s for each of its moves; a measuring move ends at the nominal contact, at the measuring feed."""
+    axes = {axis.name: axis for axis in plan.machine.axes}
+    at: dict[str, float] = {}
+    times = []
+    feed = plan.strategy.approach.feed / 60
+    for move in plan.moves:
+        time = _move_time(axes, at, move, plan.strategy.approach.standoff / feed)
+        at |= move.target
+        times.append(time)
+    return times
+
+
+def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, search: float) -> float:
+    if move.kind == "probe":
+        return search
+    travelled = {name: abs(value - at.get(name, value)) for name, value in move.target.items()}
+    moving = [name for name, distance in travelled.items() if distance > 1e-9]
+    clamp = max((axes[name].clamp_time for name in moving), default=0.0)
+    return clamp + max((_axis_time(axes[name], travelled[name]) for name in moving), default=0.0)
+
+
+def duration(plan: Plan) -> dict[str, float]:
+    """plan → s by part; their sum is the predicted time of one cycle."""
+    result = {part: 0.0 for part in PARTS.values()}
+    for move, time in zip(plan.moves, of_moves(plan), strict=True):
+        result[PARTS[move.kind]] += time
+    return result
+
+
+def spoken(seconds: float) -> str:
+    """s → '23 s', '4 min', '1 h 12 min'."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
