@@ -249,10 +249,16 @@ def rolled(value: float, decimals: int) -> float:
     return 0.0 if round(turned, decimals) >= 360.0 else turned
 
 
-def rolls_over(machine: Machine, name: str) -> bool:
+def may_roll(machine: Machine, name: str) -> bool:
     """axis letter → whether [0, 360) is within its travel, so that any angle may be written as one of these."""
     travel = machine.axis(name).travel
     return travel is None or (travel[0] <= 1e-9 and travel[1] >= 2 * math.pi - 1e-9)
+
+
+def is_endless(machine: Machine, name: str) -> bool:
+    """axis letter → whether it turns without limits: travel of more than two turns and a little, which no limited table has."""
+    travel = machine.axis(name).travel
+    return may_roll(machine, name) and (travel is None or travel[1] - travel[0] > math.radians(800))
 
 
 def early_distance(plan: Plan) -> float:

@@ -23,10 +23,11 @@ from typing import Any
 from tango_cnc.records import InputError
 
 from . import _macro_b_text as text
-from ._base import Job, Leg, Option, comment, degrees, number, rolled, rolls_over
+from ._base import Job, Leg, Option, comment, degrees, is_endless, may_roll, number, rolled
 from ._macro_b_text import FLAG, FRAME, MISSES, Words, axis_numbers
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
+ROLLOVER = "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned"
 
 OPTIONS = (
     Option("program_number", 8700, "O number of the program; macros take the next four", verified=True),
@@ -38,7 +39,7 @@ OPTIONS = (
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
-    Option("rollover", True, "rotary axes that may stand anywhere take angles of 0 to 360 (ROA, param 1008#0); false: as planned"),
+    Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never")),
     Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
     Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
     Option("print_format", "44", "digits before and after the point of a printed coordinate", choices=("44", "43", "53")),
@@ -193,8 +194,9 @@ def _check(job: Job) -> None:
 
 def _angle(job: Job, name: str, value: float) -> float:
     """axis letter, rad → deg to command."""
-    angle = degrees(value)
-    return rolled(angle, job.options["decimals"]) if job.options["rollover"] and rolls_over(job.machine, name) else angle
+    angle, rule = degrees(value), job.options["rollover"]
+    turns = (rule == "always" and may_roll(job.machine, name)) or (rule == "auto" and is_endless(job.machine, name))
+    return rolled(angle, job.options["decimals"]) if turns else angle
 
 
 def _spindle(job: Job, value: float) -> str:

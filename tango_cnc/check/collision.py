@@ -3,10 +3,13 @@
 Everything is judged in the table frame, where the table stands still. The approach comes down along the tool, so the probe
 sweeps only its own extension upwards, then moves along the facet's normal: poses along that way, closer together than the
 margin allows for, are judged one by one.
+
+Of the table body only what the facet bounds is asked: a facet that lies within the body (a slot, a step, a bore) contradicts it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +24,10 @@ MARGIN = 1.0  # mm around stem and tip elsewhere
 BODY_MARGIN = 2.0  # mm around the body
 BEHIND = 1000.0  # mm: what carries the probe is at least as thick as its body
 STEP = 1.0  # mm between the poses that are judged
+CHUNK = 4096  # touches judged at once, so that memory does not grow with their number
+
+Mask = NDArray[np.bool_]
+Verdict = tuple[Mask, str]
 
 
 @dataclass(frozen=True)
@@ -32,93 +39,119 @@ class Pose:
     normal: Array  # (n, 3)
     spindle: Array  # (n, 3)
 
-    def rows(self, index: NDArray[np.int64]) -> Pose:
-        """(m,) indices → those touches."""
-        return Pose(tuple(self.facet[i] for i in index), self.tip[index], self.normal[index], self.spindle[index])
+    def rows(self, start: int, stop: int) -> Pose:
+        """first row, row after the last → those touches."""
+        part = slice(start, stop)
+        return Pose(self.facet[part], self.tip[part], self.normal[part], self.spindle[part])
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of the probe: a cylinder along the tool from `low` to `high` mm above the tip centre."""
+
+    name: str
+    low: float
+    high: float
+    radius: float
+    touching: float  # mm of air while the tip touches
+    margin: float  # mm of air elsewhere
 
 
 def obstruction(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, solid: Solid) -> dict[int, str]:
-    """touches → {row: why the probe cannot make it}, empty when it can make all.
-
-    Chunks keep the memory flat for any number of touches.
-    """
+    """touches → {row: why the probe cannot make it}, empty when it can make all."""
     found: dict[int, str] = {}
-    for start in range(0, len(pose.facet), 4096):
-        index = np.arange(start, min(start + 4096, len(pose.facet)))
-        found |= {start + row: why for row, why in _chunk(pose.rows(index), probe, approach, artefact, solid).items()}
+    for start in range(0, len(pose.facet), CHUNK):
+        for hit, why in _verdicts(pose.rows(start, start + CHUNK), probe, approach, artefact, solid):
+            for row in np.flatnonzero(hit):
+                found.setdefault(start + int(row), why)
     return found
 
 
-def _chunk(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, solid: Solid) -> dict[int, str]:
-    n = len(pose.facet)
-    reasons: dict[int, str] = {}
+def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, solid: Solid) -> Iterator[Verdict]:
+    stem = max(probe.length - probe.body_length, 0.0)
+    parts = (
+        _Part("stem", 0.0, stem, probe.stylus_radius, GAP, MARGIN),
+        _Part("body", stem, probe.length + BEHIND, probe.body_radius, BODY_MARGIN, BODY_MARGIN),
+    )
+    yield from _facing(pose, probe, stem)
+    facets = [artefact.facets[f] for f in pose.facet]
+    ball = np.array([f.ball is not None for f in facets], dtype=bool)
+    way = np.arange(-approach.search, approach.standoff + STEP, STEP).clip(max=approach.standoff)
+    if solid.table is not None:
+        bounding = ball | np.array([f.id in solid.outer for f in facets], dtype=bool)
+        for part in parts:
+            yield from ((bounding & hit, why) for hit, why in _table(solid.table, part, pose, probe, approach))
+        hit = _any(_crosses(solid.table, pose.tip + d * pose.normal, 0 * pose.tip, probe.tip_radius + MARGIN) for d in way)
+        yield ball & hit, "the tip would hit the table"
+    for number, body in enumerate(solid.obstacles, 1):
+        yield from _obstacle(body, f"obstacle {number}", parts, pose, probe, way)
+    for name, centre, size in zip(artefact.balls, solid.centre, solid.radius, strict=True):
+        own = np.array([f.ball == name for f in facets], dtype=bool)
+        yield from _ball(centre, float(size), f"ball {name}", own, parts, pose, probe, way)
 
-    def blame(hit: NDArray[np.bool_], why: str) -> None:
-        for row in np.flatnonzero(hit):
-            reasons.setdefault(int(row), why)
 
+def _facing(pose: Pose, probe: Probe, stem: float) -> Iterator[Verdict]:
+    """The facet's own plane: the stem must leave it, not go through it."""
     cosine = np.einsum("ij,ij->i", pose.normal, pose.spindle)
     for row in np.flatnonzero(cosine < SHANK):
         angle = np.degrees(np.arccos(np.clip(cosine[row], -1, 1)))
-        reasons[int(row)] = f"the facet faces {angle:.0f}° away from the spindle, the straight stylus reaches up to 91°"
-
-    stem = max(probe.length - probe.body_length, 0.0)
-    if probe.stylus_radius + GAP > probe.tip_radius:
-        grazing = cosine < (probe.stylus_radius + GAP - probe.tip_radius) / max(stem, 1.0)
-        blame(grazing, f"the stem (stylus_radius {probe.stylus_radius:g} mm) is not thinner than the tip ({probe.tip_radius:g} mm)")
-
-    facets = [artefact.facets[f] for f in pose.facet]
-    bounded = np.array([f.ball is not None or f.id in solid.outer for f in facets], dtype=bool)
-    way = np.arange(-approach.search, approach.standoff + STEP, STEP).clip(max=approach.standoff)
-    parts = (
-        ("the stem", 0.0, stem, max(probe.stylus_radius, 0.0), MARGIN),
-        ("the probe body", stem, probe.length + BEHIND, probe.body_radius, BODY_MARGIN),
-    )
-    for part, low, high, radius, margin in parts:
-        begin, run = pose.tip + low * pose.spindle, (high - low) * pose.spindle
-        if solid.table is not None:
-            thin = radius + (GAP if part == "the stem" else margin)
-            blame(bounded & _crosses(solid.table, begin, run, thin), f"{part} would hit the table while the tip touches")
-            lifted = begin + approach.standoff * pose.normal
-            thick = max(radius, probe.tip_radius if part == "the stem" else 0.0) + min(margin, approach.standoff / 2)
-            blame(bounded & _crosses(solid.table, lifted, run, thick), f"{part} would hit the table on the way to the stand-off")
-        for distance in way:
-            moved = begin + distance * pose.normal
-            for number, body in enumerate(solid.obstacles, 1):
-                blame(_crosses(body, moved, run, radius + margin + STEP / 2), f"{part} would hit obstacle {number}")
-        names = list(artefact.balls)
-        for ball, centre, size in zip(names, solid.centre, solid.radius, strict=True):
-            own = np.array([f.ball == ball for f in facets], dtype=bool)
-            near = np.full(n, np.inf)
-            for distance in way:
-                near = np.minimum(near, _distance(centre, begin + distance * pose.normal, run))
-            touching = _distance(centre, begin, run)
-            clear = size + radius
-            own_margin = GAP if part == "the stem" else margin
-            blame(np.where(own, touching < clear + own_margin, near < clear + margin + STEP / 2), f"{part} would hit ball {ball}")
-            if part == "the stem":
-                tip = np.full(n, np.inf)
-                for distance in way:
-                    tip = np.minimum(tip, np.linalg.norm(pose.tip + distance * pose.normal - centre, axis=1))
-                blame(~own & (tip < size + probe.tip_radius + margin + STEP / 2), f"the tip would hit ball {ball}")
-    if solid.table is not None:
-        over = np.array([f.ball is not None for f in facets], dtype=bool)
-        for distance in way:
-            blame(
-                over & _crosses(solid.table, pose.tip + distance * pose.normal, np.zeros((n, 3)), probe.tip_radius + MARGIN),
-                "the tip would hit the table",
-            )
-    for distance in way:
-        for number, body in enumerate(solid.obstacles, 1):
-            moved = pose.tip + distance * pose.normal
-            blame(
-                _crosses(body, moved, np.zeros((n, 3)), probe.tip_radius + MARGIN + STEP / 2),
-                f"the tip would hit obstacle {number}",
-            )
-    return reasons
+        yield (
+            np.arange(len(cosine)) == row,
+            f"the facet faces {angle:.0f}° away from the spindle, a straight stylus reaches up to 91°",
+        )
+    air = probe.tip_radius - probe.stylus_radius
+    if air < GAP:
+        grazing = cosine * max(stem, 1.0) < GAP - air
+        yield grazing, f"the stem (stylus_radius {probe.stylus_radius:g} mm) is not thinner than the tip ({probe.tip_radius:g} mm)"
 
 
-def _crosses(body: Body, begin: Array, run: Array, radius: float) -> NDArray[np.bool_]:
+def _table(table: Body, part: _Part, pose: Pose, probe: Probe, approach: Approach) -> Iterator[Verdict]:
+    """Convex, and left along its own normal: contact and stand-off decide for all between; the search end for the body."""
+    begin, run = pose.tip + part.low * pose.spindle, (part.high - part.low) * pose.spindle
+    yield _crosses(table, begin, run, part.radius + part.touching), f"the {part.name} would hit the table while the tip touches"
+    lifted = begin + approach.standoff * pose.normal
+    air = min(part.margin, approach.standoff / 2)
+    # What comes down is as wide as the tip.
+    wide = max(part.radius, probe.tip_radius if part.name == "stem" else 0.0) + air
+    yield _crosses(table, lifted, run, wide), f"the {part.name} would hit the table on the way to the stand-off"
+
+
+def _obstacle(body: Body, name: str, parts: tuple[_Part, ...], pose: Pose, probe: Probe, way: Array) -> Iterator[Verdict]:
+    between = STEP / 2
+    for part in parts:
+        run = (part.high - part.low) * pose.spindle
+        begin = pose.tip + part.low * pose.spindle
+        air = part.radius + part.margin + between
+        yield _any(_crosses(body, begin + d * pose.normal, run, air) for d in way), f"the {part.name} would hit {name}"
+    air = probe.tip_radius + MARGIN + between
+    tall = (parts[0].high - parts[0].low) * pose.spindle
+    yield _any(_crosses(body, pose.tip + d * pose.normal, 0 * tall, air) for d in way), f"the tip would hit {name}"
+    yield _crosses(body, pose.tip + way[-1] * pose.normal, tall, air), f"the tip would hit {name} on the way to the stand-off"
+
+
+def _ball(
+    centre: Array, radius: float, name: str, own: Mask, parts: tuple[_Part, ...], pose: Pose, probe: Probe, way: Array
+) -> Iterator[Verdict]:
+    """A ball: of its own touches only the contact counts, as the probe leaves it straight away from its centre."""
+    between = STEP / 2
+    for part in parts:
+        begin, run = pose.tip + part.low * pose.spindle, (part.high - part.low) * pose.spindle
+        near = np.min([_distance(centre, begin + d * pose.normal, run) for d in way], axis=0)
+        clear = radius + part.radius
+        hit = np.where(own, _distance(centre, begin, run) < clear + part.touching, near < clear + part.margin + between)
+        yield hit, f"the {part.name} would hit {name}"
+    down = _distance(centre, pose.tip + way[-1] * pose.normal, (parts[0].high - parts[0].low) * pose.spindle)
+    near = np.min([np.linalg.norm(pose.tip + d * pose.normal - centre, axis=1) for d in way], axis=0)
+    clear = radius + probe.tip_radius
+    yield ~own & (np.minimum(near, down) < clear + MARGIN + between), f"the tip would hit {name}"
+    yield own & (down < clear + GAP), f"the tip would hit {name} on the way to the stand-off"
+
+
+def _any(masks: Iterator[Mask]) -> Mask:
+    return np.logical_or.reduce(list(masks))
+
+
+def _crosses(body: Body, begin: Array, run: Array, radius: float) -> Mask:
     """segments begin + t run, 0 ≤ t ≤ 1, (n, 3) each → (n,) whether they come nearer than `radius` to the body.
 
     The body's faces are moved out by the radius: exact at faces, a little too careful at corners (Cyrus–Beck clipping).

@@ -21,10 +21,10 @@ from ._common import cell_option, json_option, table, write_json
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the program; default: program/ in the cell.")
 @click.option(
     "--obstructed",
-    type=click.Choice(["refuse", "leave-out", "keep"]),
+    type=click.Choice(["refuse", "leave-out"]),
     default="refuse",
     show_default=True,
-    help="Touches that a straight probe cannot make: refuse the plan, leave them out, or keep them (the table is not solid there).",
+    help="Touches that a straight probe cannot make: refuse the plan, or leave them out.",
 )
 @click.option("--dry-run", is_flag=True, help="Print the moves instead of writing anything.")
 @json_option

@@ -25,7 +25,7 @@ from ..check.travel import travel_text
 from ..records import Array, Cell, InputError, Plan, Touch
 from .clearance import MARGIN, Clearance
 
-OBSTRUCTED = ("refuse", "leave-out", "keep")  # what to do with touches that the probe cannot make
+OBSTRUCTED = ("refuse", "leave-out")  # what to do with touches that the probe cannot make
 Rows = NDArray[np.int64]
 NAMED = 8  # touches named in one complaint
 
@@ -33,8 +33,8 @@ NAMED = 8  # touches named in one complaint
 def plan(cell: Cell, obstructed: str = "refuse") -> Plan:
     """cell → plan. Raises InputError naming touch, facet, indexation and axis of what cannot be reached.
 
-    `obstructed`: touches at which the straight probe would hit what is on the table are an error ('refuse'), are not planned
-    and listed in the plan ('leave-out'), or are planned all the same ('keep': the table is not the convex body it is taken for).
+    `obstructed`: touches at which the straight probe would hit what is on the table are an error ('refuse'), or are not planned
+    and listed in the plan ('leave-out').
     """
     machine, artefact, approach = cell.machine, cell.artefact, cell.strategy.approach
     chain = kinematics.chain(machine)
@@ -60,7 +60,7 @@ def plan(cell: Cell, obstructed: str = "refuse") -> Plan:
             "Take these facets out of those indexations, or let the plan do it (--obstructed leave-out)."
         )
     left_out: tuple[str, ...] = ()
-    if blocked and obstructed == "leave-out":
+    if blocked:
         left_out = tuple(f"{named(touch)}: {why}" for touch, why in sorted(blocked.items()))
         keep = np.setdiff1d(np.arange(len(facets)), list(blocked))
         if not len(keep):
