@@ -1,0 +1,99 @@
+"""The command line as a whole: help for every command, near misses, exit codes, and no traceback for anybody."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from tango_cnc.cli import _Commands, guarded, tango
+from tango_cnc.commands.init import examples
+
+COMMANDS = _Commands().list_commands(click.Context(tango))
+
+
+def call(*arguments: object) -> int:
+    return guarded(tango.main, [str(a) for a in arguments], prog_name="tango", standalone_mode=False)
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    assert call("init", tmp_path / "cell") == 0
+    return tmp_path / "cell"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(name, "--help") == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"Usage: tango {name}")
+    command = tango.get_command(click.Context(tango), name)
+    assert command is not None and command.help and command.help.splitlines()[0].endswith(".")
+    for option in command.params:
+        assert isinstance(option, click.Argument) or option.help, f"--{option.name} has no help"  # type: ignore[attr-defined]
+
+
+def test_overview_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("--help") == 0
+    text = capsys.readouterr().out
+    assert all(f"  {name} " in text for name in COMMANDS)
+
+
+def test_misspelt_command_is_answered_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("estimat") == 2
+    assert "Did you mean 'estimate'?" in capsys.readouterr().err
+
+
+def test_misspelt_option_is_answered_with_the_nearest(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("estimate", "-C", cell, "--reading", "x") == 2
+    assert "--readings" in capsys.readouterr().err
+
+
+def test_exit_status_0_and_results_on_stdout(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert call("simulate", "-C", cell, "--json", "-") == 0
+    assert json.loads(capsys.readouterr().out)["format"] == "tango-simulation/1"
+    assert call("estimate", "-C", cell, "--json", "-") == 0
+    assert json.loads(capsys.readouterr().out)["format"] == "tango-estimate/1"
+
+
+def test_exit_status_1_when_terms_cannot_be_seen(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("check", "-C", cell, "--terms", "S3,EZ0Z") == 1
+    assert "EZ0Z" in capsys.readouterr().out
+
+
+def test_exit_status_2_for_wrong_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("estimate", "-C", tmp_path) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+def test_exit_status_3_when_the_port_does_not_open(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("run", "-C", cell, "--port", "serial:///dev/there-is-no-such-port", "--yes") == 3
+    assert "there-is-no-such-port" in capsys.readouterr().err
+    assert not (cell / "readings.csv").exists()
+
+
+def test_every_message_is_one_for_people_in_a_real_process(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "tango_cnc", "check", "-C", str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("tango: ") and "Traceback" not in done.stderr
+
+
+def test_output_into_a_closed_pipe_is_no_error(cell: Path) -> None:
+    command = f"{sys.executable} -m tango_cnc simulate -C {cell} --json - | true"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("name", examples())
+def test_init_never_overwrites(name: str, tmp_path: Path) -> None:
+    assert call("init", tmp_path / "cell", "--example", name) == 0
+    before = {file.name: file.read_bytes() for file in (tmp_path / "cell").iterdir()}
+    assert call("init", tmp_path / "cell", "--example", name) == 2
+    assert {file.name: file.read_bytes() for file in (tmp_path / "cell").iterdir()} == before
