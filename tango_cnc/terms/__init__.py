@@ -18,6 +18,7 @@ import inspect
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -39,6 +40,7 @@ class Coefficient:
     regressor: Callable[[Touches], Array]  # → (n,)
 
 
+@cache
 def families() -> dict[str, ModuleType]:
     """→ every family by name, found by walking this folder."""
     names = [m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")]

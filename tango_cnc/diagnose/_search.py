@@ -1,0 +1,239 @@
+"""Which candidates are there: significance over all causes and shapes at once, selection forwards, backwards and by exchange.
+
+A candidate is compared by twice its log likelihood less a price: log m for every coefficient (Schwarz 1978) and twice the log
+of the number of variants that were tried for it (Chen & Chen 2008). What counts as significant is learnt from noise alone:
+data drawn from the fitted noise go through the same search, and the largest score over the whole catalogue sets the limit.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Array
+from ._candidates import Candidate
+from ._space import Library, Space, below, best_noise, level, library, scan
+
+LEVEL = 0.05  # of a false name anywhere in the catalogue
+SHAPE_LEVEL = 0.01  # of a false "something is there", outliers likewise
+TRIALS = 200
+MOST = 30  # candidates selected, single outliers included
+MOST_NAMED = 6
+CLOSE = 12.0  # causes whose scores are no further apart are refined before they are compared
+
+Rebuild = Callable[[str, Mapping[str, Any]], Candidate]
+
+
+class Limits(NamedTuple):
+    """Scores that noise alone reaches, by class of candidates: 90 % quantile, and the limit at the wanted level."""
+
+    usual: Mapping[str, float]
+    limit: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """Candidates, their projected columns and prices."""
+
+    candidates: Sequence[Candidate]
+    library: Library
+    price: Array  # (blocks,)
+    group: NDArray[np.int64]  # (blocks,) cause of a block
+    causes: tuple[str, ...]
+    refine: Mapping[str, Mapping[str, str]]
+    rebuild: Rebuild
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A candidate in the model of the residuals."""
+
+    candidate: Candidate
+    columns: Array  # (m, k) projected
+    price: float
+
+
+def catalogue(
+    place: Space, candidates: Sequence[Candidate], refine: Mapping[str, Mapping[str, str]], rebuild: Rebuild, least: float
+) -> tuple[Catalogue, Array]:
+    """space, candidates, parameters to refine → catalogue of those that can be seen, and the visibility (all candidates,)."""
+    size = np.cumsum([c.columns.shape[1] for c in candidates])
+    projected = np.split(place.project(np.hstack([c.columns for c in candidates])), size[:-1], axis=1)
+    seen = np.array([_visibility(c.columns, p) for c, p in zip(candidates, projected, strict=True)])
+    keep = [i for i in range(len(candidates)) if seen[i] > least and candidates[i].columns.shape[1] < place.m // 3]
+    kept = [candidates[i] for i in keep]
+    tried = Counter(c.cause for c in kept)
+    names = tuple(dict.fromkeys(c.cause for c in kept))
+    price = np.array([cost(c, tried[c.cause], place.m) for c in kept])
+    group = np.array([names.index(c.cause) for c in kept])
+    return Catalogue(kept, library([projected[i] for i in keep]), price, group, names, refine, rebuild), seen
+
+
+def cost(c: Candidate, tried: int, m: int) -> float:
+    """candidate, variants of its cause, degrees of freedom → its price."""
+    return float(c.columns.shape[1] * np.log(m) + 2 * np.log(tried))
+
+
+def _visibility(columns: Array, projected: Array) -> float:
+    whole = float(np.linalg.norm(columns))
+    return float(np.linalg.norm(projected)) / whole if whole else 0.0
+
+
+def kind(cause: str) -> str:
+    """cause → class of candidates with one limit: names, shapes, outliers."""
+    return cause if cause in ("", "outlier") else "names"
+
+
+def calibrate(place: Space, cat: Catalogue, seed: int = 0, trials: int = TRIALS) -> tuple[Limits, Array]:
+    """space, catalogue → limits of the score, and the usual score of every cause under noise alone (causes,)."""
+    ratios, _ = best_noise(place, np.empty((place.m, 0)))
+    setting = place.setting(ratios)
+    white = np.random.default_rng([seed, place.m]).standard_normal((place.m, trials))
+    data: Array = np.asarray(np.linalg.solve(setting.root, white), dtype=float)
+    ratio, _ = scan(place, cat.library, np.empty((place.m, 0)), below(ratios), data)
+    score = 2 * ratio - cat.price[:, None]
+    top = np.array([score[cat.group == i].max(axis=0) for i in range(len(cat.causes))])
+    usual = np.quantile(top, 0.9, axis=1)
+    classes = np.array([kind(c) for c in cat.causes])
+    limit, typical = {}, {}
+    for name in dict.fromkeys(classes):
+        largest = (top[classes == name] - usual[classes == name, None]).max(axis=0)
+        typical[name] = float(np.quantile(largest, 0.9))
+        # Beyond its 90 % quantile the largest of many likelihood ratios falls like an exponential with a rate of a half.
+        wanted = LEVEL if name == "names" else SHAPE_LEVEL
+        limit[name] = typical[name] + 2 * float(np.log(0.1 / wanted))
+    return Limits(typical, limit), usual
+
+
+def p_value(limits: Limits, usual: float, cause: str, score: float) -> float:
+    """score of a cause → probability that noise alone reaches as much anywhere in the catalogue (an upper tail: ≤ 0.1)."""
+    beyond = score - usual - limits.usual[kind(cause)]
+    return float(min(1.0, 0.1 * np.exp(-0.5 * beyond)))
+
+
+def columns_of(place: Space, chosen: Sequence[Chosen]) -> Array:
+    """chosen → (m, s) all their columns."""
+    return np.hstack([c.columns for c in chosen]) if chosen else np.empty((place.m, 0))
+
+
+def total(place: Space, chosen: Sequence[Chosen]) -> float:
+    """chosen → twice the log likelihood less the prices; the noise is chosen anew."""
+    _, value = best_noise(place, columns_of(place, chosen))
+    return 2 * value - sum(c.price for c in chosen)
+
+
+def likelihood(place: Space, selected: Array, settings: Sequence[tuple[float, ...]]) -> float:
+    """selected (m, s) → log likelihood at the best of some settings."""
+    return max(float(level(place, ratios, place.y, selected)[2][0]) for ratios in settings)
+
+
+def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, settings: Sequence[tuple[float, ...]]) -> Chosen:
+    """candidate, selected others (m, s) → it with its shape parameters where the likelihood is highest near by."""
+    tried = int((cat.group == cat.causes.index(start.cause)).sum())
+
+    def value(c: Candidate) -> float:
+        return likelihood(place, np.hstack([others, place.project(c.columns)]), settings)
+
+    best, score = start, value(start)
+    for name, way in cat.refine.get(start.cause, {}).items():
+        if name not in start.setting or not isinstance(start.setting[name], (int, float)):
+            continue
+        step = {"log": 0.25, "wave": 0.01, "linear": 16.0, "touch": 4.0, "order": 8.0}[way]
+        least = {"log": 0.01, "wave": 2e-4, "linear": 1.0, "touch": 0.9, "order": 0.9}[way]
+        while step > least:
+            moved = False
+            for sign in (-1, 1):
+                at = float(best.setting[name])
+                new = at * np.exp(sign * step) if way in ("log", "wave") else at + sign * step
+                try:
+                    c = cat.rebuild(best.cause, {**best.setting, name: int(new) if way in ("touch", "order") else float(new)})
+                except (ValueError, IndexError):
+                    continue
+                if np.linalg.norm(place.project(c.columns)) < 1e-3 * np.linalg.norm(start.columns):
+                    continue
+                found = value(c)
+                if found > score + 1e-3:
+                    best, score, moved = c, found, True
+                    break
+            if not moved:
+                step /= 2
+    return Chosen(best, place.project(best.columns), cost(best, tried, place.m))
+
+
+def ranked(
+    place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits: Limits, usual: Array
+) -> tuple[list[tuple[float, int]], float]:
+    """chosen so far → (score, block) of the best significant block of every cause, best first; the base log likelihood."""
+    selected = columns_of(place, chosen)
+    ratios, _ = best_noise(place, selected)
+    ratio, base = scan(place, cat.library, selected, below(ratios))
+    score = 2 * ratio[:, 0] - cat.price
+    found = []
+    for i, cause in enumerate(cat.causes):
+        blocks = np.flatnonzero(cat.group == i)
+        block = int(blocks[np.argmax(score[blocks])])
+        if score[block] > 0 and score[block] - usual[i] > limits.limit[kind(cause)]:
+            found.append((float(score[block]), block))
+    return sorted(found, reverse=True), float(base[0])
+
+
+def best_addition(place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits: Limits, usual: Array) -> Chosen | None:
+    """chosen so far → the candidate that explains most of the rest, refined; None when nothing is significant."""
+    found, _ = ranked(place, cat, chosen, limits, usual)
+    if not found:
+        return None
+    selected = columns_of(place, chosen)
+    settings = below(best_noise(place, selected)[0])
+    near = [block for score, block in found if score > found[0][0] - max(CLOSE, 0.35 * abs(found[0][0]))][:6]
+    options = [refined(place, cat, cat.candidates[block], selected, settings) for block in near]
+    values = [2 * likelihood(place, np.hstack([selected, c.columns]), settings) - c.price for c in options]
+    return options[int(np.argmax(values))]
+
+
+def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[Chosen]:
+    """space, catalogue, limits → the candidates that together explain the residuals best."""
+    chosen: list[Chosen] = []
+    for _ in range(MOST):
+        new = best_addition(place, cat, chosen, limits, usual)
+        if new is None or (new.candidate.named and sum(c.candidate.named for c in chosen) >= MOST_NAMED):
+            break
+        chosen.append(new)
+        if new.candidate.cause != "outlier":
+            chosen = exchanged(place, cat, chosen, limits, usual)
+        chosen = pruned(place, chosen)
+    return chosen
+
+
+def exchanged(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, usual: Array) -> list[Chosen]:
+    """chosen → chosen, each replaced by what does its work better beside the others, until nothing changes."""
+    value = total(place, chosen)
+    for _ in range(3):
+        changed = False
+        for i, old in enumerate(list(chosen)):
+            if old.candidate.cause == "outlier" or len([c for c in chosen if c.candidate.cause != "outlier"]) < 2:
+                continue
+            others = [c for c in chosen if c is not old]
+            new = best_addition(place, cat, others, limits, usual)
+            trial = others if new is None else [*others[:i], new, *others[i:]]
+            score = total(place, trial)
+            if score > value + 0.5:
+                chosen, value, changed = trial, score, True
+        if not changed:
+            break
+    return chosen
+
+
+def pruned(place: Space, chosen: list[Chosen]) -> list[Chosen]:
+    """chosen → chosen without those that no longer earn their price."""
+    while len(chosen) > 1:
+        value = total(place, chosen)
+        without = [total(place, [c for c in chosen if c is not old]) for old in chosen]
+        if max(without) <= value:
+            break
+        del chosen[int(np.argmax(without))]
+    return chosen

@@ -1,0 +1,213 @@
+"""The space that the present model does not reach, and the noise in it.
+
+Everything is judged there: residuals and patterns are multiplied by an orthonormal basis of the left null space of the
+Jacobian (Harville 1974: maximum likelihood there is REML). The noise is white plus kernels with unknown ratios; a fixed grid
+of ratios is factorised once, so that every candidate can be compared at the noise that suits it best. A candidate that
+explains a drift is not tested against a noise that has already swallowed the drift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, optimize
+
+from ..records import Array
+
+RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 40.0)  # variance of a kernel over that of the white noise
+RIDGE = 1e-5  # of a pattern's own length: less than this is left of it when it repeats what is selected
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One kind of noise: ratios of the kernels, inverse root (m, m) of its covariance, log determinant."""
+
+    ratios: tuple[float, ...]
+    root: Array
+    logdet: float
+
+
+class _White(NamedTuple):
+    """A library as one kind of noise sees it; single precision is enough to compare candidates."""
+
+    columns: NDArray[np.float32]  # (m, N)
+    whole: Array  # (N,) squared lengths
+    grams: dict[int, Array]  # size of blocks → (b, k, k)
+
+
+@dataclass
+class Space:
+    """(m,) residuals, (n, m) basis, (m, m) kernels of mean variance 1."""
+
+    basis: Array
+    y: Array
+    kernels: tuple[Array, ...]
+    _settings: dict[tuple[float, ...], Setting] = field(default_factory=dict)
+    _white: dict[tuple[float, ...], _White] = field(default_factory=dict)
+
+    @property
+    def m(self) -> int:
+        """→ degrees of freedom that the model leaves."""
+        return len(self.y)
+
+    def project(self, columns: Array) -> Array:
+        """(n, k) patterns → (m, k), what the model cannot absorb of them."""
+        return self.basis.T @ columns
+
+    def setting(self, ratios: tuple[float, ...]) -> Setting:
+        """ratios → factorised noise."""
+        if ratios not in self._settings:
+            covariance = np.eye(self.m)
+            for ratio, kernel in zip(ratios, self.kernels, strict=True):
+                if ratio:
+                    covariance += ratio * kernel
+            lower = np.linalg.cholesky(covariance)
+            root = linalg.solve_triangular(lower, np.eye(self.m), lower=True, check_finite=False)
+            self._settings[ratios] = Setting(ratios, root, 2 * float(np.log(np.diag(lower)).sum()))
+        return self._settings[ratios]
+
+    def grid(self) -> list[tuple[float, ...]]:
+        """→ ratios of every setting that is compared."""
+        axes = np.meshgrid(*[RATIOS] * len(self.kernels), indexing="ij")
+        return [tuple(float(v) for v in row) for row in np.array([a.ravel() for a in axes]).T] if self.kernels else [()]
+
+
+def space(residual: Array, jacobian: Array, n: int, kernels: Sequence[Array]) -> Space:
+    """residuals (n + known,) and Jacobian (n + known, p), weighted; kernels (n, n) → space. The first n rows are touches."""
+    rank = jacobian
+    norm = np.linalg.norm(rank, axis=0)
+    q, r = linalg.qr(rank / np.where(norm > 0, norm, 1.0), pivoting=True, check_finite=False)[:2]
+    diagonal = np.abs(np.diag(r))
+    used = int((diagonal > 1e-9).sum())
+    full = q[:, used:]
+    basis = full[:n]
+    projected = []
+    for kernel in kernels:
+        inside = basis.T @ kernel @ basis
+        mean = float(np.trace(inside)) / len(inside)
+        projected.append(inside / mean if mean > 0 else inside)
+    return Space(basis, full.T @ residual, tuple(projected))
+
+
+@dataclass(frozen=True)
+class Library:
+    """Candidates as one matrix: block b has the columns `start[b] … start[b] + size[b]` of (m, N) `columns`, unit length."""
+
+    columns: Array
+    start: NDArray[np.int64]
+    size: NDArray[np.int64]
+
+    def of(self, block: int) -> Array:
+        """block → (m, k)."""
+        return self.columns[:, self.start[block] : self.start[block] + self.size[block]]
+
+
+def library(blocks: Sequence[Array]) -> Library:
+    """projected blocks, (m, k) each → library of unit columns."""
+    size = np.array([b.shape[1] for b in blocks], dtype=np.int64)
+    columns = np.hstack(blocks)
+    norm = np.linalg.norm(columns, axis=0)
+    return Library(columns / np.where(norm > 0, norm, 1.0), np.concatenate([[0], np.cumsum(size)[:-1]]), size)
+
+
+def whitened(place: Space, lib: Library, ratios: tuple[float, ...]) -> _White:
+    """space, library, ratios → the library as that noise sees it, remembered."""
+    if ratios not in place._white:
+        single = lib.columns.astype(np.float32)
+        columns = single if not any(ratios) else place.setting(ratios).root.astype(np.float32) @ single
+        grams = {}
+        for k in np.unique(lib.size):
+            own = columns.T[lib.start[lib.size == k][:, None] + np.arange(k)]
+            grams[int(k)] = (own @ own.transpose(0, 2, 1)).astype(float)
+        place._white[ratios] = _White(columns, np.sum(columns**2, axis=0).astype(float), grams)
+    return place._white[ratios]
+
+
+def level(place: Space, ratios: tuple[float, ...], y: Array, selected: Array) -> tuple[Array, Array, Array]:
+    """ratios, data (m,) or (m, B), selected (m, s) → whitened data outside the selected, their basis, log likelihoods (B,)."""
+    setting = place.setting(ratios)
+    white = setting.root @ (y if y.ndim == 2 else y[:, None])
+    basis = np.linalg.qr(setting.root @ selected)[0] if selected.shape[1] else np.empty((place.m, 0))
+    white = white - basis @ (basis.T @ white)
+    return white, basis, -0.5 * setting.logdet - 0.5 * place.m * np.log(np.sum(white**2, axis=0))
+
+
+def best_noise(place: Space, selected: Array, y: Array | None = None) -> tuple[tuple[float, ...], float]:
+    """space, selected (m, s) → ratios of highest likelihood on the grid, its log likelihood."""
+    data = place.y if y is None else y
+    scored = [(float(level(place, ratios, data, selected)[2][0]), ratios) for ratios in place.grid()]
+    value, ratios = max(scored)
+    return ratios, value
+
+
+def fine_noise(place: Space, selected: Array) -> tuple[tuple[float, ...], float]:
+    """space, selected → ratios of highest likelihood between the grid's, and the standard deviation of the white noise."""
+    ratios, _ = best_noise(place, selected)
+    free = [i for i, ratio in enumerate(ratios) if ratio]
+
+    def at(logs: Array) -> tuple[float, ...]:
+        values = list(ratios)
+        for i, value in zip(free, logs, strict=True):
+            values[i] = float(np.exp(value))
+        return tuple(values)
+
+    def cost(logs: Array) -> float:
+        return -float(level(Space(place.basis, place.y, place.kernels), at(logs), place.y, selected)[2][0])
+
+    if free:
+        start = np.log([ratios[i] for i in free])
+        ratios = at(optimize.minimize(cost, start, method="Nelder-Mead", options={"maxfev": 30, "xatol": 0.05, "fatol": 0.02}).x)
+    white = level(place, ratios, place.y, selected)[0]
+    left = place.m - selected.shape[1]
+    return ratios, float(np.sqrt(np.sum(white**2) / max(left, 1)))
+
+
+def gains(place: Space, lib: Library, ratios: tuple[float, ...], data: Array, selected: Array) -> tuple[Array, Array]:
+    """ratios, data (m, B), selected → log likelihood of every block (blocks, B) with it and (B,) without any."""
+    white, basis, without = level(place, ratios, data, selected)
+    columns, whole, grams = whitened(place, lib, ratios)
+    along = (columns.T @ white.astype(np.float32)).astype(float)  # (N, B)
+    inside = (basis.T.astype(np.float32) @ columns).astype(float)
+    explained = np.zeros((len(lib.size), white.shape[1]))
+    for k, gram in grams.items():
+        blocks = np.flatnonzero(lib.size == k)
+        at = lib.start[blocks][:, None] + np.arange(k)
+        part = inside.T[at]  # (b, k, s)
+        left = gram - part @ part.transpose(0, 2, 1)
+        left[:, np.arange(k), np.arange(k)] += RIDGE * whole[at] + 1e-12
+        if k == 1:
+            explained[blocks] = along[at[:, 0]] ** 2 / left[:, 0]
+            continue
+        right = along[at]  # (b, k, B)
+        explained[blocks] = np.sum(right * np.linalg.solve(left, right), axis=1)
+    rss = np.sum(white**2, axis=0)
+    remain = np.maximum(rss - explained, 1e-6 * rss)
+    return without + 0.5 * place.m * np.log(rss / remain), without
+
+
+def scan(
+    place: Space, lib: Library, selected: Array, settings: Sequence[tuple[float, ...]], data: Array | None = None
+) -> tuple[Array, Array]:
+    """settings, selected (m, s), data (m, B) → (blocks, B) log likelihood ratios, noise anew for each, and (B,) base."""
+    y = place.y[:, None] if data is None else data
+    with_it, without = None, None
+    for ratios in settings:
+        one, base = gains(place, lib, ratios, y, selected)
+        with_it = one if with_it is None else np.maximum(with_it, one)
+        without = base if without is None else np.maximum(without, base)
+    assert with_it is not None and without is not None
+    return with_it - without, without
+
+
+def below(ratios: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """ratios → themselves and a few of what remains of them when a pattern takes its share."""
+    steps = []
+    for ratio in ratios:
+        i = RATIOS.index(ratio)
+        steps.append(sorted({RATIOS[j] for j in (0, max(i - 2, 0), i)}))
+    axes = np.meshgrid(*steps, indexing="ij")
+    return [tuple(float(v) for v in row) for row in np.array([a.ravel() for a in axes]).T] if ratios else [()]
