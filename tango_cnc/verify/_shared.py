@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from .. import kinematics
 from ..estimate import Estimate
 from ..kinematics import Slot

@@ -89,7 +89,8 @@ def held_out(
             raise InputError(f"--hold-out: found indexation {i}; allowed: 1 to {max(known)}, counted as in the strategy")
     parts: list[tuple[Readings, NDArray[np.int64], int, Array, Array]] = []
     lost: set[str] = set()
-    fitted, unseen = [], {}
+    fitted: list[Array] = []
+    unseen: dict[str, None] = {}
     for place, group in enumerate(groups):
         out = np.isin(number, group)
         try:

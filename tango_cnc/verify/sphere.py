@@ -91,24 +91,41 @@ def sphere_cell(
         if reach:
             kept.append(Indexation(indexation.position, reach))
     if not kept:
-        raise InputError("sphere: no indexation lets the probe reach the sphere; add indexations that tilt the table to the spindle")
+        raise InputError(
+            "sphere: no indexation lets the probe reach the sphere; add indexations that tilt the table to the spindle"
+        )
     return artefact, Strategy("sphere test", approach, tuple(kept))
 
 
-def contacts(machine: Machine, artefact: Artefact, strategy: Strategy, result: Estimate | None) -> Touches:
+def drawn(result: Estimate, seed: int = 6) -> Estimate:
+    """estimate → one machine that it might stand for: values drawn with its covariance."""
+    values = _draw(result, len(result.values), 1, np.random.default_rng(seed))
+    return replace(result, values=result.values + values[:, 0])
+
+
+def contacts(
+    machine: Machine, artefact: Artefact, strategy: Strategy, result: Estimate | None, sigma: float = 0.0, seed: int = 6
+) -> Touches:
     """ball, strategy, estimate taken for the truth (None: nominal machine) → touches where that machine would make them.
 
-    Fixed point on the nominal inverse: the error of the chain hardly changes over the distance that it causes.
+    `sigma` mm scatters the touches along their normals. Fixed point on the nominal inverse: the error of the chain hardly
+    changes over the distance that it causes.
     """
     facets = [f for indexation in strategy.indexations for f in indexation.facets]
     position = np.array(
-        [[indexation.position.get(name, 0.0) for name in machine.names] for indexation in strategy.indexations for _ in indexation.facets]
+        [
+            [indexation.position.get(name, 0.0) for name in machine.names]
+            for indexation in strategy.indexations
+            for _ in indexation.facets
+        ]
     )
     touches = of_facets(machine, artefact, facets, position, np.zeros_like(position)).nominal
     tip = touches.point + machine.probe.tip_radius * touches.normal
     touches = replace(touches, direction=_approach(touches, tip))
+    if sigma:
+        tip = tip + np.random.default_rng([seed, 1]).normal(scale=sigma, size=(len(tip), 1)) * touches.normal
     if result is None:
-        return touches
+        return replace(touches, position=kinematics.inverse(touches.chain, touches.position, tip))
     wanted = tip
     for _ in range(12):
         missed = tip - tips(result, touches)
@@ -181,13 +198,19 @@ def _expected(result: Estimate, touches: Touches, trials: int) -> tuple[float, f
     model = Model(touches, result.model.coefficients)
     _, jacobian = linearise(model, np.zeros(len(model.names)))
     count = len(model.coefficients)
-    covariance = result.covariance[:count, :count]
-    scale = np.sqrt(np.diag(covariance))  # mm² and rad² side by side: factor the correlations, not the covariances
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    root = scale[:, None] * vectors * np.sqrt(np.clip(values, 0.0, None))
     rng = np.random.default_rng(6)
-    radial = jacobian[:, :count] @ root @ rng.normal(size=(count, trials)) + rng.normal(scale=result.sigma, size=(len(touches), trials))
+    draws = _draw(result, count, trials, rng)
+    radial = jacobian[:, :count] @ draws + rng.normal(scale=result.sigma, size=(len(touches), trials))
     taken = np.column_stack([touches.normal, np.ones(len(touches))])
     left = radial - taken @ np.linalg.lstsq(taken, radial, rcond=None)[0]
     spread = np.ptp(left, axis=0)
     return float(np.median(spread)), float(np.quantile(spread, 0.975))
+
+
+def _draw(result: Estimate, count: int, trials: int, rng: np.random.Generator) -> Array:
+    """→ (count, trials) deviations of the first unknowns, drawn with their covariance."""
+    covariance = result.covariance[:count, :count]
+    scale = np.sqrt(np.diag(covariance))  # mm² and rad² side by side: factor the correlations, not the covariances
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.clip(values, 0.0, None))
+    return np.asarray(root @ rng.normal(size=(count, trials)))

@@ -25,7 +25,7 @@ from ..touches import Touches
 from ._shared import acting, at_poses, is_setup, tips
 
 LEVELS = {3: 9, 4: 7, 5: 5}  # grid points an axis, by number of axes: at most some thousands of poses
-HULL = 1e-7  # of an axis' probed range: nearer to the hull than this is inside it
+HULL = 1e-5  # of an axis' probed range: nearer to the hull than this is inside it
 LARGEST = 40_000  # poses
 
 
@@ -62,7 +62,9 @@ def grid(machine: Machine, touches: Touches, levels: int | None = None, over: st
     names = (*machine.linear, *machine.rotary)
     count = levels or LEVELS.get(len(names), 3)
     if count < 2 or count ** len(names) > LARGEST:
-        raise InputError(f"--levels: found {count}; allowed: 2 to {int(LARGEST ** (1 / len(names)))} points on each of {len(names)} axes")
+        raise InputError(
+            f"--levels: found {count}; allowed: 2 to {int(LARGEST ** (1 / len(names)))} points on each of {len(names)} axes"
+        )
     lines = []
     for name in names:
         travel = machine.axis(name).travel
@@ -167,10 +169,9 @@ def probed(touches: Touches, position: Array) -> tuple[NDArray[np.bool_], NDArra
     at = (position[:, columns] - low) / width
     outside = np.zeros(position.shape, dtype=np.bool_)
     outside[:, columns] = (at < -HULL) | (at > (high - low) / width + HULL)
-    extrapolated = outside.any(axis=1)
+    extrapolated = np.asarray(outside.any(axis=1), dtype=np.bool_)
     matrix = np.vstack([((seen - low) / width).T, np.ones(len(seen))])
     for i in np.flatnonzero(~extrapolated):
         _, distance = optimize.nnls(matrix, np.append(at[i], 1.0))
-        extrapolated[i] = distance > 1e-6
+        extrapolated[i] = distance > HULL
     return outside, extrapolated
-
