@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -224,6 +225,15 @@ def test_good_cell_is_read(cell: Path) -> None:
     assert found.terms == ("S2",)
     assert found.strategy.indexations[1].position == pytest.approx({"B": math.radians(30), "C": math.radians(-90), "S": 0.0})
     assert found.artefact.facets["11"].ball == "1"
+
+
+def test_the_examples_in_the_documentation_are_read(root: Path, tmp_path: Path) -> None:
+    blocks = re.findall(r"```yaml\n(.*?)```", (root / "docs" / "formats.md").read_text(encoding="utf-8"), re.DOTALL)
+    for name, text in zip(["tango", "machine", "artefact", "strategy", "world"], blocks, strict=True):
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+    cell = files.read_cell(tmp_path)
+    assert cell.controller is not None and cell.artefact.facets["30"].surface is not None and len(cell.artefact.obstacles) == 2
+    assert files.read_world(tmp_path / "world.yaml").effects[0]["tau"] == 2400
 
 
 def test_missing_direction_columns_follow_from_the_positions(cell: Path) -> None:
