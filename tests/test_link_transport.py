@@ -9,7 +9,8 @@ import time
 import pytest
 
 from tango_cnc.link import dnc
-from tango_cnc.link.transport import SUB, Lost, open_port, parse, unmarked
+from tango_cnc.link._wire import Paced, unmarked
+from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError, LinkError
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
@@ -69,6 +70,7 @@ def test_ports_have_many_names(url, scheme, target):
         ("serial:///dev/ttyS0?parity=gerade", "'gerade'"),
         ("serial:///dev/ttyS0?baud=fast", "'fast'"),
         ("serial:///dev/ttyS0?bits=5", "'5'"),
+        ("socket://127.0.0.1:8193?parity=even", "parity without bits=7"),
     ],
 )
 def test_a_url_that_means_nothing_is_refused(url, found):
@@ -153,7 +155,7 @@ def test_the_driver_takes_over_flow_control_with_the_first_byte_sent(pty):
     import termios
 
     controller, name = pty
-    line = opened(f"serial://{name}?flow=xonxoff&parity=even&bits=7")
+    line = opened(f"serial://{name}?flow=xonxoff")
 
     def input_flags():
         return termios.tcgetattr(line._port.fileno())[0]
@@ -162,7 +164,6 @@ def test_the_driver_takes_over_flow_control_with_the_first_byte_sent(pty):
     assert line.read(1.0) == b"\x11"
     line.write(b"%\n")
     assert input_flags() & termios.IXON
-    assert input_flags() & termios.PARMRK
     os.write(controller, b"\x13")
     time.sleep(0.05)
     assert line.write(b"O0001\n") == 0  # the driver holds it
@@ -172,8 +173,52 @@ def test_the_driver_takes_over_flow_control_with_the_first_byte_sent(pty):
     line.close()
 
 
+@posix
+def test_a_serial_port_marks_bytes_of_wrong_parity(pty, monkeypatch):
+    """A pty stands in for the port: the driver's flags can be seen on it, though it never finds a parity wrong."""
+    import termios
+
+    _, name = pty
+    monkeypatch.setattr("tango_cnc.link.transport.PTY", ("nothing",))
+    line = opened(f"serial://{name}?parity=even&bits=7&exclusive=no&flow=xonxoff")
+    line.write(b"%")
+    flags = termios.tcgetattr(line._port.fileno())[0]
+    assert flags & termios.INPCK
+    assert flags & termios.PARMRK
+    assert not flags & (termios.IGNPAR | termios.ISTRIP)
+    line.close()
+
+
+@posix
+def test_a_pty_carries_the_parity_that_its_url_states(pty):
+    controller, name = pty
+    line = opened(f"serial://{name}?bits=7&parity=even")
+    line.write(b"%\nO1")
+    assert os.read(controller, 100) == b"\xa5\n\xcf\xb1"
+    os.write(controller, b"\xd8\xb1\x31\n")
+    assert line.read(1.0) == b"X1\x1a\n"
+    line.close()
+
+
+def test_pace_is_that_of_a_uart():
+    class Pipe:
+        chunk, taken = 256, 0
+
+        def write(self, data):
+            self.taken += len(data)
+            return len(data)
+
+    pipe, now = Pipe(), [100.0]
+    line = Paced(pipe, 960.0, lambda: now[0])
+    for _ in range(1000):
+        while line.write(b"x" * 64):
+            pass
+        now[0] += 0.001
+    assert pipe.taken == pytest.approx(960 + 19, abs=2)
+
+
 def test_bytes_of_wrong_parity_are_marked():
-    assert unmarked(b"X1\xff\x002.5\xff\xff") == (b"X1" + SUB + b".5\xff", b"")
+    assert unmarked(b"X1\xff\x002.5\xff\xff") == (b"X1\x1a.5\xff", b"")
     assert unmarked(b"X1\xff") == (b"X1", b"\xff")
     assert unmarked(b"X1\xff\x00") == (b"X1", b"\xff\x00")
 

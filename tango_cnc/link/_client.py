@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 from ..records import Plan
@@ -35,7 +36,7 @@ class Job:
     again: int = 0
     start_patience: float = 600.0  # s before the start mark: somebody has to press the button
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[int, ...]:
         """→ touch numbers in the order of the program."""
         return tuple(touch.number for touch in self.plan.touches)

@@ -5,10 +5,12 @@
     socket://192.168.1.20:8193           TCP, also of a serial-to-Ethernet converter in raw mode
     rfc2217://192.168.1.20:2217?baud=…   a converter that lets the line be set from here
 
-Everything after `?` that is not of the line is handed to the protocol client. Found out by others: a readline returns half a
+Everything after `?` that is not of the line is handed to the protocol client. Behind socket:// and a pty the settings of the
+line are somebody else's; stated all the same, `baud` slows the sending down to that rate and `parity` is added and checked here.
+Found out by others: a readline returns half a
 line at the timeout, an unplugged port still says it is open, two programs may open one port unless both ask for exclusive,
 and drivers deliver bytes of wrong parity without a word. Here reads return what there is, every error of the system means
-that the line is lost, serial ports are locked twice, and a byte of wrong parity arrives as SUB (0x1A), which no client takes.
+that the line is lost, serial ports are locked twice, and a character of wrong parity arrives as SUB, which no client takes.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ import serial
 from serial.tools import list_ports
 
 from ..records import InputError, LinkError
+from ._wire import Paced, Parity, unmarked
 
-SUB = b"\x1a"
 SLICE = 0.05  # s, the longest wait inside a port that cannot be waited for together with others
 PATIENCE = 5.0  # s, to open a TCP connection
 
@@ -42,6 +44,7 @@ LINE: Mapping[str, tuple[str, ...]] = {
     "exclusive": ("yes", "no"),
 }
 DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
+PTY = ("/dev/pts/", "/dev/ttyp")
 
 
 class Lost(LinkError):
@@ -56,6 +59,7 @@ class Address:
     scheme: str  # serial, socket, rfc2217
     target: str  # device, or host:port
     line: Mapping[str, str] = field(default_factory=dict)
+    uart: bool = True  # somebody keeps to the settings of the line: a driver, a converter
     options: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -87,7 +91,9 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
     if scheme != "serial" and not re.fullmatch(r"(\[[0-9A-Fa-f:.]+\]|[^:\[\]@/]+):\d{1,5}", target):
         raise InputError(f"port {url!r}: found {target!r}; allowed: host:port, e.g. {scheme}://192.168.1.20:8193")
-    line, told = dict(DEFAULTS), {}
+    uart = scheme != "socket" and not target.startswith(PTY)
+    line: dict[str, str] = {}
+    told: dict[str, str] = {}
     known: dict[str, tuple[str, ...]] = {**LINE, **options}
     for name, text in parse_qsl(url_split.query, keep_blank_values=True):
         value = text or "yes" if name == "exclusive" else text
@@ -99,7 +105,11 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
             line[name] = value
         if name in options:
             told[name] = value
-    return Address(url, scheme, target, line, told)
+    if line.get("parity", "none") != "none" and line.get("bits") != "7" and not uart:
+        raise InputError(
+            f"port {url!r}: found parity without bits=7; allowed here: bits=7&parity=…, as nobody else adds the parity"
+        )
+    return Address(url, scheme, target, {**DEFAULTS, **line} if uart else line, uart, told)
 
 
 def ports() -> list[tuple[str, str]]:
@@ -110,11 +120,17 @@ def ports() -> list[tuple[str, str]]:
 def open_port(address: Address) -> Transport:
     """address → open transport. Raises LinkError saying what did not open, which ports there are and what to do."""
     try:
-        if address.scheme == "socket":
-            return _Tcp(address)
-        return _Port(address)
+        port: Transport = _Tcp(address) if address.scheme == "socket" else _Port(address)
     except (OSError, ValueError, serial.SerialException) as error:  # SerialException is an OSError; ValueError: baud rates
         raise LinkError(f"port {address.url} does not open: {_reason(error)}. {_advice(address, error)}") from None
+    if not address.uart and "baud" in address.line:
+        characters = int(address.line["baud"]) / (
+            2 + int(address.line.get("bits", "8")) + (address.line.get("parity", "none") != "none")
+        )
+        port = Paced(port, characters, time.monotonic)
+    if not address.uart and address.line.get("parity", "none") != "none":
+        port = Parity(port, address.line["parity"] == "odd")
+    return port
 
 
 def _reason(error: Exception) -> str:
@@ -174,10 +190,9 @@ class _Tcp:
 class _Port:
     """A serial port, a pty or an RFC 2217 converter through pyserial."""
 
-    chunk = 32
-
     def __init__(self, address: Address) -> None:
-        line = address.line
+        line = address.line if address.uart else {**DEFAULTS, **address.line, "bits": "8", "parity": "none"}
+        self.chunk = max(32, int(line["baud"]) // 500)  # 20 ms
         self._local = address.scheme == "serial"
         self._posix = self._local and os.name == "posix"  # then the descriptor is waited for and written to directly
         settings: dict[str, Any] = {
@@ -193,11 +208,12 @@ class _Port:
         if self._local and line["exclusive"] == "yes":
             settings["exclusive"] = True
         self._port = serial.serial_for_url(address.target if self._local else f"rfc2217://{address.target}", **settings)
-        self._flow = line["flow"] == "xonxoff"  # switched on at the first write: until then DC1 is for the client to see
+        # Switched on at the first write: until then DC1 is for the client to see. A driver would not know DC3 with a parity bit.
+        self._flow = line["flow"] == "xonxoff" and (address.uart or address.line.get("parity", "none") == "none")
         self._marked = self._posix and line["parity"] != "none"
         self._rest = b""
         if self._posix:
-            self._settle(lock=line["exclusive"] == "yes" and not address.target.startswith("/dev/pts/"))
+            self._settle(lock=line["exclusive"] == "yes" and address.uart)
 
     def _settle(self, lock: bool = False) -> None:
         """What pyserial leaves out on POSIX: bad parity is marked; the kernel refuses other openers (a pty would remember it)."""
@@ -257,25 +273,3 @@ class _Port:
             self._port.reset_output_buffer()
         with contextlib.suppress(Exception):
             self._port.close()
-
-
-def unmarked(data: bytes) -> tuple[bytes, bytes]:
-    """bytes with the kernel's marks (FF 00 x: x had bad parity; FF FF: FF) → (bytes with SUB for bad ones, unfinished rest)."""
-    out = bytearray()
-    at = 0
-    while at < len(data):
-        if data[at] != 0xFF:
-            out.append(data[at])
-            at += 1
-        elif data[at + 1 : at + 2] == b"\xff":
-            out.append(0xFF)
-            at += 2
-        elif at + 2 < len(data) and data[at + 1] == 0:
-            out += SUB
-            at += 3
-        elif at + 2 >= len(data) and data[at + 1 : at + 2] in (b"", b"\0"):
-            break
-        else:
-            out += SUB
-            at += 1
-    return bytes(out), bytes(data[at:])
