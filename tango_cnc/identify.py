@@ -8,7 +8,7 @@ same way on a rich plan: random poses over the whole travel, every direction, a 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,13 +16,16 @@ import numpy as np
 from scipy import linalg
 
 from . import kinematics
+from .kinematics import Slot
 from .model import PLACEMENT, STYLUS, Model, known, linearise, setup_coefficient
 from .records import Array, Artefact, Ball, Combination, Facet, Machine, ScaleBar, TermItem
 from .terms import Coefficient, backlash, error_motion, find, inter_axis
 from .touches import Touches, of_facets
 
-# Exact dependences leave 1e-13 of a column, the faintest real coefficient of the thesis' plan 1e-4.
-TOLERANCE = 1e-8
+# Exact dependences leave 1e-15 of what a column could amount to, 1e-8 where points are rounded to 1e-6 mm; the faintest real
+# coefficient of the thesis' plan 1e-3. At 1e-5 a touch of 0.7 µm leaves millimetres undecided.
+TOLERANCE = 1e-5
+NOISE = 1e-11  # of the column itself: less is rounding
 SUBSETS = ("S1", "S2", "S3", "S4")
 
 
@@ -39,23 +42,54 @@ class Selection:
         return f"{name}-EXX1" if self.mismatch and name in ("EYY1", "EZZ1") else name
 
 
-def columns(model: Model) -> Array:
-    """model → (n + m, p) Jacobian at the nominal machine, known distances included, columns scaled to unit length."""
+def columns(model: Model) -> tuple[Array, Array]:
+    """model → Jacobian at its touches without errors (n + m, p), known distances included; what a column could amount to (p,).
+
+    A shift could move every touch by itself, a turn by the longest lever, and of a power x³ only that part counts which
+    x², x and a constant do not make as well. A column is faint by this measure, not by its own size: a round table does not
+    see C turn, but for the rounding of its facets.
+    """
     start = np.zeros(len(model.names))
     _, jacobian = linearise(model, start)
     _, rows, _ = known(model, start)
-    full = np.vstack([jacobian, rows])
-    norm = np.linalg.norm(full, axis=0)
-    return full / np.where(norm > 0, norm, 1.0)
+    touches = model.touches
+    levers = kinematics.sensitivity(touches.chain, kinematics.trace(touches.chain, touches.position), touches.normal).slots
+    turns = [lever for slot, lever in levers.items() if _turns(slot, touches.machine)]
+    longest = max(float(np.max(np.abs(lever))) for lever in turns)
+    could = np.full(len(model.names), math.sqrt(len(touches)))
+    for j, c in enumerate(model.coefficients):
+        size = float(np.linalg.norm(_own_shape(c, model.regressors[j], touches)))
+        could[j] = size * (longest if _turns(c.slot, touches.machine) else 1.0)
+    return np.vstack([jacobian, rows]), np.where(could > 0, could, 1.0)
 
 
-def independent(matrix: Array, tolerance: float = TOLERANCE) -> tuple[list[int], dict[int, Array]]:
-    """(m, p) unit columns in order of preference → indices kept, and for each one left out its weights over those kept.
+def _turns(slot: Slot, machine: Machine) -> bool:
+    return slot.axis in machine.rotary if slot.stage == "motion" else slot.component >= 3
+
+
+def _own_shape(c: Coefficient, regressor: Array, touches: Touches) -> Array:
+    """→ (n,) what the lower powers of the same axis leave of a power; any other regressor as it is."""
+    match = error_motion.PATTERN.fullmatch(c.name)
+    if match is None or match[3] == "0":
+        return regressor
+    x = touches.axis(match[2])
+    x = (x - x.mean()) / (np.ptp(x) or 1.0)
+    lower = np.linalg.qr(np.vander(x, int(match[3])))[0]
+    rest: Array = regressor - lower @ (lower.T @ regressor)
+    return rest
+
+
+def independent(matrix: Array, could: Array, tolerance: float = TOLERANCE) -> tuple[list[int], dict[int, Array]]:
+    """(m, p) columns in order of preference, (p,) their possible sizes → indices kept; for each left out, weights over those kept.
 
     Gram–Schmidt with one re-orthogonalisation (Giraud et al. 2005): unpivoted QR would let the rounding noise of a
     dependent column push out the columns behind it.
     """
-    reduced: Array = matrix if matrix.shape[0] <= matrix.shape[1] else np.asarray(np.linalg.qr(matrix, mode="r"))
+    scale = np.linalg.norm(matrix, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    reduced: Array = matrix / scale
+    if matrix.shape[0] > matrix.shape[1]:
+        reduced = np.asarray(np.linalg.qr(reduced, mode="r"))
     count = reduced.shape[1]
     basis = np.empty((count, reduced.shape[0]))
     triangle = np.zeros((count, count))
@@ -69,13 +103,13 @@ def independent(matrix: Array, tolerance: float = TOLERANCE) -> tuple[list[int],
         rest -= again @ basis[:k]
         weights += again
         size = math.sqrt(rest @ rest)
-        if size > tolerance:
+        if size * scale[j] > tolerance * could[j] and size > NOISE:
             triangle[:k, k] = weights
             triangle[k, k] = size
             np.divide(rest, size, out=basis[k])
             kept.append(j)
         else:
-            left[j] = linalg.solve_triangular(triangle[:k, :k], weights) if k else np.empty(0)
+            left[j] = linalg.solve_triangular(triangle[:k, :k], weights) * scale[j] / scale[kept] if k else np.empty(0)
     return kept, left
 
 
@@ -89,7 +123,7 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     names = {c.name for c in kept}
     model = Model(touches, (*(c for c in wanted if c.name in names), *(c for c in setup if c.name in names)))
     mismatch = "EXX1" in left and any(c.name == "EXX1" for c in wanted) and {"EYY1", "EZZ1"} <= names
-    asked = {c.name for c in wanted}
+    asked = {*(c.name for c in wanted), *STYLUS}
     unseen = tuple(c for name, c in left.items() if name in asked)
     return Selection(model, unseen, mismatch)
 
@@ -136,41 +170,68 @@ def _visible(
 ) -> tuple[list[Coefficient], dict[str, Combination]]:
     """Facets and balls come first, then the setup, then the machine."""
     model = Model(touches, (*setup, *wanted))
-    matrix = columns(model)
+    matrix, could = columns(model)
     count = len(model.coefficients)
     order = [*range(count, matrix.shape[1]), *range(count)]
-    kept, left = independent(matrix[:, order])
+    kept, left = independent(matrix[:, order], could[order])
     names = [model.names[order[j]] for j in kept]
+    norm = np.linalg.norm(matrix, axis=0)
+    units = [*(c.unit for c in model.coefficients), *["mm"] * (len(model.names) - count)]
     combinations = {}
     for j, weights in left.items():
-        name = model.names[order[j]]
-        before = names[: len(weights)]
-        combinations[name] = describe(name, before, weights)
+        at = order[j]
+        faint = norm[at] <= TOLERANCE * could[at]
+        share = (
+            np.array([abs(w) * norm[order[i]] / norm[at] for i, w in zip(kept, weights, strict=False)])
+            if not faint
+            else np.empty(0)
+        )
+        strong = [int(i) for i in np.argsort(-share) if share[i] > 0.02]
+        partners = {names[i]: (float(weights[i]), units[order[kept[i]]]) for i in strong}
+        combinations[model.names[at]] = describe(model.names[at], units[at], partners)
     return [c for c in model.coefficients if c.name in set(names)], combinations
 
 
-def describe(name: str, partners: Sequence[str], weights: Array) -> Combination:
-    """name left out, names kept with weights (unit columns) → the combination with a sentence for people."""
-    strong = [i for i in np.argsort(-np.abs(weights)) if abs(weights[i]) > 0.02]
-    if name == "EXX1" and {"EYY1", "EZZ1"} <= {partners[i] for i in strong}:
+def describe(name: str, unit: str, partners: Mapping[str, tuple[float, str]]) -> Combination:
+    """name left out, its unit, what moves the touches as it does by name: (factor, unit) → combination, in words for people."""
+    table = [p for p in partners if p.startswith(("EZf", "EXball", "EYball", "EZball"))]
+    said = [p for p in partners if p not in table]
+    if name == "EXX1" and {"EYY1", "EZZ1"} <= set(said):
         text = (
             "the absolute scale cannot be seen, only scale mismatches against X: touch a scale bar or a calibrated facet, "
             "or read EYY1 and EZZ1 as EYY1-EXX1 and EZZ1-EXX1"
         )
-    elif not strong:
+    elif not partners:
         text = f"{name} moves no touch of this plan"
-    else:
-        machine = [partners[i] for i in strong if not partners[i].startswith(("EZf", "EXball", "EYball", "EZball"))]
-        table = len(machine) < len(strong)
-        said = [*machine[:5], *(["…"] if len(machine) > 5 else []), *(["the facet offsets"] if table else [])]
-        if len(said) == 1 and not table:
-            what = "sum" if weights[strong[0]] > 0 else "difference"
-            text = f"{name} and {said[0]} move every touch alike: only their {what} is known"
-        elif not machine:
-            text = f"{name} moves the touches just as other facet offsets would: it cannot be told from the table"
+    elif not said:
+        text = (
+            f"{name} moves the touches just as a table of another shape would: only calibrated facets, or "
+            "the same facets met in more poses, could tell"
+        )
+    elif len(said) == 1 and not table:
+        factor, other = partners[said[0]]
+        if unit == other and abs(abs(factor) - 1) < 0.01:
+            known_part = "their sum" if factor > 0 else "their difference"
         else:
-            text = f"{name} moves the touches just as a combination of {', '.join(said)} does: it cannot be told from them"
-    return Combination((name, *(partners[i] for i in strong)), (1.0, *(float(-weights[i]) for i in strong)), text)
+            known_part = f"{said[0]} {'+' if factor > 0 else '-'} {abs(factor):.4g} · {name} ({other}; {name} in {unit})"
+        text = f"{name} and {said[0]} move every touch alike: only {known_part} is known"
+    else:
+        listed = [*said[:5], *(["…"] if len(said) > 5 else []), *(["the facet offsets"] if table else [])]
+        text = f"{name} moves the touches just as a combination of {', '.join(listed)} does: it cannot be told from them"
+    return Combination((name, *partners), (1.0, *(-factor for factor, _ in partners.values())), text)
+
+
+def summary(unseen: Sequence[Combination]) -> list[str]:
+    """combinations → sentences, one for all of which the same is to be said."""
+    groups: dict[str, list[str]] = {}
+    for c in unseen:
+        same = c.text.removeprefix(f"{c.names[0]} moves ")
+        groups.setdefault(c.text if same == c.text else same, []).append(c.names[0])
+    said = []
+    for text, names in groups.items():
+        one = len(names) == 1 and text.startswith((names[0], "the absolute"))
+        said.append(text if one else f"{', '.join(names)} {'moves' if len(names) == 1 else 'each move'} {text}")
+    return said
 
 
 def rich_plan(machine: Machine, count: int = 700) -> Touches:
@@ -180,9 +241,10 @@ def rich_plan(machine: Machine, count: int = 700) -> Touches:
     to quarters; the last motion of each linear axis is the approach or, where that is across, the plunge along the spindle.
     """
     rng = np.random.default_rng(20)
-    normals = rng.normal(size=(30, 3))
+    size = 30 if machine.rotary else 250  # without rotary axes a facet is seen from one side only
+    normals = rng.normal(size=(size, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    points = 120 * normals + rng.uniform(-60, 60, size=(30, 3))
+    points = 120 * normals + rng.uniform(-60, 60, size=(size, 3))
     certain = None if machine.rotary else 0.001
     facets = {
         f"{i}": Facet(f"{i}", tuple(p), tuple(n), uncertainty=certain) for i, (p, n) in enumerate(zip(points, normals, strict=True))

@@ -10,6 +10,7 @@ import click
 
 from ..estimate import Estimate, estimate, without
 from ..files import blamed_on, read_cell, read_readings, read_terms
+from ..identify import summary
 from ..records import Parameter
 from ..report.units import shown
 from ._common import cell_option, json_option, table, write_json
@@ -97,7 +98,7 @@ def as_text(result: Estimate) -> str:
     ]
     if offsets:
         lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")
-    lines += [f"cannot be seen: {c.text}" for c in result.selection.unseen]
+    lines += [f"cannot be seen: {text}" for text in summary(result.selection.unseen)]
     if len(result.outliers):
         worst = ", ".join(str(i) for i in result.outliers[:10]) + (" …" if len(result.outliers) > 10 else "")
         lines.append(f"{len(result.outliers)} touches do not fit (kept; leave them out with --exclude-outliers): {worst}")
