@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..kinematics import Slot
 from ..model import Model
@@ -97,7 +98,17 @@ def batch(model: Model, dtype: type[np.floating[Any]] = np.float32) -> Batch:
     gap = np.sum((tip.T - touches.point) * touches.normal, axis=1) - touches.machine.probe.tip_radius
     own_facet = (touches.facet_index == np.arange(len(touches.facets))[:, None]).astype(dtype)
     start = tuple((i, acting[Slot("t", "stylus", i)]) for i in range(3) if Slot("t", "stylus", i) in acting)
-    return Batch(model, start, chain.spindle_frame.astype(dtype), tuple(stops), tip, touches.normal.T.astype(dtype), gap.astype(dtype), own_facet, acting.get(GAP))
+    return Batch(
+        model,
+        start,
+        chain.spindle_frame.astype(dtype),
+        tuple(stops),
+        tip,
+        touches.normal.T.astype(dtype),
+        gap.astype(dtype),
+        own_facet,
+        acting.get(GAP),
+    )
 
 
 def _acting(model: Model, rows: list[int], dtype: type[np.floating[Any]]) -> Acting:
@@ -105,7 +116,11 @@ def _acting(model: Model, rows: list[int], dtype: type[np.floating[Any]]) -> Act
     if np.all(regressors == regressors[:, :1]):
         regressors = regressors[:, :1]
     first, last = rows[0], rows[-1] + 1
-    return Acting(slice(first, last) if rows == list(range(first, last)) else rows, np.ascontiguousarray(regressors), np.abs(regressors).max(axis=1))
+    return Acting(
+        slice(first, last) if rows == list(range(first, last)) else rows,
+        np.ascontiguousarray(regressors),
+        np.abs(regressors).max(axis=1),
+    )
 
 
 def _amount(acting: Acting, values: Array) -> Array:
@@ -142,7 +157,9 @@ def gaps(ready: Batch, values: Array) -> Array:
             _command_turn(stop, d)
         else:
             assert stop.matrix is not None
-            d = list(np.tensordot(stop.matrix, np.array([np.zeros(shape) if c is None else np.broadcast_to(c, shape) for c in d]), 1))
+            d = list(
+                np.tensordot(stop.matrix, np.array([np.zeros(shape) if c is None else np.broadcast_to(c, shape) for c in d]), 1)
+            )
     return _close(ready, values, exact, d, shape)
 
 
@@ -173,14 +190,15 @@ def _error_turn(stop: Stop, values: Array, d: list[Array | None]) -> None:
         sine, less = np.sin(sine), -2 * np.sin(sine / 2) ** 2
     elif largest > TINY:
         sine *= 1.0 + less / 3
-    y = stop.at[0] if d[j] is None else stop.at[0] + d[j]
-    z = stop.at[1] if d[k] is None else stop.at[1] + d[k]
+    across, along = d[j], d[k]
+    y = stop.at[0] if across is None else stop.at[0] + across
+    z = stop.at[1] if along is None else stop.at[1] + along
     first = less * y
     first -= sine * z
     less = less * z
     less += sine * y
-    d[j] = first if d[j] is None else np.add(first, d[j], out=first)
-    d[k] = less if d[k] is None else np.add(less, d[k], out=less)
+    d[j] = first if across is None else np.add(first, across, out=first)
+    d[k] = less if along is None else np.add(less, along, out=less)
 
 
 def _close(ready: Batch, values: Array, exact: Array, d: list[Array | None], shape: tuple[int, int]) -> Array:
@@ -198,14 +216,16 @@ def _close(ready: Batch, values: Array, exact: Array, d: list[Array | None], sha
     result = result.astype(float)
     if touches.curved is not None:
         rows = touches.curved.rows
-        moved = np.stack([np.zeros((len(values), len(rows))) if c is None else np.broadcast_to(c, shape)[:, rows] for c in d], axis=-1)
+        moved = np.stack(
+            [np.zeros((len(values), len(rows))) if c is None else np.broadcast_to(c, shape)[:, rows] for c in d], axis=-1
+        )
         result[:, rows] = _curved(ready, rows, moved.astype(float), *model.split(exact)[1:])
     if ready.direct is not None:
         result += _amount(ready.direct, values)
     return result
 
 
-def _curved(ready: Batch, rows: Array, moved: Array, offsets: Array, shifts: Array) -> Array:
+def _curved(ready: Batch, rows: NDArray[np.int64], moved: Array, offsets: Array, shifts: Array) -> Array:
     touches = ready.model.touches
     assert touches.curved is not None
     _, centre, radius, axis, side = touches.curved

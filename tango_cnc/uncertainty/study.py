@@ -119,7 +119,7 @@ def system(model: Model, values: Array, weight: Array | None = None, sigma: floa
 
 
 def study(model: Model, values: Array, sigma: float, parts: tuple[Part, ...]) -> Study:
-    """model, converged unknowns (p,), sigma mm of a touch, budget → study. Raises TangoError when the plan leaves directions open."""
+    """model, converged unknowns (p,), sigma mm of a touch, budget → study. Raises TangoError for open directions."""
     _, jacobian, weight = system(model, values, sigma=sigma)
     scale = np.linalg.norm(jacobian, axis=0)
     q, r = np.linalg.qr(jacobian / np.where(scale > 0, scale, 1.0))

@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..records import Array, TangoError
 from . import _batch
@@ -25,15 +26,15 @@ BLOCK = 64  # single precision: as many bytes as 32 trials in double
 ENOUGH = 1e-3  # of a standard uncertainty: the correction that may be left out
 ITERATIONS = 8
 
-Mapper = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
+Mapper = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]  # map, or one that spreads over a cluster
 
 
 @dataclass(frozen=True)
 class Trials:
     """What the trials gave: `deviation` (T, q) of the outputs from the estimate, in standard uncertainties."""
 
-    deviation: Array  # single precision
-    evaluations: int  # of the gaps, blocks counted once per trial
+    deviation: NDArray[np.float32]
+    evaluations: int  # of all gaps of a trial
     rescued: int  # trials that needed the full iteration
     lost: int  # trials without a solution, left out
 
@@ -81,48 +82,46 @@ def solutions(study: Study, deviations: Array) -> Trials:
     ready = _batch.batch(study.model)
     scale = _scale(study)
     change = deviations @ study.gain.T
-    result = np.empty((len(deviations), len(study.outputs)), np.float32)
+    before = np.max(np.abs(change) * scale, axis=1)
+    open_ = np.arange(len(deviations))
+    evaluations = 0
+    for _ in range(ITERATIONS):
+        left = np.empty(len(open_))
+        for at in range(0, len(open_), BLOCK):
+            rows = open_[at : at + BLOCK]
+            step = _correction(study, ready, deviations[rows], change[rows])
+            change[rows] += step
+            size = np.max(np.abs(step) * scale, axis=1)
+            # The last correction times its own contraction is what would still come.
+            left[at : at + BLOCK] = size * size / np.maximum(before[rows], 1e-30)
+            before[rows] = size
+        evaluations += len(open_)
+        open_ = open_[~(left <= ENOUGH)]
+        if not len(open_):
+            break
     good = np.ones(len(deviations), dtype=bool)
-    evaluations = rescued = 0
-    for at in range(0, len(deviations), BLOCK):
-        rows = slice(at, at + BLOCK)
-        found, settled, rounds = _chord(study, ready, deviations[rows], change[rows], scale)
-        evaluations += rounds * len(found)
-        for i in np.flatnonzero(~settled):
-            try:
-                found[i] = solve(study.model, study.values, study.weight, deviations[at + i]) - study.values
-                rescued += 1
-            except (TangoError, np.linalg.LinAlgError):
-                good[at + i] = False
-        result[rows] = found[:, study.outputs] * scale[study.outputs]
-    return Trials(result[good], evaluations, rescued, int((~good).sum()))
+    for i in open_:
+        try:
+            change[i] = solve(study.model, study.values, study.weight, deviations[i]) - study.values
+        except (TangoError, np.linalg.LinAlgError):
+            good[i] = False
+    result = (change[:, study.outputs] * scale[study.outputs]).astype(np.float32)
+    return Trials(result[good], evaluations, int(good[open_].sum()), int((~good).sum()))
 
 
 def _scale(study: Study) -> Array:
     return np.where(study.std > 0, 1 / np.where(study.std > 0, study.std, 1.0), 0.0)
 
 
-def _chord(study: Study, ready: _batch.Batch, deviations: Array, change: Array, scale: Array) -> tuple[Array, np.ndarray, int]:
-    """→ (b, p) change of the unknowns, (b,) whether it settled, number of evaluations.
-
-    The last correction times its own contraction is what would still come; a block goes on while that matters.
-    """
-    before = np.max(np.abs(change) * scale, axis=1)
-    left = np.full(len(change), np.inf)
-    for rounds in range(1, ITERATIONS + 1):
-        values = study.values + change
-        with np.errstate(all="ignore"):
-            right = deviations.copy()
-            right[:, : study.count] += _batch.gaps(ready, values)
-            right[:, study.count :] += _batch.known_residuals(study.model, values)
-            step = right @ study.gain.T
-            change = change + step
-            size = np.max(np.abs(step) * scale, axis=1)
-            left = size * size / np.maximum(before, 1e-30)
-        if not np.any(left > ENOUGH) or not np.any(np.isfinite(left)):
-            break
-        before = size
-    return change, np.asarray(left <= ENOUGH), rounds
+def _correction(study: Study, ready: _batch.Batch, deviations: Array, change: Array) -> Array:
+    """→ (b, p) next step of the chord iteration."""
+    values = study.values + change
+    right = deviations.copy()
+    with np.errstate(all="ignore"):
+        right[:, : study.count] += _batch.gaps(ready, values)
+        right[:, study.count :] += _batch.known_residuals(study.model, values)
+        step: Array = right @ study.gain.T
+    return step
 
 
 def accuracy(study: Study, count: int = 64, seed: int = 1) -> Accuracy:

@@ -15,7 +15,11 @@ SHARED = False
 
 
 def factor(
-    scene: Scene, *, amplitude: float, shape: Literal["random_walk", "exponential", "warm_up"] = "random_walk", tau: float | None = None
+    scene: Scene,
+    *,
+    amplitude: float,
+    shape: Literal["random_walk", "exponential", "warm_up"] = "random_walk",
+    tau: float | None = None,
 ) -> tuple[Array, Law]:
     """n touches → what a displacement does to them that is independent in x y z of the machine frame, t in s from the first touch.
 

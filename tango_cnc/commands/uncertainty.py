@@ -1,0 +1,144 @@
+"""`tango uncertainty`: what the estimate is worth, by the GUM framework and by Monte Carlo."""
+
+from __future__ import annotations
+
+import re
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import conformity
+from ..files import read_cell, read_readings, read_terms
+from ..records import Cell, InputError
+from ..uncertainty import analysis
+from ..uncertainty.fleet import cluster
+from ..uncertainty.inputs import Line, read_budget
+from . import _uncertainty as report
+from ._common import cell_option, json_option, write_json
+
+
+@click.command()
+@cell_option
+@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
+@click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
+@click.option(
+    "--budget",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Contributions [default: uncertainty.yaml in the cell, if any].",
+)
+@click.option(
+    "--pool",
+    type=click.Choice(["auto", "none", "cycles", "days"]),
+    default="auto",
+    show_default=True,
+    help="Covariance of the readings from repeated cycles; none: from the budget alone.",
+)
+@click.option("--trials", type=click.IntRange(1000), default=10_000, show_default=True, help="Monte Carlo trials.")
+@click.option("--adaptive", is_flag=True, help="As many trials as the results need to be stable to --digits.")
+@click.option(
+    "--most", type=click.IntRange(20_000), default=1_000_000, show_default=True, help="Trials at which --adaptive gives up."
+)
+@click.option("--digits", type=click.IntRange(1, 2), default=1, show_default=True, help="Significant digits of the uncertainties.")
+@click.option("--probability", type=float, default=0.95, show_default=True, help="Coverage probability.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the Monte Carlo trials.")
+@click.option("--factor", type=float, metavar="K", help="Show expanded uncertainties with this factor, e.g. the thesis' k_q = 2.6.")
+@click.option(
+    "--limits", type=click.Path(path_type=Path), metavar="FILE", help="Decide conformity; exit status 1 unless all conform."
+)
+@click.option("--subset", "subsets", multiple=True, metavar="LABEL=1-20,22", help="Compare indexation subsets (give two or more).")
+@click.option("--compare", "runs", multiple=True, metavar="LABEL=FILE", help="Compare readings files (give two or more).")
+@click.option("--dask", metavar="tcp://…", help="Spread the trials over this Dask cluster (extra 'fleet').")
+@json_option
+def command(
+    folder: Path,
+    file: Path | None,
+    terms: str | None,
+    degree: int,
+    budget: Path | None,
+    limits: Path | None,
+    subsets: tuple[str, ...],
+    runs: tuple[str, ...],
+    dask: str | None,
+    factor: float | None,
+    json_file: str | None,
+    **chosen: Any,
+) -> int:
+    """Gives every parameter an interval that can be relied on.
+
+    Readings of one run: the budget (docs/uncertainty.md) says what disturbs them. Repeated cycles or days: the readings say it
+    themselves, pooled by cycles or by days, and the budget adds what no repetition shows.
+    """
+    cell = read_cell(folder)
+    items = cell.terms if terms is None else read_terms(terms)
+    given = budget or (folder / "uncertainty.yaml" if (folder / "uncertainty.yaml").is_file() else None)
+    lines = None if given is None else read_budget(given)
+    if runs:
+        return _compare(cell, runs, items, degree, lines, json_file)
+    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
+    if subsets:
+        choices = dict(_subset(text) for text in subsets)
+        comparison, condition = analysis.compare_subsets(cell.machine, cell.artefact, readings, items, degree, lines, choices)
+        data = {"format": "tango-comparison/1", "comparisons": [report.comparison_json(comparison, condition)]}
+        if not write_json(json_file, data):
+            click.echo(report.comparison_text(comparison, report.units(cell.machine, comparison.names), condition))
+        return 0
+    with cluster(dask) if dask else nullcontext(map) as mapper:
+        options = analysis.Options(**chosen, mapper=mapper)
+        found = analysis.analyse(cell.machine, cell.artefact, readings, items, degree, lines, options)
+    decisions = _decide(found, limits)
+    if not write_json(json_file, report.as_json(found, decisions, factor)):
+        click.echo(report.as_text(found, decisions, factor))
+    if given is None and found.pool == "none":
+        click.echo(
+            "No budget: only the stated repeatability and what artefact.yaml states as known are taken into account. Drift, lobing "
+            "and form are not; state them in uncertainty.yaml (docs/uncertainty.md)",
+            err=True,
+        )
+    return 0 if limits is None or conformity.all_conform(decisions) else 1
+
+
+def _decide(found: analysis.Analysis, limits: Path | None) -> list[conformity.Decision]:
+    if limits is None:
+        return []
+    labels = {found.selection.label(found.study.names[int(i)]): int(i) for i in found.study.machine}
+    wanted = conformity.read_limits(limits, list(labels))
+    return [
+        conformity.decide_from(name, found.samples(labels[name]), float(found.values[labels[name]]), limit)
+        for name, limit in wanted.items()
+    ]
+
+
+def _compare(
+    cell: Cell, runs: tuple[str, ...], items: Any, degree: int, lines: tuple[Line, ...] | None, json_file: str | None
+) -> int:
+    pairs = [_pair(text, "--compare", "LABEL=FILE") for text in runs]
+    readings = {label: read_readings(Path(name), cell.machine, cell.artefact) for label, name in pairs}
+    if len(readings) < 2:
+        raise InputError("--compare: found one run; allowed: two or more, each with its own label")
+    found = analysis.compare_runs(cell.machine, cell.artefact, readings, items, degree, lines)
+    data = {"format": "tango-comparison/1", "comparisons": [report.comparison_json(c) for c in found]}
+    if not write_json(json_file, data):
+        click.echo("\n\n".join(report.comparison_text(c, report.units(cell.machine, c.names)) for c in found))
+    return 0
+
+
+def _pair(text: str, option: str, form: str) -> tuple[str, str]:
+    label, equals, value = text.partition("=")
+    if not equals or not label or not value:
+        raise InputError(f"{option}: found {text!r}; allowed: {form}")
+    return label, value
+
+
+def _subset(text: str) -> tuple[str, list[int]]:
+    label, value = _pair(text, "--subset", "LABEL=numbers of indexations, e.g. A=1-20,22")
+    numbers: list[int] = []
+    for piece in value.split(","):
+        match = re.fullmatch(r"\s*(\d+)(?:-(\d+))?\s*", piece)
+        if match is None:
+            raise InputError(f"--subset {label}: found {piece!r}; allowed: numbers and ranges such as 1-20,22")
+        numbers += range(int(match[1]), int(match[2] or match[1]) + 1)
+    return label, sorted(set(numbers))
