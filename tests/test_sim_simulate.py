@@ -31,10 +31,10 @@ BAD = World(
 )
 
 
-def one_facet(facet: Facet, approach: Approach = Approach(10, 5, 180), **position: float) -> tuple:
+def one_facet(facet: Facet, **position: float) -> tuple:
     """→ machine, artefact and strategy that touch this facet alone, axes in degrees."""
     at = {name: np.radians(value) for name, value in position.items()}
-    strategy = Strategy("one", approach, (Indexation({"B": 0.0, "C": 0.0, "S": 0.0} | at, (facet.id,)),))
+    strategy = Strategy("one", Approach(10, 5, 180), (Indexation({"B": 0.0, "C": 0.0, "S": 0.0} | at, (facet.id,)),))
     return CELL.machine, replace(CELL.artefact, facets={facet.id: facet}), strategy
 
 
