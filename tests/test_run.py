@@ -4,8 +4,12 @@ import contextlib
 import csv
 import json
 import re
+import signal
 import socket
+import subprocess
+import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +24,7 @@ from tango_cnc.files.plan import read_plan
 from tango_cnc.link._measure import durations, repeatable
 from tango_cnc.link.journal import read_journal
 from tango_cnc.plan import last_motion, plan
+from tango_cnc.records import InputError
 
 STRATEGY = """\
 name: seven touches
@@ -193,6 +198,41 @@ def test_touches_are_repeated_where_the_machine_stands_and_look_in_different_dir
     assert repeatable([*entries, {"kind": "reading", "touch": 4, "status": "miss"}], made) == (1, 2, 3)
     assert repeatable([*entries, {"kind": "reading", "touch": 4, "status": "ok"}], made) == (4,)
     assert repeatable([], made) == ()
+
+
+@contextlib.contextmanager
+def a_process_that_has_recorded(count, folder, control):
+    """`tango run` as a process of its own, at the moment when its journal has that many readings."""
+    command = [sys.executable, "-c", "from tango_cnc.cli import main; main()", "run", "-C", str(folder), "--port", control.url]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        until = time.monotonic() + 20
+        while time.monotonic() < until and process.poll() is None:
+            with contextlib.suppress(InputError):
+                if sum(entry["kind"] == "reading" for entry in read_journal(folder / "readings.journal")[0]) >= count:
+                    break
+            time.sleep(0.02)
+        yield process
+        process.kill()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX")
+def test_ctrl_c_ends_with_a_sentence_and_a_partial_file(cell):
+    with a_process_that_has_recorded(4, cell, Control(cell, stop=4)) as process:
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == 3
+    assert "tango: stopped by the user. 4 of 7 touches are recorded, touch 5 was due." in err
+    assert "Traceback" not in err
+    assert list(readings(cell, "readings.partial.csv").touch) == [1, 2, 3, 4]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX")
+def test_a_killed_run_is_resumed_from_its_journal(cell):
+    with a_process_that_has_recorded(4, cell, Control(cell, stop=4)) as process:
+        process.kill()
+    assert not (cell / "readings.partial.csv").exists()
+    assert run(cell, Control(cell), "--resume").code == 0
+    assert list(readings(cell).touch) == [1, 2, 3, 4, 5, 6, 7]
 
 
 def test_resume_after_the_cell_has_changed_is_refused(cell):

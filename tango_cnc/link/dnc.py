@@ -3,9 +3,10 @@
     idle ──DC1 or start=now──▶ sending ──last byte──▶ running ──end mark──▶ done
               DC3 holds and DC1 releases the sending at any time; every state ends in failed on silence or a closed line
 
-The control prints (`DPRNT`, `PRINT`, `PUT`) between DC2 and DC4, lines ended by CR, LF, CR LF or LF CR CR, with NUL and DEL as
-leader. DC1 and DC3 are obeyed here, whatever the driver of a serial port does about them as well: behind a pty or a TCP
-converter nobody else does. The line has no check sums; what a record is worth is decided by `_words` and `_trust`.
+The control prints (`DPRNT`, `PRINT`, `PUT`) lines ended by CR, LF, CR LF or LF CR CR, with NUL and DEL as leader, most between
+DC2 and DC4, some without. What is no record is complained of where records are printed; elsewhere it is somebody else's.
+DC1 and DC3 are obeyed here, whatever the driver of a serial port does about them as well: behind a pty or a TCP converter
+nobody else does. The line has no check sums; what a record is worth is decided by `_words` and `_trust`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ EOB = {"lf": "\n", "crlf": "\r\n", "lfcrcr": "\n\r\r"}
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "start": ("now", "xon"),  # send at once, or when the control asks with DC1
-    "capture": ("punch", "all"),  # believe what stands between DC2 and DC4, or every line
     "eob": tuple(EOB),
     "bits": ("8", "7"),  # 7: the eighth bit is parity and is dropped
 }
@@ -56,8 +56,7 @@ class Client:
         self._data = tape(job.program, EOB[chosen["eob"]])
         self._at = 0
         self._mask = 0x7F if chosen["bits"] == "7" else 0xFF
-        self._all = chosen["capture"] == "all"
-        self._punching = False
+        self._punching = self._punches = False  # now between DC2 and DC4; this control sends them at all
         self._held = chosen["start"] == "xon"
         self._begun = self._over = False
         self._position = 0  # of the next touch in job.numbers
@@ -97,7 +96,7 @@ class Client:
             self._held = char == DC3
         elif char == DC2:
             cut = self._cut("a new record began before this one was complete")
-            self._punching = True
+            self._punching = self._punches = True
             return cut
         elif char == DC4:
             cut = self._cut("the record has no line end: its last digits may be missing")
@@ -105,7 +104,7 @@ class Client:
             return cut
         elif char in b"\r\n":
             return self._complete()
-        elif char not in (NUL, DEL) and (self._punching or self._all):
+        elif char not in (NUL, DEL):
             self._line.append(char)
             if len(self._line) > LINE_LIMIT:
                 return self._cut(f"{LINE_LIMIT} characters without a line end")
@@ -118,7 +117,12 @@ class Client:
 
     def _cut(self, why: str) -> list[Event]:
         text = self._take()
-        return [Refused(why, text)] if text else []
+        return [Refused(why, text)] if text and self._printing else []
+
+    @property
+    def _printing(self) -> bool:
+        """→ whether a line that comes now should be a record."""
+        return self._punching if self._punches else self._begun
 
     def _complete(self) -> list[Event]:
         text = self._take()
@@ -126,7 +130,7 @@ class Client:
             return []
         event = record(text, self._job.letters)
         if isinstance(event, Refused):
-            return [event]
+            return [event] if self._printing else []
         self._silence = 0.0
         if isinstance(event, Begun):
             return [event] if self._expected(event) else self._fail(self._stranger(event))
