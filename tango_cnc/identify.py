@@ -208,17 +208,29 @@ def describe(name: str, unit: str, partners: Mapping[str, tuple[float, str]]) ->
             f"{name} moves the touches just as a table of another shape would: only calibrated facets, or "
             "the same facets met in more poses, could tell"
         )
-    elif len(said) == 1 and not table:
-        factor, other = partners[said[0]]
-        if unit == other and abs(abs(factor) - 1) < 0.01:
-            known_part = "their sum" if factor > 0 else "their difference"
+    elif len(said) <= 3 and not table:
+        sums = [_sum(name, unit, p, *partners[p]) for p in said]
+        if len(said) == 1:
+            same = {f"{said[0]} + {name}": "their sum", f"{said[0]} - {name}": "their difference"}
+            text = f"{name} and {said[0]} move every touch alike: only {same.get(sums[0], sums[0])} is known"
         else:
-            known_part = f"{said[0]} {'+' if factor > 0 else '-'} {abs(factor):.4g} · {name} ({other}; {name} in {unit})"
-        text = f"{name} and {said[0]} move every touch alike: only {known_part} is known"
+            text = f"{name} moves the touches just as {_list(said)} do together: only {_list(sums)} are known"
     else:
-        listed = [*said[:5], *(["…"] if len(said) > 5 else []), *(["the facet offsets"] if table else [])]
-        text = f"{name} moves the touches just as a combination of {', '.join(listed)} does: it cannot be told from them"
+        listed = [*said[:5], *(["others"] if len(said) > 5 else []), *(["the facet offsets"] if table else [])]
+        text = f"{name} moves the touches just as a combination of {_list(listed)} does: it cannot be told from them"
     return Combination((name, *partners), (1.0, *(-factor for factor, _ in partners.values())), text)
+
+
+def _sum(name: str, unit: str, partner: str, factor: float, other: str) -> str:
+    sign = "+" if factor > 0 else "-"
+    alike = unit == other or {unit, other} == {"rad", "mm/mm"}
+    if alike and abs(abs(factor) - 1) < 0.01:
+        return f"{partner} {sign} {name}"
+    return f"{partner} {sign} {abs(factor):.4g} · {name} (in {other}, {name} in {unit})"
+
+
+def _list(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def summary(unseen: Sequence[Combination]) -> list[str]:
