@@ -19,14 +19,17 @@ from ..records import Array
 from ._candidates import Candidate
 from ._space import Library, Space, below, best_noise, level, library, scan
 
-LEVEL = 0.05  # of a false name anywhere in the catalogue
+LEVEL = 0.02  # of a false name anywhere in the catalogue, at every step: 5 % over the few steps that a search takes
 SHAPE_LEVEL = 0.01  # of a false "something is there", outliers likewise
 TRIALS = 200
 MOST = 30  # candidates selected, single outliers included
 MOST_NAMED = 6
+FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
+TOP = 8  # variants of a cause that are looked at when the best one has an impossible size
 CLOSE = 12.0  # causes whose scores are no further apart are refined before they are compared
 
 Rebuild = Callable[[str, Mapping[str, Any]], Candidate]
+Plausible = Callable[[Candidate, Array], bool]
 
 
 class Limits(NamedTuple):
@@ -42,11 +45,13 @@ class Catalogue:
 
     candidates: Sequence[Candidate]
     library: Library
+    length: Sequence[Array]  # of the projected columns of every block, before they were made unit columns
     price: Array  # (blocks,)
     group: NDArray[np.int64]  # (blocks,) cause of a block
     causes: tuple[str, ...]
     refine: Mapping[str, Mapping[str, str]]
     rebuild: Rebuild
+    plausible: Plausible
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,12 @@ class Chosen:
 
 
 def catalogue(
-    place: Space, candidates: Sequence[Candidate], refine: Mapping[str, Mapping[str, str]], rebuild: Rebuild, least: float
+    place: Space,
+    candidates: Sequence[Candidate],
+    refine: Mapping[str, Mapping[str, str]],
+    rebuild: Rebuild,
+    least: float,
+    plausible: Plausible = lambda candidate, values: True,
 ) -> tuple[Catalogue, Array]:
     """space, candidates, parameters to refine → catalogue of those that can be seen, and the visibility (all candidates,)."""
     size = np.cumsum([c.columns.shape[1] for c in candidates])
@@ -71,12 +81,13 @@ def catalogue(
     names = tuple(dict.fromkeys(c.cause for c in kept))
     price = np.array([cost(c, tried[c.cause], place.m) for c in kept])
     group = np.array([names.index(c.cause) for c in kept])
-    return Catalogue(kept, library([projected[i] for i in keep]), price, group, names, refine, rebuild), seen
+    length = [np.linalg.norm(projected[i], axis=0) for i in keep]
+    return Catalogue(kept, library([projected[i] for i in keep]), length, price, group, names, refine, rebuild, plausible), seen
 
 
 def cost(c: Candidate, tried: int, m: int) -> float:
     """candidate, variants of its cause, degrees of freedom → its price."""
-    return float(c.columns.shape[1] * np.log(m) + 2 * np.log(tried))
+    return float(c.columns.shape[1] * np.log(m) + 2 * np.log(max(tried, FEWEST_TRIED)))
 
 
 def _visibility(columns: Array, projected: Array) -> float:
@@ -165,6 +176,14 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
     return Chosen(best, place.project(best.columns), cost(best, tried, place.m))
 
 
+def coefficients(place: Space, selected: Array, columns: Array, ratios: tuple[float, ...]) -> Array:
+    """selected (m, s), columns (m, k), noise → (k,) generalised least-squares values of the columns beside the selected."""
+    root = place.setting(ratios).root
+    white = root @ np.hstack([selected, columns])
+    values = np.linalg.lstsq(white, root @ place.y, rcond=1e-12)[0]
+    return np.asarray(values[selected.shape[1] :], dtype=float)
+
+
 def ranked(
     place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits: Limits, usual: Array
 ) -> tuple[list[tuple[float, int]], float]:
@@ -176,9 +195,13 @@ def ranked(
     found = []
     for i, cause in enumerate(cat.causes):
         blocks = np.flatnonzero(cat.group == i)
-        block = int(blocks[np.argmax(score[blocks])])
-        if score[block] > 0 and score[block] - usual[i] > limits.limit[kind(cause)]:
-            found.append((float(score[block]), block))
+        for block in blocks[np.argsort(-score[blocks])[:TOP]]:
+            if score[block] <= 0 or score[block] - usual[i] <= limits.limit[kind(cause)]:
+                break
+            values = coefficients(place, selected, cat.library.of(block), ratios) / cat.length[block]
+            if cat.plausible(cat.candidates[block], values):
+                found.append((float(score[block]), int(block)))
+                break
     return sorted(found, reverse=True), float(base[0])
 
 
@@ -191,6 +214,8 @@ def best_addition(place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits
     settings = below(best_noise(place, selected)[0])
     near = [block for score, block in found if score > found[0][0] - max(CLOSE, 0.35 * abs(found[0][0]))][:6]
     options = [refined(place, cat, cat.candidates[block], selected, settings) for block in near]
+    possible = [o for o in options if cat.plausible(o.candidate, coefficients(place, selected, o.columns, settings[-1]))]
+    options = possible or options[:1]
     values = [2 * likelihood(place, np.hstack([selected, c.columns]), settings) - c.price for c in options]
     return options[int(np.argmax(values))]
 
@@ -206,7 +231,7 @@ def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[C
         if new.candidate.cause != "outlier":
             chosen = exchanged(place, cat, chosen, limits, usual)
         chosen = pruned(place, chosen)
-    return chosen
+    return pruned(place, exchanged(place, cat, chosen, limits, usual))
 
 
 def exchanged(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, usual: Array) -> list[Chosen]:
@@ -215,7 +240,7 @@ def exchanged(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits
     for _ in range(3):
         changed = False
         for i, old in enumerate(list(chosen)):
-            if old.candidate.cause == "outlier" or len([c for c in chosen if c.candidate.cause != "outlier"]) < 2:
+            if old.candidate.cause == "outlier" or len(chosen) < 2:
                 continue
             others = [c for c in chosen if c is not old]
             new = best_addition(place, cat, others, limits, usual)

@@ -10,8 +10,9 @@ A cause is a family with, besides `TEXT` and `SOURCE`,
     cause(machine, **setting) → the coefficients that these settings stand for
 
 and, when it has no pattern but a spread, `spread(touches)` → settings and variances (n,) or covariances (n, n) of unit size,
-with `variants` left out. A value of a coefficient that acts on the gap is positive when the surface is read too early, outside
-of where it is.
+with `variants` left out. `plausible(values, setting, offsets)`, where a cause has it, refuses values that it cannot have
+(`offsets`: estimated facet offsets in mm). A value of a coefficient that acts on the gap is positive when the surface is read
+too early, outside of where it is.
 """
 
 from __future__ import annotations

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from ..records import Array, Machine
@@ -15,15 +18,20 @@ FRAME = "log"
 MISTAKEN = ("step",)
 ADVICE = "clean the facet and measure it again"
 REFINE = {"at": "touch"}
-FEWEST = 2  # touches with and without it
+FEWEST = 3  # touches with it; and two without it
 
 
 def variants(touches: Touches) -> Variants:
     """touches → every facet, from each of its touches on."""
     for facet in dict.fromkeys(touches.facet):
         rows = np.flatnonzero(np.array(touches.facet) == facet)
-        for row in rows[FEWEST : len(rows) - FEWEST + 1]:
+        for row in rows[2 : len(rows) - FEWEST + 1]:
             yield {"facet": facet, "at": int(row) + 1}
+
+
+def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, float]) -> bool:
+    """values (1,) mm → whether it reads early: nothing lies inside a facet."""
+    return bool(values[0] > 0)
 
 
 def cause(machine: Machine, facet: str, at: float = 1) -> list[Coefficient]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from ..records import Array, Machine
@@ -26,6 +29,12 @@ def variants(touches: Touches) -> Variants:
                 if touches.facet[row] != touches.facet[other] and touches.normal[row] @ touches.normal[other] > 0.999:
                     pair = (touches.facet[row], touches.facet[other])
                     yield {"facets": pair, "first": int(rows[0]) + 1, "last": int(rows[-1]) + 1}
+
+
+def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, float]) -> bool:
+    """values (1,) mm, estimated facet offsets (mm) → whether it is about the difference of the two offsets."""
+    one, two = (offsets.get(str(f), 0.0) for f in setting["facets"])
+    return bool(abs(values[0] - (two - one)) < 0.002 + 0.2 * abs(two - one))
 
 
 def cause(machine: Machine, facets: tuple[str, str], first: int = 1, last: int = 2**31) -> list[Coefficient]:
