@@ -55,7 +55,9 @@ LIBRARIES = {
     "serial": ("tango_cnc.link.transport", "sim_controller"),
     "pymodbus": ("tango_cnc.link.transport", "sim_controller"),
     "matplotlib": ("tango_cnc.report", "tango_cnc.reproduce", "tango_cnc.commands", "tango_cnc.web"),
+    "mpl_toolkits": ("tango_cnc.report", "tango_cnc.reproduce"),
     "dask": ("tango_cnc.uncertainty",),
+    "distributed": ("tango_cnc.uncertainty",),
 }
 # Clients know bytes and seconds as arguments; clock, port and file belong to the session around them.
 TOUCHES_THE_WORLD = {
