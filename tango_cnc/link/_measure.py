@@ -30,7 +30,7 @@ from ._client import Job
 from ._readings import missing, provenance, readings_of
 from .journal import Journal, read_journal
 from .session import Moved, Session, Step
-from .transport import open_port, parse
+from .transport import Address, open_port, parse
 
 FLOOR, TIMES = 30.0, 3.0  # silence allowed before a touch: s, and multiples of its predicted time
 
@@ -79,8 +79,7 @@ def measure(
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before else plan
     program = post(part)
-    protocol, options = _protocol(wanted)
-    address = parse(wanted.port, {**options, "link": tuple(protocols())})
+    protocol, address = protocol_of(wanted.port, wanted.protocol)
     job = _job(part, program, again, left, wanted)
     client = protocol.Client(job, address.options)
     confirm(part, program)
@@ -164,14 +163,14 @@ def _started(file: Path, plan: Plan) -> list[dict[str, Any]]:
     return entries
 
 
-def _protocol(wanted: Wanted) -> tuple[Any, Mapping[str, tuple[str, ...]]]:
-    """→ (module of the protocol, its options). Raises InputError for a protocol that there is not."""
-    query = dict(parse_qsl(urlsplit(wanted.port).query)) if "://" in wanted.port else {}
-    name = query.get("link", wanted.protocol)
+def protocol_of(port: str, default: str) -> tuple[Any, Address]:
+    """port's URL, protocol of the post → (module of the protocol, address). Raises InputError for what the URL cannot mean."""
+    query = dict(parse_qsl(urlsplit(port).query)) if "://" in port else {}
+    name = query.get("link", default)
     if name not in protocols():
-        raise InputError(f"port {wanted.port!r}: link: found {name!r}; allowed: {', '.join(protocols())}")
+        raise InputError(f"port {port!r}: link: found {name!r}; allowed: {', '.join(protocols())}")
     module = import_module(f"{__package__}.{name}")
-    return module, module.OPTIONS
+    return module, parse(port, {**module.OPTIONS, "link": tuple(protocols())})
 
 
 def _job(part: Plan, program: Program, again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted) -> Job:

@@ -53,6 +53,16 @@ class Transcript:
         self._out.write(f"{mark} {data.decode('latin-1').encode('unicode_escape').decode('ascii')}\n")
 
 
+def listen(transport: Transport, hello: bytes, seconds: float, clock: Callable[[], float]) -> bytes:
+    """open transport, what to say first, s, monotonic clock → all that came in that time. Raises Lost."""
+    until = clock() + seconds
+    got = b""
+    while (left := until - clock()) > 0:
+        hello = hello[transport.write(hello) :] if hello else b""
+        got += transport.read(min(left, BLOCKED if hello else POLL))
+    return got
+
+
 class Session:
     """Runs one job to its end mark; every reading is in the journal before another byte is sent."""
 
