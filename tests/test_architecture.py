@@ -50,7 +50,7 @@ USED_BY = {
 
 # Third-party libraries beyond numpy and scipy, and the only modules that may import them.
 LIBRARIES = {
-    "yaml": ("tango_cnc.files", "tango_cnc.link.modbus", "tango_cnc.commands"),
+    "yaml": ("tango_cnc.files", "tango_cnc.link.modbus", "tango_cnc.commands", "tango_cnc.reproduce"),
     "click": ("tango_cnc.commands", "tango_cnc.cli", "sim_controller.__main__"),
     "serial": ("tango_cnc.link.transport", "sim_controller"),
     "pymodbus": ("tango_cnc.link.transport", "sim_controller"),
