@@ -95,25 +95,19 @@ def vectors(panels: Mapping[str, tuple[Array, Array, Array, Numbers]], scale: fl
     with styled():
         columns = 1 if len(panels) == 1 else 2
         rows = -(-len(panels) // columns)
-        drawn = figure(5.8 * columns, 4.4 * rows)
+        drawn = figure(5.8 * columns, 3.9 * rows)
         for place, (title, (point, normal, residual, group)) in enumerate(panels.items(), 1):
             axes = drawn.add_subplot(rows, columns, place, projection="3d")
             largest = max(float(abs(residual).max()), 1e-9)
-            factor = scale or nice(0.2 * float(np.ptp(point, axis=0).max()) / largest)
+            factor = scale or float(f"{0.2 * float(np.ptp(point, axis=0).max()) / largest:.1e}")
             at = point + _beside(normal, group)
             tip = factor * residual[:, None] * normal
             _patches(axes, point, normal)
             axes.quiver(*at.T, *tip.T, colors=colours(group), linewidth=0.9, arrow_length_ratio=0.15)
             size = abs(residual) * 1e3
             axes.set_title(f"{title}\nmax {size.max():.2f}  mean {size.mean():.2f} µm", fontsize=10)
-            _box(axes, np.vstack([at, at + tip]), f"arrows ×{factor:,.0f}: 50 mm on the axes are {5e4 / factor:.2g} µm")
+            _box(axes, np.vstack([at, at + tip]), f"arrows ×{factor:,.0f}: 50 mm on the axes are {5e4 / factor:.3g} µm")
     return drawn
-
-
-def nice(value: float) -> float:
-    """positive → the largest of 1, 2, 5 × a power of ten that does not exceed it."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
 
 
 def _beside(normal: Array, group: Numbers) -> Array:

@@ -1,0 +1,134 @@
+"""What all tables share: the printed figures, the stand-in geometry, and the simulated measurements."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib import resources
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ..records import Array, Cell, Indexation, Readings, Strategy, World
+
+NOISE = 0.0006  # mm: section 4.6, repeatability of a touch, X Y Z 0.63 0.59 0.63 µm
+SEED = 42
+
+# Section 4.6 and 7.3 measured what a touch suffers besides repeatability. Directions and time constant are not printed: the
+# simulated test takes a fifth of the time that the real one took, so that an hour of warming up becomes twelve minutes.
+DISTURBED: tuple[dict[str, Any], ...] = (
+    {"cause": "thermal_drift", "amplitude": 0.0083, "direction": [0.4, -0.6, 0.7], "tau": 400.0},  # Table 4-3, range of the drift
+    {"cause": "surface_form", "amplitude": 0.0013},  # Table 4-3, surface: 0.30 to 2.25 µm
+    {"cause": "probe_lobing", "amplitude": 0.0017, "order": 2},  # section 7.3: two lobes, standard deviation 1.7 µm
+)
+UNTOLD_TABLE = (
+    "Stand-in for the table: a regular octagon, 400 mm across flats, with 26 facets where the thesis' Figure 4-2 shows them "
+    "roughly; their coordinates are not printed."
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line: what the thesis prints and what this program finds, one value a column; None where there is none."""
+
+    name: str
+    printed: tuple[float | None, ...]
+    ours: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class Arrows:
+    """Residual vectors on the table, for a picture like Figures 4-7 to 4-10."""
+
+    figure: str
+    panels: Mapping[str, tuple[Array, Array, Array, Any]]  # title: points (n, 3), normals (n, 3), residuals (n,) mm, groups (n,)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the thesis beside this program's numbers."""
+
+    number: str
+    title: str
+    unit: str
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
+    compared: str
+    differs: str
+    arrows: Arrows | None = None
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The cells that stand in for the two machines of the thesis: `hu40t` (chapters 4, 6, 8) and `huron` (chapter 5)."""
+
+    hu40t: Cell
+    huron: Cell
+    huron_s2: Strategy
+    seed: int = SEED
+    cache: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def printed(self) -> dict[str, Any]:
+        """→ figures printed in the thesis."""
+        text = resources.files(__package__).joinpath("printed.yaml").read_text(encoding="utf-8")
+        found: dict[str, Any] = yaml.safe_load(text)
+        return found
+
+    @cached_property
+    def indexations(self) -> tuple[Indexation, ...]:
+        """→ Table 4-2, without the scale bar."""
+        return tuple(_indexation(row) for row in self.printed["table_4_2"])
+
+    @cached_property
+    def strategy(self) -> Strategy:
+        """→ Table 4-2 with the scale bar touched once, as in the example cell, at the first indexation with B and C at 0."""
+        bar = tuple(f.id for f in self.hu40t.artefact.facets.values() if f.ball is not None)
+        at = 16  # B0 C0 with every facet
+        rows = list(self.indexations)
+        rows[at] = replace(rows[at], facets=(*bar, *rows[at].facets))
+        return Strategy("thesis Table 4-2", self.hu40t.strategy.approach, tuple(rows))
+
+    def world(self, errors: Mapping[str, float], disturbed: bool = False, noise: float = NOISE) -> World:
+        """coefficients (mm, rad) → a machine with them, a table as far from nominal as the thesis' (197 µm), a stylus."""
+        rng = np.random.default_rng(self.seed)
+        flat = [f.id for f in self.hu40t.artefact.facets.values() if f.ball is None]
+        offset = rng.uniform(-1, 1, len(flat))
+        offset *= 0.19725 / np.ptp(offset)
+        facets = dict(zip(flat, offset.tolist(), strict=True))
+        stylus = {"EXt": 0.011, "EYt": -0.003, "EZt": -0.069}
+        return World(dict(errors), stylus, facets, noise, DISTURBED if disturbed else (), self.seed)
+
+    def measured(self, world: World, strategy: Strategy | None = None) -> Readings:
+        """world → readings of the simulated HU40T."""
+        from sim_controller.simulate import simulate
+
+        return simulate(self.hu40t.machine, self.hu40t.artefact, strategy or self.strategy, world)
+
+
+def _indexation(row: Mapping[str, Any]) -> Indexation:
+    position = {name: math.radians(row[name]) for name in "SBC"}
+    return Indexation(position, tuple(str(f) for f in row["facets"]))
+
+
+def si(errors: Mapping[str, float]) -> dict[str, float]:
+    """printed µm, µrad, µm/m by name → mm, rad, mm/mm."""
+    return {name: value * (1e-3 if _length(name) else 1e-6) for name, value in errors.items()}
+
+
+def _length(name: str) -> bool:
+    """A length in µm: a translation that is constant (EX0C) or a backlash of a linear axis (EXXb)."""
+    return name[1] in "XYZ" and (name[2] == "0" or (name.endswith("b") and name[2] in "XYZ"))
+
+
+def people(name: str, value: float) -> float:
+    """name, value in mm, rad, mm/mm → µm, µrad, µm/m."""
+    return value * (1e3 if _length(name) else 1e6)
+
+
+def um(values: Sequence[float]) -> tuple[float, ...]:
+    """mm → µm."""
+    return tuple(value * 1e3 for value in values)
