@@ -97,6 +97,7 @@ class Post:
     record: Step  # one line for the reader: touch, flag, machine coordinates
     probe_off: Whole
     end: Whole  # end mark, end of program, macros that travel with it
+    link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
     record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
 
 

@@ -72,7 +72,7 @@ def test_seven_bits_with_parity_over_a_serial_line(cell):
 
 def test_a_control_that_stops_and_a_run_that_is_resumed(cell):
     with controller(cell, "--tcp", "127.0.0.1:0", "--fault", "stop-after=4") as url:
-        result = Result("run", "-C", cell, "--port", url, "--timeout", "2")
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "1")
     assert result.code == 3
     assert re.search(r"[34] of 7 touches are recorded", result.err)
     with controller(cell, "--tcp", "127.0.0.1:0") as url:
@@ -86,7 +86,7 @@ def test_a_control_that_stops_and_a_run_that_is_resumed(cell):
 
 def test_a_probe_that_stays_deflected_stops_the_run_and_nothing_false_is_recorded(cell):
     with controller(cell, "--tcp", "127.0.0.1:0", "--fault", "probe-stuck-after=3") as url:
-        result = Result("run", "-C", cell, "--port", url, "--timeout", "2")
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "1")
     assert result.code == 3
     partial = readings(cell, "readings.partial.csv")
     whole = simulated(cell)

@@ -10,6 +10,7 @@ import click
 from ..files import read_cell
 from ..records import InputError
 from ._common import cell_option, json_option, write_json
+from .run import dialect
 
 
 @click.command()
@@ -33,7 +34,7 @@ def command(folder: Path, port: str | None, seconds: float, json_file: str | Non
         raise InputError(
             f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
         )
-    protocol, parsed = protocol_of(address, "dnc")
+    protocol, parsed = protocol_of(address, dialect(cell).link if cell.controller else "dnc")
     line = open_port(parsed)
     click.echo(f"{address} is open; listening for {seconds:g} s", err=True)
     try:

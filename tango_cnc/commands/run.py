@@ -15,6 +15,8 @@ from ..records import Cell, InputError, Plan
 from ._common import cell_option, json_option, write_json
 
 if TYPE_CHECKING:
+    from postprocessors._base import Post
+
     from ..link._measure import Program
     from ..link.session import Step
 
@@ -78,9 +80,10 @@ def command(
     if resume and program_file is not None:
         raise InputError("--program and --resume: a run goes on with a program of the remaining touches; leave --program out")
     made = plan(cell, obstructed)
+    post = dialect(cell)
     someone = sys.stdin.isatty()
     target = readings_file or folder / "readings.csv"
-    wanted = Wanted(address, "dnc", cell.controller.post, target, resume, timeout, 600.0 if someone else 60.0, transcript)
+    wanted = Wanted(address, post.link, cell.controller.post, target, resume, timeout, 600.0 if someone else 60.0, transcript)
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
@@ -88,7 +91,7 @@ def command(
 
     bar = _Bar()
     try:
-        origin = measure(cell, made, wanted, lambda part: _posted(cell, made, part, program_file), bar, confirm)
+        origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file), bar, confirm)
     finally:
         bar.close()
     result = {"readings": str(target), **origin}
@@ -98,8 +101,17 @@ def command(
         click.echo(f"{origin['touches']} touches{bad}{doubted} → {target}")
 
 
-def _posted(cell: Cell, whole: Plan, part: Plan, program_file: Path | None) -> Program:
-    """cell, its plan, the part of it that is run now, a program from 'tango plan' → what is sent; also written into program/."""
+def dialect(cell: Cell) -> Post:
+    """cell with a controller → its post; one that is a file stands in the cell. Raises InputError when there is none."""
+    from postprocessors import _base as posts
+
+    assert cell.controller is not None
+    name = cell.controller.post
+    return posts.load(str(cell.folder / name) if name.endswith(".py") else name)
+
+
+def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path | None) -> Program:
+    """cell, its post and plan, the part of it that is run now, a program from 'tango plan' → what is sent; also written into program/."""
     from postprocessors import _base as posts
 
     from ..files.plan import plan_lines, write_together
@@ -107,8 +119,6 @@ def _posted(cell: Cell, whole: Plan, part: Plan, program_file: Path | None) -> P
     from ..plan import plan_hash
 
     assert cell.controller is not None
-    name = cell.controller.post
-    post = posts.load(str(cell.folder / name) if name.endswith(".py") else name)
     letters = post.record_letters(part.machine)
     if program_file is not None:
         text = read_text(program_file)
