@@ -8,10 +8,9 @@ from pathlib import Path
 
 import click
 
-from tango_cnc.cli import guarded
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.checked import read_text
-from tango_cnc.records import InputError
+from tango_cnc.records import InputError, TangoError
 
 from . import server
 from .faults import KINDS, faults
@@ -100,5 +99,20 @@ def _pair(text: str) -> tuple[str, str]:
     return name, value
 
 
+def run(arguments: list[str] | None = None) -> int:
+    """arguments of the command line → exit status; what is wrong goes to stderr as one sentence."""
+    try:
+        main.main(arguments, standalone_mode=False, prog_name="python -m sim_controller")
+    except TangoError as error:
+        click.echo(f"sim_controller: {error}", err=True)
+        return error.exit_code
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        return 130
+    return 0
+
+
 if __name__ == "__main__":
-    sys.exit(guarded(main.main, standalone_mode=False, prog_name="python -m sim_controller"))
+    sys.exit(run())

@@ -27,7 +27,7 @@ class Rig:
     artefact: Artefact
     true: TrueMachine
     surfaces: surfaces.Surfaces
-    effects: tuple[effects._apply.Effect, ...]
+    effects: tuple[effects.Effect, ...]
     noise: float  # mm, one standard deviation of a touch
     seed: int
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tango_cnc.records import Array
 
 Gap = Callable[[NDArray[np.int64], Array], Array]  # (rows, s of those rows) → gap of those rows
-FINEST = 2e-14  # mm: what is left of a gap between 300 mm numbers
+FINEST = 1e-13  # mm: what rounding leaves of a gap between 300 mm numbers
 ITERATIONS = 60
 
 

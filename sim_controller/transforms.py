@@ -9,14 +9,27 @@ from tango_cnc.records import Array, Vector
 
 def translation(vectors: Array) -> Array:
     """(n, 3) mm → (n, 4, 4) translation."""
-    result = np.tile(np.eye(4), (len(vectors), 1, 1))
+    result = _identities(len(vectors))
     result[:, :3, 3] = vectors
+    return result
+
+
+def _identities(count: int) -> Array:
+    result = np.zeros((count, 4, 4))
+    result[:, range(4), range(4)] = 1.0
+    return result
+
+
+def shift(axis: int, lengths: Array) -> Array:
+    """0 1 2 for x y z, (n,) mm → (n, 4, 4) translation along that base vector."""
+    result = _identities(len(lengths))
+    result[:, axis, 3] = lengths
     return result
 
 
 def rotation(axis: int, angles: Array) -> Array:
     """0 1 2 for x y z, (n,) rad → (n, 4, 4) right-handed rotation about that base vector."""
-    result = np.tile(np.eye(4), (len(angles), 1, 1))
+    result = _identities(len(angles))
     i, j = (axis + 1) % 3, (axis + 2) % 3
     cosine, sine = np.cos(angles), np.sin(angles)
     result[:, i, i] = result[:, j, j] = cosine
@@ -27,16 +40,16 @@ def rotation(axis: int, angles: Array) -> Array:
 
 def error(components: Array) -> Array:
     """(n, 6) mm, rad: X Y Z A B C → (n, 4, 4): translation, then R_z(C) R_y(B) R_x(A) (model.md, Frames and chain)."""
-    shift = translation(components[:, :3])
+    moved = translation(components[:, :3])
     if not components[:, 3:].any():
-        return shift
-    return shift @ rotation(2, components[:, 5]) @ rotation(1, components[:, 4]) @ rotation(0, components[:, 3])
+        return moved
+    return moved @ rotation(2, components[:, 5]) @ rotation(1, components[:, 4]) @ rotation(0, components[:, 3])
 
 
 def inverse(transforms: Array) -> Array:
     """(n, 4, 4) rigid → (n, 4, 4) inverse, by transposing the rotation."""
     turned = np.swapaxes(transforms[:, :3, :3], 1, 2)
-    result = np.tile(np.eye(4), (len(transforms), 1, 1))
+    result = _identities(len(transforms))
     result[:, :3, :3] = turned
     result[:, :3, 3] = -np.einsum("nij,nj->ni", turned, transforms[:, :3, 3])
     return result

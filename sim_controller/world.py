@@ -15,6 +15,7 @@ from tango_cnc.records import Array, InputError, Machine, World
 from . import transforms
 from .coefficients import STYLUS, Coefficient, coefficient
 
+Term = tuple[Coefficient, Array | float]
 BASE = {"X": 0, "A": 0, "Y": 1, "B": 1, "Z": 2, "C": 2, "S": 2}
 
 
@@ -27,7 +28,8 @@ class Joint:
     rotary: bool
     base: int  # 0 1 2: its motion is along or about this vector of its frame
     sense: int
-    frame: Array  # (1, 4, 4) axis frame → machine frame, at the zero pose
+    location: Array  # (1, 4, 4) this frame → frame of the axis before, at the zero pose
+    frame: Array  # (1, 4, 4) this frame → machine frame, at the zero pose
 
     @property
     def own(self) -> int:
@@ -51,15 +53,14 @@ class TrueMachine:
     machine: Machine
     workpiece: tuple[Joint, ...]  # from the foundation outwards
     tool: tuple[Joint, ...]
-    errors: Mapping[str, float]
+    errors: tuple[tuple[Coefficient, float], ...]
     stylus: Array  # (3,) mm, in the spindle frame
     stylus_tip: Array  # (3,) mm, nominal tip at the zero pose, machine frame
 
 
 def true_machine(machine: Machine, world: World) -> TrueMachine:
     """machine, world → the true machine. Raises InputError for a coefficient or stylus offset that does not exist."""
-    for name in world.errors:
-        coefficient(name, machine)
+    errors = tuple((coefficient(name, machine), value) for name, value in world.errors.items())
     for name in world.stylus:
         if name not in STYLUS:
             raise InputError(f"stylus: found {name!r}; allowed: {', '.join(STYLUS)}")
@@ -67,9 +68,9 @@ def true_machine(machine: Machine, world: World) -> TrueMachine:
     tip = np.array(spindle.point) - machine.probe.length * np.array(spindle.direction)
     return TrueMachine(
         machine,
-        tuple(_joint(machine, name) for name in machine.workpiece_branch),
-        tuple(_joint(machine, name) for name in machine.tool_branch),
-        dict(world.errors),
+        _joints(machine, machine.workpiece_branch),
+        _joints(machine, machine.tool_branch),
+        errors,
         np.array([world.stylus.get(name, 0.0) for name in STYLUS]),
         tip,
     )
@@ -80,10 +81,15 @@ def nominal_machine(machine: Machine) -> TrueMachine:
     return true_machine(machine, World())
 
 
-def _joint(machine: Machine, name: str) -> Joint:
-    axis = machine.axis(name)
-    columns, sense = transforms.axis_frame(BASE[name], axis.direction)
-    return Joint(name, machine.column(name), axis.kind != "linear", BASE[name], sense, transforms.frame(columns, axis.point))
+def _joints(machine: Machine, names: Iterable[str]) -> tuple[Joint, ...]:
+    joints: list[Joint] = []
+    for name in names:
+        axis = machine.axis(name)
+        columns, sense = transforms.axis_frame(BASE[name], axis.direction)
+        frame = transforms.frame(columns, axis.point)
+        location = transforms.inverse(joints[-1].frame) @ frame if joints else frame
+        joints.append(Joint(name, machine.column(name), axis.kind != "linear", BASE[name], sense, location, frame))
+    return tuple(joints)
 
 
 def tip_in_table(true: TrueMachine, positions: Array, directions: Array, extra: Mapping[str, Array] | None = None) -> Array:
@@ -96,29 +102,26 @@ def tip_in_table(true: TrueMachine, positions: Array, directions: Array, extra: 
 
 def place(true: TrueMachine, positions: Array, directions: Array, extra: Mapping[str, Array] | None = None) -> Placement:
     """(n, k) mm rad, (n, k) −1 0 1 → tip and table. Raises InputError as `tip_in_table` (thesis eq. 4-4 … 4-7, 6-2)."""
-    errors: list[tuple[Coefficient, Array | float]] = []
-    for source in (true.errors, extra or {}):
-        errors += [(coefficient(name, true.machine), value) for name, value in source.items()]
-    table, frame = _branch(true.workpiece, positions, directions, errors)
-    table = table @ transforms.inverse(frame)
-    spindle, frame = _branch(true.tool, positions, directions, errors)
-    nominal = transforms.inverse(frame)[0] @ np.append(true.stylus_tip, 1.0)
+    more = tuple((coefficient(name, true.machine), value) for name, value in (extra or {}).items())
+    table = _branch(true.workpiece, positions, directions, (*true.errors, *more))
+    spindle = _branch(true.tool, positions, directions, (*true.errors, *more))
+    if true.workpiece:
+        table = table @ transforms.inverse(true.workpiece[-1].frame)
+    nominal = transforms.inverse(true.tool[-1].frame)[0] @ np.append(true.stylus_tip, 1.0)
     tip = spindle @ (nominal + np.append(true.stylus, 0.0))
     in_table = np.einsum("nij,nj->ni", transforms.inverse(table), tip)
     return Placement(in_table[:, :3], table[:, :3, :3], spindle[:, :3, :3])
 
 
-def _branch(
-    joints: Iterable[Joint], positions: Array, directions: Array, errors: list[tuple[Coefficient, Array | float]]
-) -> tuple[Array, Array]:
-    """joints from the foundation outwards → (n, 4, 4) last body → machine frame, and (1, 4, 4) its frame at the zero pose."""
-    previous = np.eye(4)[None]
-    pose = np.tile(np.eye(4), (len(positions), 1, 1))
+def _branch(joints: Iterable[Joint], positions: Array, directions: Array, errors: Iterable[Term]) -> Array:
+    """joints from the foundation outwards → (n, 4, 4) frame of the last one → machine frame."""
+    pose = transforms.translation(np.zeros((len(positions), 3)))
     for joint in joints:
-        mine = [(c, value) for c, value in errors if c.axis == joint.name]
         command, last = positions[:, joint.column], directions[:, joint.column]
         inter, intra = np.zeros((len(positions), 6)), np.zeros((len(positions), 6))
-        for c, value in mine:
+        for c, value in errors:
+            if c.axis != joint.name:
+                continue
             if c.kind == "inter":
                 inter[:, c.component] += value
             elif c.kind == "backlash":
@@ -128,12 +131,6 @@ def _branch(
         # E_kk is measured in command units: it goes into the motion, not after it
         moved = joint.sense * (command + intra[:, joint.own])
         intra[:, joint.own] = 0.0
-        motion = (
-            transforms.rotation(joint.base, moved)
-            if joint.rotary
-            else transforms.translation(moved[:, None] * np.eye(3)[joint.base])
-        )
-        location = transforms.inverse(previous) @ joint.frame
-        pose = pose @ location @ transforms.error(inter) @ motion @ transforms.error(intra)
-        previous = joint.frame
-    return pose, previous
+        motion = transforms.rotation(joint.base, moved) if joint.rotary else transforms.shift(joint.base, moved)
+        pose = pose @ joint.location @ transforms.error(inter) @ motion @ transforms.error(intra)
+    return pose

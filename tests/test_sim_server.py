@@ -17,10 +17,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_controller.__main__ import main
+from sim_controller.__main__ import run
 from sim_controller.lines import ParityLine, even
 from sim_controller.protocols._tape import Tape
-from tango_cnc.cli import guarded
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"
 DC1, DC2, DC3, DC4 = b"\x11", b"\x12", b"\x13", b"\x14"
@@ -235,9 +234,9 @@ def test_hanging_up_in_the_middle_leaves_the_control_ready_for_the_next(start: S
     ],
 )
 def test_a_wrong_start_is_refused_in_one_sentence(arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert guarded(main.main, ["--cell", str(EXAMPLE), *arguments], standalone_mode=False) == 2
+    assert run(["--cell", str(EXAMPLE), *arguments]) == 2
     said = capsys.readouterr()
-    assert said.err.startswith("tango: ") and complaint in said.err
+    assert said.err.startswith("sim_controller: ") and complaint in said.err
     assert said.out == ""
 
 

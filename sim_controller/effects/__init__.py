@@ -12,7 +12,7 @@ A file `<cause>.py` holds one function
   early, outside of where it is: the `r` of the catalogue of causes.
 """
 
-from ._apply import checked, disturbance
+from ._apply import Effect, checked, disturbance
 from ._history import Disturbance, History, lever, unit
 
-__all__ = ["Disturbance", "History", "checked", "disturbance", "lever", "unit"]
+__all__ = ["Disturbance", "Effect", "History", "checked", "disturbance", "lever", "unit"]
