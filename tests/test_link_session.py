@@ -29,7 +29,7 @@ def after_the_program(answer):
 class Run:
     """What one run left: what the watcher saw, the journal's entries, the error."""
 
-    def __init__(self, tmp_path, answer, *, this_job=None, resume=False, watch=None, transcript=None):
+    def __init__(self, tmp_path, answer, *, this_job=None, resume=False, watch=None, transcript=None, stop=lambda: False):
         self.clock, self.steps = FakeClock(), []
         this_job = this_job or job()
         journal = Journal(tmp_path / "run.journal", resume)
@@ -42,6 +42,7 @@ class Run:
             clock=self.clock,
             now=self.clock.now,
             transcript=transcript,
+            stop=stop,
         )
         self.error = ""
         try:
@@ -143,15 +144,13 @@ def test_a_line_of_wrong_settings_is_given_up_after_ten_records(tmp_path):
     assert "settings of the line" in run.error
 
 
-def test_ctrl_c_stops_the_feeding_and_keeps_what_is_there(tmp_path):
-    def watch(step):
-        if step.done == 1:
-            raise KeyboardInterrupt
+def test_the_user_stops_the_feeding_and_what_is_there_is_kept(tmp_path):
+    steps = []
 
     def answer(written):
         return printed(GOOD[0], end="") if len(written) >= 16 else b""
 
-    run = Run(tmp_path, answer, watch=watch)
+    run = Run(tmp_path, answer, watch=steps.append, stop=lambda: len(steps) == 2)
     assert run.error.startswith("stopped by the user. 1 of 3 touches are recorded, touch 2 was due.")
     assert len(run.line.written) == 16
     assert [entry["touch"] for entry in run.kinds("reading")] == [1]

@@ -111,7 +111,7 @@ def dialect(cell: Cell) -> Post:
 
 
 def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path | None) -> Program:
-    """cell, its post and plan, the part of it that is run now, a program from 'tango plan' → what is sent; also written into program/."""
+    """cell, its post and plan, the part of it that is run now, a file → what is sent, and written into program/."""
     from postprocessors import _base as posts
 
     from ..files.plan import plan_lines, write_together

@@ -7,9 +7,12 @@ readings.journal                         every reading as it came; the only thin
 
 from __future__ import annotations
 
+import contextlib
 import json
+import signal
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib import import_module
@@ -90,9 +93,11 @@ def measure(
         journal = Journal(file, resume=bool(before))
         try:
             journal.add("segment", **_segment(plan, program, left, wanted))
-            session = Session(job, client, journal, watch, clock=time.monotonic, transcript=wanted.transcript)
             try:
-                session.run(transport)
+                with _signals() as stop:
+                    Session(job, client, journal, watch, clock=time.monotonic, transcript=wanted.transcript, stop=stop).run(
+                        transport
+                    )
             except LinkError as error:
                 advice = "" if isinstance(error, Moved) else "; 'tango run --resume' makes the missing touches"
                 raise LinkError(f"{error} {_keep(journal.entries, plan, wanted.readings, advice)}".rstrip()) from None
@@ -101,6 +106,23 @@ def measure(
             journal.close()
     finally:
         transport.close()
+
+
+@contextlib.contextmanager
+def _signals() -> Iterator[Callable[[], bool]]:
+    """→ whether somebody has asked for an end (Ctrl-C, or the system): noticed between two bytes, never in half an entry."""
+    asked: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    before = {
+        number: signal.signal(number, lambda received, frame: asked.append(received)) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def repeatable(entries: Sequence[Mapping[str, Any]], plan: Plan) -> tuple[int, ...]:

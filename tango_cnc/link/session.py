@@ -77,11 +77,12 @@ class Session:
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
         gate: Gate | None = None,
         transcript: TextIO | None = None,
+        stop: Callable[[], bool] = lambda: False,
     ) -> None:
-        """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day."""
+        """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day, `stop` the user's wish."""
         self._job, self._client, self._journal, self._watch = job, client, journal, watch
         self._clock, self._now, self._gate = clock, now, gate or Gate()
-        self._transcript = Transcript(transcript, clock)
+        self._transcript, self._stop = Transcript(transcript, clock), stop
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._directions = last_motion(job.plan)
         self._zero: float | None = None  # clock at the time zero of the readings
@@ -93,16 +94,14 @@ class Session:
     def run(self, transport: Transport) -> None:
         """open transport → returns when every touch of the job is in the journal and the end mark has come.
 
-        Raises LinkError when the line or the control fails, when the user stops the run (Ctrl-C), and when records were not
-        believed; the journal then ends with the reason and holds everything measured before.
+        Raises LinkError when the line or the control fails, when the user stops the run, and when records were not believed;
+        the journal then ends with the reason and holds everything measured before.
         """
         try:
             self._converse(transport)
             missing = self._missing()
             if missing:
                 raise LinkError(f"the program ran to its end, but {missing} not believed or not received")
-        except KeyboardInterrupt:
-            raise self._stopped("stopped by the user") from None
         except Moved as error:
             raise Moved(str(self._stopped(str(error)))) from None
         except LinkError as error:
@@ -131,6 +130,8 @@ class Session:
         last = self._clock()
         waiting = b""
         while not self._ended:
+            if self._stop():
+                raise LinkError("stopped by the user")
             lost: Lost | None = None
             data, taken = b"", 0
             waiting = waiting or self._client.bytes_to_send(transport.chunk)
