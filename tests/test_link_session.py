@@ -97,6 +97,11 @@ def test_a_control_that_never_answers_is_given_up_after_the_time_to_press_a_butt
     assert "0 of 3 touches" in run.error
 
 
+def test_the_person_at_the_machine_is_told_when_it_is_the_control_s_turn(tmp_path):
+    run = Run(tmp_path, lambda written: b"", this_job=job(start_patience=20.0))
+    assert [step.remark for step in run.steps] == ["the program is sent (45 bytes): start it at the control"]
+
+
 def test_a_line_that_breaks_after_some_touches(tmp_path):
     given = printed(*GOOD[:2], end="")
 

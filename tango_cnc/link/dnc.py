@@ -69,11 +69,6 @@ class Client:
         """→ (bytes sent, bytes in all) of the program."""
         return self._at, len(self._data)
 
-    @property
-    def held(self) -> bool:
-        """→ whether the control has stopped the sending (DC3), or not asked for it yet."""
-        return self._held
-
     def bytes_to_send(self, limit: int) -> bytes:
         """most bytes wanted → the next piece of the program; empty while the control holds it or all is sent."""
         if self._held or self._over:

@@ -89,7 +89,7 @@ class Session:
         self._place = 0  # of the touch that is due, in job.numbers
         self._accepted = 0
         self._doubts = 0
-        self._ended = False
+        self._ended = self._told = False
 
     def run(self, transport: Transport) -> None:
         """open transport → returns when every touch of the job is in the journal and the end mark has come.
@@ -155,6 +155,14 @@ class Session:
                 self._handle([*cut, Failed(str(lost))])
             self._handle(self._client.elapsed(moment - last))
             last = moment
+            self._tell()
+
+    def _tell(self) -> None:
+        """Says once that it is now the control's turn: somebody may have to press its button."""
+        sent, total = self._client.sent
+        if sent == total and self._zero is None and not self._told:
+            self._told = True
+            self._watch(Step(0, len(self._job.numbers), 0.0, None, f"the program is sent ({total} bytes): start it at the control"))
 
     def _handle(self, events: Sequence[Event]) -> None:
         for event in events:
