@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -89,9 +90,41 @@ def of_coefficients(
     tell = _Tell(values, covariance)
     found: list[Figure] = []
     for line in lines.values():
-        found += _linear(line, tell) if line.axis.kind == "linear" else _rotary(line, tell)
+        found += _motion_figures(line, tell)
     found += _between(machine, lines, tell)
     return tuple(found)
+
+
+class Curve(NamedTuple):
+    """An error motion as estimated, in the unit of people, with its standard deviation."""
+
+    kind: str
+    name: str
+    unit: str
+    value: Array  # (m,)
+    std: Array  # (m,)
+
+
+def curves(result: Estimate) -> dict[str, tuple[Array, list[Curve]]]:
+    """estimate → axis: positions (m,) in mm or degrees over the touched range, its error motions there."""
+    model = result.model
+    index = [i for i, c in enumerate(model.coefficients) if c.slot.stage in ("inter", "motion", "intra")]
+    chosen = [model.coefficients[i] for i in index]
+    values, covariance = result.values[index], result.covariance[np.ix_(index, index)]
+    found = {}
+    for name, (low, high) in ranges(model.touches).items():
+        line = _line(model.touches.machine, model.touches.machine.axis(name), chosen, low, high)
+        drawn = [
+            Curve(m.kind, m.name, m.unit, m.factor * (m.curve @ values), m.factor * _std(m.curve, covariance))
+            for m in _motions(line)
+        ]
+        if drawn:
+            found[name] = (line.command * (1.0 if line.axis.kind == "linear" else 180 / np.pi), drawn)
+    return found
+
+
+def _std(curve: Array, covariance: Array) -> Array:
+    return np.sqrt(np.clip(np.sum(curve @ covariance * curve, axis=1), 0.0, None))
 
 
 @dataclass(frozen=True)
@@ -179,17 +212,53 @@ def _straight(line: _Line, curve: Array) -> tuple[Array, Array]:
     return fit[1], curve - matrix @ fit
 
 
-def _linear(line: _Line, tell: _Tell) -> list[Figure]:
-    found, name, over = _positioning(line, tell), line.axis.name, _range(line)
-    for i in range(3):
-        if i != line.base and line.along[i].any():
-            value, std = tell.spread(_straight(line, line.along[i])[1])
-            found.append(Figure("straightness", f"E{COMPONENTS[i]}{name}", value * 1e3, std * 1e3, "µm", over))
-    for i in range(3):
-        if line.along[3 + i].any():
-            value, std = tell.spread(line.along[3 + i])
-            note = "roll" if i == line.base else f"tilt about {'XYZ'[i]}"
-            found.append(Figure("angular", f"E{COMPONENTS[3 + i]}{name}", value * 1e6, std * 1e6, "µrad", over, note))
+class Motion(NamedTuple):
+    """One error motion over the range of its axis, against its reference line; `curve` is linear in the coefficients."""
+
+    kind: str
+    name: str
+    note: str
+    factor: float  # mm, rad → unit
+    unit: str
+    curve: Array  # (m, p)
+
+
+def _motions(line: _Line) -> list[Motion]:
+    """→ the error motions of an axis, positioning first."""
+    name, found = line.axis.name, []
+    linear = line.axis.kind == "linear"
+    own = line.base + (0 if linear else 3)
+    if line.along[own].any():
+        unit, factor = ("µm", 1e3) if linear else ("µrad", 1e6)
+        found.append(Motion("positioning", f"E{name}{name}", "mean bidirectional range", factor, unit, line.along[own]))
+    if linear:
+        for i in range(3):
+            if i != line.base and line.along[i].any():
+                curve = _straight(line, line.along[i])[1]
+                found.append(Motion("straightness", f"E{COMPONENTS[i]}{name}", "about the least-squares line", 1e3, "µm", curve))
+        for i in range(3):
+            if line.along[3 + i].any():
+                note = "roll" if i == line.base else f"tilt about {'XYZ'[i]}"
+                found.append(Motion("angular", f"E{COMPONENTS[3 + i]}{name}", note, 1e6, "µrad", line.along[3 + i]))
+        return found
+    j, k = _across(line)
+    if line.along[line.base].any():
+        found.append(Motion("axial", f"E{COMPONENTS[line.base]}{name}", "along the axis", 1e3, "µm", line.along[line.base]))
+    for first, kind, factor, unit in ((0, "radial", 1e3, "µm"), (3, "tilt", 1e6, "µrad")):
+        if line.along[first + j].any() or line.along[first + k].any():
+            _, rest = _turned(line, (line.along[first + j], line.along[first + k]))
+            for i, curve in zip((j, k), rest, strict=True):
+                found.append(Motion(kind, f"E{COMPONENTS[first + i]}{name}", "about the axis average line", factor, unit, curve))
+    return found
+
+
+def _motion_figures(line: _Line, tell: _Tell) -> list[Figure]:
+    found = _positioning(line, tell)
+    for motion in _motions(line):
+        if motion.kind != "positioning":
+            value, std = tell.spread(motion.curve)
+            factor = motion.factor
+            found.append(Figure(motion.kind, motion.name, value * factor, std * factor, motion.unit, _range(line), motion.note))
     return found
 
 
@@ -211,23 +280,6 @@ def _turned(line: _Line, curves: tuple[Array, Array]) -> tuple[tuple[Array, Arra
 
 def _across(line: _Line) -> tuple[int, int]:
     return (line.base + 1) % 3, (line.base + 2) % 3
-
-
-def _rotary(line: _Line, tell: _Tell) -> list[Figure]:
-    found, name, over = _positioning(line, tell), line.axis.name, _range(line)
-    j, k = _across(line)
-    if line.along[line.base].any():
-        value, std = tell.spread(line.along[line.base])
-        found.append(Figure("axial", f"E{COMPONENTS[line.base]}{name}", value * 1e3, std * 1e3, "µm", over))
-    for first, kind, factor, unit in ((0, "radial", 1e3, "µm"), (3, "tilt", 1e6, "µrad")):
-        if not (line.along[first + j].any() or line.along[first + k].any()):
-            continue
-        _, rest = _turned(line, (line.along[first + j], line.along[first + k]))
-        for component, curve in zip((j, k), rest, strict=True):
-            value, std = tell.spread(curve)
-            note = "about the axis average line"
-            found.append(Figure(kind, f"E{COMPONENTS[first + component]}{name}", value * factor, std * factor, unit, over, note))
-    return found
 
 
 def _between(machine: Machine, lines: dict[str, _Line], tell: _Tell) -> list[Figure]:

@@ -263,22 +263,24 @@ def _upper(at: Array, size: Array) -> tuple[Array, Array]:
     return centre[some], np.array([size[nearest == i].max() for i in some])
 
 
-def parameters(rows: Sequence[tuple[str, float, float]], unit: str) -> Any:
-    """(name, value, standard deviation) in one unit, unit → values with 95 % bars, one line each."""
+def parameters(groups: Mapping[str, Sequence[tuple[str, float, float]]]) -> Any:
+    """unit: (name, value, standard deviation) … → values with two standard deviations, a panel a unit."""
     with styled():
-        drawn = figure(4.6, 0.9 + 0.2 * len(rows))
-        axes = drawn.subplots()
-        at = np.arange(len(rows))[::-1]
-        value, std = np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
-        seen = np.abs(value) > 2 * std
-        axes.axvline(0, color=INK, lw=0.8)
-        for mask, colour in ((seen, GOOD), (~seen, PALE)):
-            if mask.any():
-                axes.errorbar(value[mask], at[mask], xerr=2 * std[mask], fmt="o", ms=4, lw=1.2, color=colour)
-        axes.set_yticks(at, [r[0] for r in rows], fontsize=8)
-        axes.set_ylim(-0.7, len(rows) - 0.3)
-        axes.set_xlabel(f"{unit}, bars: two standard deviations (pale: not different from zero)")
-        axes.grid(axis="y", visible=False)
+        tall = max(len(rows) for rows in groups.values())
+        drawn = figure(9.5, 0.9 + 0.21 * max(tall, 3))
+        axes = drawn.subplots(1, len(groups), squeeze=False)[0]
+        for own, (unit, rows) in zip(axes, groups.items(), strict=True):
+            at = -np.arange(len(rows), dtype=float)
+            value, std = np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
+            seen = np.abs(value) > 2 * std
+            own.axvline(0, color=INK, lw=0.8)
+            for mask, colour in ((seen, GOOD), (~seen, PALE)):
+                if mask.any():
+                    own.errorbar(value[mask], at[mask], xerr=2 * std[mask], fmt="o", ms=4, lw=1.2, color=colour)
+            own.set_yticks(at, [r[0] for r in rows], fontsize=8)
+            own.set_ylim(-tall + 0.3, 0.7)
+            own.set_xlabel(unit)
+            own.grid(axis="y", visible=False)
     return drawn
 
 
