@@ -40,11 +40,12 @@ def command(folder: Path, example: str) -> None:
 
 def _list(context: click.Context, wanted: bool) -> None:
     if wanted:
+        width = max(map(len, examples()))
         for name, source in examples().items():
             title = next(
                 (line[2:] for line in (source / "tango.yaml").read_text(encoding="utf-8").splitlines() if line.startswith("# ")), ""
             )
-            click.echo(f"{name:12} {title}".rstrip())
+            click.echo(f"{name:{width}}  {title}".rstrip())
         context.exit()
 
 
