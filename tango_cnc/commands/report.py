@@ -11,7 +11,7 @@ import numpy as np
 from .. import iso230
 from ..estimate import Estimate, estimate
 from ..files import degrees_of, read_cell, read_readings, read_terms, write_text
-from ..records import Cell, Readings, TangoError, TermItem
+from ..records import Array, Cell, Readings, TangoError, TermItem
 from ..report import page, pictures
 from ..report.units import shown
 from ..verify import held_out, volume
@@ -55,15 +55,20 @@ def findings(cell: Cell, readings: Readings, terms: tuple[TermItem, ...], degree
         held = held_out.held_out(cell.machine, cell.artefact, readings, terms, groups, degree)
     except TangoError as error:
         why = f"No indexation can be left out: {error}"
-    shown_pictures = draw(result, chart, held, readings) if drawn else {}
-    return page.Findings(cell, readings, result, iso230.figures(result), chart, held, why, shown_pictures)
+    before = page.unexplained_before(result)
+    shown_pictures = draw(result, before, chart, held, readings) if drawn else {}
+    return page.Findings(cell, readings, result, before, iso230.figures(result), chart, held, why, shown_pictures)
 
 
 def draw(
-    result: Estimate, chart: volume.VolumeMap, held: held_out.HeldOut | None, readings: Readings
+    result: Estimate, before: Array, chart: volume.VolumeMap, held: held_out.HeldOut | None, readings: Readings
 ) -> dict[str, tuple[str, str]]:
     """results → pictures by section: caption and data URI."""
     touches, machine = result.model.touches, result.model.touches.machine
+    both = {
+        title: (touches.point, touches.normal, r, touches.indexation)
+        for title, r in (("stylus and facets only", before), ("with the errors of the machine", result.residuals))
+    }
     flagged = np.isin(touches.number, result.outliers)
     found: dict[str, tuple[str, Any]] = {
         "touches": (
@@ -72,7 +77,7 @@ def draw(
         ),
         "vectors": (
             "Unexplained distances on the table, along the facet normals; a colour an indexation.",
-            pictures.vectors({"unexplained": (touches.point, touches.normal, result.residuals, touches.indexation)}),
+            pictures.vectors(both),
         ),
     }
     size = page.effects(result)
@@ -81,7 +86,8 @@ def draw(
     for name in strong:
         p = result.parameters[name]
         factor, unit = shown(p.unit)
-        groups.setdefault(unit, []).append((name, p.value * factor, p.std * factor))
+        if unit in ("µm", "µrad", "µm/m"):  # coefficients of higher degree mean little one by one: they are drawn as curves
+            groups.setdefault(unit, []).append((name, p.value * factor, p.std * factor))
     if groups:
         found["parameters"] = (
             "Parameters that matter most to the touches, with two standard deviations to either side.",

@@ -204,9 +204,9 @@ def _largest(found: Findings) -> str:
     result, machine = found.result, found.cell.machine
     size = effects(result)
     own = result.parameters
-    top = list(size.items())[:8]
+    top = [(name, effect) for name, effect in size.items() if abs(own[name].value) > 2 * own[name].std][:8]
     if not top:
-        return "<p>The terms of this cell contain no error of the machine.</p>"
+        return "<p>No single parameter is different from zero (two standard deviations).</p>"
     most = max(top[0][1], 1e-9)
     rows = []
     for name, effect in top:
@@ -220,7 +220,8 @@ def _largest(found: Findings) -> str:
             )
         )
     head = [("what", False), ("ISO 230-1", False), ("value", True), ("", False), ("effect on a touch, µm rms", True), ("", False)]
-    return _table(head, rows)
+    note = "Parameters that are different from zero (two standard deviations), by what they do to the touches."
+    return _table(head, rows) + f'<p class="note">{note}</p>'
 
 
 def _value(value: float, std: float) -> str:
