@@ -20,7 +20,7 @@ from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, 
 from .touches import from_readings
 
 STEP = 1e-11  # mm
-ITERATIONS = 30
+ITERATIONS = 60
 # Below one nanometre the touches are treated as exact and the scale bar keeps its weight.
 SIGMA_FLOOR = 1e-6
 
@@ -121,43 +121,61 @@ def fit(selection: Selection) -> Estimate:
             "use a smaller set of terms (--terms) or touch more facets"
         )
     sigma = max(model.touches.machine.probe.repeatability, SIGMA_FLOOR)
-    values, before = np.zeros(p), np.inf
+    values, size, damping = np.zeros(p), np.inf, 0.0
+    here: tuple[Array, Array, Array] | None = None
     for iterations in range(1, ITERATIONS + 1):
         gaps, jacobian = linearise(model, values)
         offsets, rows, uncertainty = known(model, values)
-        full = np.vstack([jacobian, rows])
-        weights = sigma / uncertainty
-        change, root = _step(full, np.concatenate([gaps, offsets]), np.concatenate([np.ones(n), weights]))
+        right, full = np.concatenate([gaps, offsets]), np.vstack([jacobian, rows])
+        weights = np.concatenate([np.ones(n), sigma / uncertainty])
+        if here is not None and _grew(here[1] * weights, right * weights):
+            # Where a plan hardly sees a combination the step reaches so far that the model has curved away: a shorter one.
+            values, right, full = here
+            damping = max(10 * damping, 1e-6)
+        else:
+            damping = damping / 10 if damping > 1e-9 else 0.0
+        here = values, right, full
+        change, root = _step(full, right, weights, damping)
         moved = full @ change
         values = values - change
-        gaps, offsets = gaps - moved[:n], offsets - moved[n:]
-        size = float(np.max(np.abs(moved)))
-        found = max(float(np.sqrt(gaps @ gaps / dof)), SIGMA_FLOOR)
-        settled = m == 0 or abs(found - sigma) < 1e-3 * sigma
+        rate, size = float(np.max(np.abs(moved))) / size, float(np.max(np.abs(moved)))
+        after = right - moved
+        found = max(float(np.sqrt(after[:n] @ after[:n] / dof)), SIGMA_FLOOR)
+        settled = (m == 0 or abs(found - sigma) < 1e-3 * sigma) and damping == 0 and iterations > 1
         sigma = found
         # What is still to come is the last step times the rate at which the steps shrink.
-        if settled and size * min(1.0, size / before) < STEP:
+        if settled and size * min(1.0, rate) < STEP:
             inverse = linalg.solve_triangular(root, sigma * np.eye(p), check_finite=False)
-            return Estimate(selection, values, inverse @ inverse.T, gaps, sigma, dof, iterations, full, offsets, weights)
-        before = size
+            return Estimate(
+                selection, values, inverse @ inverse.T, after[:n], sigma, dof, iterations, full, after[n:], sigma / uncertainty
+            )
     raise TangoError(
         f"estimate: the iteration did not settle in {ITERATIONS} steps; check readings and machine.yaml "
         "(axis directions, facet normals, stylus length), or use a smaller set of terms"
     )
 
 
-def _step(full: Array, right: Array, weights: Array) -> tuple[Array, Array]:
-    """Jacobian (k, p), residuals (k,), weights (k,) → change (p,), triangular root (p, p) of the weighted normal matrix.
+def _grew(before: Array, after: Array) -> bool:
+    """weighted residuals before and after a step → whether their sum of squares grew by more than rounding."""
+    return bool(after @ after > (1 + 1e-6) * (before @ before) + len(before) * STEP**2)
 
-    One QR decomposition of the scaled columns with the right-hand side beside them. Raises TangoError for dependent columns.
+
+def _step(full: Array, right: Array, weights: Array, damping: float) -> tuple[Array, Array]:
+    """Jacobian (k, p), residuals (k,), weights (k,), damping → change (p,), triangular root (p, p) of the weighted normal matrix.
+
+    One QR decomposition of the scaled columns with the right-hand side beside them; damping as by Levenberg and Marquardt.
+    Raises TangoError for dependent columns.
     """
     p = full.shape[1]
     weighted = full * weights[:, None]
     scale = np.linalg.norm(weighted, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    augmented = np.empty((len(full), p + 1), order="F")
-    np.divide(weighted, scale, out=augmented[:, :p])
-    augmented[:, p] = right * weights
+    k = len(full)
+    augmented = np.zeros((k + (p if damping else 0), p + 1), order="F")
+    np.divide(weighted, scale, out=augmented[:k, :p])
+    augmented[:k, p] = right * weights
+    if damping:
+        augmented[k:, :p] = damping**0.5 * np.eye(p)
     triangle = linalg.lapack.dgeqrf(augmented, lwork=64 * (p + 1), overwrite_a=True)[0]  # what stands below it is not read
     root = triangle[:p, :p]
     if not np.min(np.abs(np.diag(root))) > 1e-14:

@@ -22,10 +22,14 @@ from .records import Array, Artefact, Ball, Combination, Facet, Machine, ScaleBa
 from .terms import Coefficient, backlash, error_motion, find, inter_axis
 from .touches import Touches, of_facets
 
-# Exact dependences leave 1e-15 of what a column could amount to, 1e-8 where points are rounded to 1e-6 mm; the faintest real
-# coefficient of the thesis' plan 1e-3. At 1e-5 a touch of 0.7 µm leaves millimetres undecided.
-TOLERANCE = 1e-5
+# The faintest real coefficients of all example cells, to degree 6, keep 7e-4 of what they could amount to; dependent ones 1e-15, or
+# 5e-7 where points are given to 1e-6 mm. At 2e-5 a touch of 0.7 µm would leave more than a millimetre undecided.
+TOLERANCE = 2e-5
 NOISE = 1e-11  # of the column itself: less is rounding
+# mm at the longest lever: what would be known to no better than this is not seen. The model is curved; a standard deviation of
+# half a millimetre on a machine of 300 mm already bends by as much as a touch scatters.
+BLURRED = 0.5
+FINEST = 1e-4  # mm: no touch is taken to be better than this
 SUBSETS = ("S1", "S2", "S3", "S4")
 
 
@@ -120,6 +124,8 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     calibrated = any(f.uncertainty is not None for f in touches.artefact.facets.values())
     setup = [setup_coefficient(name) for name in (*STYLUS, *(PLACEMENT if calibrated else ()))]
     kept, left = _visible(touches.nominal, setup, wanted)
+    blurred = _blurred(Model(touches.nominal, tuple(kept)), {c.name for c in wanted})
+    kept, left = [c for c in kept if c.name not in blurred], left | blurred
     names = {c.name for c in kept}
     model = Model(touches, (*(c for c in wanted if c.name in names), *(c for c in setup if c.name in names)))
     mismatch = "EXX1" in left and any(c.name == "EXX1" for c in wanted) and {"EYY1", "EZZ1"} <= names
@@ -192,6 +198,39 @@ def _visible(
     return [c for c in model.coefficients if c.name in set(names)], combinations
 
 
+def _blurred(model: Model, wanted: set[str]) -> dict[str, Combination]:
+    """model of independent columns, names that may be left out → those that touches so noisy would not settle, in words.
+
+    One by one, the highest power first: what is left may then be seen well.
+    """
+    matrix, could = columns(model)
+    sigma = max(model.touches.machine.probe.repeatability, FINEST)
+    count = len(model.touches)
+    matrix[count:] *= (sigma / known(model, np.zeros(len(model.names)))[2])[:, None]
+    scale = np.linalg.norm(matrix, axis=0)
+    root = np.asarray(np.linalg.qr(matrix / scale, mode="r"))
+    reach = sigma * could / math.sqrt(count) / scale
+    power = [int(m[3]) if (m := error_motion.PATTERN.fullmatch(name)) else 0 for name in model.names]
+    left: dict[str, Combination] = {}
+    stay = list(range(len(model.names)))
+    while stay:
+        if left:
+            root = np.asarray(np.linalg.qr(root, mode="r"))
+        amount = np.linalg.norm(linalg.solve_triangular(root, np.eye(len(stay))), axis=1) * reach[stay]
+        bad = [i for i, j in enumerate(stay) if amount[i] > BLURRED and model.names[j] in wanted]
+        if not bad:
+            break
+        worst = max(bad, key=lambda i: (power[stay[i]], amount[i]))
+        name = model.names[stay[worst]]
+        text = (
+            f"{name} is too faint: touches that scatter by {sigma * 1e3:.2g} µm would leave {amount[worst]:.2g} mm of it undecided"
+        )
+        left[name] = Combination((name,), (1.0,), text)
+        root = np.delete(root, worst, axis=1)
+        del stay[worst]
+    return left
+
+
 def describe(name: str, unit: str, partners: Mapping[str, tuple[float, str]]) -> Combination:
     """name left out, its unit, what moves the touches as it does by name: (factor, unit) → combination, in words for people."""
     table = [p for p in partners if p.startswith(("EZf", "EXball", "EYball", "EZball"))]
@@ -199,7 +238,7 @@ def describe(name: str, unit: str, partners: Mapping[str, tuple[float, str]]) ->
     if name == "EXX1" and {"EYY1", "EZZ1"} <= set(said):
         text = (
             "the absolute scale cannot be seen, only scale mismatches against X: touch a scale bar or a calibrated facet, "
-            "or read EYY1 and EZZ1 as EYY1-EXX1 and EZZ1-EXX1"
+            "or read EYY1 and EZZ1 as EYY1-EXX1 and EZZ1-EXX1 and lengths, EZt among them, in units of X"
         )
     elif not partners:
         text = f"{name} moves no touch of this plan"

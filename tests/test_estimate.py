@@ -1,0 +1,284 @@
+"""The estimate: exact without noise, honest with it, the thesis' figures on the thesis' machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.optimize import least_squares
+
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import Estimate, estimate, fit, without
+from tango_cnc.files import read_cell, read_strategy, read_world
+from tango_cnc.identify import Selection, select
+from tango_cnc.model import Model, residual
+from tango_cnc.records import Artefact, Cell, Facet, InputError, Readings, Surface, TangoError, World
+from tango_cnc.touches import from_readings
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+# How far each axis goes on the HU40T, mm and rad: what a polynomial coefficient amounts to is judged there.
+REACH = {"X": 300.0, "Y": 300.0, "Z": 700.0, "B": np.pi / 2, "C": 3 * np.pi / 2}
+
+
+def size_of(name: str) -> float:
+    """What one rad or mm of the axis to the power of the degree amounts to at the end of the travel."""
+    degree = int(name[3]) if name[3].isdigit() and name[2] != "0" else 0
+    return float(REACH[name[2]] ** degree) if degree else 1.0
+
+
+def bad_machine(names: list[str], rng: np.random.Generator) -> dict[str, float]:
+    """Up to 20 µm and 60 µrad of everything at the end of the travel."""
+    return {name: rng.uniform(-1, 1) * (0.02 if name[1] in "XYZ" else 6e-5) / size_of(name) for name in names}
+
+
+def true_setup(cell: Cell, rng: np.random.Generator) -> dict:
+    facets = [f.id for f in cell.artefact.facets.values() if f.ball is None and f.uncertainty is None]
+    stylus = dict(zip(("EXt", "EYt", "EZt"), rng.uniform(-0.05, 0.05, 3), strict=True))
+    return {"stylus": stylus, "facets": {f: rng.uniform(-0.05, 0.05) for f in facets}}
+
+
+def worst_error(result: Estimate, truth: Mapping[str, float]) -> tuple[float, float]:
+    """→ mm, rad: largest difference from the truth, polynomials at the end of the travel, stylus and facets included."""
+    values = {name: p.value for name, p in {**result.parameters, **result.setup}.items()}
+    values |= {f"EZf{f}": p.value for f, p in result.facets.items()}
+    assert set(values) == set(truth)
+    errors = {n: abs(v - truth[n]) * (1.0 if n.startswith("EZf") or n.endswith("t") else size_of(n)) for n, v in values.items()}
+    return max(e for n, e in errors.items() if n[1] in "XYZ"), max((e for n, e in errors.items() if n[1] in "ABC"), default=0.0)
+
+
+@pytest.fixture(scope="module")
+def hu40t() -> Cell:
+    return read_cell(EXAMPLES / "hu40t")
+
+
+@pytest.fixture(scope="module")
+def names_86(hu40t) -> list[str]:
+    world = read_world(EXAMPLES / "hu40t" / "world.yaml")
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)
+    return [c.name for c in select(from_readings(hu40t.machine, hu40t.artefact, readings), ["S4"]).model.coefficients][:-3]
+
+
+def test_noise_free_s3_comes_back_to_a_picometre(hu40t):
+    world = replace(read_world(EXAMPLES / "hu40t" / "world.yaml"), noise=0.0)
+    result = estimate(hu40t.machine, hu40t.artefact, simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world), ["S3"])
+    length, angle = worst_error(result, truth_of(world, hu40t.artefact))
+    assert length < 1e-9
+    assert angle < 1e-12
+
+
+def test_noise_free_s4_comes_back_whole(hu40t, names_86):
+    assert len(names_86) == 86
+    rng = np.random.default_rng(4)
+    world = World(errors=bad_machine(names_86, rng), **true_setup(hu40t, rng))
+    result = estimate(hu40t.machine, hu40t.artefact, simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world), ["S4"])
+    length, angle = worst_error(result, truth_of(world, hu40t.artefact))
+    assert length < 1e-8
+    assert angle < 1e-11
+    assert result.iterations <= 6
+
+
+def truth_of(world: World, artefact: Artefact) -> dict[str, float]:
+    offsets = {f"EZf{f.id}": world.facets.get(f.id, 0.0) for f in artefact.facets.values() if f.ball is None}
+    return {**world.errors, **world.stylus, **offsets}
+
+
+def test_polynomials_to_degree_six_still_come_back(hu40t):
+    """Powers of 700 mm to the sixth: the columns are scaled, so that only the shape of a power counts, not its size."""
+    rng = np.random.default_rng(6)
+    setup = true_setup(hu40t, rng)
+    plain = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, World(**setup))
+    names = [c.name for c in select(from_readings(hu40t.machine, hu40t.artefact, plain), ["S4"], 6).model.coefficients][:-3]
+    assert {"ECC6", "EXB6", "EYX6"} <= set(names)
+    errors = bad_machine(names, rng)
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, World(errors=errors, **setup))
+    result = estimate(hu40t.machine, hu40t.artefact, readings, ["S4"], 6)
+    assert np.abs(result.residuals).max() < 1e-9
+    polynomial: dict[str, dict[int, float]] = {}
+    for name, p in result.parameters.items():
+        if name[3].isdigit() and name[2] != "0":
+            polynomial.setdefault(name[:3], {})[int(name[3])] = p.value - errors[name]
+    columns = {axis: result.model.touches.axis(axis) for axis in "XYZBC"}
+    for motion, difference in polynomial.items():
+        # A single power of 400 … 700 mm says little; what the error motion is where the axis has been says it all.
+        wrong = sum(value * columns[motion[2]] ** degree for degree, value in difference.items())
+        assert np.abs(wrong).max() < (1e-6 if motion[1] in "XYZ" else 1e-8), motion
+
+
+def thesis_readings(shared: Path, hu40t: Cell, seed: int = 1) -> Readings:
+    errors = yaml.safe_load((shared / "contract/thesis/table_4_4_subset4.yaml").read_text())
+    strategy = read_strategy(shared / "contract/thesis/table_4_2.yaml", hu40t.machine, hu40t.artefact)
+    world = World(errors={name: float(value) for name, value in errors.items()}, noise=0.0006, seed=seed)
+    return simulate(hu40t.machine, hu40t.artefact, strategy, world)
+
+
+@pytest.mark.parametrize(("subset", "mean"), [("S1", 25.8), ("S2", 25.7), ("S3", 2.4)])
+def test_unexplained_distances_of_the_thesis_machine(shared, hu40t, subset, mean):
+    """Table 4-4 made true, Table 4-2 touched with 0.6 µm: Table 4-6 within a tenth of what an independent program gets."""
+    result = estimate(hu40t.machine, hu40t.artefact, thesis_readings(shared, hu40t), [subset])
+    assert np.abs(result.residuals).mean() * 1e3 == pytest.approx(mean, rel=0.1)
+
+
+def test_the_whole_model_leaves_the_thesis_machine_only_its_noise(shared, hu40t):
+    result = estimate(hu40t.machine, hu40t.artefact, thesis_readings(shared, hu40t), ["S4"])
+    assert result.sigma * 1e3 == pytest.approx(0.6, rel=0.1)
+    assert len(result.outliers) == 0
+
+
+def test_standardised_errors_are_standard(hu40t, names_86):
+    """Forty machines through the simulator; the long test has two thousand."""
+    standardised = many_machines(hu40t, names_86, 40)
+    assert np.var(standardised) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.long
+def test_standardised_errors_of_two_thousand_machines_are_standard(hu40t, names_86):
+    standardised = many_machines(hu40t, names_86, 2000)
+    variance = standardised.var(axis=0)
+    assert variance.shape == (86,)
+    worst = {name: float(v) for name, v in zip(names_86, variance, strict=True) if not 0.85 < v < 1.15}
+    assert worst == {}
+    assert np.abs(standardised.mean(axis=0)).max() < 4 / np.sqrt(2000)
+
+
+def many_machines(cell: Cell, names: list[str], count: int) -> np.ndarray:
+    """→ (count, 86) errors of the estimates over their standard deviations: each machine, stylus and table another one."""
+    rng = np.random.default_rng(2000)
+    found = np.empty((count, len(names)))
+    coefficients = None
+    for i in range(count):
+        world = World(errors=bad_machine(names, rng), noise=0.0006, seed=i, **true_setup(cell, rng))
+        touches = from_readings(cell.machine, cell.artefact, simulate(cell.machine, cell.artefact, cell.strategy, world))
+        coefficients = coefficients or select(touches, ["S4"]).model.coefficients
+        result = fit(Selection(Model(touches, coefficients), (), False))
+        truth = np.array([world.errors[c.name] for c in coefficients[:-3]])
+        found[i] = (result.values[: len(truth)] - truth) / result.std[: len(truth)]
+    assert coefficients is not None
+    assert [c.name for c in coefficients[:-3]] == names
+    return found
+
+
+def test_a_gross_touch_is_flagged_and_kept_until_told_otherwise(hu40t):
+    world = read_world(EXAMPLES / "hu40t" / "world.yaml")
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)
+    position = readings.position.copy()
+    position[[40, 41, 200], 0] += 0.02
+    soiled = replace(readings, position=position)
+    result = estimate(hu40t.machine, hu40t.artefact, soiled, ["S3"])
+    clean = estimate(hu40t.machine, hu40t.artefact, readings, ["S3"])
+    seen = {41, 42, 201} & set(result.outliers.tolist())
+    assert seen and set(result.outliers.tolist()) <= {41, 42, 201}
+    assert len(result.residuals) == len(readings)
+    assert len(clean.outliers) == 0
+    again = estimate(hu40t.machine, hu40t.artefact, without(soiled, result.outliers), ["S3"])
+    assert len(again.residuals) == len(readings) - len(result.outliers)
+    assert again.sigma < result.sigma
+
+
+def test_twenty_soiled_touches_do_not_hide_each_other(hu40t):
+    """A twentieth of all touches are wrong, all in one direction: the plain residual would spread them over everybody."""
+    world = read_world(EXAMPLES / "hu40t" / "world.yaml")
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)
+    touches = from_readings(hu40t.machine, hu40t.artefact, readings)
+    rows = np.random.default_rng(8).choice(len(readings), 20, replace=False)
+    position = readings.position.copy()
+    position[rows, :3] += 0.02 * np.column_stack([touches.lever(axis) for axis in "XYZ"])[rows]
+    result = estimate(hu40t.machine, hu40t.artefact, replace(readings, position=position), ["S3"])
+    assert set(result.outliers.tolist()) == set(readings.touch[rows].tolist())
+
+
+def test_too_few_touches_are_refused_with_the_numbers(hu40t):
+    world = read_world(EXAMPLES / "hu40t" / "world.yaml")
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world).rows(np.arange(20))
+    with pytest.raises(TangoError, match=r"found 20 touches for \d+ unknowns"):
+        estimate(hu40t.machine, hu40t.artefact, readings, ["S3"])
+    with pytest.raises(TangoError, match="no touch with status ok"):
+        estimate(hu40t.machine, hu40t.artefact, replace(readings, status=("miss",) * 20), ["S3"])
+
+
+def test_readings_that_belong_to_another_table_do_not_give_numbers(hu40t):
+    """Facets swapped all over: either the iteration refuses, or the residual shouts; it never returns a quiet answer."""
+    world = read_world(EXAMPLES / "hu40t" / "world.yaml")
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)
+    mixed = list(readings.facet)
+    np.random.default_rng(0).shuffle(mixed)
+    try:
+        result = estimate(hu40t.machine, hu40t.artefact, replace(readings, facet=tuple(mixed)), ["S3"])
+    except TangoError:
+        return
+    assert result.sigma > 1.0
+
+
+def test_an_unknown_term_is_refused_with_its_nearest_name(hu40t):
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, World())
+    with pytest.raises(InputError, match="EX0Q"):
+        estimate(hu40t.machine, hu40t.artefact, readings, ["S3", "EX0Q"])
+
+
+def test_the_scale_bar_weighs_by_its_uncertainty(hu40t):
+    world = replace(read_world(EXAMPLES / "hu40t" / "world.yaml"), noise=0.0006)
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)
+    assert hu40t.artefact.scale_bar is not None
+    information = []
+    for uncertainty in (1.0, 0.005, 0.0005):
+        artefact = replace(hu40t.artefact, scale_bar=replace(hu40t.artefact.scale_bar, uncertainty=uncertainty))
+        information.append(estimate(hu40t.machine, artefact, readings, ["S3"]).parameters["EXX1"].std ** -2)
+    # The balls' radii are known too and tell a little about the scale without any bar; what the bar adds is its own.
+    loose = (0.005 / 304.6686) ** -2
+    assert information[1] - information[0] == pytest.approx(loose, rel=0.1)
+    tight = 1 / (information[2] - information[0])
+    assert (0.0005 / 304.6686) ** 2 < tight < (0.0025 / 304.6686) ** 2
+
+
+def round_artefact(cell: Cell, kind: str, inside: bool) -> Artefact:
+    """The octagon with strongly curved surfaces: where a plane would be taken for granted the cosine error is micrometres."""
+    facets = {}
+    for facet in cell.artefact.facets.values():
+        n = np.array(facet.normal)
+        axis = None if kind == "sphere" else tuple(np.cross(n, np.eye(3)[np.argmin(np.abs(n))]).tolist())
+        axis = None if axis is None else tuple((np.array(axis) / np.linalg.norm(axis)).tolist())
+        facets[facet.id] = (
+            facet if facet.ball else Facet(facet.id, facet.point, facet.normal, surface=Surface(kind, 25.0, axis, inside))
+        )  # type: ignore[arg-type]
+    return replace(cell.artefact, facets=facets)
+
+
+@pytest.mark.parametrize("inside", [False, True], ids=["outside", "inside"])
+@pytest.mark.parametrize("kind", ["cylinder", "sphere"])
+def test_curved_facets_touched_beside_their_point_are_no_form_error(hu40t, kind, inside):
+    """The machine is out by a quarter of a millimetre, so that every touch misses its point: the cosine error is in the model."""
+    artefact, world = round_artefact(hu40t, kind, inside), read_world(EXAMPLES / "hu40t" / "world.yaml")
+    errors = {**world.errors, "EX0C": -0.3, "EY0S": 0.25, "EX0S": -0.25}
+    world = replace(world, errors=errors, noise=0.0)
+    readings = simulate(hu40t.machine, artefact, hu40t.strategy, world)
+    result = estimate(hu40t.machine, artefact, readings, ["S3"])
+    length, angle = worst_error(result, truth_of(world, artefact))
+    assert length < 1e-9
+    assert angle < 1e-11
+    flat = estimate(hu40t.machine, hu40t.artefact, readings, ["S3"])
+    assert np.abs(flat.residuals).max() > 1e-4  # taken for planes the same readings would be off by micrometres
+
+
+def test_an_order_of_magnitude_nearer_than_finite_differences(hu40t, names_86):
+    """A hundred times smaller error than scipy's least_squares with its default derivative, on the same residual."""
+    rng = np.random.default_rng(9)
+    names = [n for n in names_86 if n[2] == "0" or n[3] in "1b"][:30]
+    world = World(errors=bad_machine(names, rng), **true_setup(hu40t, rng))
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)
+    result = estimate(hu40t.machine, hu40t.artefact, readings, names)
+    model = result.model
+    truth = truth_of(world, hu40t.artefact)
+    exact = np.array([truth.get(name, 0.0) for name in model.names])
+    theirs = least_squares(lambda v: residual(model, v), np.zeros(len(exact)), method="lm", x_scale=scale_of(model)).x
+    here, there = (np.abs(residual(model, v) - residual(model, exact)).max() for v in (result.values, theirs))
+    assert here < 1e-11
+    assert here * 100 < there
+
+
+def scale_of(model: Model) -> np.ndarray:
+    return np.array(
+        [1.0 if c.unit == "mm" else 1e-3 for c in model.coefficients] + [1.0] * (len(model.names) - len(model.coefficients))
+    )
