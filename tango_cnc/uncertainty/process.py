@@ -129,7 +129,8 @@ def _chi_square(difference: Array, covariance: Array) -> tuple[float, float]:
         return 0.0, 1.0
     keep = scale > 0
     size, vectors = np.linalg.eigh(covariance[np.ix_(keep, keep)] / np.outer(scale[keep], scale[keep]))
-    real = size > 1e-9 * size[-1]
+    # Fainter directions than a thousandth are decided by what the linearisation leaves, not by the budget.
+    real = size > 1e-6 * size[-1]
     along = (vectors.T @ (difference[keep] / scale[keep]))[real]
     value = float(np.sum(along**2 / size[real]))
     return value, float(stats.chi2.sf(value, int(real.sum())))

@@ -1,0 +1,174 @@
+"""`tango capability`: what a touch is worth on this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from .. import capability
+from ..capability import Kind, Settings
+from ..files import artefact_text, machine_text, read_cell, read_readings, strategy_text, write_text
+from ..files.checked import load
+from ..files.write import dump
+from ..records import Cell, InputError
+from ..touches import Touches, from_readings
+from ._common import cell_option, json_option, table, write_json
+
+
+@click.command()
+@click.argument("kind", type=click.Choice(capability.KINDS))
+@cell_option
+@click.option("--cell", "target", type=click.Path(path_type=Path), metavar="DIR", help="Write the cell that measures it, and stop.")
+@click.option("--facets", default="", metavar="3,5", help="With --cell: these facets [default: one for every direction].")
+@click.option("--repetitions", type=click.IntRange(2), help="With --cell: touches or cycles [default: those of the thesis].")
+@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option("--window", type=click.IntRange(2), help="Touches pooled together [default: 25, on a grid 5].")
+@click.option("--block", type=click.IntRange(2), default=100, show_default=True, help="Wetness: touches between dry and wet.")
+@click.option("--budget", type=click.Path(path_type=Path), metavar="FILE", help="Put the numbers into this uncertainty.yaml.")
+@click.option("--world", type=click.Path(path_type=Path), metavar="FILE", help="Put the numbers into this world.yaml.")
+@json_option
+def command(
+    kind: Kind,
+    folder: Path,
+    target: Path | None,
+    facets: str,
+    repetitions: int | None,
+    file: Path | None,
+    window: int | None,
+    block: int,
+    budget: Path | None,
+    world: Path | None,
+    json_file: str | None,
+) -> None:
+    """Measures KIND: repeatability, wetness, grid (surface), drift or lobing.
+
+    First --cell writes a cell whose program measures it; plan, run or simulate it as any other. Then the analysis of its
+    readings: with -C that cell.
+    """
+    cell = read_cell(folder)
+    if target is not None:
+        _write_cell(cell, kind, Settings(tuple(f for f in facets.split(",") if f), repetitions), target)
+        return
+    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
+    touches = from_readings(cell.machine, cell.artefact, readings)
+    results = _analyse(kind, touches, window, block)
+    lines = capability.budget_lines(kind, results)
+    noise, effects = capability.world_effects(kind, results)
+    data = {
+        "format": "tango-capability/1",
+        "kind": kind,
+        "touches": len(touches),
+        "results": {key: _plain(value) for key, value in results.items()},
+        "budget": lines,
+        "world": ({} if noise is None else {"noise": noise}) | {"effects": effects},
+    }
+    if budget is not None:
+        _merge(budget, "contributions", "source", lines)
+    if world is not None:
+        _merge(world, "effects", "cause", effects, {} if noise is None else {"noise": noise})
+    if not write_json(json_file, data):
+        click.echo(_text(kind, results))
+        said = "; ".join(", ".join(f"{k} {v:.5g}" if isinstance(v, float) else f"{v}" for k, v in line.items()) for line in lines)
+        click.echo(f"\nFor the budget (mm, deg): {said or 'nothing that stands out'}")
+
+
+def _write_cell(cell: Cell, kind: Kind, settings: Settings, target: Path) -> None:
+    if target.exists() and any(target.iterdir()):
+        raise InputError(f"{target}: already there and not empty; give a new folder, nothing is ever overwritten")
+    artefact, strategy = capability.program(kind, cell.machine, cell.artefact, cell.strategy, settings)
+    controller = {} if cell.controller is None else {"controller": _controller(cell)}
+    root = {"tango": 1, "machine": "machine.yaml", "artefact": "artefact.yaml", "strategy": "strategy.yaml", "terms": ["S1"]}
+    write_text(target / "machine.yaml", machine_text(cell.machine))
+    write_text(target / "artefact.yaml", artefact_text(artefact))
+    write_text(target / "strategy.yaml", strategy_text(strategy))
+    if (cell.folder / "world.yaml").is_file():
+        write_text(target / "world.yaml", (cell.folder / "world.yaml").read_text(encoding="utf-8"))
+    write_text(target / "tango.yaml", dump(root | controller))
+    touches = sum(len(i.facets) for i in strategy.indexations)
+    click.echo(f"{target} measures {kind} with {touches} touches. Next: tango plan -C {target}, tango run -C {target},")
+    click.echo(f"then tango capability {kind} -C {target}")
+
+
+def _controller(cell: Cell) -> dict[str, Any]:
+    assert cell.controller is not None
+    port = {} if cell.controller.port is None else {"port": cell.controller.port}
+    return {"post": cell.controller.post, **port, **cell.controller.options}
+
+
+def _analyse(kind: Kind, touches: Touches, window: int | None, block: int) -> dict[str, Any]:
+    """→ results by direction (by `ball` for lobing)."""
+    if kind == "lobing":
+        return {"ball": capability.lobing(touches)}
+    height = capability.heights(touches)
+    along = np.array(capability.directions(touches))
+    order = [name for name in ("X", "Y", "Z", "2D", "3D") if name in along]
+    results: dict[str, Any] = {}
+    for name in order:
+        rows = np.flatnonzero((along == name) & (touches.ball_index < 0))
+        values = height[rows]
+        if kind == "repeatability":
+            results[name] = capability.repeatability(values, window or 25)
+        elif kind == "wetness":
+            results[name] = capability.wetness(values, block)
+        elif kind == "drift":
+            results[name] = capability.drift(touches.time[rows], values)
+        else:
+            results[name] = capability.grid(_cycles(touches, rows, values), window or 5)
+    return results
+
+
+def _cycles(touches: Touches, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """→ (m, n): the same n points in each of m cycles; raises InputError when a touch of the grid is missing."""
+    names = [touches.facet[i] for i in rows]
+    points = list(dict.fromkeys(names))
+    cycles, left = divmod(len(names), len(points))
+    if left or names != points * cycles:
+        raise InputError(
+            f"capability grid: found {len(names)} good touches on {len(points)} points, not the same points in every cycle; "
+            "allowed: whole cycles. Delete the rows of the incomplete cycle"
+        )
+    result: np.ndarray = values.reshape(cycles, len(points))
+    return result
+
+
+def _merge(file: Path, key: str, name: str, lines: list[dict[str, Any]], more: Mapping[str, Any] | None = None) -> None:
+    """Lines of the same name are replaced, everything else in the file stays (without its comments)."""
+    data: dict[str, Any] = load(file).plain() if file.is_file() else {}
+    new = {line[name] for line in lines}
+    kept = [line for line in data.get(key, []) if line.get(name) not in new]
+    write_text(file, dump({**data, **(more or {}), key: [*kept, *lines]}))
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, (np.ndarray, tuple, list)):
+        return [_plain(v) for v in value]
+    return float(value) if isinstance(value, np.floating) else value
+
+
+def _text(kind: Kind, results: Mapping[str, Any]) -> str:
+    if kind == "lobing":
+        r = results["ball"]
+        lines = [
+            f"{r.touches} touches on the ball, µm: residuals {r.smallest * 1e3:.2f} to {r.largest * 1e3:+.2f}, out of sphericity "
+            f"{r.out_of_sphericity * 1e3:.2f}, standard deviation {r.std * 1e3:.2f}; without lobes {r.std_after * 1e3:.2f}"
+        ]
+        lines += [
+            f"{x.order} lobes: amplitude {x.amplitude * 1e3:.2f} ± {x.amplitude_std * 1e3:.2f} µm, phase {x.phase:.0f}°"
+            for x in r.lobes
+        ]
+        return "\n".join(lines)
+    first = next(iter(results.values()))
+    shown = [f.name for f in fields(first) if isinstance(getattr(first, f.name), float)]
+    unlike = {"p_value": 1.0, "explained": 1.0, "duration": 1.0, "tau": 1.0}
+    rows = [[f"{kind}, µm", *results]]
+    for name in shown:
+        label = name.replace("_", " ") + (" (s)" if name in ("duration", "tau") else "")
+        rows.append([label, *(f"{getattr(r, name) * unlike.get(name, 1e3):.3g}" for r in results.values())])
+    return table(rows, "<" + ">" * len(results))
