@@ -1,0 +1,45 @@
+"""One figure, and linear combinations of coefficients with their standard deviations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..records import Array
+
+ARCSECOND = 180 * 3600 / np.pi  # a radian
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure in the unit that people use; `range` in mm or degrees, None for a figure of several axes."""
+
+    kind: str
+    name: str
+    value: float
+    std: float
+    unit: str  # µm, µrad, µm/m, ″
+    range: tuple[float, float] | None = None
+    note: str = ""
+
+    @property
+    def arcseconds(self) -> float | None:
+        """→ ″ of a small angle, None for a length."""
+        return self.value * 1e-6 * ARCSECOND if self.unit in ("µrad", "µm/m") and self.kind != "positioning gain" else None
+
+
+@dataclass(frozen=True)
+class Tell:
+    """Linear combinations of the coefficients → values with standard deviations."""
+
+    values: Array
+    covariance: Array
+
+    def one(self, weights: Array) -> tuple[float, float]:
+        return float(weights @ self.values), float(max(float(weights @ self.covariance @ weights), 0.0) ** 0.5)
+
+    def spread(self, curve: Array) -> tuple[float, float]:
+        """(m, p) → largest minus smallest of the curve, and its standard deviation."""
+        y = curve @ self.values
+        return self.one(curve[int(np.argmax(y))] - curve[int(np.argmin(y))])
