@@ -5,6 +5,7 @@ sweeps only its own extension upwards, then moves along the facet's normal: pose
 margin allows for, are judged one by one.
 
 Of the table body only what the facet bounds is asked: a facet that lies within the body (a slot, a step, a bore) contradicts it.
+A declared obstacle may be what is touched: a facet on its surface is touched like the table, every other facet keeps off it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Approach, Array, Artefact, Id, Probe
-from .solid import Body, Solid
+from .solid import LEVEL, Body, Solid
 
 SHANK = -0.02  # least cosine between normal and spindle direction: 1.1° of undercut is within what a table is out of square
 GAP = 0.2  # mm between stem and surface while the tip touches
@@ -80,11 +81,15 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
     if solid.table is not None:
         bounding = ball | np.array([f.id in solid.outer for f in facets], dtype=bool)
         for part in parts:
-            yield from ((bounding & hit, why) for hit, why in _table(solid.table, part, pose, probe, approach))
+            yield from ((bounding & hit, why) for hit, why in _touched(solid.table, "the table", part, pose, probe, approach))
         hit = _any(_crosses(solid.table, pose.tip + d * pose.normal, 0 * pose.tip, probe.tip_radius + MARGIN) for d in way)
         yield ball & hit, "the tip would hit the table"
+    point = pose.tip - probe.tip_radius * pose.normal
     for number, body in enumerate(solid.obstacles, 1):
-        yield from _obstacle(body, f"obstacle {number}", parts, pose, probe, way)
+        own = np.abs((point @ body.normal.T - body.offset).max(axis=1)) <= LEVEL
+        for part in parts:
+            yield from ((own & hit, why) for hit, why in _touched(body, f"obstacle {number}", part, pose, probe, approach))
+        yield from ((~own & hit, why) for hit, why in _obstacle(body, f"obstacle {number}", parts, pose, probe, way))
     for name, centre, size in zip(artefact.balls, solid.centre, solid.radius, strict=True):
         own = np.array([f.ball == name for f in facets], dtype=bool)
         yield from _ball(centre, float(size), f"ball {name}", own, parts, pose, probe, way)
@@ -105,15 +110,15 @@ def _facing(pose: Pose, probe: Probe, stem: float) -> Iterator[Verdict]:
         yield grazing, f"the stem (stylus_radius {probe.stylus_radius:g} mm) is not thinner than the tip ({probe.tip_radius:g} mm)"
 
 
-def _table(table: Body, part: _Part, pose: Pose, probe: Probe, approach: Approach) -> Iterator[Verdict]:
-    """Convex, and left along its own normal: contact and stand-off decide for all between; the search end for the body."""
+def _touched(body: Body, name: str, part: _Part, pose: Pose, probe: Probe, approach: Approach) -> Iterator[Verdict]:
+    """The body that is touched: convex, and left along its own normal, so contact and stand-off decide for all between."""
     begin, run = pose.tip + part.low * pose.spindle, (part.high - part.low) * pose.spindle
-    yield _crosses(table, begin, run, part.radius + part.touching), f"the {part.name} would hit the table while the tip touches"
+    yield _crosses(body, begin, run, part.radius + part.touching), f"the {part.name} would hit {name} while the tip touches"
     lifted = begin + approach.standoff * pose.normal
     air = min(part.margin, approach.standoff / 2)
     # What comes down is as wide as the tip.
     wide = max(part.radius, probe.tip_radius if part.name == "stem" else 0.0) + air
-    yield _crosses(table, lifted, run, wide), f"the {part.name} would hit the table on the way to the stand-off"
+    yield _crosses(body, lifted, run, wide), f"the {part.name} would hit {name} on the way to the stand-off"
 
 
 def _obstacle(body: Body, name: str, parts: tuple[_Part, ...], pose: Pose, probe: Probe, way: Array) -> Iterator[Verdict]:

@@ -17,7 +17,7 @@ from scipy.spatial import HalfspaceIntersection
 from ..records import Array, Artefact, Facet, Id, Obstacle
 
 SIDES = 16  # of the prism around a cylinder
-LEVEL = 0.5  # mm: facets of one plane may be entered this unevenly and still be outer ones
+LEVEL = 0.5  # mm: as unevenly may facets of one plane be entered, or lie on the surface of an obstacle
 OVERHANG = 50.0  # mm that the table may go on beyond its facets, for clearances
 
 

@@ -47,16 +47,27 @@ class Clearance:
 
     def _turn(self, previous: Touch | None, touch: Touch, name: Callable[[int], str]) -> Turn:
         start = previous or touch
-        after_index = touch.indexation
         complaint: InputError | None = None
-        candidates = [self._up(start.indexation), self._up(after_index), np.array(self._machine.spindle.direction)]
-        for up in candidates if self._swivels else candidates[:1]:
+        for up in self._ways(self._up(start.indexation), self._up(touch.indexation)):
             try:
                 return self._turn_towards(up, previous, start, touch, name)
             except InputError as error:
                 complaint = complaint or error
         assert complaint is not None
         raise complaint
+
+    def _ways(self, before: Array, after: Array) -> list[Array]:
+        """→ directions in which the probe may leave the table to turn: along the tool, or, for a head, also sideways of it."""
+        if not self._swivels:
+            return [before]
+        across = np.cross(before, np.eye(3)[np.argmin(np.abs(before))])
+        across /= np.linalg.norm(across)
+        sideways = [across, np.cross(before, across)]
+        middle = before + after
+        size = np.linalg.norm(middle)
+        between = [middle / size] if size > 0.1 else []
+        upright = np.array(self._machine.spindle.direction)
+        return [before, after, upright, *between, *sideways, *(-way for way in sideways)]
 
     def _turn_towards(self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str]) -> Turn:
         before = self._place(np.array(start.over), start.indexation, up, name)

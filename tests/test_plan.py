@@ -1,0 +1,349 @@
+"""From a cell to a plan: where every touch happens, and that the probe meets nothing on its way there."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from blockcell import NORMALS, ball_distance, block, block_distance, cell, machine, positions
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from tango_cnc import kinematics
+from tango_cnc.files import read_cell
+from tango_cnc.plan import last_motion, part, plan, plan_hash
+from tango_cnc.records import Array, Cell, Facet, InputError, Machine, Obstacle, Plan, Surface
+
+TABLES = ("wCBXfZY(S)t", "wCAYbXZ(S)t".replace("b", "f"), "wCXYfZ(S)t", "wXYfZ(S)t", "wCXBfZY(S)t")
+HEADS = ("wXYfZCB(S)t", "wXYfZCA(S)t", "wCXYfZB(S)t", "wfXYZCA(S)t")
+
+
+def small(topology: str = "wCBXfZY(S)t", poses: tuple[dict[str, float], ...] = ({},)) -> Cell:
+    return cell(machine(topology), block(), poses)
+
+
+# What is planned
+
+
+def test_the_ball_centre_is_one_tip_radius_off_the_surface_along_the_outward_normal() -> None:
+    made = plan(small(poses=({"B": 30, "C": 40},)), "leave-out")
+    chain = kinematics.chain(made.machine)
+    for touch in made.touches:
+        facet = made.artefact.facets[touch.facet]
+        for position, distance in ((touch.standoff, 10.0), (touch.contact, 0.0), (touch.end, -5.0)):
+            tip = kinematics.tip(chain, np.array([position]))[0]
+            wanted = np.array(facet.point) + (made.machine.probe.tip_radius + distance) * np.array(facet.normal)
+            np.testing.assert_allclose(tip, wanted, atol=1e-9)
+
+
+def test_a_curved_facet_is_touched_at_its_own_nominal_point() -> None:
+    whole = small()
+    facet = replace(whole.artefact.facets["1"], surface=Surface("cylinder", 250.0, (0.0, 0.0, 1.0)))
+    artefact = replace(whole.artefact, facets={**whole.artefact.facets, "1": facet})
+    flat, curved = plan(whole), plan(replace(whole, artefact=artefact))
+    assert flat.touches == curved.touches
+
+
+def test_contacts_agree_with_readings_of_an_independent_program(shared: Path) -> None:
+    """Its machine is not nominal: contacts differ by its errors, some tenths of a millimetre, along the normals."""
+    example = read_cell(shared / "contract" / "hu40t")
+    reachable = _numbers_of(plan(example, "leave-out"), example)
+    with (shared / "contract" / "hu40t" / "readings.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if int(row["touch"]) in reachable]
+    made = plan(example, "leave-out")
+    assert len(rows) == len(made.touches) == 358
+    difference = np.array([[float(row[n]) for n in "XYZ"] for row in rows]) - np.array([t.contact[:3] for t in made.touches])
+    assert np.abs(difference).max() < 0.6
+    assert [row["facet"] for row in rows] == [t.facet for t in made.touches]
+
+
+def _numbers_of(made: Plan, example: Cell) -> set[int]:
+    """Numbers in the strategy of the touches that a plan has kept."""
+    kept = Counter((t.indexation, t.facet) for t in made.touches)
+    numbered = [(i, f) for i, index in enumerate(example.strategy.indexations) for f in index.facets]
+    return {n for n, key in enumerate(numbered, 1) if kept[key]}
+
+
+def test_the_order_of_the_strategy_is_kept() -> None:
+    whole = cell(machine("wCBXfZY(S)t"), block(), [{"C": 90}, {}, {"C": 90}], facets=["5", "1", "7", "3", "5"])
+    made = plan(whole)
+    assert [t.facet for t in made.touches] == ["5", "1", "7", "3", "5"] * 3
+    assert [t.number for t in made.touches] == list(range(1, 16))
+    assert [t.indexation for t in made.touches] == [0] * 5 + [1] * 5 + [2] * 5
+
+
+def test_every_touch_is_approached_made_and_left_the_same_way() -> None:
+    made = plan(small(poses=({}, {"B": 20, "C": 10})), "leave-out")
+    for touch in made.touches:
+        moves = [m for m in made.moves if m.touch == touch.number]
+        kinds = [m.kind for m in moves]
+        assert kinds.count("probe") == kinds.count("back") == 1
+        before, after = kinds[: kinds.index("probe")], kinds[kinds.index("back") + 1 :]
+        assert before[-2:] == ["clear", "approach"] or before[-1:] == ["clear"]
+        assert after[:1] == ["retract"] or touch.over == touch.standoff
+        back = next(m for m in moves if m.kind == "back")
+        names = made.machine.names
+        assert all(value == touch.standoff[names.index(name)] for name, value in back.target.items())
+
+
+def test_the_first_move_is_one_axis_alone_and_up() -> None:
+    moves = list(plan(small()).moves)
+    assert (moves[0].kind, list(moves[0].target)) == ("retract", ["Z"])
+    assert [m.kind for m in moves[1:4]] == ["clear", "index", "clear"]
+    assert set(moves[2].target) == {"B", "C", "S"}
+
+
+def test_last_motion_is_that_of_the_approach_and_of_the_last_indexation() -> None:
+    made = plan(cell(machine("wCBXfZY(S)t"), block(), [{"C": 10}, {"C": 20}, {"C": 5}], facets=["1", "2"]))
+    sense = last_motion(made)
+    x, c = made.machine.column("X"), made.machine.column("C")
+    # The table moves: to press facet 1 (+x) on the probe the table goes towards +X at C = 0, and not far from that here.
+    assert sense[:, x].tolist() == [1, -1, 1, -1, 1, -1]
+    assert sense[:, c].tolist() == [0, 0, 1, 1, -1, -1]
+
+
+def test_a_part_of_a_plan_keeps_numbers_and_finds_its_own_safe_way() -> None:
+    whole = plan(cell(machine("wCBXfZY(S)t"), block(), [{}, {"C": 40}, {"B": 20}], facets=["2", "5", "7"]))
+    some = part(whole, [2, 3, 8])
+    assert [t.number for t in some.touches] == [2, 3, 8]
+    assert [m.touch for m in some.moves if m.kind == "index"] == [2, 8]
+    _assert_clear(some)
+    assert part(whole, range(1, 10)) == whole
+    with pytest.raises(InputError, match="found touch 12; allowed: touches 1 … 9"):
+        part(whole, [12])
+
+
+def test_the_plan_hash_sees_what_matters_and_nothing_else() -> None:
+    whole = small()
+    name = plan_hash(plan(whole))
+    assert len(name) == 12
+    assert plan_hash(plan(replace(whole, folder=Path("elsewhere")))) == name
+    artefact = block(centre=(0.0, 0.0, -40.001))
+    assert plan_hash(plan(replace(whole, artefact=artefact))) != name
+
+
+# What cannot be planned
+
+
+def test_a_position_beyond_a_travel_is_named_in_full() -> None:
+    whole = small()
+    axes = tuple(replace(a, travel=(-400.0, 95.0)) if a.name == "Y" else a for a in whole.machine.axes)
+    narrow = replace(whole, machine=replace(whole.machine, axes=axes))
+    assert plan(narrow)  # the stand-off of facet 3 is at Y 93
+    with pytest.raises(InputError) as error:
+        plan(replace(narrow, strategy=replace(whole.strategy, approach=replace(whole.strategy.approach, standoff=20.0))))
+    text = str(error.value)
+    assert "touch 3 (facet 3, indexation 1: B 0 C 0 S 0): the stand-off needs Y 103.000 mm, travel -400 … 95 mm" in text
+    assert "1 of 8 touches" in text
+
+
+def test_a_rotary_position_beyond_its_travel_is_named_in_degrees() -> None:
+    whole = small(poses=({"B": 30},))
+    axes = tuple(replace(a, travel=(-0.1, 0.1)) if a.name == "B" else a for a in whole.machine.axes)
+    with pytest.raises(InputError, match=r"B 30\.000 deg, travel -5\.72958 … 5\.72958 deg"):
+        plan(replace(whole, machine=replace(whole.machine, axes=axes)), "leave-out")
+
+
+def test_no_room_to_turn_the_table_says_how_much_is_missing() -> None:
+    whole = small(poses=({}, {"C": 90}))
+    axes = tuple(replace(a, travel=(-4000.0, 420.0)) if a.name == "Z" else a for a in whole.machine.axes)
+    with pytest.raises(
+        InputError, match=r"to turn the rotary axes clear of the table the probe needs Z \d+\.\d+ mm, travel -4000 … 420"
+    ):
+        plan(replace(whole, machine=replace(whole.machine, axes=axes)))
+
+
+def test_a_facet_that_faces_away_is_named_with_its_angle() -> None:
+    with pytest.raises(InputError) as error:
+        plan(small(poses=({}, {"B": 40})))
+    text = str(error.value)
+    assert "touch 9 (facet 1, indexation 2: B 40 C 0 S 0): the facet faces 130° away from the spindle" in text
+    assert "touch 10" not in text  # facet 2 looks up there
+
+
+def test_obstructed_touches_can_be_left_out_and_are_listed() -> None:
+    made = plan(small(poses=({}, {"B": 40})), "leave-out")
+    assert [t.facet for t in made.touches if t.indexation == 1].count("1") == 0
+    assert any("facet 1, indexation 2" in text for text in made.left_out)
+    assert [t.number for t in made.touches] == list(range(1, len(made.touches) + 1))
+
+
+def test_side_faces_upright_to_the_spindle_are_within_reach() -> None:
+    """Table 4-2 of the thesis touches them at B = ±90 and at B = 0."""
+    made = plan(cell(machine("wCBXfZY(S)t"), block(), [{}, {"B": 90, "C": -90}, {"B": -90, "C": 90}], facets=["1", "2"]))
+    assert len(made.touches) == 6
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "why"),
+    [
+        (Obstacle("box", low=(105.0, -60.0, 20.0), high=(130.0, 0.0, 60.0)), "the body|the stem|the tip"),
+        (Obstacle("cylinder", base=(125.0, -32.0, 0.0), axis=(0.0, 0.0, 1.0), radius=15.0, height=30.0), "would hit obstacle 1"),
+    ],
+)
+def test_what_stands_beside_a_facet_is_in_the_way(obstacle: Obstacle, why: str) -> None:
+    artefact = replace(block(), obstacles=(obstacle,))
+    with pytest.raises(InputError, match=f"touch 1 \\(facet 1, .*({why})"):
+        plan(cell(machine("wCBXfZY(S)t"), artefact, [{}], facets=["1"]))
+    assert plan(cell(machine("wCBXfZY(S)t"), artefact, [{}], facets=["2"]))
+
+
+def test_a_ball_above_a_facet_is_in_the_way() -> None:
+    artefact = block(facets={name: np.array([0.6, 0.5, 0.0]) for name in NORMALS})
+    with pytest.raises(InputError, match=r"touch 2 \(facet 5, .*: the stem would hit ball 1"):
+        plan(cell(machine("wCBXfZY(S)t"), artefact, [{}], facets=["1", "5", "7"]))
+
+
+def test_the_probe_body_does_not_go_where_only_the_stem_fits() -> None:
+    whole = small()
+    short = replace(whole.machine, probe=replace(whole.machine.probe, body_length=290.0))
+    with pytest.raises(InputError, match=r"touch 1 .*: the body would hit the table while the tip touches"):
+        plan(replace(whole, machine=short))
+
+
+def test_a_stem_as_thick_as_the_tip_cannot_touch_a_wall() -> None:
+    whole = small()
+    thick = replace(whole.machine, probe=replace(whole.machine.probe, stylus_radius=3.0))
+    with pytest.raises(InputError, match=r"touch 1 .*: the stem \(stylus_radius 3 mm\) is not thinner than the tip \(3 mm\)"):
+        plan(replace(whole, machine=thick))
+
+
+def test_a_body_that_is_declared_may_be_touched() -> None:
+    assert len(plan(cell(machine("wCBXfZY(S)t"), block(obstacle=True), [{}])).touches) == 8
+
+
+def test_a_facet_within_the_body_of_the_table_is_judged_by_its_own_plane() -> None:
+    artefact = block()
+    slot = Facet("9", (0.0, 10.0, -20.0), (0.0, -1.0, 0.0))
+    made = plan(cell(machine("wCBXfZY(S)t"), replace(artefact, facets={**artefact.facets, "9": slot}), [{}], facets=["9"]))
+    assert [t.facet for t in made.touches] == ["9"]
+
+
+def test_linear_axes_that_do_not_span_space_are_an_error() -> None:
+    whole = small()
+    axes = tuple(replace(a, direction=(1.0, 0.0, 0.0)) if a.name == "Y" else a for a in whole.machine.axes)
+    with pytest.raises(InputError, match="do not span space"):
+        plan(replace(whole, machine=replace(whole.machine, axes=axes)))
+
+
+# The way there. The judge below knows the block and the ball as they are and walks along every move in small steps.
+
+
+def _gap(made: Plan, path: Array) -> Array:
+    """(n, k) positions → (n,) mm between the probe, taken as spheres along the tool, and what is on the table."""
+    probe, chain = made.machine.probe, kinematics.chain(made.machine)
+    stem = np.arange(5.0, probe.length - probe.body_length, 9.0)
+    body = np.arange(probe.length - probe.body_length + probe.body_radius, probe.length - probe.body_radius + 1, 18.0)
+    height = np.concatenate([[0.0], stem, body])
+    radius = np.concatenate([[probe.tip_radius], np.full(len(stem), probe.stylus_radius), np.full(len(body), probe.body_radius)])
+    tips, spindles = kinematics.tip(chain, path), kinematics.spindle_axis(chain, path)
+    centres = (tips[:, None, :] + height[None, :, None] * spindles[:, None, :]).reshape(-1, 3)
+    gap = np.minimum(block_distance(centres, made.artefact), ball_distance(centres, made.artefact))
+    result: Array = (gap.reshape(len(path), -1) - radius).min(axis=1)
+    return result
+
+
+def _assert_clear(made: Plan) -> None:
+    """Walks along every move of a plan; the margins are what the planner promises for each kind."""
+    touches = {t.number: t for t in made.touches}
+    columns = [made.machine.column(n) for n in made.machine.linear]
+    paths, wanted, names = [], [], []
+    for kind, number, start, end in positions(made):
+        if kind == "index":
+            assert np.array_equal(start[columns], end[columns]), "a linear axis moves while rotary axes turn"
+            path, margin = _turns(made.machine, start, end), 5.0
+        else:
+            assert np.array_equal(np.delete(start, columns), np.delete(end, columns)), "a rotary axis moves near the table"
+            if kind in ("probe", "back"):  # up to the contact; what is behind it is the surface itself
+                start, end = np.array(touches[number].standoff), np.array(touches[number].contact)
+            margin = {"probe": -1e-6, "back": -1e-6, "clear": 15.0}.get(kind, 0.1)
+            path = start + np.linspace(0.0, 1.0, 2 + int(np.abs(end - start).max() / 15.0))[:, None] * (end - start)
+        paths.append(path)
+        wanted.append(np.full(len(path), margin))
+        names += [f"touch {number}: {kind}"] * len(path)
+    gap, least = _gap(made, np.vstack(paths)), np.concatenate(wanted)
+    worst = int(np.argmin(gap - least))
+    assert gap[worst] >= least[worst], f"{names[worst]}: {gap[worst]:.3f} mm where {least[worst]:g} mm are due"
+
+
+def _turns(m: Machine, start: Array, end: Array) -> Array:
+    """Rotary axes together, and one after the other: a control may do either."""
+    way = np.linspace(0.0, 1.0, 25)[:, None]
+    paths, at = [start + way * (end - start)], start
+    for name in (*m.rotary, "S"):
+        goal = at.copy()
+        goal[m.column(name)] = end[m.column(name)]
+        paths.append(at + way * (goal - at))
+        at = goal
+    return np.vstack(paths)
+
+
+angle = st.sampled_from([-180, -120, -90, -60, -45, -30, -10, 0, 15, 30, 45, 60, 75, 90, 135, 180, 270])
+place = st.floats(-150, 150).map(lambda v: round(v, 3))
+spread = st.builds(lambda values: {name: np.array(values[i]) for i, name in enumerate(NORMALS)}, st.lists(
+    st.tuples(*[st.floats(-1, 1)] * 3), min_size=len(NORMALS), max_size=len(NORMALS)))  # fmt: skip
+
+
+@settings(max_examples=80)
+@given(
+    topology=st.sampled_from(TABLES + HEADS),
+    poses=st.lists(st.fixed_dictionaries({name: angle for name in "ABCS"}), min_size=2, max_size=3),
+    point=st.tuples(place, place, place),
+    centre=st.tuples(place, place, place),
+    facets=spread,
+    standoff=st.floats(2, 25),
+    length=st.sampled_from([120.0, 300.0]),
+)
+def test_the_probe_meets_nothing_on_its_way(
+    topology: str,
+    poses: list[dict[str, float]],
+    point: tuple[float, float, float],
+    centre: tuple[float, float, float],
+    facets: dict[str, Array],
+    standoff: float,
+    length: float,
+) -> None:
+    rotary = sorted(set("ABC") & set(topology))
+    m = machine(topology, {rotary[-1]: point} if rotary and rotary[-1] in topology.split("f")[0] else None, length)
+    turned = [{name: pose[name] for name in (*rotary, "S")} for pose in poses]
+    artefact = block(centre, facets)
+    assume(artefact.facets["1"].point[2] > centre[2] - 30)
+    try:
+        made = plan(cell(m, artefact, turned, standoff=standoff), "leave-out")
+    except InputError as error:
+        refused = ("no touch is left", "turns right round")
+        parallel = ("do not span space", "are beyond the travel") if topology == "wCXBfZY(S)t" else ()  # X and Z at B = ±90
+        assume(not any(text in str(error) for text in (*refused, *parallel)))
+        raise
+    _assert_clear(made)
+    for move in made.moves:
+        for name, value in move.target.items():
+            low, high = made.machine.axis(name).travel or (-math.inf, math.inf)
+            assert low <= value <= high
+
+
+def test_the_way_is_clear_at_the_example_of_the_thesis(shared: Path) -> None:
+    """No rotary axis moves unless the tip is farther from the rotary axes than anything on the table."""
+    made = plan(read_cell(shared / "contract" / "hu40t"), "leave-out")
+    chain = kinematics.chain(made.machine)
+    corners = np.array([f.point for f in made.artefact.facets.values()])
+    reach = max(np.linalg.norm(corners, axis=1).max(), *(np.linalg.norm(b.centre) + b.radius for b in made.artefact.balls.values()))
+    turned = [start for kind, _, start, _ in positions(made) if kind == "index"]
+    assert len(turned) == 27
+    tips = kinematics.tip(chain, np.array(turned))
+    assert np.linalg.norm(tips, axis=1).min() > reach + made.machine.probe.tip_radius + 20
+    assert (np.array(turned)[:, 2] - made.machine.probe.length > reach).all()
+
+
+def test_time_and_memory_grow_with_the_number_of_touches_only() -> None:
+    """A plan of forty strategies has exactly forty times the moves of one: nothing is compared with everything else."""
+    one = small(poses=({}, {"C": 30}))
+    forty = replace(one, strategy=replace(one.strategy, indexations=one.strategy.indexations * 40))
+    assert len(plan(forty).touches) == 40 * len(plan(one).touches)
+    many, few = (Counter(m.kind for m in plan(c).moves) for c in (forty, one))
+    assert many["probe"] == 40 * few["probe"] and many["index"] == 40 * few["index"]
