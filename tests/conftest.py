@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# Before anything imports numpy: matrices of 400 × 120 gain nothing from threads, and tests that share a machine lose by them.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 ROOT = Path(__file__).parent.parent
 CI = bool(os.environ.get("CI"))
 PACKAGES = {"rs274": "linuxcnc-uspace", "linuxcnc": "linuxcnc-uspace", "halrun": "linuxcnc-uspace", "socat": "socat"}

@@ -1,0 +1,12 @@
+"""Which unknowns a plan can see, which it cannot, and which combination that is, in words.
+
+Columns of the Jacobian at the nominal contacts are taken in order of preference; one that lies in the span of those before
+it moves every touch exactly as they do and is left out. What a subset word such as S3 means for a topology is decided the
+same way on a rich plan: random poses over the whole travel, every direction, a scale bar.
+"""
+
+from .rank import columns, independent
+from .selection import Selection, rich_plan, select, subset_terms
+from .words import describe, summary
+
+__all__ = ["Selection", "columns", "describe", "independent", "rich_plan", "select", "subset_terms", "summary"]

@@ -1,0 +1,128 @@
+"""Which columns of a Jacobian stand on their own, and which of them the noise of the probe would drown."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import linalg
+
+from .. import kinematics
+from ..kinematics import Slot
+from ..model import Model, known, linearise
+from ..records import Array, Combination, Machine
+from ..terms import Coefficient, error_motion
+from ..touches import Touches
+
+# The faintest real coefficients of all example cells, to degree 6, keep 7e-4 of what they could amount to; dependent ones 1e-15, or
+# 5e-7 where points are given to 1e-6 mm. At 2e-5 a touch of 0.7 µm would leave more than a millimetre undecided.
+TOLERANCE = 2e-5
+NOISE = 1e-11  # of the column itself: less is rounding
+# mm at the longest lever: what would be known to no better than this is not seen. The model is curved; a standard deviation of
+# half a millimetre on a machine of 300 mm already bends by as much as a touch scatters.
+BLURRED = 0.5
+FINEST = 1e-4  # mm: no touch is taken to be better than this
+
+
+def columns(model: Model) -> tuple[Array, Array]:
+    """model → Jacobian at its touches without errors (n + m, p), known distances included; what a column could amount to (p,).
+
+    A shift could move every touch by itself, a turn by the longest lever, and of a power x³ only that part counts which
+    x², x and a constant do not make as well. A column is faint by this measure, not by its own size: a round table does not
+    see C turn, but for the rounding of its facets.
+    """
+    start = np.zeros(len(model.names))
+    _, jacobian = linearise(model, start)
+    _, rows, _ = known(model, start)
+    touches = model.touches
+    levers = kinematics.sensitivity(touches.chain, kinematics.trace(touches.chain, touches.position), touches.normal).slots
+    turns = [lever for slot, lever in levers.items() if _turns(slot, touches.machine)]
+    longest = max(float(np.max(np.abs(lever))) for lever in turns)
+    could = np.full(len(model.names), math.sqrt(len(touches)))
+    for j, c in enumerate(model.coefficients):
+        size = float(np.linalg.norm(_own_shape(c, model.regressors[j], touches)))
+        could[j] = size * (longest if _turns(c.slot, touches.machine) else 1.0)
+    return np.vstack([jacobian, rows]), np.where(could > 0, could, 1.0)
+
+
+def _turns(slot: Slot, machine: Machine) -> bool:
+    return slot.axis in machine.rotary if slot.stage == "motion" else slot.component >= 3
+
+
+def _own_shape(c: Coefficient, regressor: Array, touches: Touches) -> Array:
+    """→ (n,) what the lower powers of the same axis leave of a power; any other regressor as it is."""
+    match = error_motion.PATTERN.fullmatch(c.name)
+    if match is None or match[3] == "0":
+        return regressor
+    x = touches.axis(match[2])
+    x = (x - x.mean()) / (np.ptp(x) or 1.0)
+    lower = np.linalg.qr(np.vander(x, int(match[3])))[0]
+    rest: Array = regressor - lower @ (lower.T @ regressor)
+    return rest
+
+
+def independent(matrix: Array, could: Array, tolerance: float = TOLERANCE) -> tuple[list[int], dict[int, Array]]:
+    """(m, p) columns in order of preference, (p,) their possible sizes → indices kept; for each left out, weights over those kept.
+
+    Gram–Schmidt with one re-orthogonalisation (Giraud et al. 2005): unpivoted QR would let the rounding noise of a
+    dependent column push out the columns behind it.
+    """
+    scale = np.linalg.norm(matrix, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    reduced: Array = matrix / scale
+    if matrix.shape[0] > matrix.shape[1]:
+        reduced = np.asarray(np.linalg.qr(reduced, mode="r"))
+    count = reduced.shape[1]
+    basis = np.empty((count, reduced.shape[0]))
+    triangle = np.zeros((count, count))
+    kept: list[int] = []
+    left: dict[int, Array] = {}
+    for j in range(count):
+        column, k = reduced[:, j], len(kept)
+        weights = basis[:k] @ column
+        rest = column - weights @ basis[:k]
+        again = basis[:k] @ rest
+        rest -= again @ basis[:k]
+        weights += again
+        size = math.sqrt(rest @ rest)
+        if size * scale[j] > tolerance * could[j] and size > NOISE:
+            triangle[:k, k] = weights
+            triangle[k, k] = size
+            np.divide(rest, size, out=basis[k])
+            kept.append(j)
+        else:
+            left[j] = linalg.solve_triangular(triangle[:k, :k], weights) * scale[j] / scale[kept] if k else np.empty(0)
+    return kept, left
+
+
+def blurred(model: Model, wanted: set[str]) -> dict[str, Combination]:
+    """model of independent columns, names that may be left out → those that touches so noisy would not settle, in words.
+
+    One by one, the highest power first: what is left may then be seen well.
+    """
+    matrix, could = columns(model)
+    sigma = max(model.touches.machine.probe.repeatability, FINEST)
+    count = len(model.touches)
+    matrix[count:] *= (sigma / known(model, np.zeros(len(model.names)))[2])[:, None]
+    scale = np.linalg.norm(matrix, axis=0)
+    root = np.asarray(np.linalg.qr(matrix / scale, mode="r"))
+    reach = sigma * could / math.sqrt(count) / scale
+    power = [int(m[3]) if (m := error_motion.PATTERN.fullmatch(name)) else 0 for name in model.names]
+    left: dict[str, Combination] = {}
+    stay = list(range(len(model.names)))
+    while stay:
+        if left:
+            root = np.asarray(np.linalg.qr(root, mode="r"))
+        amount = np.linalg.norm(linalg.solve_triangular(root, np.eye(len(stay))), axis=1) * reach[stay]
+        bad = [i for i, j in enumerate(stay) if amount[i] > BLURRED and model.names[j] in wanted]
+        if not bad:
+            break
+        worst = max(bad, key=lambda i: (power[stay[i]], amount[i]))
+        name = model.names[stay[worst]]
+        text = (
+            f"{name} is too faint: touches that scatter by {sigma * 1e3:.2g} µm would leave {amount[worst]:.2g} mm of it undecided"
+        )
+        left[name] = Combination((name,), (1.0,), text)
+        root = np.delete(root, worst, axis=1)
+        del stay[worst]
+    return left
