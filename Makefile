@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 # Two workers share two cores only when the linear algebra of each keeps to one.
 export OPENBLAS_NUM_THREADS ?= 1
-PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope
 
 .PHONY: demo test check-long campaign lint format clean
 

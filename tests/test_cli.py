@@ -32,7 +32,7 @@ def test_every_command_explains_itself(name: str, capsys: pytest.CaptureFixture[
     text = capsys.readouterr().out
     assert text.startswith(f"Usage: tango {name}")
     command = tango.get_command(click.Context(tango), name)
-    assert command is not None and command.help and command.help.splitlines()[0].endswith(".")
+    assert command is not None and command.help and command.help.splitlines()[0].endswith((".", "?"))
     for option in command.params:
         assert isinstance(option, click.Argument) or option.help, f"--{option.name} has no help"  # type: ignore[attr-defined]
 
