@@ -8,7 +8,7 @@ from typing import Any
 import click
 import numpy as np
 
-from .. import iso230
+from .. import __version__, iso230
 from ..estimate import Estimate, estimate
 from ..files import degrees_of, read_cell, read_readings, read_terms, write_text
 from ..records import Array, Cell, Readings, TangoError, TermItem
@@ -36,7 +36,7 @@ def command(
     drawn = not no_pictures and pictures.available()
     found = findings(cell, readings, items, degree, drawn)
     target = output or folder / "report.html"
-    write_text(target, page.render(found))
+    write_text(target, page.render(found, __version__))
     if not no_pictures and not drawn:
         click.echo("no pictures: matplotlib is not installed (pip install 'tango-cnc[report]')", err=True)
     if not write_json(json_file, page.as_json(found) | {"report": str(target)}):

@@ -37,6 +37,7 @@ class Tell:
     covariance: Array
 
     def one(self, weights: Array) -> tuple[float, float]:
+        """(p,) → weights · values and its standard deviation."""
         return float(weights @ self.values), float(max(float(weights @ self.covariance @ weights), 0.0) ** 0.5)
 
     def spread(self, curve: Array) -> tuple[float, float]:

@@ -32,6 +32,7 @@ class Line:
 
 
 def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], low: float, high: float) -> Line:
+    """machine, axis, coefficients, range (mm or rad) → that axis moved alone through it."""
     command = np.linspace(low, high, POINTS)
     rest = (low + high) / 2 if axis.kind == "linear" and not low <= 0 <= high else 0.0
     position = np.zeros((POINTS + 1, len(machine.names)))
@@ -64,6 +65,7 @@ def _poses(machine: Machine, position: Array, direction: float) -> Touches:
 
 
 def range_of(line: Line) -> tuple[float, float]:
+    """axis → its range in mm or degrees."""
     scale = 1.0 if line.axis.kind == "linear" else 180 / np.pi
     return float(line.command[0] * scale), float(line.command[-1] * scale)
 
@@ -132,6 +134,7 @@ def turned(line: Line, curves: tuple[Array, Array]) -> tuple[tuple[Array, Array]
 
 
 def across(line: Line) -> tuple[int, int]:
+    """axis → the two base vectors across it."""
     return (line.base + 1) % 3, (line.base + 2) % 3
 
 

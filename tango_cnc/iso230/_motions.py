@@ -9,6 +9,7 @@ from ._line import Line, motions, range_of, straight
 
 
 def positioning(line: Line, tell: Tell) -> list[Figure]:
+    """axis → its positioning figures: mean bidirectional range M, gain, reversal value B, systematic deviation E."""
     name, unit = f"E{line.axis.name}{line.axis.name}", "µm" if line.axis.kind == "linear" else "µrad"
     factor = 1e3 if unit == "µm" else 1e6
     curve, over = line.along[line.base + (0 if unit == "µm" else 3)], range_of(line)
@@ -34,6 +35,7 @@ def positioning(line: Line, tell: Tell) -> list[Figure]:
 
 
 def motion_figures(line: Line, tell: Tell) -> list[Figure]:
+    """axis → figures of all its error motions."""
     found = positioning(line, tell)
     for motion in motions(line):
         if motion.kind != "positioning":

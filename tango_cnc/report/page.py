@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from .. import __version__
 from ..estimate import Estimate, fit
 from ..identify import select
 from ..iso230 import Figure
@@ -84,13 +83,13 @@ def unexplained_before(result: Estimate) -> Array:
     return fit(select(result.model.touches, ("S1",))).residuals
 
 
-def render(found: Findings) -> str:
-    """findings → HTML."""
+def render(found: Findings, version: str) -> str:
+    """findings, version of the program → HTML."""
     cell, result = found.cell, found.result
     parts = [
         f"<h1>{escape(cell.machine.name)}</h1>",
         f'<p class="sub">{escape(cell.machine.topology)} · {escape(cell.artefact.name)} · {escape(cell.strategy.name)} · '
-        f"tango_cnc {escape(__version__)}</p>",
+        f"tango_cnc {escape(version)}</p>",
         _summary(found),
         "<h2>Largest errors</h2>",
         _largest(found),

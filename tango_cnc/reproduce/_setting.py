@@ -21,8 +21,8 @@ SEED = 42
 # simulated test takes a fifth of the time that the real one took, so that an hour of warming up becomes twelve minutes.
 DISTURBED: tuple[dict[str, Any], ...] = (
     {"cause": "thermal_drift", "amplitude": 0.0083, "direction": [0.4, -0.6, 0.7], "tau": 400.0},  # Table 4-3, range of the drift
-    {"cause": "surface_form", "amplitude": 0.0013},  # Table 4-3, surface: 0.30 to 2.25 µm
-    {"cause": "probe_lobing", "amplitude": 0.0017, "order": 2},  # section 7.3: two lobes, standard deviation 1.7 µm
+    {"cause": "surface_form", "amplitude": 0.0015},  # Table 4-3, surface: 0.30 to 2.25 µm, pooled
+    {"cause": "probe_lobing", "amplitude": 0.0024, "order": 2},  # section 7.3: two lobes, standard deviation 1.7 µm = amplitude/√2
 )
 UNTOLD_TABLE = (
     "Stand-in for the table: a regular octagon, 400 mm across flats, with 26 facets where the thesis' Figure 4-2 shows them "

@@ -83,7 +83,7 @@ def cmm_of_4_4(setting: Setting) -> dict[Id, Array]:
 
 
 DISTURBANCE = (
-    "The columns with disturbances add what sections 4.6 and 7.3 measured (a drift of 8.3 µm, a surface of 1.3 µm, two-lobed "
+    "The columns with disturbances add what sections 4.6 and 7.3 measured (a drift of 8.3 µm, a surface of 1.5 µm, two-lobed "
     "probing of 1.7 µm, one standard deviation each but for the drift); where they act and how fast is not printed and assumed."
 )
 

@@ -54,8 +54,8 @@ def table_6_1(setting: Setting) -> Table:
         f"33 directions at the first 20 indexations of Table 4-2, {count} touches (thesis: 424) solved by the simulator with "
         "one error and no noise, carried into the table frame by the nominal model, least-squares sphere.",
         f"Where the sphere stood is not printed: here at {CENTRE} mm in the table frame, touches kept whose normal does not "
-        "point away from the spindle. The size error depends on which ten touches are missing and on the fit's balance "
-        "between the directions: its order of magnitude is all that can agree.",
+        "point away from the spindle. Size errors of hundredths of a "
+        "micrometre hang on which ten touches are missing: with these, most of them cancel to nothing. They are not comparable.",
     )
 
 
