@@ -24,7 +24,7 @@ INTERNAL: dict[str, str | None] = {
     "check": "records kinematics",
     "duration": "records",
     "plan": "records kinematics check",
-    "link": "records files plan duration __version__",
+    "link": "records files plan duration",
     "design": f"{NUMERIC} plan check duration",
     "uncertainty": f"{NUMERIC} files",
     "diagnose": f"{NUMERIC} files",
@@ -35,7 +35,7 @@ INTERNAL: dict[str, str | None] = {
     "report": f"{NUMERIC} iso230 verify uncertainty diagnose",
     "web": "records files history report",
     "commands": None,
-    "cli": "records commands __version__",
+    "cli": "records commands",
     "__main__": "cli",
 }
 # Packages beside tango_cnc, and who may import them.
@@ -102,7 +102,7 @@ def complaints(name: str, imported: str) -> Iterator[str]:
     if top == "tango_cnc" and inside(name, ("tango_cnc",)):
         own = name.removeprefix("tango_cnc").removeprefix(".")
         row = max((stage for stage in INTERNAL if inside(own, (stage,))), key=len, default=None)
-        if own and imported != "tango_cnc":
+        if own and imported not in ("tango_cnc", "tango_cnc.__version__"):
             row = row or own.split(".")[0]
             stages = INTERNAL.get(row, NUMERIC)
             allowed = stages is None or inside(imported, tuple(f"tango_cnc.{stage}" for stage in [row, *stages.split()]))
