@@ -244,6 +244,15 @@ def test_resume_after_the_cell_has_changed_is_refused(cell):
     assert "Readings of two plans do not go together" in result.err
 
 
+def test_resume_of_a_complete_run_sends_nothing(cell):
+    run(cell, Control(cell))
+    before = (cell / "readings.csv").read_text()
+    result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--resume")
+    assert result.code == 0
+    assert "nothing was sent" in result.err
+    assert (cell / "readings.csv").read_text() == before
+
+
 def test_resume_without_a_run_is_refused(cell):
     result = Result("run", "-C", cell, "--resume")
     assert result.code == 2

@@ -78,6 +78,8 @@ def measure(
     before = _started(file, plan) if wanted.resume else []
     left = missing(before, plan)
     if not left:
+        total = len(plan.touches)
+        watch(Step(total, total, 0.0, None, "every touch has been measured: nothing was sent"))
         return _finish(before, plan, wanted.readings)
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before else plan
