@@ -19,6 +19,8 @@ from ..report.units import shown
 from ..touches import of_facets
 from ._common import cell_option, json_option, table, write_json
 
+NAMED = 8  # touches that are named one by one
+
 
 @click.command()
 @cell_option
@@ -28,14 +30,14 @@ from ._common import cell_option, json_option, table, write_json
 def command(folder: Path, terms: str | None, degree: int, json_file: str | None) -> int:
     """Validates the cell, plans it, and says what the touches would and would not tell.
 
-    Exit status 1 when something that the terms ask for cannot be seen.
+    Exit status 1 when something that the terms ask for cannot be seen, or touches of the strategy cannot be made.
     """
     cell = read_cell(folder)
-    made = plan(cell)
+    made = plan(cell, "leave-out")
     data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree)
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
-    return int(bool(data["not_identifiable"]) and not data["mismatch_only"])
+    return int(bool(data["left_out"]) or (bool(data["not_identifiable"]) and not data["mismatch_only"]))
 
 
 def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> dict[str, Any]:
@@ -60,6 +62,7 @@ def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> d
         "artefact": cell.artefact.name,
         "strategy": cell.strategy.name,
         "touches": len(touches),
+        "left_out": list(made.left_out),
         "indexations": len(cell.strategy.indexations),
         "facets": {facet: count[facet] for facet in cell.artefact.facets},
         "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
@@ -79,9 +82,13 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
     touched = [facet for facet, n in count.items() if n]
     lines = [
         f"{cell.machine.name} ({cell.machine.topology}), {cell.artefact.name}, {cell.strategy.name}",
-        f"{data['touches']} touches on {len(touched)} facets at {data['indexations']} indexations; every position is within the travels:",
+        f"{data['touches']} touches on {len(touched)} facets at {data['indexations']} indexations; all are within the travels:",
         "  " + "  ".join(f"{n} {low:.1f} … {high:.1f}" for n, (low, high) in data["range"].items()),
     ]
+    if left_out := data["left_out"]:
+        lines.append(f"{len(left_out)} more touches of the strategy cannot be made; what follows is without them:")
+        lines += [f"  {text}" for text in left_out[:NAMED]]
+        lines += [f"  … and {len(left_out) - NAMED} more (--json lists all)"] if len(left_out) > NAMED else []
     once = [facet for facet in touched if count[facet] == 1 and cell.artefact.facets[facet].ball is None]
     if once:
         lines.append(f"touched once only, which tells nothing but their own offset: facets {', '.join(once)}")

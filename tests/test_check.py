@@ -1,0 +1,85 @@
+"""What `tango check` says before anything moves, and that it comes true."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from tango_cnc.cli import guarded, tango
+
+
+def call(*arguments: object) -> int:
+    return guarded(tango.main, [str(a) for a in arguments], standalone_mode=False)
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    assert call("init", tmp_path / "cell") == 0
+    return tmp_path / "cell"
+
+
+def checked(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, dict]:
+    capsys.readouterr()
+    status = call("check", *arguments, "--json", "-")
+    return status, json.loads(capsys.readouterr().out)
+
+
+def test_expected_standard_deviations_are_those_of_the_estimate(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, before = checked(capsys, "-C", cell)
+    assert status == 0
+    assert call("simulate", "-C", cell) == 0
+    capsys.readouterr()
+    assert call("estimate", "-C", cell, "--json", "-") == 0
+    after = json.loads(capsys.readouterr().out)
+    assert set(before["expected_std"]) == set(after["parameters"]) | set(after["stylus"])
+    scatter = after["residual"]["std_um"] / 0.7  # found from the readings, against the stated one
+    for name, parameter in after["parameters"].items():
+        assert parameter["std"] == pytest.approx(before["expected_std"][name]["std"] * scatter, rel=0.1), name
+    assert before["condition_number"] == pytest.approx(after["condition_number"], rel=0.02)
+    assert before["dof"] == after["residual"]["dof"]
+    assert before["touches"] == sum(before["facets"].values()) == 358
+
+
+def test_condition_number_of_the_example_is_the_published_one(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, found = checked(capsys, "-C", cell)
+    assert found["condition_number"] == pytest.approx(1.7e4, rel=0.05)
+
+
+def test_a_strategy_that_leaves_parameters_unseen_is_named_in_words(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (cell / "strategy.yaml").write_text(
+        "name: one indexation\napproach: {standoff: 10, search: 5, feed: 180}\n"
+        "indexations: [{B: 0, C: 0, facets: [3, 4, 5, 9, 10, 12, 16, 19, 22, 25]}]\n",
+        encoding="utf-8",
+    )
+    capsys.readouterr()
+    assert call("check", "-C", cell) == 1
+    text = capsys.readouterr().out
+    assert "cannot be seen: EX0C" in text
+    assert "touched once only" in text
+
+
+def test_touches_that_a_straight_stylus_cannot_make_are_listed(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, found = checked(capsys, "-C", shared / "contract" / "hu40t")
+    assert status == 1
+    assert (found["touches"], len(found["left_out"])) == (358, 35)
+    assert "facet 10, indexation 1" in found["left_out"][0] and "away from the spindle" in found["left_out"][0]
+    assert call("check", "-C", shared / "contract" / "hu40t") == 1
+    assert "35 more touches of the strategy cannot be made" in capsys.readouterr().out
+
+
+def test_a_travel_that_is_exceeded_is_an_error_with_the_touch(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (cell / "machine.yaml").read_text(encoding="utf-8")
+    (cell / "machine.yaml").write_text(text.replace("travel: [-400, 400]", "travel: [-190, 400]"), encoding="utf-8")
+    assert call("check", "-C", cell) == 2
+    error = capsys.readouterr().err
+    assert "touch" in error and "facet" in error and "-190" in error
+
+
+def test_predicted_time_is_the_sum_of_its_parts(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, found = checked(capsys, "-C", cell)
+    parts = found["predicted_time_s"]
+    assert all(math.isfinite(s) and s >= 0 for s in parts.values()) and len(parts) > 2
+    assert 10 * 60 < sum(parts.values()) < 60 * 60
