@@ -20,6 +20,7 @@ from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, 
 from .touches import from_readings
 
 STEP = 1e-11  # mm
+SLOWEST = 0.01  # rate at which steps shrink that is trusted
 ITERATIONS = 60
 # Below one nanometre the touches are treated as exact and the scale bar keeps its weight.
 SIGMA_FLOOR = 1e-6
@@ -143,8 +144,8 @@ def fit(selection: Selection) -> Estimate:
         found = max(float(np.sqrt(after[:n] @ after[:n] / dof)), SIGMA_FLOOR)
         settled = (m == 0 or abs(found - sigma) < 1e-3 * sigma) and damping == 0 and iterations > 1
         sigma = found
-        # What is still to come is the last step times the rate at which the steps shrink.
-        if settled and size * min(1.0, rate) < STEP:
+        # What is still to come is the last step times the rate at which steps shrink, in the end by hundreds and not squared.
+        if settled and size * min(1.0, max(rate, SLOWEST)) < STEP:
             inverse = linalg.solve_triangular(root, sigma * np.eye(p), check_finite=False)
             return Estimate(
                 selection, values, inverse @ inverse.T, after[:n], sigma, dof, iterations, full, after[n:], sigma / uncertainty
