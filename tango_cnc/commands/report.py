@@ -48,7 +48,7 @@ def findings(cell: Cell, readings: Readings, terms: tuple[TermItem, ...], degree
     result = estimate(cell.machine, cell.artefact, readings, terms, degree)
     own = np.array(result.model.touches.position)
     own[:, cell.machine.column("S")] = 0.0
-    chart = volume.volume(result, np.vstack([volume.grid(cell.machine, result.model.touches), own]))
+    chart = volume.volume(result, np.vstack([volume.grid(cell.machine, result.model.touches), own])) if result.parameters else None
     held, why = None, ""
     try:
         groups = held_out.leave_one_out(held_out.indexations(readings, cell.machine))
@@ -61,7 +61,7 @@ def findings(cell: Cell, readings: Readings, terms: tuple[TermItem, ...], degree
 
 
 def draw(
-    result: Estimate, before: Array, chart: volume.VolumeMap, held: held_out.HeldOut | None, readings: Readings
+    result: Estimate, before: Array, chart: volume.VolumeMap | None, held: held_out.HeldOut | None, readings: Readings
 ) -> dict[str, tuple[str, str]]:
     """results → pictures by section: caption and data URI."""
     touches, machine = result.model.touches, result.model.touches.machine
@@ -99,13 +99,14 @@ def draw(
             "Each indexation as predicted from all others.",
             pictures.held_out(held.indexation, held.residual, held.expected, names),
         )
-    axes = (*machine.linear, *machine.rotary)
-    at = (chart.position / degrees_of(machine))[:, [machine.column(n) for n in axes]]
-    unit_of = ["mm" if n in machine.linear else "°" for n in axes]
-    found["volume"] = (
-        "Largest error of the tool tip near each axis position, all other axes anywhere. Shaded: touched range.",
-        pictures.volume(axes, at, unit_of, {"error": chart.size}, chart.std, ~chart.extrapolated),
-    )
+    if chart is not None:
+        axes = (*machine.linear, *machine.rotary)
+        at = (chart.position / degrees_of(machine))[:, [machine.column(n) for n in axes]]
+        unit_of = ["mm" if n in machine.linear else "°" for n in axes]
+        found["volume"] = (
+            "Largest error of the tool tip near each axis position, all other axes anywhere. Shaded: touched range.",
+            pictures.volume(axes, at, unit_of, {"error": chart.size}, chart.std, ~chart.extrapolated),
+        )
     motions = panels(result)
     if motions:
         found["curves"] = ("Error motions over the touched ranges, with two standard deviations.", pictures.curves(motions))

@@ -161,7 +161,8 @@ class _Job:
             self.lines += ["held out: " + held_out.in_words(self.readings, self.cell.machine, g) for g in own.groups]
         if own.unpredictable:
             self.lines.append(f"not predictable, touched at held-out indexations only: facets {', '.join(own.unpredictable)}")
-        self.lines += [f"without some of the indexations cannot be seen: {text}" for text in own.unseen]
+        always = {c.text for c in self.result.selection.unseen}
+        self.lines += [f"without some of the indexations cannot be seen: {text}" for text in own.unseen if text not in always]
         if self.pictures:
             names = {int(i): held_out.in_words(self.readings, self.cell.machine, [i]) for i in np.unique(own.indexation)}
             self.drawn["held_out"] = pictures.held_out(own.indexation, own.residual, own.expected, names)
@@ -271,6 +272,8 @@ class _Job:
         far = [n for n in (*machine.linear, *machine.rotary) if chart.outside[:, machine.column(n)].any()]
         if far:
             self.lines.append(f"travel beyond the touched range: {', '.join(_range(touches, n) for n in far)}")
+        if unseen := [c.names[0] for c in self.result.selection.unseen]:
+            self.lines.append(f"not contained, since the touches cannot see it: {', '.join(unseen)}")
         if self.pictures:
             names = (*machine.linear, *machine.rotary)
             columns = [machine.column(n) for n in names]
@@ -309,4 +312,5 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 
 def _spelt(terms: tuple[TermItem, ...]) -> str:
-    return "+".join(item if isinstance(item, str) else str(item["cause"]) for item in terms)
+    names = [item if isinstance(item, str) else str(item["cause"]) for item in terms]
+    return "+".join(names if len(names) <= 4 else [*names[:2], f"{len(names) - 2} more"])

@@ -59,7 +59,7 @@ class Findings:
     result: Estimate
     before: Array  # (n,) mm, what remains when only stylus and facets are adjusted
     iso: tuple[Figure, ...]
-    chart: VolumeMap
+    chart: VolumeMap | None
     held: HeldOut | None
     why_not_held: str = ""
     pictures: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # section: (caption, data URI)
@@ -122,6 +122,14 @@ def render(found: Findings, version: str) -> str:
     )
 
 
+def _worst(chart: VolumeMap | None) -> float | None:
+    """→ µm, longest error within what was touched."""
+    if chart is None:
+        return None
+    inside = ~chart.extrapolated
+    return float(chart.size[inside].max() if inside.any() else chart.size.max()) * 1e3
+
+
 def _card(value: str, text: str, state: str) -> str:
     return f'<div class="card {state}"><b>{value}</b><span>{text}</span></div>'
 
@@ -131,13 +139,14 @@ def _summary(found: Findings) -> str:
     before, after = (float(np.abs(r).mean()) * 1e3 for r in (found.before, result.residuals))
     stated = result.model.touches.machine.probe.repeatability * 1e3
     ratio = result.sigma * 1e3 / stated if stated else 0.0
-    inside = ~found.chart.extrapolated
-    worst = float(found.chart.size[inside].max() if inside.any() else found.chart.size.max()) * 1e3
+    worst = _worst(found.chart)
     outliers = len(result.outliers)
     touches = len(result.residuals)
     skipped = len(found.readings) - touches
     cards = [
-        _card(
+        _card("unknown", "error of the tool tip: these touches tell nothing of the machine", "bad")
+        if worst is None
+        else _card(
             f"{worst:.0f} µm",
             "largest error of the tool tip against the table, within what was touched",
             "warn" if worst > 20 else "ok",
@@ -276,6 +285,8 @@ def _predicts(found: Findings) -> str:
 
 def _volume(found: Findings) -> str:
     chart, machine = found.chart, found.cell.machine
+    if chart is None:
+        return "<p>The estimate contains no error of the machine: nothing is known of its tool tip.</p>"
     rows = []
     for text, mask in (
         ("within what was touched", ~chart.extrapolated),
@@ -292,6 +303,8 @@ def _volume(found: Findings) -> str:
             rows.append((cells, bool(mask[i] and chart.extrapolated[i])))
     head = [("where", False), ("largest error, µm", True), ("largest std, µm", True), ("at (mm, °)", False)]
     note = "After the best set-up of workpiece and tool length, mean of both directions of motion."
+    if unseen := [c.names[0] for c in found.result.selection.unseen]:
+        note += f" Not contained, since the touches cannot see it: {escape(', '.join(unseen))}."
     return _table(head, rows) + f'<p class="note">{note}</p>'
 
 
@@ -347,9 +360,6 @@ def _setup(result: Estimate) -> str:
 
 def as_json(found: Findings) -> dict[str, Any]:
     """findings → plain data of the page."""
-    chart = found.chart
-    inside = ~chart.extrapolated
-    worst = chart.worst(inside)
     iso = [
         {
             "kind": f.kind,
@@ -367,7 +377,7 @@ def as_json(found: Findings) -> dict[str, Any]:
         "effects_um": effects(found.result),
         "iso230": iso,
         "held_out": None if found.held is None else {"sd_um": found.held.figures.sd * 1e3, "ratio_to_expected": found.held.ratio},
-        "volume_worst_um": None if worst is None else float(chart.size[worst]) * 1e3,
+        "volume_worst_um": _worst(found.chart),
         "outliers": [int(i) for i in found.result.outliers],
         "not_identifiable": [c.text for c in found.result.selection.unseen],
     }

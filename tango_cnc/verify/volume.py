@@ -19,7 +19,7 @@ from scipy import optimize
 
 from .. import kinematics
 from ..estimate import Estimate
-from ..records import Array, InputError, Machine
+from ..records import Array, InputError, Machine, TangoError
 from ..terms import Coefficient
 from ..touches import Touches
 from ._shared import acting, at_poses, is_setup, tips
@@ -86,8 +86,16 @@ def grid(machine: Machine, touches: Touches, levels: int | None = None, over: st
 
 
 def volume(result: Estimate, position: Array) -> VolumeMap:
-    """estimate, poses (n, k) mm rad → errors of the machine there, their uncertainty, and what is extrapolated."""
+    """estimate, poses (n, k) mm rad → errors of the machine there, their uncertainty, and what is extrapolated.
+
+    Raises TangoError when the estimate contains no error of the machine: a map of zeros would look like a perfect one.
+    """
     touches = result.model.touches
+    if not any(_of_machine(c) for c in result.model.coefficients):
+        raise TangoError(
+            "volume: the estimate contains no error of the machine, so nothing is known of its tool tip; ask for more terms "
+            "(--terms S3), or see with 'tango check' why these touches tell nothing"
+        )
     poses = at_poses(touches, position, np.zeros_like(position))
     nominal = kinematics.tip(poses.chain, position)
     outside, extrapolated = probed(touches, position)
