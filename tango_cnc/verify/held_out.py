@@ -94,7 +94,7 @@ def held_out(
     for place, group in enumerate(groups):
         out = np.isin(number, group)
         try:
-            result = estimate(machine, artefact, readings.rows(~out), terms, degree)
+            result = estimate(machine, artefact, readings.rows(~out & _whole_balls(artefact, readings, ~out)), terms, degree)
         except TangoError as error:
             raise TangoError(f"without indexations {', '.join(map(str, group))}: {error}") from None
         fitted.append(result.residuals)
@@ -121,6 +121,16 @@ def held_out(
         tuple(f for f in artefact.facets if f in lost),
         tuple(unseen),
     )
+
+
+def _whole_balls(artefact: Artefact, readings: Readings, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """→ (n,) mask without the balls of which what is left does not fix the centre (three facets at least)."""
+    ball = [artefact.facets[f].ball for f in readings.facet]
+    facets: dict[str, set[str]] = {b: set() for b in ball if b is not None}
+    for i in np.flatnonzero(left & readings.ok):
+        if (own := ball[i]) is not None:
+            facets[own].add(readings.facet[i])
+    return np.array([b is None or len(facets[b]) >= 3 for b in ball], dtype=np.bool_)
 
 
 def predict(result: Estimate, readings: Readings) -> tuple[Array, Array]:
