@@ -92,68 +92,100 @@ def smooth(kind: str, values: Array, degree: int = 4) -> Array:
     return np.polynomial.legendre.legvander(scaled, degree)[:, 1:]
 
 
-def shapes(touches: Touches) -> Iterator[Candidate]:
-    """touches → smooth functions of every covariate, in every frame and direction, and of what happened before."""
+def shapes(touches: Touches, causes: Collection[str]) -> Iterator[Candidate]:
+    """touches, causes in the catalogue → smooth functions of every covariate, in every frame and direction, and of what happened
+    before; steps and periods as well, unless the catalogue has a name for them.
+    """
+    for covariate, frame, kind, columns in (*_places(touches), *_probing(touches), *_sudden(touches, causes)):
+        yield Candidate("", {"covariate": covariate, "frame": frame, "shape": kind}, columns)
 
-    def shape(covariate: str, frame: str, columns: Array, kind: str = "smooth") -> Candidate:
-        return Candidate("", {"covariate": covariate, "frame": frame, "shape": kind}, columns)
 
-    def times(function: Array, weights: Array) -> Array:
-        return np.einsum("nf,nw->nfw", function, weights.reshape(len(touches), -1)).reshape(len(touches), -1)
+Shape = tuple[str, str, str, Array]  # covariate, frame, kind, columns
 
-    machine, table, spindle = touches.machine_normal, touches.normal, touches.spindle_normal
+
+def _times(function: Array, weights: Array) -> Array:
+    """(n, f), (n,) or (n, w) → (n, f·w) all products."""
+    return np.einsum("nf,nw->nfw", function, weights.reshape(len(function), -1)).reshape(len(function), -1)
+
+
+def _places(touches: Touches) -> Iterator[Shape]:
+    machine, table = touches.machine_normal, touches.normal
     one = np.ones(len(touches))
-    known = covariates(touches)
-    for name, (kind, values) in known.items():
+    levers = touches.seen.slots
+    for name, (kind, values) in covariates(touches).items():
         if name == "order":
             continue
-        function = smooth(kind, values)
-        yield shape(name, "none", times(function, one))
-        yield shape(name, "machine", times(function[:, :3], machine))
+        few = smooth(kind, values, 4)[:, : 4 if kind == "angle" else 3]
+        many = smooth(kind, values, 8 if kind == "angle" else 4)
+        yield name, "none", "smooth", _times(many, one)
+        yield name, "machine", "smooth", _times(few, machine)
         for i, letter in enumerate("xyz"):
-            yield shape(name, f"machine {letter}", times(function, machine[:, i]))
+            yield name, f"machine {letter}", "smooth", _times(many, machine[:, i])
         if name == "time":
-            yield shape(name, "table", times(function[:, :3], table))
-            yield shape(name, "table", times(function, np.sum(table * touches.point, axis=1)), "growth")
-            hats = np.abs(np.linspace(0, 1, 10)[None, :] - _unit(values)[:, None]) < 1 / 18
-            yield shape(name, "machine", times(hats[:, 1:].astype(float), machine), "blocks")
-            yield shape(name, "table", times(hats[:, 1:].astype(float), table), "blocks")
+            yield name, "table", "smooth", _times(few, table)
+            yield name, "table", "growth", _times(many, np.sum(table * touches.point, axis=1))
             for axis in touches.machine.linear:
-                yield shape(name, f"axis {axis}", times(function[:, :2], touches.lever(axis) * touches.axis(axis)), "growth")
+                yield name, f"axis {axis}", "growth", _times(few[:, :2], touches.lever(axis) * touches.axis(axis))
             for facet in dict.fromkeys(touches.facet):
                 on = (np.array(touches.facet) == facet).astype(float)
                 if on.sum() > 5:
-                    yield shape(f"facet {facet}", "table", times(function[:, :2], on), "changes with time")
+                    yield f"facet {facet}", "table", "changes with time", _times(few[:, :2], on)
         if name in touches.machine.linear:
-            yield shape(name, f"axis {name}", times(smooth("line", values, 8), touches.lever(name)))
+            yield name, f"axis {name}", "smooth", _times(smooth("line", values, 8), touches.lever(name))
             for other in touches.machine.linear:
                 for turn in range(3, 6):
-                    lever = touches.seen.slots.get(Slot(other, "intra", turn))
-                    if lever is not None:
-                        yield shape(name, f"tilt of {other}", times(function, lever))
+                    if (lever := levers.get(Slot(other, "intra", turn))) is not None:
+                        yield name, f"tilt of {other}", "smooth", _times(many, lever)
         if name in touches.machine.rotary:
-            yield shape(name, f"axis {name}", times(smooth(kind, values, 6), touches.lever(name)))
-            yield shape(name, "table", times(function[:, :3], table))
-            tilts = np.column_stack([touches.seen.slots[Slot(name, "inter", i)] for i in range(3, 6)])
-            yield shape(name, f"tilt of {name}", times(function[:, :3], tilts))
+            yield name, f"axis {name}", "smooth", _times(smooth(kind, values, 8), touches.lever(name))
+            for stage, frame in (("intra", "body"), ("inter", "bed")):
+                for first, what in ((0, "shift"), (3, "tilt")):
+                    moved = [levers[s] for i in range(first, first + 3) if (s := Slot(name, stage, i)) in levers]  # type: ignore[arg-type]
+                    yield name, f"{frame} of {name}", what, _times(few, np.column_stack(moved))
+                    for one_way in moved:
+                        yield name, f"{frame} of {name}", what, _times(many, one_way)
         if name == "S":
-            yield shape(name, "spindle", times(function[:, :3], spindle[:, :2]))
+            yield name, "spindle", "smooth", _times(few, touches.spindle_normal[:, :2])
+
+
+def _probing(touches: Touches) -> Iterator[Shape]:
+    machine, spindle = touches.machine_normal, touches.spindle_normal
     azimuth = np.arctan2(spindle[:, 1], spindle[:, 0])
     across = np.hypot(spindle[:, 0], spindle[:, 1])
-    yield shape("probe direction", "spindle", times(smooth("angle", azimuth, 8), across))
-    yield shape("probe direction", "spindle", np.column_stack([spindle[:, 2] ** 2, spindle[:, 2] ** 3, across**2 * spindle[:, 2]]))
+    yield "probe direction", "spindle", "smooth", _times(smooth("angle", azimuth, 8), across)
+    axial = [spindle[:, 2] ** 2, spindle[:, 2] ** 3, across**2 * spindle[:, 2]]
+    yield "probe direction", "spindle", "smooth", np.column_stack(axial)
     before = np.zeros_like(spindle)
     before[1:] = spindle[:-1]
-    yield shape("previous touch", "spindle", times(before, spindle), "memory")
-    fresh = np.concatenate([[True], np.diff(touches.indexation) > 0]).astype(float)
-    yield shape("first touch of an indexation", "none", np.column_stack([fresh]), "memory")
-    yield shape("first touch of an indexation", "machine", times(fresh[:, None], machine), "memory")
+    yield "previous touch", "spindle", "memory", _times(before, spindle)
+    fresh = np.concatenate([[True], np.diff(touches.indexation) > 0]).astype(float)[:, None]
+    yield "first touch of an indexation", "none", "memory", fresh
+    yield "first touch of an indexation", "machine", "memory", _times(fresh, machine)
     for axis in (*touches.machine.linear, *touches.machine.rotary):
         if len(set(touches.sign(axis)) - {0.0}) == 2:
-            yield shape(f"d{axis}", f"axis {axis}", times(touches.sign(axis)[:, None], touches.lever(axis)), "sign")
-            yield shape(f"d{axis}", "machine", times(touches.sign(axis)[:, None], machine), "sign")
+            yield f"d{axis}", f"axis {axis}", "sign", _times(touches.sign(axis)[:, None], touches.lever(axis))
+            yield f"d{axis}", "machine", "sign", _times(touches.sign(axis)[:, None], machine)
         way = np.abs(np.diff(touches.axis(axis), prepend=touches.axis(axis)[:1]))
-        yield shape(f"way of {axis}", f"axis {axis}", times(smooth("line", way, 3), touches.lever(axis)), "memory")
+        yield f"way of {axis}", f"axis {axis}", "memory", _times(smooth("line", way, 3), touches.lever(axis))
+
+
+def _sudden(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
+    machine, table, time = touches.machine_normal, touches.normal, _unit(touches.time)
+    if "step" not in causes:
+        for at in range(8, len(touches) - 8, 8):
+            after = (np.arange(len(touches)) >= at).astype(float)[:, None]
+            yield "time", "machine", "step", _times(after, machine)
+            yield "time", "table", "step", _times(after, table)
+    if "ambient_cycle" not in causes:
+        for cycles in np.arange(0.5, 12, 0.5):
+            wave = np.column_stack([np.cos(2 * np.pi * cycles * time), np.sin(2 * np.pi * cycles * time)])
+            yield "time", "machine", "periodic", _times(wave, machine)
+    if "cyclic_error" not in causes:
+        for axis in touches.machine.linear:
+            values = touches.axis(axis)
+            for cycles in np.arange(3, np.ptp(values) / 5, 0.4):
+                angle = 2 * np.pi * cycles * _unit(values)
+                yield axis, f"axis {axis}", "periodic", _times(np.column_stack([np.cos(angle), np.sin(angle)]), touches.lever(axis))
 
 
 def _unit(values: Array) -> Array:

@@ -221,17 +221,49 @@ def best_addition(place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits
 
 
 def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[Chosen]:
-    """space, catalogue, limits → the candidates that together explain the residuals best."""
-    chosen: list[Chosen] = []
+    """space, catalogue, limits → the candidates that together explain the residuals best.
+
+    Two slow changes can hide in a wandering noise although neither of them beats it alone. Where the noise that is left
+    wanders, the search is repeated as if it were white, and what it finds has to prove itself with the wandering allowed.
+    """
+    chosen = searched(place, cat, limits, usual, [])
+    if cat.library.size.size and any(best_noise(place, columns_of(place, chosen))[0]):
+        still = Space(place.basis, place.y, place.kernels, place.scales, place._settings, place._white, white=True)
+        other = proven(place, cat, searched(still, cat, limits, usual, []), limits, usual)
+        other = searched(place, cat, limits, usual, other)
+        if other and total(place, other) > total(place, chosen) + limits.limit.get("names", 0.0):
+            chosen = other
+    return chosen
+
+
+def searched(place: Space, cat: Catalogue, limits: Limits, usual: Array, start: list[Chosen]) -> list[Chosen]:
+    """space, catalogue, limits, what to begin with → selected forwards, backwards and by exchange."""
+    chosen = start
     for _ in range(MOST):
         new = best_addition(place, cat, chosen, limits, usual)
         if new is None or (new.candidate.named and sum(c.candidate.named for c in chosen) >= MOST_NAMED):
             break
-        chosen.append(new)
+        chosen = [*chosen, new]
         if new.candidate.cause != "outlier":
             chosen = exchanged(place, cat, chosen, limits, usual)
         chosen = pruned(place, chosen)
     return pruned(place, exchanged(place, cat, chosen, limits, usual))
+
+
+def proven(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, usual: Array) -> list[Chosen]:
+    """chosen → those that are significant beside the others, the noise free to wander."""
+    chosen = list(chosen)
+    while chosen:
+        value = total(place, chosen)
+        beyond = []
+        for old in chosen:
+            cause = old.candidate.cause
+            gain = value - total(place, [c for c in chosen if c is not old])
+            beyond.append(gain - usual[cat.causes.index(cause)] - limits.limit[kind(cause)])
+        if min(beyond) > 0:
+            break
+        del chosen[int(np.argmin(beyond))]
+    return chosen
 
 
 def exchanged(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, usual: Array) -> list[Chosen]:

@@ -46,8 +46,10 @@ class Space:
     basis: Array
     y: Array
     kernels: tuple[Array, ...]
+    scales: tuple[float, ...] = ()  # mean variance of each kernel before it was divided by it
     _settings: dict[tuple[float, ...], Setting] = field(default_factory=dict)
     _white: dict[tuple[float, ...], _White] = field(default_factory=dict)
+    white: bool = False  # leave the kernels out
 
     @property
     def m(self) -> int:
@@ -72,6 +74,8 @@ class Space:
 
     def grid(self) -> list[tuple[float, ...]]:
         """→ ratios of every setting that is compared."""
+        if self.white:
+            return [(0.0,) * len(self.kernels)]
         axes = np.meshgrid(*[RATIOS] * len(self.kernels), indexing="ij")
         return [tuple(float(v) for v in row) for row in np.array([a.ravel() for a in axes]).T] if self.kernels else [()]
 
@@ -85,12 +89,13 @@ def space(residual: Array, jacobian: Array, n: int, kernels: Sequence[Array]) ->
     used = int((diagonal > 1e-9).sum())
     full = q[:, used:]
     basis = full[:n]
-    projected = []
+    projected, scales = [], []
     for kernel in kernels:
         inside = basis.T @ kernel @ basis
         mean = float(np.trace(inside)) / len(inside)
         projected.append(inside / mean if mean > 0 else inside)
-    return Space(basis, full.T @ residual, tuple(projected))
+        scales.append(mean)
+    return Space(basis, full.T @ residual, tuple(projected), tuple(scales))
 
 
 @dataclass(frozen=True)
