@@ -39,7 +39,7 @@ def rig(machine: Machine, artefact: Artefact, world: World, seed: int | None = N
         artefact,
         true_machine(machine, world),
         surfaces.surfaces(artefact, world, machine.probe.tip_radius, extent),
-        effects.checked(world.effects),
+        effects.checked(world.effects, machine, artefact),
         world.noise,
         world.seed if seed is None else seed,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,7 @@ def simulate(
     s, early, miss = _contacts(r, cycle, rows, surface, standoff, end, direction, nothing)
     positions = standoff + s[:, None] * (end - standoff)
     time, day_start = _times(r, strategy, first, day, came_from, standoff, positions)
+    logged = tuple(cycle.facets[row] for row in rows)
     if r.effects or r.noise:
         feed = np.full(len(rows), strategy.approach.feed)
         known = history(
@@ -65,14 +66,15 @@ def simulate(
         )
         change = effects.disturbance(r.effects, known, r.seed)
         assert change.gap is not None
-        change = effects.Disturbance(change.gap + noise(r, len(rows)), change.work, change.table, change.errors)
+        change = replace(change, gap=change.gap + noise(r, len(rows)))
+        logged = change.facet or logged
         s, early, miss = _contacts(r, cycle, rows, surface, standoff, end, direction, change)
         positions = standoff + s[:, None] * (end - standoff)
     return Readings(
         machine.names,
         1 + np.tile(np.arange(count), cycles * days),
         time,
-        tuple(cycle.facets[row] for row in rows),
+        logged,
         positions,
         direction,
         tuple("miss" if m else "early" if e else "ok" for m, e in zip(miss, early, strict=True)),

@@ -5,14 +5,16 @@ A file `<cause>.py` holds one function
     def disturb(history: History, rng: np.random.Generator, *, amplitude: float, …) -> Disturbance
 
 * Its keyword arguments are the keys that `world.yaml` may give beside `cause`; one without a default is required. The
-  annotation says what is allowed: float, int, bool, Vector, Id, tuple[Id, ...], Literal[…]. Lengths are mm, angles deg, times s.
+  annotation says what is allowed: float, int, bool, Vector, Literal[…] and the kinds of `_kinds.py`. Lengths are mm, angles
+  deg, times s; sizes of errors of rotation are rad, as the coefficients of `errors` are (docs/effects.md).
 * It is pure. Row i of the result depends on rows 0 … i of the history only, random numbers included: draw them row by row
   (`rng.normal(size=(n, …))` does). So a program that runs touch by touch and a simulation at one go see the same machine.
+* It works before the first touch, too: with no rows the keys are tried, and what does not go together raises InputError.
 * It returns what it changes, in whichever form is physical (`Disturbance`). A positive `gap` makes the ball read the surface
   early, outside of where it is: the `r` of the catalogue of causes.
 """
 
-from ._apply import Effect, checked, disturbance
+from ._apply import Effect, checked, described, disturbance
 from ._history import Disturbance, History, lever, unit
 
-__all__ = ["Disturbance", "Effect", "History", "checked", "disturbance", "lever", "unit"]
+__all__ = ["Disturbance", "Effect", "History", "checked", "described", "disturbance", "lever", "unit"]

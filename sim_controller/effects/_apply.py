@@ -5,18 +5,18 @@ from __future__ import annotations
 import difflib
 import importlib
 import inspect
-import math
 import pkgutil
 import typing
 import zlib
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from tango_cnc.records import InputError, Vector
+from tango_cnc.records import Artefact, InputError, Machine
 
-from ._history import Disturbance, History
+from . import _kinds
+from ._history import Disturbance, History, no_touches
 
 Effect = tuple[str, Mapping[str, Any]]
 
@@ -28,12 +28,24 @@ def names() -> list[str]:
     return sorted(m.name for m in pkgutil.iter_modules(folder) if not m.name.startswith("_"))
 
 
-def checked(effects: Sequence[Mapping[str, Any]]) -> tuple[Effect, ...]:
-    """effects as in world.yaml → (cause, arguments) each. Raises InputError for unknown causes, keys and values."""
-    return tuple(_checked(dict(effect), f"effects[{i}]") for i, effect in enumerate(effects))
+def described() -> Iterator[tuple[str, str, str]]:
+    """→ cause, its keys (those with a default in brackets), what it is; of every cause."""
+    for cause in names():
+        keys = (name if p.default is p.empty else f"[{name}]" for name, p in _keys(cause)[0].items())
+        yield cause, ", ".join(keys), (importlib.import_module(f".{cause}", __package__).__doc__ or "").split("\n\n")[0]
 
 
-def _checked(given: dict[str, Any], where: str) -> Effect:
+def checked(
+    effects: Sequence[Mapping[str, Any]], machine: Machine | None = None, artefact: Artefact | None = None
+) -> tuple[Effect, ...]:
+    """effects as in world.yaml → (cause, arguments) each. Raises InputError for unknown causes, keys and values.
+
+    With machine and artefact it also refuses axes and facets that they lack, and keys that do not go together.
+    """
+    return tuple(_checked(dict(effect), f"effects[{i}]", machine, artefact) for i, effect in enumerate(effects))
+
+
+def _checked(given: dict[str, Any], where: str, machine: Machine | None, artefact: Artefact | None) -> Effect:
     cause = str(given.pop("cause", ""))
     if cause not in names():
         near = difflib.get_close_matches(cause, names(), n=1)
@@ -48,7 +60,13 @@ def _checked(given: dict[str, Any], where: str) -> Effect:
     for key, parameter in parameters.items():
         if key not in given and parameter.default is inspect.Parameter.empty:
             raise InputError(f"{where}: found no key {key!r}; {cause} requires it")
-    return cause, {key: _value(value, hints[key], f"{where}.{key}") for key, value in given.items()}
+    arguments = {key: _kinds.value(value, hints[key], f"{where}.{key}", machine, artefact) for key, value in given.items()}
+    if machine is not None and artefact is not None:
+        try:
+            _disturb(cause)(no_touches(machine, artefact), np.random.default_rng(0), **arguments)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+    return cause, arguments
 
 
 def _disturb(cause: str) -> Any:
@@ -59,42 +77,7 @@ def _keys(cause: str) -> tuple[dict[str, inspect.Parameter], dict[str, Any]]:
     function = _disturb(cause)
     parameters = inspect.signature(function).parameters
     keys = {name: p for name, p in parameters.items() if p.kind is inspect.Parameter.KEYWORD_ONLY}
-    return keys, typing.get_type_hints(function)
-
-
-def _value(value: Any, kind: Any, where: str) -> Any:
-    def wrong(allowed: str) -> InputError:
-        return InputError(f"{where}: found {value!r}; allowed: {allowed}")
-
-    number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    if typing.get_origin(kind) is Literal:
-        if value not in typing.get_args(kind):
-            raise wrong(", ".join(map(str, typing.get_args(kind))))
-        return value
-    if kind == Vector:
-        three = isinstance(value, (list, tuple)) and len(value) == 3
-        if not three or not all(isinstance(v, (int, float)) and math.isfinite(v) for v in value) or not any(value):
-            raise wrong("a list of three numbers, not all zero")
-        return tuple(float(v) for v in value)
-    if kind is float:
-        if not number:
-            raise wrong("a finite number")
-        return float(value)
-    if kind is int:
-        if not number or value != int(value):
-            raise wrong("a whole number")
-        return int(value)
-    if kind is bool:
-        if not isinstance(value, bool):
-            raise wrong("true or false")
-        return value
-    if kind is str:  # Id
-        if not isinstance(value, (int, str)):
-            raise wrong("a name or whole number")
-        return str(value)
-    if not isinstance(value, (list, tuple)):
-        raise wrong("a list of names")
-    return tuple(_value(item, str, where) for item in value)
+    return keys, typing.get_type_hints(function, include_extras=True)
 
 
 def disturbance(effects: Sequence[Effect], history: History, seed: int) -> Disturbance:
@@ -102,12 +85,15 @@ def disturbance(effects: Sequence[Effect], history: History, seed: int) -> Distu
     count = len(history)
     gap, work, table = np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3))
     errors: dict[str, Any] = {}
+    facet = history.facet
     for number, (cause, arguments) in enumerate(effects):
         rng = np.random.default_rng([seed, 1 + number, zlib.crc32(cause.encode())])
         change: Disturbance = _disturb(cause)(history, rng, **arguments)
         gap = gap if change.gap is None else gap + change.gap
         work = work if change.work is None else work + change.work
         table = table if change.table is None else table + change.table
+        if change.facet is not None:
+            facet = tuple(old if new == true else new for old, new, true in zip(facet, change.facet, history.facet, strict=True))
         for name, value in change.errors.items():
             errors[name] = errors.get(name, 0.0) + value
-    return Disturbance(gap, work, table, errors)
+    return Disturbance(gap, work, table, errors, facet)

@@ -53,6 +53,17 @@ class Disturbance:
     work: Array | None = None  # (n, 3) mm by which everything on the table is displaced, machine frame
     table: Array | None = None  # (n, 3) mm the same, table frame
     errors: Mapping[str, Array] = field(default_factory=dict)  # coefficient → (n,) added to it
+    facet: tuple[Id, ...] | None = None  # n names that stand in the log instead of the true ones
+
+
+def no_touches(machine: Machine, artefact: Artefact) -> History:
+    """cell → a history before the first touch."""
+    none, axes, vectors = np.zeros(0), np.zeros((0, len(machine.names))), np.zeros((0, 3))
+    count = np.zeros(0, dtype=np.int64)
+    return History(
+        *(machine, artefact, none, none, count, count, (), axes, axes, axes, none),
+        *(vectors, vectors, vectors, vectors, np.zeros((0, 3, 3))),
+    )
 
 
 def unit(direction: Vector) -> Array:

@@ -9,5 +9,5 @@ from . import Disturbance, History
 
 def disturb(history: History, rng: np.random.Generator, *, amplitude: float) -> Disturbance:
     """n touches → one random displacement per indexation, standard deviation `amplitude` mm in each of x y z, machine frame."""
-    seats = rng.normal(scale=amplitude, size=(int(history.indexation.max()) + 1, 3))
+    seats = amplitude * rng.standard_normal((int(history.indexation.max(initial=-1)) + 1, 3))
     return Disturbance(work=seats[history.indexation])

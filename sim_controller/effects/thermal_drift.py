@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from tango_cnc.records import Vector
 
 from . import Disturbance, History, unit
+from ._kinds import Positive
+from ._parts import Shape, growth
 
 
 def disturb(
@@ -17,9 +17,8 @@ def disturb(
     *,
     amplitude: float,
     direction: Vector,
-    tau: float,
-    shape: Literal["exponential", "linear"] = "exponential",
+    tau: Positive,
+    shape: Shape = "exponential",
 ) -> Disturbance:
     """n touches → `amplitude` mm along `direction` times 1 − exp(−t/tau), or t/tau (linear); t in s since that day's start."""
-    grown = 1 - np.exp(-history.warm / tau) if shape == "exponential" else history.warm / tau
-    return Disturbance(work=amplitude * np.outer(grown, unit(direction)))
+    return Disturbance(work=amplitude * np.outer(growth(history, tau, shape), unit(direction)))

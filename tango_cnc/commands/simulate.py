@@ -10,6 +10,17 @@ from ..files import blamed_on, read_cell, read_world, readings_text, write_text
 from ._common import cell_option, json_option, write_json
 
 
+def _list_effects(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
+    if not wanted or context.resilient_parsing:
+        return
+    from sim_controller.effects import described
+
+    for cause, keys, text in described():
+        click.echo(f"{cause}: {keys}\n    {text}")
+    click.echo("Keys in brackets have a default. Units and signs: docs/effects.md")
+    context.exit()
+
+
 @click.command()
 @cell_option
 @click.option("--world", "world_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: world.yaml in the cell.")
@@ -18,6 +29,9 @@ from ._common import cell_option, json_option, write_json
 @click.option("--days", type=click.IntRange(1), default=1, show_default=True, help="Days, each with all its cycles.")
 @click.option("--seed", type=click.IntRange(0), metavar="N", help="Of noise and effects; default: the world's.")
 @click.option("--exact", is_flag=True, help="Write every digit instead of six decimals, for checks without noise.")
+@click.option(
+    "--list-effects", is_flag=True, is_eager=True, expose_value=False, callback=_list_effects, help="What world.yaml may hide; end."
+)
 @json_option
 def command(
     folder: Path,

@@ -1,0 +1,26 @@
+"""A straightness, an angular error, a positioning error of any axis, as a power of its position (ISO 230-1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import Disturbance, History
+from ._kinds import Count, ErrorMotion, Positive
+from ._parts import span_of
+
+
+def disturb(
+    history: History,
+    rng: np.random.Generator,
+    *,
+    name: ErrorMotion,
+    amplitude: float,
+    degree: Count = 2,
+    span: Positive = 0.0,
+) -> Disturbance:
+    """n touches → `amplitude` (mm; rad for A B C) · (q/span)^degree added to the component `name`: `EYX`, `EBX`, `EZC` …
+
+    `span` is in mm or deg, by default the far end of the travel. Raises InputError when there is neither.
+    """
+    share = history.position[:, history.column(name[2])] / span_of(history, name[2], span)
+    return Disturbance(errors={f"{name}0": amplitude * share**degree})

@@ -1,0 +1,14 @@
+"""The first touch after an indexation or a pause reads otherwise: a probe that has to wake up, a film of oil that settled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import Disturbance, History
+from ._kinds import Positive
+
+
+def disturb(history: History, rng: np.random.Generator, *, amplitude: float, pause: Positive = 600.0) -> Disturbance:
+    """n touches → gap of `amplitude` mm on the first touch of all, of each indexation and after more than `pause` s."""
+    indexed = np.diff(history.indexation, prepend=-1) != 0
+    return Disturbance(gap=amplitude * (indexed | (np.diff(history.time, prepend=0.0) > pause)))

@@ -1,0 +1,21 @@
+"""Friction winds an axis up on a long way and lets go on a short one: where it stops depends on how far it came."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import Disturbance, History
+from ._kinds import AnyAxis, Positive
+from ._parts import in_units_of, positioning
+
+
+def disturb(history: History, rng: np.random.Generator, *, axis: AnyAxis, amplitude: float, length: Positive) -> Disturbance:
+    """n touches → positioning error `amplitude` (mm; rad) times 1 − exp(−way/length); `length` in mm or deg.
+
+    The way is what lies between this touch and the one before on that axis, whatever its sign; 0 for the first touch of a day.
+    """
+    q = history.position[:, history.column(axis)]
+    way = np.abs(np.diff(q, prepend=q[:1]))
+    way[np.diff(history.day, prepend=history.day[:1]) != 0] = 0.0
+    wound = 1 - np.exp(-way / in_units_of(history, axis, length))
+    return Disturbance(errors={positioning(axis): amplitude * wound})

@@ -1,0 +1,33 @@
+"""Radial error motion of a rotary axis (ISO 230-7): its body moves sideways in waves of the angle."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from tango_cnc.records import Vector
+
+from . import Disturbance, History
+from ._kinds import Count, RotaryAxis
+from ._parts import across, displaced, wave
+
+
+def disturb(
+    history: History,
+    rng: np.random.Generator,
+    *,
+    axis: RotaryAxis,
+    amplitude: float,
+    direction: Vector,
+    order: Count = 2,
+    phase: float = 0.0,
+    frame: Literal["fixed", "turning"] = "fixed",
+) -> Disturbance:
+    """n touches → displacement of `amplitude` mm times cos(order·q + phase deg), along what of `direction` is across the axis.
+
+    `direction` is given at the zero pose, in the machine frame; from there it stays with the axis before (fixed: it acts before
+    the motion) or turns with the body (it acts after the motion).
+    """
+    ending = f"0{axis}" if frame == "fixed" else f"{axis}0"
+    return Disturbance(errors=displaced(ending, across(history, axis, direction), amplitude * wave(history, axis, order, phase)))
