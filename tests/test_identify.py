@@ -1,0 +1,157 @@
+"""What a plan can see: computed, not listed; and what it cannot, in words that name the combination."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machines import machine_of
+
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.identify import Selection, describe, independent, select, subset_terms, summary
+from tango_cnc.records import Cell, World
+from tango_cnc.touches import from_readings
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+
+def cell_named(name: str) -> Cell:
+    return read_cell(EXAMPLES / name)
+
+
+def selected(cell: Cell, terms: list[str], degree: int = 3) -> Selection:
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, World())
+    return select(from_readings(cell.machine, cell.artefact, readings), terms, degree)
+
+
+def machine_names(selection: Selection) -> list[str]:
+    return [c.name for c in selection.model.coefficients if c.slot.axis not in ("t", "w")]
+
+
+@pytest.fixture(scope="module")
+def hu40t() -> Cell:
+    return cell_named("hu40t")
+
+
+def test_s4_of_the_hu40t_is_eighty_six_names(hu40t):
+    selection = selected(hu40t, ["S4"])
+    assert len(machine_names(selection)) == 86
+    assert not selection.unseen
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4, 5, 6])
+def test_degree_is_an_option_to_six(degree):
+    names = [c.name for c in subset_terms(machine_of("wCBXfZY(S)t"), 3, degree)]
+    powers = [int(n[3]) for n in names if n[3].isdigit() and n[2] != "0"]
+    assert max(powers) == degree
+    # Six components of five axes each, but for what only another choice of reference would call an error.
+    assert powers.count(degree) == (20 if degree == 1 else 26)
+
+
+def test_two_names_of_one_displacement_are_told_as_their_sum_or_difference(hu40t):
+    """Asked for by name, the second of two that move every touch alike is left out and the pair is named."""
+    texts = {c.names[0]: c.text for c in selected(hu40t, ["S3", "EYY0", "EC0X"]).unseen}
+    assert texts["EYY0"] == "EYY0 and EY0S move every touch alike: only their sum is known"
+    assert texts["EC0X"] == "EC0X and EC0Y move every touch alike: only their difference is known"
+
+
+def test_a_slope_and_the_squarenesses_it_mimics_are_told_with_signs(hu40t):
+    (one,) = selected(hu40t, ["S3", "EYX1"]).unseen
+    assert one.text == (
+        "EYX1 moves the touches just as EC0Y and EC0B do together: only EC0Y - EYX1 and EC0B - EYX1 are known"
+    ) or one.text == ("EYX1 moves the touches just as EC0B and EC0Y do together: only EC0B - EYX1 and EC0Y - EYX1 are known")
+
+
+def test_what_is_said_to_be_known_is_known(hu40t):
+    """Moving along the named combination changes no touch; weights are in the units of the unknowns."""
+    for combination in selected(hu40t, ["S3", "EYX1", "EYY0", "EZX0"]).unseen:
+        readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, World())
+        step = dict(zip(combination.names, combination.weights, strict=True))
+        small = {name: 1e-6 * weight for name, weight in step.items() if not name.startswith("EZf")}
+        stylus = {name: value for name, value in small.items() if name.endswith("t")}
+        facets = {name[3:]: 1e-6 * weight for name, weight in step.items() if name.startswith("EZf")}
+        errors = {name: value for name, value in small.items() if not name.endswith("t")}
+        moved = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, World(errors=errors, stylus=stylus, facets=facets))
+        assert np.abs(moved.position - readings.position).max() < 1e-7, combination.text
+        alone = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, World(errors={combination.names[0]: 1e-6}))
+        assert np.abs(alone.position - readings.position).max() > 5e-7
+
+
+def test_without_turning_the_spindle_its_offsets_are_the_stylus_own(hu40t):
+    still = tuple(i for i in hu40t.strategy.indexations if not i.position.get("S"))
+    cell = replace(hu40t, strategy=replace(hu40t.strategy, indexations=still))
+    texts = [c.text for c in selected(cell, ["S3"]).unseen]
+    assert texts == [
+        "EX0S and EXt move every touch alike: only their sum is known",
+        "EY0S and EYt move every touch alike: only their sum is known",
+    ]
+
+
+def test_a_round_table_does_not_see_its_own_axis_turn():
+    """Rounded facet points let C move the touches by a ten-millionth of a radius: that is not seeing."""
+    huron = cell_named("huron")
+    on_the_cylinder = replace(
+        huron.strategy,
+        indexations=tuple(replace(i, facets=tuple(f for f in i.facets if f != "10")) for i in huron.strategy.indexations),
+    )
+    texts = {c.names[0]: c.text for c in selected(replace(huron, strategy=on_the_cylinder), ["S2", "ECCb", "ECC2"]).unseen}
+    assert texts["ECCb"] == "ECCb moves no touch of this plan"
+    assert texts["ECC2"] == "ECC2 moves no touch of this plan"
+
+
+def test_touches_too_noisy_for_a_power_leave_it_out_and_say_by_how_much(hu40t):
+    """A polynomial of degree six is there in exact arithmetic, and would be known to millimetres."""
+    selection = selected(hu40t, ["S4"], 6)
+    faint = [c.text for c in selection.unseen if "too faint" in c.text]
+    assert faint and all("0.7 µm" in text for text in faint)
+    finer = replace(hu40t, machine=replace(hu40t.machine, probe=replace(hu40t.machine.probe, repeatability=0.0001)))
+    assert len(machine_names(selected(finer, ["S4"], 6))) > len(machine_names(selection))
+
+
+@pytest.mark.parametrize("degree", [4, 5, 6])
+@pytest.mark.parametrize("name", ["hu40t", "huron", "trunnion", "fork_head", "split"])
+def test_every_degree_settles_with_noise_on_every_five_axis_cell(name, degree):
+    cell = cell_named(name)
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, read_world(EXAMPLES / name / "world.yaml"))
+    result = estimate(cell.machine, cell.artefact, readings, ["S4"], degree)
+    assert 0.8 < result.sigma / 0.0007 < 1.2
+    worst = max(p.std for p in result.parameters.values() if p.unit == "mm")
+    assert worst < 0.5
+
+
+def test_same_words_are_said_once():
+    combinations = [describe(name, "mm", {"EZf1": (1.0, "mm"), "EZf2": (-1.0, "mm")}) for name in ("EXX1", "EC0X")]
+    (said,) = summary([*combinations])
+    assert said.startswith("EXX1, EC0X each move the touches just as a table of another shape would")
+    assert summary([describe("ECCb", "rad", {})]) == ["ECCb moves no touch of this plan"]
+
+
+def test_units_that_differ_are_said_with_a_factor():
+    text = describe("EA0C", "rad", {"EY0C": (-50.0, "mm")}).text
+    assert text == "EA0C and EY0C move every touch alike: only EY0C - 50 · EA0C (in mm, EA0C in rad) is known"
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=40)
+def test_columns_kept_span_all_and_weights_rebuild_the_rest(seed):
+    rng = np.random.default_rng(seed)
+    rank, count = rng.integers(1, 8), 10
+    matrix = rng.normal(size=(30, rank)) @ rng.normal(size=(rank, count)) * 10.0 ** rng.uniform(-9, 9, count)
+    kept, left = independent(matrix, np.linalg.norm(matrix, axis=0))
+    assert len(kept) == rank
+    for j, weights in left.items():
+        rebuilt = matrix[:, kept[: len(weights)]] @ weights
+        assert np.linalg.norm(rebuilt - matrix[:, j]) < 1e-6 * np.linalg.norm(matrix[:, j])
+
+
+def test_the_first_of_equals_is_kept():
+    column = np.arange(1.0, 6.0)[:, None]
+    kept, left = independent(np.hstack([column, -2 * column, column**2]), np.full(3, 10.0))
+    assert kept == [0, 2]
+    np.testing.assert_allclose(left[1], [-2.0])

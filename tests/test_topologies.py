@@ -1,0 +1,191 @@
+"""Other machines, other tables: what S3 means for each of them, chapter 5 of the thesis, and machines without rotary axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from machines import machine_of
+
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_strategy, read_world
+from tango_cnc.identify import select, subset_terms
+from tango_cnc.model import STYLUS, Model, linearise, setup_coefficient
+from tango_cnc.records import Cell, Readings, Strategy, World
+from tango_cnc.terms import find
+from tango_cnc.touches import from_readings
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+FIVE_AXES = {
+    "wCBXfZY(S)t": "EC0Y EB0Z EA0Y EA0B EC0B EX0C EA0C EB0C",
+    "wCAYfXZ(S)t": "EC0X EA0Z EB0Z EB0A EC0A EY0C EA0C EB0C",
+    "wXYfZCA(S)t": "EC0X EA0Z EB0Z EA0C EB0C EY0A EB0A EC0A",
+    "wCXfYZB(S)t": "EC0Y EB0Z EA0Z EX0C EA0C EB0C EA0B EC0B",
+    "wfXYZCB(S)t": "EC0Y EB0Z EA0Z EA0C EB0C EX0B EA0B EC0B",
+    "wXfYZAB(S)t": "EC0Y EB0Z EA0Z EB0A EC0A EZ0B EA0B EC0B",
+    "wACXfYZ(S)t": "EC0Y EB0Z EA0Z EA0C EB0C EY0A EB0A EC0A",
+    "wBfXZYA(S)t": "EB0Z EC0Y EA0Y EZ0B EA0B EC0B EB0A EC0A",
+    "wABXfYZ(S)t": "EC0Y EB0Z EA0Z EA0B EC0B EZ0A EB0A EC0A",
+}
+
+
+def inter_axis_names(names: list[str]) -> set[str]:
+    return {n for n in names if n[2] == "0" and n[3] != "S"}
+
+
+@pytest.mark.parametrize("topology", FIVE_AXES)
+def test_five_axes_have_eight_axis_location_errors_and_two_spindle_offsets(topology):
+    """ISO 10791-6 and the thesis count eight; which eight follows from the chain alone."""
+    names = [c.name for c in subset_terms(machine_of(topology), 2, 3)]
+    assert inter_axis_names(names) == set(FIVE_AXES[topology].split())
+    assert {"EX0S", "EY0S", "EXX1", "EYY1", "EZZ1"} <= set(names)
+
+
+@pytest.mark.parametrize("name", ["hu40t", "huron", "trunnion", "fork_head", "split"])
+def test_every_five_axis_cell_finds_its_own_eight(name):
+    machine = read_cell(EXAMPLES / name).machine
+    found = inter_axis_names([c.name for c in subset_terms(machine, 2, 3)])
+    assert found == set(FIVE_AXES[machine.topology.replace("b", "f")].split())
+
+
+def test_inclined_axis_has_the_errors_of_table_5_1():
+    huron = read_cell(EXAMPLES / "huron")
+    assert max(huron.machine.axis("A").direction) == pytest.approx(0.5**0.5)
+    table_5_1 = {"EY0C", "EA0C", "EB0C", "EB0A", "EC0A", "EC0X", "EA0Z", "EB0Z"}
+    assert inter_axis_names([c.name for c in subset_terms(huron.machine, 2, 3)]) == table_5_1
+
+
+def test_four_axes_have_five_and_three_have_their_squarenesses():
+    four = [c.name for c in subset_terms(machine_of("wCXfYZ(S)t"), 2, 3)]
+    assert inter_axis_names(four) == {"EC0Y", "EB0Z", "EA0Z", "EA0C", "EB0C"}
+    three = [c.name for c in subset_terms(machine_of("wXYfZ(S)t"), 2, 3)]
+    assert inter_axis_names(three) == {"EC0X", "EA0Z", "EB0Z"}
+
+
+@pytest.fixture(scope="module")
+def huron() -> Cell:
+    return read_cell(EXAMPLES / "huron")
+
+
+@pytest.fixture(scope="module")
+def s1(huron) -> Strategy:
+    return huron.strategy
+
+
+@pytest.fixture(scope="module")
+def s2(huron) -> Strategy:
+    return read_strategy(EXAMPLES / "huron" / "strategy_s2.yaml", huron.machine, huron.artefact)
+
+
+def only(strategy: Strategy, keep: Callable[[str], bool]) -> Strategy:
+    indexations = [replace(i, facets=tuple(f for f in i.facets if keep(f))) for i in strategy.indexations]
+    return replace(strategy, indexations=tuple(i for i in indexations if i.facets))
+
+
+def readings_of(cell: Cell, strategy: Strategy, world: World | None = None) -> Readings:
+    return simulate(cell.machine, cell.artefact, strategy, world or World())
+
+
+def condition(cell: Cell, strategy: Strategy) -> float:
+    """Raw condition number, mm and rad, of all that the cell's terms ask for but the absolute scale, as in the thesis."""
+    touches = from_readings(cell.machine, cell.artefact, readings_of(cell, strategy)).nominal
+    names = ["EYY1", "EZZ1", *(n for n in cell.terms if n != "S2")]
+    wanted = [c for name in names for c in find(name, cell.machine)]
+    model = Model(touches, (*wanted, *(setup_coefficient(name) for name in STYLUS)))
+    return float(np.linalg.cond(linearise(model, np.zeros(len(model.names)))[1]))
+
+
+def test_strategies_are_those_of_chapter_five(s1, s2):
+    for strategy, touches, facets in ((s1, 156, 10), (s2, 118, 8)):
+        assert sum(len(i.facets) for i in strategy.indexations) == touches
+        assert len({f for i in strategy.indexations for f in i.facets}) == facets
+        assert len(strategy.indexations) == 23
+    combinations = np.array([[i.position["A"], i.position["C"]] for i in s1.indexations])
+    assert len({tuple(row) for row in combinations.tolist()}) == 23
+    assert abs(np.corrcoef(combinations.T)[0, 1]) < 0.5  # no line through them
+
+
+def test_facets_of_a_single_section_leave_the_model_singular_and_the_message_says_why(huron, s1, s2):
+    """One ring of facets: tilting the table about its own section is the same as shifting it."""
+    for strategy, ring, height in ((s1, "1 2 3 4 5 6", 50), (s2, "22 24 26 28", 50), (s2, "21 23 25 27", 30)):
+        section = only(strategy, lambda f, ring=ring: f in ring.split())
+        assert condition(huron, section) > 1e9
+        touches = from_readings(huron.machine, huron.artefact, readings_of(huron, section))
+        texts = {c.names[0]: c.text for c in select(touches, huron.terms).unseen}
+        assert set(texts) == {"EA0C", "EB0C", "EXX1"}
+        assert f"only EY0C - {height} · EA0C" in texts["EA0C"]
+        assert "together" in texts["EB0C"] and "EXt" in texts["EB0C"] and "EZt" in texts["EB0C"]
+
+
+def test_top_points_condition_better_than_two_sections_and_those_better_than_anything_less(huron, s1, s2):
+    without_top = only(s1, lambda f: f not in ("7", "8", "9"))
+    single = only(s1, lambda f: f in ("1", "2", "3", "4", "5", "6"))
+    numbers = [condition(huron, strategy) for strategy in (s1, s2, without_top, single)]
+    assert numbers == sorted(numbers)
+    assert numbers[1] < 0.5 * numbers[2] < 1e-3 * numbers[3]
+
+
+def test_both_strategies_find_the_machine_and_the_top_points_help(huron, s1, s2):
+    """Table 5-2: without points on the top the rotary axes' orientation suffers."""
+    world = read_world(EXAMPLES / "huron" / "world.yaml")
+    std = {}
+    for name, strategy in (("S1", s1), ("S2", s2)):
+        result = estimate(huron.machine, huron.artefact, readings_of(huron, strategy, world), huron.terms)
+        for label, p in result.parameters.items():
+            one, _, other = label.partition("-")
+            assert abs(p.value - world.errors[one] + world.errors.get(other, 0.0)) < 4 * p.std, label
+        std[name] = {label: p.std for label, p in result.parameters.items()}
+    assert all(std["S1"][name] < std["S2"][name] for name in ("EA0C", "EB0C"))
+
+
+def test_three_axes_on_their_own_table_tell_nothing_but_the_stylus():
+    cell = read_cell(EXAMPLES / "three_axis")
+    selection = select(from_readings(cell.machine, cell.artefact, readings_of(cell, cell.strategy)), cell.terms)
+    assert [c.name for c in selection.model.coefficients] == ["EXt", "EYt"]
+    unseen = {c.names[0]: c.text for c in selection.unseen}
+    assert {"EXX1", "EYY1", "EZZ1", "EC0X", "EA0Z", "EB0Z", "EXXb", "EYYb", "EZt"} == set(unseen)
+    assert all("table of another shape" in text for text in unseen.values())
+
+
+def test_three_axes_on_a_calibrated_block_get_scale_and_squareness():
+    cell = read_cell(EXAMPLES / "three_axis_calibrated")
+    world = read_world(EXAMPLES / "three_axis_calibrated" / "world.yaml")
+    result = estimate(cell.machine, cell.artefact, readings_of(cell, cell.strategy, world), cell.terms)
+    assert set(result.parameters) == {"EXX1", "EYY1", "EZZ1", "EC0X", "EA0Z", "EB0Z", "EXXb", "EYYb"}
+    assert not result.selection.unseen
+    assert {n: p for n, p in result.parameters.items() if abs(p.value - world.errors[n]) > 4 * p.std} == {}
+    assert max(result.parameters[n].std for n in ("EXX1", "EYY1", "EZZ1", "EC0X", "EA0Z", "EB0Z")) < 6e-6
+
+
+def test_a_block_laid_on_crookedly_gives_the_same_machine():
+    """Placement: the artefact shifted by 0.2 mm and turned by 0.3 mrad is found, and the machine's errors stay what they were."""
+    cell = read_cell(EXAMPLES / "three_axis_calibrated")
+    world = replace(read_world(EXAMPLES / "three_axis_calibrated" / "world.yaml"), noise=0.0)
+    shift, angle = np.array([0.2, -0.1, 0.0]), np.array([2e-4, -1e-4, 3e-4])
+    offsets = {}
+    for facet in cell.artefact.facets.values():
+        point, normal = np.array(facet.point), np.array(facet.normal)
+        offsets[facet.id] = float(normal @ (shift + np.cross(angle, point)))
+    straight = estimate(cell.machine, cell.artefact, readings_of(cell, cell.strategy, world), cell.terms)
+    crooked = estimate(cell.machine, cell.artefact, readings_of(cell, cell.strategy, replace(world, facets=offsets)), cell.terms)
+    placed = np.array([crooked.value(n) - straight.value(n) for n in ("EXw", "EYw", "EAw", "EBw", "ECw")])
+    np.testing.assert_allclose(placed[:2], shift[:2], atol=2e-4)
+    np.testing.assert_allclose(placed[2:], angle, atol=2e-6)
+    for name, p in straight.parameters.items():
+        assert crooked.parameters[name].value == pytest.approx(p.value, abs=p.std)
+
+
+def test_a_wrong_certificate_shows():
+    """One facet is 20 µm from what its certificate says with 0.5 µm: every touch on it is flagged, whatever else is suspected."""
+    cell = read_cell(EXAMPLES / "three_axis_calibrated")
+    world = read_world(EXAMPLES / "three_axis_calibrated" / "world.yaml")
+    readings = readings_of(cell, cell.strategy, replace(world, facets={"5": 0.02}))
+    result = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    on_it = {int(touch) for touch, facet in zip(readings.touch, readings.facet, strict=True) if facet == "5"}
+    assert len(on_it) == 4
+    assert on_it <= set(result.outliers.tolist())
+    assert result.sigma > 2 * world.noise
