@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
-from .identify import Selection, select
+from .identify import Selection, condition_number, select
 from .model import Model, known, linearise
 from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, TermItem
 from .touches import from_readings
@@ -44,7 +44,7 @@ class Estimate:
     @cached_property
     def condition_number(self) -> float:
         """→ of the Jacobian in mm and rad, machine and setup columns together, scale bar included."""
-        return float(np.linalg.cond(self.jacobian))
+        return condition_number(self.jacobian)
 
     @cached_property
     def outliers(self) -> NDArray[np.int64]:

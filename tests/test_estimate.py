@@ -190,6 +190,14 @@ def test_twenty_soiled_touches_do_not_hide_each_other(hu40t):
     assert set(result.outliers.tolist()) == set(readings.touch[rows].tolist())
 
 
+def test_condition_number_is_that_of_the_matrix_and_stays_finite_for_high_powers(hu40t):
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, read_world(EXAMPLES / "hu40t" / "world.yaml"))
+    plain = estimate(hu40t.machine, hu40t.artefact, readings, ["S3"])
+    assert plain.condition_number == pytest.approx(np.linalg.cond(plain.jacobian), rel=1e-9)
+    high = estimate(hu40t.machine, hu40t.artefact, readings, ["S4"], 6)
+    assert 1e18 < high.condition_number < 1e40  # where singular values of the matrix itself end at 1e16
+
+
 def test_too_few_touches_are_refused_with_the_numbers(hu40t):
     world = read_world(EXAMPLES / "hu40t" / "world.yaml")
     readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world).rows(np.arange(20))

@@ -95,6 +95,18 @@ def independent(matrix: Array, could: Array, tolerance: float = TOLERANCE) -> tu
     return kept, left
 
 
+def condition_number(matrix: Array) -> float:
+    """(m, p) of full rank → largest over smallest singular value.
+
+    Powers of millimetres differ by more than double precision holds, so that singular values alone would end at 1e16: norm and
+    norm of the inverse come from scaled columns.
+    """
+    scale = np.linalg.norm(matrix, axis=0)
+    root = np.linalg.qr(matrix / scale, mode="r")
+    inverse = linalg.solve_triangular(root, np.eye(len(scale))) / scale[:, None]
+    return float(np.linalg.norm(root * scale, 2) * np.linalg.norm(inverse, 2))
+
+
 def blurred(model: Model, wanted: set[str]) -> dict[str, Combination]:
     """model of independent columns, names that may be left out → those that touches so noisy would not settle, in words.
 
