@@ -126,10 +126,11 @@ def test_every_degree_settles_with_noise_on_every_five_axis_cell(name, degree):
 
 
 def test_same_words_are_said_once():
-    combinations = [describe(name, "mm", {"EZf1": (1.0, "mm"), "EZf2": (-1.0, "mm")}) for name in ("EXX1", "EC0X")]
-    (said,) = summary([*combinations])
+    texts = [describe(name, "mm", {"EZf1": (1.0, "mm"), "EZf2": (-1.0, "mm")}).text for name in ("EXX1", "EC0X")]
+    (said,) = summary(texts)
     assert said.startswith("EXX1, EC0X each move the touches just as a table of another shape would")
-    assert summary([describe("ECCb", "rad", {})]) == ["ECCb moves no touch of this plan"]
+    others = [describe("ECCb", "rad", {}).text, describe("EYY0", "mm", {"EY0S": (1.0, "mm")}).text]
+    assert summary(others) == ["ECCb moves no touch of this plan", others[1]]
 
 
 def test_units_that_differ_are_said_with_a_factor():

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..duration import duration, spoken
 from ..files import read_cell, read_terms
-from ..identify import select
+from ..identify import condition_number, select, summary
 from ..model import known, linearise
 from ..plan import last_motion, plan
 from ..records import Cell, Plan, TermItem
@@ -68,7 +68,7 @@ def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> d
         "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
         "unknowns": len(model.names),
         "dof": len(touches) + len(rows) - len(model.names),
-        "condition_number": float(np.linalg.cond(np.vstack([jacobian, rows]))),
+        "condition_number": condition_number(np.vstack([jacobian, rows])),
         "expected_std": {selection.label(c.name): {"std": float(std[i]), "unit": c.unit} for i, c in enumerate(model.coefficients)},
         "not_identifiable": [c.text for c in selection.unseen],
         "mismatch_only": selection.mismatch and len(selection.unseen) == 1,
@@ -102,7 +102,7 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         "",
     ]
     lines.append(table(rows, "<><"))
-    lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
+    lines += [f"cannot be seen: {text}" for text in summary(data["not_identifiable"])]
     time = data["predicted_time_s"]
     lines += ["", f"predicted time {spoken(sum(time.values()))}: " + ", ".join(f"{part} {spoken(s)}" for part, s in time.items())]
     return "\n".join(lines)

@@ -98,7 +98,7 @@ def as_text(result: Estimate) -> str:
     ]
     if offsets:
         lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")
-    lines += [f"cannot be seen: {text}" for text in summary(result.selection.unseen)]
+    lines += [f"cannot be seen: {text}" for text in summary([c.text for c in result.selection.unseen])]
     if len(result.outliers):
         worst = ", ".join(str(i) for i in result.outliers[:10]) + (" …" if len(result.outliers) > 10 else "")
         lines.append(f"{len(result.outliers)} touches do not fit (kept; leave them out with --exclude-outliers): {worst}")

@@ -48,14 +48,13 @@ def _list(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-def summary(unseen: Sequence[Combination]) -> list[str]:
-    """combinations → sentences, one for all of which the same is to be said."""
+def summary(texts: Sequence[str]) -> list[str]:
+    """sentences of combinations → the same, one for all names of which the same is to be said."""
     groups: dict[str, list[str]] = {}
-    for c in unseen:
-        same = c.text.removeprefix(f"{c.names[0]} moves ")
-        groups.setdefault(c.text if same == c.text else same, []).append(c.names[0])
-    said = []
-    for text, names in groups.items():
-        one = len(names) == 1 and text.startswith((names[0], "the absolute"))
-        said.append(text if one else f"{', '.join(names)} {'moves' if len(names) == 1 else 'each move'} {text}")
-    return said
+    for text in texts:
+        name, moves, rest = text.partition(" moves ")
+        groups.setdefault(rest if moves else text, []).append(name)
+    return [
+        names[0] if names == [rest] else f"{', '.join(names)} {'moves' if len(names) == 1 else 'each move'} {rest}"
+        for rest, names in groups.items()
+    ]
