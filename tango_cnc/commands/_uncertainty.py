@@ -194,13 +194,14 @@ def _monte_carlo(found: Analysis) -> str:
     off = 100 * abs(check.std_ratio[worst] - 1)
     linear = "linear propagation holds" if off <= 3 else "beyond 3 %: rely on the intervals above, which are those of the trials"
     blocks = f" in {found.blocks} blocks, {'stable' if found.stable else 'NOT yet stable'}" if found.blocks else ""
-    rescued = f"; {run.rescued} needed the full iteration" if run.rescued else ""
+    rescued = f"; {run.rescued} by the full iteration" if run.rescued else ""
+    coarse = "; too coarse, use --full" if accuracy.rms > 0.03 and run.rescued < run.count else ""
     lost = f"; {run.lost} found no solution and are left out" if run.lost else ""
     digits = f"{found.digits} digit{'s' if found.digits > 1 else ''}"
     lines = [
         f"Monte Carlo: {run.count} nonlinear estimations{blocks}{rescued}{lost}",
         f"frozen Jacobian and single precision cost at most {accuracy.largest:.2g} u, rms {accuracy.rms:.2g} u, and change a "
-        f"standard deviation by at most {100 * accuracy.std_ratio:.2g} % ({accuracy.trials} trials solved in full)",
+        f"standard deviation by at most {100 * accuracy.std_ratio:.2g} % ({accuracy.trials} trials solved in full){coarse}",
         f"standard deviations of trials and propagation agree within {off:.1f} % ({names[worst]}): {linear}",
         f"numerical tolerance at {digits}: "
         + ("the linear intervals are validated for all parameters" if not bad else f"not validated for {_some(bad)}"),

@@ -27,6 +27,7 @@ class Options:
     digits: int = 1
     probability: float = 0.95
     seed: int = 1
+    full: bool = False  # every trial by the full iteration
     mapper: Mapper = map
 
 
@@ -171,12 +172,12 @@ def _finish(
 
 def _run(base: Study, options: Options) -> tuple[trials.Trials, int, bool]:
     if not options.adaptive:
-        return trials.run(base, options.trials, options.seed, mapper=options.mapper), 0, True
+        return trials.run(base, options.trials, options.seed, 0, options.mapper, options.full), 0, True
     size = coverage.block_size(options.probability)
     chunks = -(-size // trials.CHUNK)
 
     def more(block: int) -> trials.Trials:
-        return trials.run(base, size, options.seed, block * chunks, options.mapper)
+        return trials.run(base, size, options.seed, block * chunks, options.mapper, options.full)
 
     std = base.std[base.outputs]
     done = coverage.adaptive(

@@ -54,10 +54,13 @@ class Accuracy:
     std_ratio: float  # worst |std chord / std full − 1| over the outputs
 
 
-def run(study: Study, count: int, seed: int = 1, first: int = 0, mapper: Mapper = map) -> Trials:
-    """study, number of trials, seed, first chunk, `map` or one that spreads over a cluster → trials."""
+def run(study: Study, count: int, seed: int = 1, first: int = 0, mapper: Mapper = map, full: bool = False) -> Trials:
+    """study, number of trials, seed, first chunk, `map` or one that spreads over a cluster → trials.
+
+    `full`: every trial by Gauss–Newton in double precision, a few hundred times slower.
+    """
     sizes = [min(CHUNK, count - i) for i in range(0, count, CHUNK)]
-    work = partial(_chunk, study, seed, sizes, first)
+    work = partial(_chunk, study, seed, sizes, first, full)
     done = list(mapper(work, range(len(sizes))))
     return merge(done)
 
@@ -72,9 +75,14 @@ def merge(done: list[Trials]) -> Trials:
     )
 
 
-def _chunk(study: Study, seed: int, sizes: list[int], first: int, number: int) -> Trials:
+def _chunk(study: Study, seed: int, sizes: list[int], first: int, full: bool, number: int) -> Trials:
     rng = np.random.default_rng([seed, first + number])
-    return solutions(study, draw(rng, sizes[number], *study.sampling))
+    deviations = draw(rng, sizes[number], *study.sampling)
+    return (
+        _solved(study, deviations, deviations @ study.gain.T, np.arange(len(deviations)), 0)
+        if full
+        else solutions(study, deviations)
+    )
 
 
 def solutions(study: Study, deviations: Array) -> Trials:
@@ -99,14 +107,19 @@ def solutions(study: Study, deviations: Array) -> Trials:
         open_ = open_[~(left <= ENOUGH)]
         if not len(open_):
             break
+    return _solved(study, deviations, change, open_, evaluations)
+
+
+def _solved(study: Study, deviations: Array, change: Array, rows: NDArray[np.int64], evaluations: int) -> Trials:
+    """Solves `rows` in full, takes `change` for the others → trials."""
     good = np.ones(len(deviations), dtype=bool)
-    for i in open_:
+    for i in rows:
         try:
             change[i] = solve(study.model, study.values, study.weight, deviations[i]) - study.values
         except (TangoError, np.linalg.LinAlgError):
             good[i] = False
-    result = (change[:, study.outputs] * scale[study.outputs]).astype(np.float32)
-    return Trials(result[good], evaluations, int(good[open_].sum()), int((~good).sum()))
+    result = (change[:, study.outputs] * _scale(study)[study.outputs]).astype(np.float32)
+    return Trials(result[good], evaluations, int(good[rows].sum()), int((~good).sum()))
 
 
 def _scale(study: Study) -> Array:
