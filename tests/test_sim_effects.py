@@ -1,70 +1,30 @@
-"""Effects of the simulated machine: one file a cause, pure, the same touch by touch and all at once."""
+"""Effects of the simulated machine: one file a cause, pure, the same touch by touch and all at once.
+
+What each of them does, by hand arithmetic, is in test_sim_effects_<family>.py.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from effectparts import CELL, EXAMPLES, LEAST, MACHINE, PLAIN, RANDOM, STYLUS, TOUCHES, early, world
 
 from sim_controller import effects
-from sim_controller.effects import Disturbance, History
+from sim_controller.effects import Disturbance, History, lever
 from sim_controller.effects._apply import names
-from sim_controller.probing import facet_rows, history, rig
+from sim_controller.motion import Motion
+from sim_controller.probing import rig
 from sim_controller.simulate import simulate
+from tango_cnc.cli import tango
 from tango_cnc.files import read_cell
-from tango_cnc.records import Array, Cell, InputError, World
+from tango_cnc.records import Approach, Artefact, Facet, Indexation, InputError, Strategy, World
 
-
-def flat(cell: Cell) -> Cell:
-    """The cell without its balls, on which a displacement across the normal counts in second order."""
-    facets = {name: facet for name, facet in cell.artefact.facets.items() if facet.ball is None}
-    indexations = tuple(replace(i, facets=tuple(f for f in i.facets if f in facets)) for i in cell.strategy.indexations)
-    artefact = replace(cell.artefact, facets=facets, balls={}, scale_bar=None)
-    return replace(cell, artefact=artefact, strategy=replace(cell.strategy, indexations=indexations))
-
-
-CELL = flat(read_cell(Path(__file__).parent.parent / "examples" / "hu40t"))
-MACHINE = CELL.machine
-# what world.yaml must at least give for each cause
-LEAST = {
-    "thermal_drift": {"amplitude": 0.01, "tau": 2400, "direction": [0, 1, 0]},
-    "backlash": {"amplitude": 0.005, "axis": "X"},
-    "probe_lobing": {"amplitude": 0.004},
-    "surface_form": {"amplitude": 0.002},
-    "step": {"amplitude": 0.005, "direction": [0, 0, 1], "at": 100},
-    "indexation_seating": {"amplitude": 0.002},
-    "chip": {"amplitude": 0.05, "facet": 16, "at": 30},
-    "random_walk": {"amplitude": 0.003},
-}
-
-
-def world(cause: str, **more: object) -> World:
-    return World(effects=({"cause": cause, **LEAST[cause], **more},), seed=5)
-
-
-def known() -> History:
-    """The touches of the example on a machine without errors."""
-    r = rig(MACHINE, CELL.artefact, World())
-    readings = simulate(MACHINE, CELL.artefact, CELL.strategy, World())
-    rows = facet_rows(r, readings.facet)
-    count = len(readings)
-    feed, zero = np.full(count, 180.0), np.zeros(count)
-    return history(r, rows, readings.position, readings.direction, readings.direction, readings.time, readings.day, feed, zero)
-
-
-TOUCHES = known()
-
-
-def read_early(cause: str, **more: object) -> Array:
-    """→ (n,) mm: how much earlier than without the effect each surface is read, along the approach."""
-    plain = simulate(MACHINE, CELL.artefact, CELL.strategy, World())
-    changed = simulate(MACHINE, CELL.artefact, CELL.strategy, world(cause, **more))
-    linear = [MACHINE.column(name) for name in MACHINE.linear]
-    # the approach is along the normal: in the machine frame tool against work moves by the axis changes, X carrying the table
-    change = (changed.position - plain.position)[:, linear] * np.array([-1.0, 1.0, 1.0])
-    return np.einsum("ni,ni->n", change, TOUCHES.normal)
+PARTS = ("gap", "work", "table", "facet")
 
 
 def rows(known: History, count: int) -> History:
@@ -73,14 +33,36 @@ def rows(known: History, count: int) -> History:
     return History(**cut)
 
 
-def test_every_cause_has_its_line_above() -> None:
+def test_every_cause_has_its_line_in_the_table_of_the_tests() -> None:
     assert set(LEAST) == set(names())
 
 
-@pytest.mark.parametrize("cause", sorted(LEAST))
+def test_every_cause_of_the_catalogue_can_be_hidden() -> None:
+    catalogue = """
+        thermal_drift table_drift table_growth scale_drift ambient_cycle step backlash rotary_backlash move_length_memory
+        probe_hysteresis first_touch encoder_harmonic rotary_radial rotary_axial rotary_tilt gravity_sag indexation_seating
+        probe_lobing pretravel_anisotropy trigger_latency spindle_orientation error_motion axis_location cyclic_error
+        compensation_kink moving_mass chip swapped_facets surface_form cylinder_cosine noise_level"""
+    assert set(names()) - set(catalogue.split()) == {"random_walk", "outliers"}  # noise, not causes
+    assert not set(catalogue.split()) - set(names())
+
+
+def test_every_key_is_documented(root: Path) -> None:
+    text = (root / "docs" / "effects.md").read_text(encoding="utf-8")
+    documented = {}
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("| `") and len(cells) == 3:
+            documented[cells[0].strip("`")] = set(re.findall(r"`(\w+)`", cells[1]))
+    assert documented == {cause: set(re.findall(r"\w+", keys)) for cause, keys, _ in effects.described()}
+
+
+@pytest.mark.parametrize("cause", sorted(set(LEAST) - {"swapped_facets"}))
 def test_an_effect_does_something_and_it_is_micrometres(cause: str) -> None:
-    early = read_early(cause)
-    assert 0.0005 < np.abs(early).max() < 0.06
+    beside = World({"EX0C": -0.4}, STYLUS)  # a touch that misses its point, a stylus that is off its axis
+    effect = replace(world(cause), errors=beside.errors, stylus=beside.stylus)
+    plain, changed = (simulate(MACHINE, CELL.artefact, CELL.strategy, w).position for w in (beside, effect))
+    assert 0.0003 < np.abs(early(changed, plain)).max() < 0.06
 
 
 @pytest.mark.parametrize("cause", sorted(LEAST))
@@ -89,7 +71,7 @@ def test_an_effect_knows_nothing_of_later_touches(cause: str, count: int) -> Non
     chosen = effects.checked(world(cause).effects)
     whole = effects.disturbance(chosen, TOUCHES, 5)
     part = effects.disturbance(chosen, rows(TOUCHES, count), 5)
-    for name in ("gap", "work", "table"):
+    for name in PARTS:
         assert np.array_equal(getattr(whole, name)[:count], getattr(part, name))
     assert all(np.array_equal(whole.errors[name][:count], value) for name, value in part.errors.items())
 
@@ -98,92 +80,89 @@ def test_an_effect_knows_nothing_of_later_touches(cause: str, count: int) -> Non
 def test_an_effect_is_decided_by_the_seed(cause: str) -> None:
     chosen = effects.checked(world(cause).effects)
     one, again, other = (effects.disturbance(chosen, TOUCHES, seed) for seed in (5, 5, 6))
-    same = [np.array_equal(getattr(one, name), getattr(again, name)) for name in ("gap", "work", "table")]
-    assert all(same)
-    random = cause in ("surface_form", "indexation_seating", "random_walk")
-    assert random != all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("gap", "work", "table"))
+    assert same(one, again)
+    assert same(one, other) == (cause not in RANDOM)
 
 
-def test_thermal_drift_carries_the_table_along_its_direction() -> None:
-    grown = 0.01 * (1 - np.exp(-TOUCHES.time / 2400))
-    assert read_early("thermal_drift") == pytest.approx(grown * TOUCHES.normal[:, 1], abs=1e-9)
-    linear = 0.01 * TOUCHES.time / 2400
-    assert read_early("thermal_drift", shape="linear") == pytest.approx(linear * TOUCHES.normal[:, 1], abs=1e-9)
+def same(one: Disturbance, other: Disturbance) -> bool:
+    errors = all(np.array_equal(value, other.errors[name]) for name, value in one.errors.items())
+    return errors and all(np.array_equal(getattr(one, name), getattr(other, name)) for name in PARTS)
 
 
-def test_backlash_is_the_normal_times_the_direction_of_the_axis() -> None:
-    x, y = MACHINE.column("X"), MACHINE.column("Y")
-    # X carries the table: further forwards means early; Y carries the tool: further forwards means late
-    assert read_early("backlash") == pytest.approx(0.005 * TOUCHES.normal[:, 0] * TOUCHES.direction[:, x], abs=1e-9)
-    assert read_early("backlash", axis="Y") == pytest.approx(-0.005 * TOUCHES.normal[:, 1] * TOUCHES.direction[:, y], abs=1e-9)
+TOPS = {
+    name: Facet(name, (x, y, 0.0), (0.0, 0.0, 1.0)) for name, x, y in (("a", 90.0, 0.0), ("b", -60.0, 70.0), ("c", 0.0, -120.0))
+}
+EVENTS = {
+    "chip": {"facet": "b", "at": 4},
+    "encoder_harmonic": {"axis": "B"},
+    "error_motion": {"name": "EAY"},
+    "rotary_backlash": {"axis": "B"},
+    "spindle_orientation": {"order": 1},
+    "cyclic_error": {"axis": "Z"},
+    "step": {"at": 7},
+}
+AT_WHICH_TIME = {"ambient_cycle", "random_walk", "scale_drift", "table_drift", "table_growth", "thermal_drift"}
 
 
-def test_probe_lobing_turns_with_the_spindle() -> None:
-    s = TOUCHES.position[:, MACHINE.column("S")]
-    azimuth = np.arctan2(TOUCHES.normal[:, 1], TOUCHES.normal[:, 0]) - s
-    across = np.hypot(TOUCHES.normal[:, 0], TOUCHES.normal[:, 1])
-    assert read_early("probe_lobing", phase=20) == pytest.approx(0.004 * across * np.cos(3 * azimuth + np.radians(20)), abs=1e-12)
+@pytest.mark.parametrize("cause", sorted(set(LEAST) - AT_WHICH_TIME - {"swapped_facets"}))
+def test_touch_by_touch_an_effect_is_the_same_as_all_at_once(cause: str) -> None:
+    """A program that returns to a safe height takes its own time, so effects of time are left out."""
+    table = Artefact("three tops", TOPS)
+    indexations = [Indexation({"B": 0.0, "C": np.radians(40.0 * i), "S": np.radians(120.0 * i)}, ("a", "b", "c")) for i in range(3)]
+    strategy = Strategy("tops", Approach(10, 5, 180), tuple(indexations))
+    true = replace(world(cause, **EVENTS.get(cause, {})), errors={"EXB2": 1e-3}, stylus=STYLUS)
+    if cause == "cylinder_cosine":
+        true = replace(true, effects=({"cause": cause, "radius": 200, "axis": [1, 0, 0]},))
+    wanted = simulate(MACHINE, table, strategy, true).position
+    nominal = simulate(MACHINE, table, strategy, World()).position
+    motion = Motion(rig(MACHINE, table, true))
+    for i, contact in enumerate(nominal):
+        there = dict(zip(MACHINE.names, contact, strict=True))
+        motion.rapid({"Z": 600.0})
+        motion.rapid({name: there[name] for name in "BCS"})
+        motion.rapid({name: there[name] for name in "XY"})
+        motion.rapid({"Z": there["Z"] + 10})
+        hit = motion.skip({"Z": there["Z"] - 5}, 180)
+        assert hit.position == pytest.approx(wanted[i], abs=1e-9)
 
 
-def test_surface_form_is_white_and_only_where_it_is_said_to_be() -> None:
-    rough = np.isin(TOUCHES.facet, ["16", "17", "18"])
-    early = read_early("surface_form", facets=[16, 17, "18"])
-    assert np.abs(early[~rough]).max() < 1e-12
-    assert early[rough].std() == pytest.approx(0.002, rel=0.35)
-    everywhere = read_early("surface_form")
-    assert everywhere.std() == pytest.approx(0.002, rel=0.12)
-
-
-def test_a_step_begins_with_its_touch_in_its_frame() -> None:
-    after = np.arange(1, len(TOUCHES) + 1) >= 100
-    assert read_early("step") == pytest.approx(0.005 * after * TOUCHES.normal[:, 2], abs=1e-12)
-    assert read_early("step", frame="table") == pytest.approx(0.005 * after * TOUCHES.normal_table[:, 2], abs=1e-12)
-
-
-def test_indexation_seating_is_one_displacement_for_each_indexation() -> None:
-    early = read_early("indexation_seating")
-    assert TOUCHES.indexation.max() == len(CELL.strategy.indexations) - 1
-    seats = []
-    for number in np.unique(TOUCHES.indexation):
-        mine = TOUCHES.indexation == number
-        if mine.sum() > 4:
-            seat, *_ = np.linalg.lstsq(TOUCHES.normal[mine], early[mine], rcond=None)
-            assert np.abs(TOUCHES.normal[mine] @ seat - early[mine]).max() < 1e-9
-            seats.append(seat)
-    assert np.std(seats) == pytest.approx(0.002, rel=0.5)
-
-
-def test_a_chip_makes_one_facet_read_early_for_a_while() -> None:
-    number = np.arange(1, len(TOUCHES) + 1)
-    there = (np.array(TOUCHES.facet) == "16") & (number >= 30) & (number <= 200)
-    assert there.sum() > 2
-    assert read_early("chip", until=200) == pytest.approx(0.05 * there, abs=1e-12)
-
-
-def test_a_random_walk_grows_with_the_square_root_of_time() -> None:
-    hours = 4.0
-    later = replace(TOUCHES, time=np.linspace(0, hours * 3600, len(TOUCHES)))
-    chosen = effects.checked(world("random_walk").effects)
-    ends = [effects.disturbance(chosen, later, seed).work[-1] for seed in range(200)]  # type: ignore[index]
-    assert np.std(ends) == pytest.approx(0.003 * np.sqrt(hours), rel=0.12)  # 600 values: one standard deviation is 3 %
+@pytest.mark.parametrize("example", sorted(folder.name for folder in EXAMPLES.iterdir()))
+def test_effects_work_on_every_machine_that_has_the_axes_for_them(example: str) -> None:
+    cell = read_cell(EXAMPLES / example)
+    rotary, facets = cell.machine.rotary, list(cell.artefact.facets)
+    own = {"chip": {"facet": facets[0]}, "swapped_facets": {"facets": facets[:2]}}
+    own["axis_location"] = {"name": "EB0Z", "amplitude": 2e-5}
+    chosen = []
+    for cause, least in LEAST.items():
+        keys = {**least, **own.get(cause, {})}
+        if keys.get("axis") in ("B", "C"):
+            if not rotary:
+                continue
+            keys["axis"] = rotary[-1]
+            direction = np.zeros(3)
+            direction["ABC".index(rotary[-1]) - 1] = 1.0
+            keys |= {"direction": direction.tolist()} if "direction" in keys else {}
+        chosen.append({"cause": cause, **keys})
+    assert len(chosen) == len(LEAST) - 6 * (not rotary)
+    plain = simulate(cell.machine, cell.artefact, cell.strategy, World(stylus=STYLUS))
+    changed = simulate(cell.machine, cell.artefact, cell.strategy, World(stylus=STYLUS, effects=tuple(chosen)))
+    assert set(changed.status) == {"ok"}
+    moved = np.abs(changed.position - plain.position).max(axis=1)
+    assert 0.005 < moved.max() < 0.3 and np.median(moved) > 0.002
 
 
 def test_effects_add_up() -> None:
     both = World(effects=world("step").effects + world("chip").effects, seed=5)
-    plain = simulate(MACHINE, CELL.artefact, CELL.strategy, World())
-    alone = [simulate(MACHINE, CELL.artefact, CELL.strategy, world(cause)).position - plain.position for cause in ("step", "chip")]
-    together = simulate(MACHINE, CELL.artefact, CELL.strategy, both).position - plain.position
+    alone = [simulate(MACHINE, CELL.artefact, CELL.strategy, world(cause)).position - PLAIN.position for cause in ("step", "chip")]
+    together = simulate(MACHINE, CELL.artefact, CELL.strategy, both).position - PLAIN.position
     assert together == pytest.approx(alone[0] + alone[1], abs=1e-11)
 
 
 @pytest.mark.parametrize("letter", ["B", "C"])
 def test_the_lever_of_a_rotary_axis_is_what_a_wrong_angle_does(letter: str) -> None:
     wrong = 1e-6
-    plain = simulate(MACHINE, CELL.artefact, CELL.strategy, World())
     turned = simulate(MACHINE, CELL.artefact, CELL.strategy, World({f"E{letter}{letter}0": wrong}))
-    linear = [MACHINE.column(name) for name in MACHINE.linear]
-    change = (turned.position - plain.position)[:, linear] * np.array([-1.0, 1.0, 1.0])
-    assert np.einsum("ni,ni->n", change, TOUCHES.normal) == pytest.approx(wrong * effects.lever(TOUCHES, letter), abs=1e-9)
+    assert early(turned.position, PLAIN.position) == pytest.approx(wrong * lever(TOUCHES, letter), abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -197,14 +176,48 @@ def test_the_lever_of_a_rotary_axis_is_what_a_wrong_angle_does(letter: str) -> N
         ({"cause": "step", "amplitude": 0.1, "at": 2, "direction": [0, 0, 0]}, "three numbers, not all zero"),
         ({"cause": "backlash", "amplitude": 0.1, "axis": "B"}, "found 'B'; allowed: X, Y, Z"),
         ({"cause": "surface_form", "amplitude": 0.1, "facets": 16}, "found 16; allowed: a list of names"),
+        (
+            {"cause": "thermal_drift", "amplitude": 0.1, "tau": 0, "direction": [1, 0, 0]},
+            r"\.tau: found 0; allowed: a positive number",
+        ),
+        ({"cause": "encoder_harmonic", "amplitude": 1e-5, "axis": "X"}, "found 'X'; allowed: B, C"),
+        ({"cause": "encoder_harmonic", "amplitude": 1e-5, "axis": "A"}, "found 'A'; allowed: B, C"),
+        ({"cause": "encoder_harmonic", "amplitude": 1e-5, "axis": "B", "order": 0}, "found 0; allowed: a whole number from 1"),
+        ({"cause": "table_growth", "amplitude": 1e-5, "tau": 9, "centre": [0, 0]}, "allowed: a list of three numbers"),
+        ({"cause": "chip", "amplitude": 0.1, "facet": 99}, "found 99; allowed: facets of artefact 'octagonal table': 3, 4"),
+        ({"cause": "chip", "amplitude": 0.1, "facet": [16]}, "allowed: a name or whole number"),
+        ({"cause": "error_motion", "amplitude": 0.1, "name": "EYA"}, "found 'EYA'; allowed: EXX, EYX"),
+        ({"cause": "error_motion", "amplitude": 0.1, "name": "EYS"}, r"effects\[0\]: found no key 'span'.*axis S has no travel"),
+        ({"cause": "axis_location", "amplitude": 0.1, "name": "EYC"}, "found 'EYC'; allowed: EX0X"),
+        ({"cause": "moving_mass", "amplitude": 1e-5, "name": "EXZ", "by": "Y"}, "found EXZ by Y; allowed: an angle"),
+        ({"cause": "moving_mass", "amplitude": 1e-5, "name": "EAY", "by": "Y"}, "found EAY by Y; allowed: .* another axis than Y"),
+        (
+            {"cause": "rotary_radial", "amplitude": 0.01, "axis": "B", "direction": [0, -2, 0]},
+            r"direction: found \[0.0, -2.0, 0.0\], which is along B",
+        ),
+        ({"cause": "compensation_kink", "axis": "X", "nodes": [0, 0], "values": [1, 2]}, "nodes: .* each greater"),
+        ({"cause": "compensation_kink", "axis": "X", "nodes": [0, 1], "values": [1]}, "values: found 1 for 2 nodes"),
+        ({"cause": "compensation_kink", "axis": "X", "nodes": [0, "a"], "values": [1, 2]}, "allowed: a list of numbers"),
+        ({"cause": "swapped_facets", "facets": [16]}, "facets: found 16; allowed: two different facets"),
+        ({"cause": "swapped_facets", "facets": [16, 16]}, "facets: found 16, 16; allowed: two different facets"),
+        ({"cause": "cylinder_cosine", "radius": 200, "facets": [16, 3]}, r"facets: found 16; allowed: flat facets whose normal"),
+        ({"cause": "outliers", "amplitude": 0.1, "rate": 2}, "rate: found 2.0; allowed: a share"),
+        ({"cause": "spindle_orientation", "amplitude": 0.1, "order": -1}, "order: found -1; allowed: 0"),
     ],
 )
 def test_a_wrong_effect_is_refused(effect: dict, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
-        effects.checked([effect])
+        rig(MACHINE, CELL.artefact, World(effects=(effect,)))
 
 
 def test_a_disturbance_without_anything_changes_nothing() -> None:
     nothing = effects.disturbance((), TOUCHES, 5)
     assert isinstance(nothing, Disturbance)
     assert not np.any(nothing.gap) and not np.any(nothing.work) and not np.any(nothing.table) and not nothing.errors
+
+
+def test_what_can_be_hidden_is_listed(tmp_path: Path) -> None:
+    result = CliRunner().invoke(tango, ["simulate", "--list-effects", "-C", str(tmp_path)])
+    assert result.exit_code == 0
+    assert "thermal_drift: amplitude, direction, tau, [shape]\n    The machine warms up" in result.output
+    assert not list(tmp_path.iterdir())

@@ -47,7 +47,10 @@ def in_axis_frame(history: History, letter: str, direction: Vector) -> Array:
 
 
 def across(history: History, letter: str, direction: Vector) -> Array:
-    """the same, and made square to the axis. Raises InputError for a vector along the axis."""
+    """axis, any vector in the machine frame at the zero pose → (3,) unit vector of its part across the axis, in the axis' frame.
+
+    Raises InputError for a vector along the axis.
+    """
     vector = in_axis_frame(history, letter, direction)
     vector[ALONG[letter]] = 0.0
     length = np.linalg.norm(vector)
