@@ -436,6 +436,27 @@ def test_before_and_after_over_the_volume(folder: Path) -> None:
     assert found["extrapolated"]["poses"] > 0
 
 
+def test_the_map_is_written_pose_by_pose(folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "map.csv"
+    assert verify(folder, "--volume", "--levels", "2", "--map", str(file)).return_value == 0
+    head, *rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
+    assert head[:5] == ["X", "Y", "Z", "B", "C"]
+    assert head[-1] == "extrapolated"
+    assert len(rows) == 2**5 + len(noisy())
+    corner = dict(zip(head, map(float, rows[0]), strict=True))
+    assert (corner["X"], corner["Z"], corner["B"], corner["extrapolated"]) == (-400, -100, -95, 1)
+
+
+def test_after_compensation_the_second_estimate_is_the_map(folder: Path, tmp_path: Path) -> None:
+    """Readings of a machine from which all axis locations were taken out."""
+    better = replace(world(), errors={name: value for name, value in world().errors.items() if "0" not in name})
+    write_text(tmp_path / "after.csv", readings_text(measured(better)))
+    found = json.loads(verify(folder, "--volume", "--levels", "2", "--after", str(tmp_path / "after.csv"), "--json", "-").stdout)
+    touched = found["volume"]["touched"]
+    assert touched["before"]["max_um"] > 50
+    assert touched["after"]["max_um"] < 0.2 * touched["before"]["max_um"]
+
+
 def test_the_sphere_cell_goes_the_whole_way(folder: Path, tmp_path: Path) -> None:
     ball = tmp_path / "ball"
     assert verify(folder, "--write-sphere", str(ball)).exit_code == 0
