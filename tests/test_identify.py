@@ -108,14 +108,15 @@ def test_a_round_table_does_not_see_its_own_axis_turn():
 def test_touches_too_noisy_for_a_power_leave_it_out_and_say_by_how_much(hu40t):
     """A polynomial of degree six is there in exact arithmetic, and would be known to millimetres."""
     selection = selected(hu40t, ["S4"], 6)
-    faint = [c.text for c in selection.unseen if "too faint" in c.text]
-    assert faint and all("0.7 µm" in text for text in faint)
+    faint = {c.names[0]: c.text for c in selection.unseen if "touches that scatter by 0.7 µm" in c.text}
+    assert faint and all(name[3] in "3456" and name[2] != "0" for name in faint)  # the lower powers stay
     finer = replace(hu40t, machine=replace(hu40t.machine, probe=replace(hu40t.machine.probe, repeatability=0.0001)))
     assert len(machine_names(selected(finer, ["S4"], 6))) > len(machine_names(selection))
 
 
-@pytest.mark.parametrize("degree", [4, 5, 6])
-@pytest.mark.parametrize("name", ["hu40t", "huron", "trunnion", "fork_head", "split"])
+@pytest.mark.parametrize(
+    ("name", "degree"), [("hu40t", 4), ("hu40t", 6), ("huron", 6), ("trunnion", 5), ("fork_head", 6), ("split", 4)]
+)
 def test_every_degree_settles_with_noise_on_every_five_axis_cell(name, degree):
     cell = cell_named(name)
     readings = simulate(cell.machine, cell.artefact, cell.strategy, read_world(EXAMPLES / name / "world.yaml"))

@@ -110,7 +110,7 @@ def condition_number(matrix: Array) -> float:
 def blurred(model: Model, wanted: set[str]) -> dict[str, Combination]:
     """model of independent columns, names that may be left out → those that touches so noisy would not settle, in words.
 
-    One by one, the highest power first: what is left may then be seen well.
+    One by one, of all that moves together with the worst the highest power: what is left may then be seen well.
     """
     matrix, could = columns(model)
     sigma = max(model.touches.machine.probe.repeatability, FINEST)
@@ -125,14 +125,20 @@ def blurred(model: Model, wanted: set[str]) -> dict[str, Combination]:
     while stay:
         if left:
             root = np.asarray(np.linalg.qr(root, mode="r"))
-        amount = np.linalg.norm(linalg.solve_triangular(root, np.eye(len(stay))), axis=1) * reach[stay]
+        inverse = linalg.solve_triangular(root, np.eye(len(stay)))
+        amount = np.linalg.norm(inverse, axis=1) * reach[stay]
         bad = [i for i, j in enumerate(stay) if amount[i] > BLURRED and model.names[j] in wanted]
         if not bad:
             break
-        worst = max(bad, key=lambda i: (power[stay[i]], amount[i]))
+        blur = max(bad, key=lambda i: amount[i])
+        with_it = np.abs(inverse @ inverse[blur])
+        partners = [i for i, j in enumerate(stay) if with_it[i] > 0.01 * with_it[blur] and model.names[j] in wanted]
+        worst = max(partners, key=lambda i: (power[stay[i]], with_it[i]))
         name = model.names[stay[worst]]
+        blurs = "it" if blur == worst else model.names[stay[blur]]
         text = (
-            f"{name} is too faint: touches that scatter by {sigma * 1e3:.2g} µm would leave {amount[worst]:.2g} mm of it undecided"
+            f"{name} is too faint beside the others: touches that scatter by {sigma * 1e3:.2g} µm would leave "
+            f"{amount[blur]:.2g} mm of {blurs} undecided"
         )
         left[name] = Combination((name,), (1.0,), text)
         root = np.delete(root, worst, axis=1)
