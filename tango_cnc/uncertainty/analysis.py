@@ -269,9 +269,7 @@ def compare_runs(
     for label, (found, own, _, values) in prepared.items():
         place = np.array([found.model.names.index(name) for name in names])
         here = study(found.model, found.values, found.sigma, own)
-        touches = found.model.touches
-        plan = (touches.facet, touches.position.round(0).tobytes())
-        one = process.group(label, here, place, label, plan)
+        one = process.group(label, here, place, label)
         # The mean of r cycles has a smaller part from what every cycle draws anew.
         shrink = {k: m / np.sqrt(len(values)) if here.parts[i].repeats else m for i, (k, m) in enumerate(one.moved.items())}
         groups.append(replace(one, values=values[:, place].mean(axis=0), moved=shrink))

@@ -19,6 +19,7 @@ from .inputs import Part
 from .study import Study
 
 LEVEL = 0.05  # of the whole family of statements
+SPOT_MM, SPOT_RAD = 0.5, 0.002  # touches nearer than this meet the same spot of a facet
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class Group:
     moved: Mapping[str, Array]  # line → (q, k): change of the outputs per ξ
     parts: Mapping[str, Part]
     run: str  # groups of one run share every ξ
-    plan: object = None  # equal for groups whose touches are made at the same places
+    facets: tuple[str, ...] = ()  # n touched
+    position: Array | None = None  # (n, k) where, in units of what still is the same spot of a facet
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,14 @@ def holm(p: Array, level: float = LEVEL) -> NDArray[np.bool_]:
     return result
 
 
-def group(label: str, study: Study, outputs: NDArray[np.int64], run: str, plan: object = None) -> Group:
+def group(label: str, study: Study, outputs: NDArray[np.int64], run: str) -> Group:
     """study of one set, places of the parameters to compare, name of its run → group."""
+    touches = study.model.touches
+    linear = np.array([name in touches.machine.linear for name in touches.machine.names])
+    position = touches.position / np.where(linear, SPOT_MM, SPOT_RAD)
     gain = study.gain[outputs]
     moved = {part.label: gain @ part.factor for part in study.parts}
-    return Group(label, study.values[outputs], moved, {part.label: part for part in study.parts}, run, plan)
+    return Group(label, study.values[outputs], moved, {part.label: part for part in study.parts}, run, touches.facet, position)
 
 
 def compare(names: Sequence[str], groups: Sequence[Group]) -> Comparison:
@@ -119,7 +124,9 @@ def _between(first: Group, second: Group) -> Array:
 
 
 def _same_plan(first: Group, second: Group) -> bool:
-    return first.plan is not None and first.plan == second.plan
+    if first.position is None or second.position is None or first.facets != second.facets:
+        return False
+    return bool(np.all(np.abs(first.position - second.position) < 1))
 
 
 def _chi_square(difference: Array, covariance: Array) -> tuple[float, float]:
