@@ -119,7 +119,7 @@ def one_facet() -> Artefact:
 
 
 @given(topologies(), st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_sensitivity_is_the_derivative_by_complex_step(topology, seed):
     rng = np.random.default_rng(seed)
     machine = machine_of(topology, rng)
@@ -136,7 +136,7 @@ def test_sensitivity_is_the_derivative_by_complex_step(topology, seed):
 
 
 @given(topologies(), st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_jacobian_of_every_unknown_is_the_derivative_by_complex_step(topology, seed):
     rng = np.random.default_rng(seed)
     machine = machine_of(topology, rng)
