@@ -1,0 +1,204 @@
+"""What every file in postprocessors/ has to keep to; a new dialect is tested the moment its file exists.
+
+Programs are compared with tests/golden/<dialect>/. After a change that is meant, look at the difference and write them anew with
+
+    TANGO_GOLDEN=write python -m pytest tests/contracts/test_posts.py
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from postprocessors._base import Job, Leg, Post, comment, load, mark_of, names, program, settings, unverified
+from tango_cnc.files import read_cell
+from tango_cnc.files.plan import plan_lines
+from tango_cnc.plan import part, plan, plan_hash
+from tango_cnc.records import Cell, InputError, Plan
+
+GOLDEN = Path(__file__).parent.parent / "golden"
+MOVES = ("retract", "clear", "index", "approach", "probe", "back", "record")
+WHOLE = ("begin", "probe_on", "probe_off", "end")
+
+
+@pytest.fixture(scope="module")
+def cell() -> Cell:
+    return read_cell(GOLDEN / "cell")
+
+
+@pytest.fixture(scope="module")
+def made(cell: Cell) -> Plan:
+    return plan(cell)
+
+
+@pytest.fixture(params=names())
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def post(name: str) -> Post:
+    return load(name)
+
+
+def text_of(post: Post, made: Plan, options: dict[str, Any] | None = None) -> str:
+    return "".join(f"{line}\n" for line in program(post, made, options or {}, plan_hash(made))[2]())
+
+
+def code_of(text: str) -> list[str]:
+    """text of a program → its lines without comments in ( ) and behind ;"""
+    return [re.sub(r"\([^)]*\)|;.*", "", line).strip() for line in text.splitlines()]
+
+
+def compare(file: Path, text: str) -> None:
+    if os.environ.get("TANGO_GOLDEN") == "write":
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    assert file.is_file(), f"{file} is missing; write it as the docstring of this file says"
+    assert text == file.read_text(encoding="utf-8")
+
+
+def test_the_program_is_the_golden_one(name: str, post: Post, made: Plan) -> None:
+    compare(GOLDEN / name / program(post, made, {}, plan_hash(made))[0], text_of(post, made))
+
+
+def test_the_plan_is_the_golden_one(made: Plan) -> None:
+    compare(GOLDEN / "plan.csv", "".join(f"{line}\n" for line in plan_lines(made)))
+
+
+def test_every_step_says_something(post: Post, made: Plan) -> None:
+    """A step that yields nothing would be a silent gap: no probing, no record, no end."""
+    job = Job(made, settings(post, {}), "P", "M", unverified(post, {}))
+    for step in WHOLE:
+        assert any(line.strip() for line in getattr(post, step)(job)), step
+    place: dict[str, float] = {}
+    for move in made.moves:
+        place.update(move.target)
+        leg = Leg(move.kind, move.target, dict(place), made.touches[move.touch - 1])
+        assert any(line.strip() for line in getattr(post, move.kind)(job, leg)), move
+        if move.kind == "back":
+            assert any(line.strip() for line in post.record(job, leg)), move
+
+
+def test_lines_are_plain_ascii_without_blanks_at_their_end(post: Post, made: Plan) -> None:
+    for line in text_of(post, made).splitlines():
+        assert line.isascii() and line.isprintable() and line == line.rstrip(), line
+        assert len(line) <= 128, line
+
+
+def test_axis_words_have_a_decimal_point_and_no_exponent(post: Post, made: Plan) -> None:
+    text = text_of(post, made)
+    for line in code_of(text.replace(mark_of(text), "MARK").replace(plan_hash(made), "PLAN")):
+        assert not re.search(r"(?<![A-Z0-9<_#%\[])[XYZABCIJKR]=?[+-]?\d+(?![\d.])", line), line
+        assert not re.search(r"\d\.?[eE][+-]?\d", line), line
+        assert not re.search(r"[XYZABCSIJKR\[]-0\.0*(?![0-9])", line), line
+
+
+def test_the_program_carries_a_mark_that_notices_any_change(post: Post, made: Plan) -> None:
+    text = text_of(post, made)
+    mark = program(post, made, {}, plan_hash(made))[1]
+    assert mark_of(text) == mark
+    assert mark_of(text.replace("\n", "\r\n")) == mark
+    assert text.count(mark) >= 2, "header and start record carry it"
+    assert plan_hash(made) in text
+    changed = text.replace("180.", "181.")
+    assert changed != text
+    with pytest.raises(InputError, match="changed after"):
+        mark_of(changed)
+    with pytest.raises(InputError, match="no mark"):
+        mark_of("G0 X1.")
+
+
+def test_the_same_plan_gives_the_same_program_and_another_one_another_mark(post: Post, cell: Cell, made: Plan) -> None:
+    assert text_of(post, made) == text_of(post, plan(cell))
+    some = part(made, [2, 5])
+    assert program(post, some, {}, plan_hash(some))[1] != program(post, made, {}, plan_hash(made))[1]
+
+
+def test_no_text_from_a_file_reaches_the_program_unfiltered(post: Post, cell: Cell) -> None:
+    """Hostile names give the program that their filtered forms give, marks aside."""
+
+    def renamed(word: Callable[[str], str]) -> str:
+        odd = 'x)\nM30 ; %\tO1 "[#500=1]" (äß'
+        facets = {word(odd): replace(f, id=word(odd)) if f.id == "top" else f for f in cell.artefact.facets.values()}
+        facets = {f.id: f for f in cell.artefact.facets.values() if f.id != "top"} | {
+            word(odd): replace(cell.artefact.facets["top"], id=word(odd))
+        }
+        indexations = tuple(
+            replace(i, facets=tuple(word(odd) if f == "top" else f for f in i.facets)) for i in cell.strategy.indexations
+        )
+        hostile = replace(
+            cell,
+            machine=replace(cell.machine, name=word(odd)),
+            artefact=replace(cell.artefact, name=word(odd), facets=facets),
+            strategy=replace(cell.strategy, name=word(odd), indexations=indexations),
+        )
+        made = plan(hostile)
+        text = text_of(post, made)
+        return text.replace(mark_of(text), "MARK").replace(plan_hash(made), "PLAN")
+
+    assert renamed(str) == renamed(comment)
+
+
+def test_touches_come_in_the_order_of_the_plan(post: Post, made: Plan) -> None:
+    """Every record step is called once a touch, in order, between its own probing move and the next one."""
+    calls: list[tuple[str, int]] = []
+
+    def noted(kind: str) -> Callable[[Job, Leg], list[str]]:
+        def step(job: Job, leg: Leg) -> list[str]:
+            calls.append((kind, leg.touch.number))
+            return list(getattr(post, kind)(job, leg))
+
+        return step
+
+    list(program(replace(post, probe=noted("probe"), record=noted("record")), made, {}, "P")[2]())
+    calls = calls[len(calls) // 2 :]  # the program is written twice: once for its mark
+    assert calls == [(kind, touch.number) for touch in made.touches for kind in ("probe", "record")]
+
+
+def test_what_is_unverified_is_in_the_header_until_the_profile_states_it(post: Post, made: Plan) -> None:
+    text = text_of(post, made)
+    assert text.count("UNVERIFIED") == len(unverified(post, {})) >= 1
+    doubtful = next(o for o in post.options if not o.verified)
+    assert len(unverified(post, {doubtful.name: doubtful.default})) == len(unverified(post, {})) - 1
+
+
+def test_an_unknown_option_is_refused_with_what_there_is(post: Post) -> None:
+    known = post.options[0].name
+    with pytest.raises(InputError, match=rf"found the unknown key '{known}x'; allowed: post, port, .*Did you mean '{known}'"):
+        settings(post, {f"{known}x": 1})
+
+
+def test_an_option_of_the_wrong_kind_is_refused(post: Post) -> None:
+    for option in post.options:
+        with pytest.raises(InputError, match=rf"controller\.{option.name}: found .*; allowed: "):
+            settings(post, {option.name: object()})
+
+
+def test_words_of_the_profile_cannot_smuggle_in_comments_or_lines(post: Post) -> None:
+    for option in post.options:
+        if option.codes:
+            for hostile in ("M5\nM30", "M5)", "(X", "#1=2", "m5", "M5;"):
+                with pytest.raises(InputError, match=rf"controller\.{option.name}"):
+                    settings(post, {option.name: hostile})
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -12345678.5])
+def test_a_number_that_is_none_is_refused(post: Post, made: Plan, bad: float) -> None:
+    touch = replace(made.touches[0], end=(bad, *made.touches[0].end[1:]))
+    with pytest.raises(InputError, match=r"position is|more than the eight digits"):
+        program(post, replace(made, touches=(touch, *made.touches[1:])), {}, "P")
+
+
+def test_a_post_that_forgets_a_step_is_a_type_error() -> None:
+    given = {f.name: getattr(load(names()[0]), f.name) for f in fields(Post)}
+    for step in (*MOVES, *WHOLE, "stem"):
+        rest = {key: value for key, value in given.items() if key != step}
+        with pytest.raises(TypeError, match=step):
+            Post(**rest)

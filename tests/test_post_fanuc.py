@@ -1,0 +1,192 @@
+"""The Fanuc program on the simulated control, which knows nothing of posts: what it moves, prints and refuses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from postprocessors._base import load, number, program, rolled
+from sim_controller.interpreters import Alarm
+from sim_controller.interpreters.macro_b import Control, default_profile
+from sim_controller.motion import Motion
+from sim_controller.probing import rig
+from tango_cnc.files import read_cell
+from tango_cnc.link._client import Begun, Ended, Touched
+from tango_cnc.link._words import record
+from tango_cnc.plan import part, plan, plan_hash
+from tango_cnc.records import Artefact, Cell, InputError, Plan, World
+
+GOLDEN = Path(__file__).parent / "golden" / "cell"
+OFFSETS = {"X": 11.5, "Y": -3.25, "Z": 100.25, "B": 1.5, "C": 20.0}
+
+
+@pytest.fixture(scope="module")
+def cell() -> Cell:
+    return read_cell(GOLDEN)
+
+
+@pytest.fixture(scope="module")
+def made(cell: Cell) -> Plan:
+    return plan(cell)
+
+
+def lines_of(made: Plan, **options: Any) -> list[str]:
+    return list(program(load("fanuc"), made, options, plan_hash(made))[2]())
+
+
+def run(lines: list[str], made: Plan, streamed: bool = True, artefact: Artefact | None = None, **profile: Any) -> list[Any]:
+    """program, plan, profile of the control → what the reader of the line makes of all it printed; an alarm is the last item."""
+    printed: list[bytes] = []
+    motion = Motion(rig(made.machine, artefact or made.artefact, World()))
+    known = replace(default_profile(made.machine), **{"g54": OFFSETS, "tool_lengths": {1: 300.0}, **profile})
+    control = Control(motion, known, printed.append, lambda event, **data: None)
+    ended: list[Any] = []
+    try:
+        control.run(iter(lines[1:-1]), streamed)
+    except Alarm as alarm:
+        ended.append(str(alarm))
+    text = b"".join(printed).decode("ascii").replace("\x12", "").replace("\x14", "")
+    return [record(line, made.machine.names) for line in text.splitlines()] + ended
+
+
+def flags(events: list[Any]) -> list[int]:
+    return [event.flag for event in events if isinstance(event, Touched)]
+
+
+@pytest.mark.parametrize(
+    ("options", "streamed", "profile"),
+    [
+        ({}, True, {}),
+        ({}, False, {"read_ahead": True}),
+        ({"macros": "called"}, False, {}),
+        ({"rollover": "never"}, True, {}),
+        ({}, True, {"rollover": ("C",)}),
+        ({}, True, {"rollover": ("C",), "signed_direction": True}),
+        ({"decimals": 4, "print_format": "44"}, True, {"padding": "none", "line_end": "crlf"}),
+    ],
+)
+def test_every_touch_is_made_where_it_is_planned(
+    made: Plan, options: dict[str, Any], streamed: bool, profile: dict[str, Any]
+) -> None:
+    """Whatever work offsets, look-ahead, roll-over and print format the control has, its records are machine coordinates."""
+    begun, *touched, ended = run(lines_of(made, **options), made, streamed, **profile)
+    assert begun == Begun(program(load("fanuc"), made, options, plan_hash(made))[1], len(made.touches))
+    assert ended == Ended(len(made.touches))
+    assert [(t.number, t.flag) for t in touched] == [(t.number, 1) for t in made.touches]
+    for planned, found in zip(made.touches, touched, strict=True):
+        for name, value in zip(made.machine.names, planned.contact, strict=True):
+            if name in "XYZ":
+                assert found.position[name] == pytest.approx(value, abs=0.003), (planned.number, name)
+            else:
+                turned = found.position[name] - math.degrees(value)
+                assert math.remainder(turned, 360) == pytest.approx(0, abs=1e-6), (planned.number, name)
+
+
+def shifted(made: Plan, facet: str, by: float) -> Artefact:
+    """artefact whose one facet really lies `by` mm farther out than everybody thinks."""
+    old = made.artefact.facets[facet]
+    point = np.array(old.point) + by * np.array(old.normal)
+    return replace(made.artefact, facets={**made.artefact.facets, facet: replace(old, point=tuple(point))})
+
+
+def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan) -> None:
+    assert flags(run(lines_of(made), made, artefact=shifted(made, "4", -8.0))) == [1, 1, 1, 1, 1, 0]
+    assert flags(run(lines_of(made), made, artefact=shifted(made, "4", 7.0))) == [1, 1, 1, 1, 1, 2]
+
+
+def test_something_in_the_way_is_an_alarm_not_a_touch(made: Plan) -> None:
+    """The top is 40 mm higher than everybody thinks: the way down to its stand-off is a protected move."""
+    events = run(lines_of(made), made, artefact=shifted(made, "top", 40.0))
+    assert [type(e) for e in events] == [Begun, Touched, str], "the touch before it is on record, this one is not"
+    assert "PROBE MET SOMETHING ON ITS WAY" in events[-1]
+
+
+def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: Plan) -> None:
+    away = {key: replace(f, point=(0.0, 0.0, -500.0), ball=None) for key, f in made.artefact.facets.items()}
+    events = run(lines_of(made), made, artefact=replace(made.artefact, facets=away, balls={}))
+    assert flags(events) == [0, 0]
+    assert "NO CONTACT. IS THE PROBE ALIVE" in events[-1]
+
+
+def test_a_work_offset_changed_on_the_way_is_an_alarm(made: Plan) -> None:
+    lines = lines_of(made)
+    at = next(i for i, line in enumerate(lines) if line.startswith("N3("))
+    events = run([*lines[:at], "#5221=11.9", *lines[at:]], made)
+    assert flags(events) == [1, 1]
+    assert "WORK OFFSET CHANGED" in events[-1]
+
+
+def test_a_rotary_axis_that_went_elsewhere_is_an_alarm_before_anything_is_touched(made: Plan) -> None:
+    """A control that takes the sign for the direction turns C -90 to +90."""
+    events = run(lines_of(made, rollover="never"), made, rollover=("C",), signed_direction=True)
+    assert flags(events) == [1, 1, 1]
+    assert "ROTARY AXIS NOT IN PLACE" in events[-1]
+
+
+def test_the_rest_of_a_run_is_a_program_of_its_own(made: Plan) -> None:
+    rest = part(made, [3, 5, 6])
+    begun, *touched, _ = run(lines_of(rest), rest)
+    assert begun.count == 3
+    assert [(t.number, t.flag) for t in touched] == [(3, 1), (5, 1), (6, 1)]
+
+
+def test_angles_are_0_to_360_for_an_endless_axis_only(made: Plan) -> None:
+    """C of this cell turns without limits, B does not."""
+
+    def turns(**options: str) -> list[str]:
+        return [line for line in lines_of(made, **options) if line.startswith("G90 G53 G0")]
+
+    moved = ["B0.", "C0.", "B-30.", "C270.", "B0.", "C270."]
+    assert turns() == [f"G90 G53 G0 {word}" for word in moved]
+    assert "G90 G53 G0 C-90." in turns(rollover="never")
+    assert "G90 G53 G0 B-30." in turns(rollover="always")
+
+
+def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
+    lines = lines_of(made, unclamp={"B": "M11"}, clamp={"B": "M10"})
+    at = lines.index("G90 G53 G0 B-30.")
+    assert lines[at - 1 : at + 3] == ["M11", "G90 G53 G0 B-30.", "M10", "G90 G53 G0 C270."]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"axis_numbers": {"X": 1, "Y": 2}}, "a number 1 … 8 of its own for each of X, Y, Z, B, C"),
+        ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 4}}, "a number 1 … 8 of its own"),
+        ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
+        ({"clamp": {"B": "M10\nM30"}}, "a word such as M10 for B, C"),
+        ({"program_number": 12345}, "allowed: 1 … 9995"),
+        ({"orient": ""}, "the word that orients the spindle"),
+        ({"positioning_feed": 0}, "more than 0"),
+        ({"macros": "nested"}, "inline, called"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(made: Plan, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        lines_of(made, **options)
+
+
+def test_axes_are_read_by_the_numbers_of_the_profile(made: Plan) -> None:
+    order = ("Z", "X", "Y", "C", "B")
+    numbers = {name: i for i, name in enumerate(order, 1)}
+    assert flags(run(lines_of(made, axis_numbers=numbers), made, axes=order)) == [1] * len(made.touches)
+    assert flags(run(lines_of(made), made, axes=order)) == [], "with the numbers of another control nothing is touched at all"
+
+
+@pytest.mark.parametrize(
+    ("value", "decimals", "text"),
+    [(1.0, 3, "1."), (-0.0, 3, "0."), (-0.0004, 3, "0."), (1e-9, 4, "0."), (-90.5, 3, "-90.5"), (9999.9999, 4, "9999.9999")],
+)
+def test_numbers_are_spelt_as_controls_read_them(value: float, decimals: int, text: str) -> None:
+    assert number(value, decimals) == text
+
+
+@pytest.mark.parametrize(("angle", "same"), [(-90, 270), (360, 0), (359.99999, 0), (-0.00001, 0), (720.5, 0.5), (-620, 100)])
+def test_angles_roll_over(angle: float, same: float) -> None:
+    assert rolled(angle, 3) == pytest.approx(same, abs=1e-9)
+    assert 0 <= float(number(rolled(angle, 3), 3)) < 360
