@@ -52,6 +52,28 @@ def test_every_five_axis_cell_finds_its_own_eight(name):
     assert found == set(FIVE_AXES[machine.topology.replace("b", "f")].split())
 
 
+@pytest.mark.parametrize("name", ["huron", "trunnion", "fork_head", "split"])
+def test_noise_free_readings_of_every_five_axis_cell_return_the_whole_model(name):
+    """S4 on other chains: 20 µm and 60 µrad of everything at the end of the travel, back to 1e-8 mm and 1e-11 rad."""
+    cell, rng = read_cell(EXAMPLES / name), np.random.default_rng(10)
+    selection = select(from_readings(cell.machine, cell.artefact, readings_of(cell, cell.strategy)), ["S4"])
+    names = [c.name for c in selection.model.coefficients if c.slot.axis != "t"]
+    assert len(names) > 60
+    position = np.abs(selection.model.touches.position).max(axis=0)
+    power = {n: int(n[3]) if n[3].isdigit() and n[2] != "0" else 0 for n in names}
+    reach = {n: position[cell.machine.column(n[2])] ** power[n] if power[n] else 1.0 for n in names}
+    errors = {n: rng.uniform(-1, 1) * (0.02 if n[1] in "XYZ" else 6e-5) / reach[n] for n in names}
+    stylus = {"EXt": 0.03, "EYt": -0.02, "EZt": 0.05}
+    facets = {f.id: rng.uniform(-0.03, 0.03) for f in cell.artefact.facets.values() if f.ball is None}
+    world = World(errors=errors, stylus=stylus, facets=facets)
+    result = estimate(cell.machine, cell.artefact, readings_of(cell, cell.strategy, world), ["S4"])
+    found = {n: result.value(n) for n in names}
+    wrong = {n: abs(found[n] - errors[n]) * reach[n] for n in names}
+    assert max(wrong[n] for n in names if n[1] in "XYZ") < 1e-8
+    assert max(wrong[n] for n in names if n[1] in "ABC") < 1e-11
+    assert max(abs(result.value(n) - stylus[n]) for n in stylus) < 1e-8
+
+
 def test_inclined_axis_has_the_errors_of_table_5_1():
     huron = read_cell(EXAMPLES / "huron")
     assert max(huron.machine.axis("A").direction) == pytest.approx(0.5**0.5)
