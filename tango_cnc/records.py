@@ -329,7 +329,7 @@ class Plan:
 
     def _changes(self, at: tuple[float, ...] | None, to: tuple[float, ...], names: Sequence[str] | None = None) -> dict[str, float]:
         pairs = zip(self.machine.names, at or to, to, strict=True)
-        moved = (pair for pair in pairs if at is None or abs(pair[1] - pair[2]) > 1e-9)
+        moved = (pair for pair in pairs if at is None or not abs(pair[1] - pair[2]) <= 1e-9)  # a NaN is a move, to be refused
         return {name: new for name, _, new in moved if names is None or name in names}
 
 
