@@ -64,7 +64,7 @@ TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "_measure"}
+LINK_WITH_IO = {"transport", "session", "journal", "_measure", "_layout"}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "duration")
 
 
