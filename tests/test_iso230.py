@@ -136,6 +136,20 @@ def test_the_angle_between_inclined_rotary_axes(huron: Machine, errors: dict[str
     assert (told.value if told else 0.0) == pytest.approx((np.arccos(one @ two) - nominal) * 1e6, abs=0.05)
 
 
+@pytest.mark.parametrize("errors", [{"EA0C": 5e-5}, {"EB0C": -4e-5}, {"EB0Z": 7e-5}, {"EA0B": 2e-5, "EB0C": 1e-5, "EB0Z": -3e-5}])
+def test_parallelism_is_the_turn_that_takes_one_line_to_the_other(hu40t: Machine, errors: dict[str, float]) -> None:
+    coefficients = [find(name, hu40t)[0] for name in errors]
+    told = iso230.of_coefficients(hu40t, coefficients, np.array(list(errors.values())), np.zeros((len(errors),) * 2), TOGETHER)
+    zero = np.zeros((1, len(hu40t.names)))
+    table = place(true_machine(hu40t, World(errors)), zero, zero).table[0]  # from the table frame into the machine frame
+    turn = np.cross(table @ direction_of(hu40t, errors, "Z"), turning_axis(hu40t, errors, "C"))
+    found = np.zeros(3)
+    for f in told:
+        if (f.kind, f.name) == ("parallelism", "C to Z"):
+            found += f.value * np.array([float(x) for x in f.note.removeprefix("turn about [").rstrip("]").split(",")])
+    assert found == pytest.approx(turn * 1e6, abs=0.05)
+
+
 def test_offset_of_c_from_b_is_where_its_axis_runs(hu40t: Machine) -> None:
     found = figures(hu40t, {"EX0C": -0.108})
     assert found["offset", "C to B"].value == pytest.approx(-108.0)

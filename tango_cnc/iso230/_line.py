@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kinematics import axis_frame
-from ..records import COMPONENTS, Array, Artefact, Axis, Facet, Machine
+from ..records import COMPONENTS, Array, Axis, Machine
 from ..terms import Coefficient
-from ..touches import Touches, of_facets
+from .poses import at_poses, steady
 
 POINTS = 201
 
@@ -37,15 +37,15 @@ def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], l
     rest = (low + high) / 2 if axis.kind == "linear" and not low <= 0 <= high else 0.0
     position = np.zeros((POINTS + 1, len(machine.names)))
     position[:, machine.column(axis.name)] = [*command, rest]
-    still = _poses(machine, position, 0.0)
-    forward = _poses(machine, position, 1.0)
+    still = at_poses(machine, position, np.zeros_like(position))
+    forward = at_poses(machine, position, np.ones_like(position))
     p = len(coefficients)
     along = tuple(np.zeros((POINTS, p)) for _ in range(6))
     at_rest, inter, reversal = np.zeros((6, p)), np.zeros((6, p)), np.zeros(p)
     frame, base, sense = axis_frame(axis.name, axis.direction)
     own = base + (0 if axis.kind == "linear" else 3)
     for j, c in enumerate(coefficients):
-        if c.slot.axis != axis.name:
+        if c.slot.axis != axis.name or not steady(c, still):
             continue
         value = c.regressor(still)
         if c.slot.stage == "inter":
@@ -57,11 +57,6 @@ def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], l
         if c.slot.stage == "motion":
             reversal[j] = (c.regressor(forward) - value)[0]
     return Line(axis, np.eye(3) if frame is None else frame, base, sense, command, along, at_rest, inter, reversal)
-
-
-def _poses(machine: Machine, position: Array, direction: float) -> Touches:
-    nowhere = Artefact("poses", {"0": Facet("0", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))})
-    return of_facets(machine, nowhere, ["0"] * len(position), position, np.full_like(position, direction))
 
 
 def range_of(line: Line) -> tuple[float, float]:

@@ -179,7 +179,7 @@ def table_4_9(setting: Setting) -> Table:
     rows, panels = [], {}
     for s in SUBSETS:
         result = estimate(cell.machine, cell.artefact, readings.rows(~out), (s,))
-        found = compare_tips(result, readings.rows(out), measured)
+        found = compare_tips(result, readings, measured, out)
         printed = setting.printed["table_4_9"][s] | {"mean": setting.printed["more_of_table_4_9"]["mean"][s]}
         rows.append(_prediction(s, printed, found.residual))
         panels[f"subset {s}"] = _arrows(setting, found.facet, found.residual, False)

@@ -9,7 +9,8 @@ from ..estimate import Estimate
 from ..kinematics import Slot
 from ..model import Model, errors
 from ..records import Array
-from ..touches import Touches, of_facets
+from ..terms import GAP
+from ..touches import Touches
 
 
 @dataclass(frozen=True)
@@ -41,24 +42,13 @@ def figures(residuals: Array) -> Figures:
     return Figures(len(residuals), float(residuals.max()), float(residuals.min()), float(residuals.mean()), sd)
 
 
-def at_poses(touches: Touches, position: Array, direction: Array) -> Touches:
-    """touches of the same machine, (n, k) mm rad, (n, k) −1 0 1 → poses at which coefficients can be evaluated."""
-    anywhere = next(iter(touches.artefact.facets))
-    return of_facets(touches.machine, touches.artefact, [anywhere] * len(position), position, direction)
-
-
-def acting(result: Estimate, poses: Touches, setup: bool) -> dict[Slot, Array]:
-    """estimate, poses (n) → error at every slot of the chain (n,) mm or rad; stylus and table placement only with `setup`."""
+def acting(result: Estimate, touches: Touches) -> dict[Slot, Array]:
+    """estimate, touches (n) → error at every slot of the chain (n,) mm or rad, and at GAP what acts on the touch itself, mm."""
     model = result.model
-    found = errors(Model(poses, model.coefficients), result.values[: len(model.coefficients)])
-    return {slot: value for slot, value in found.items() if slot.axis and (setup or not is_setup(slot))}
+    return errors(Model(touches, model.coefficients), result.values[: len(model.coefficients)])
 
 
-def is_setup(slot: Slot) -> bool:
-    """slot → whether it belongs to stylus or table placement and not to the machine."""
-    return slot.stage in ("stylus", "table")
-
-
-def tips(result: Estimate, poses: Touches, setup: bool = True) -> Array:
-    """estimate, poses (n) → (n, 3) mm, predicted tip centre in the table frame."""
-    return kinematics.tip(poses.chain, poses.position, acting(result, poses, setup))
+def tips(result: Estimate, touches: Touches) -> Array:
+    """estimate, touches (n) → (n, 3) mm, predicted tip centre in the table frame, stylus included."""
+    found = acting(result, touches)
+    return kinematics.tip(touches.chain, touches.position, {slot: value for slot, value in found.items() if slot != GAP})

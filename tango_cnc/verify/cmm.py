@@ -13,12 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..estimate import Estimate
 from ..files.checked import complaint, read_text, suggestion
 from ..records import Array, Artefact, Id, InputError, Readings
-from ..touches import Touches, from_readings
-from ._shared import Figures, figures, tips
+from ..terms import GAP
+from ..touches import from_readings
+from ._shared import Figures, acting, figures, tips
 
 FEWEST = 7  # facets: six go into the fit
 FARTHEST = 5.0  # mm from the nominal facet: more is another frame or another facet
@@ -107,22 +109,21 @@ def compare_artefact(result: Estimate, measured: Mapping[Id, Array]) -> Comparis
     return _compare(result.model.touches.artefact, facets, np.array([offsets[f].value for f in facets]), measured)
 
 
-def compare_tips(result: Estimate, readings: Readings, measured: Mapping[Id, Array]) -> Comparison:
-    """estimate, readings (its own or held out), CMM points → where the model puts the tip against the measured facets (Table 4-8).
+def compare_tips(
+    result: Estimate, readings: Readings, measured: Mapping[Id, Array], rows: NDArray[np.bool_] | None = None
+) -> Comparison:
+    """estimate, all readings, CMM points → where the model puts the tip against the measured facets (Table 4-8).
 
-    Machine and stylus are the estimate's, the table is the CMM's. Raises InputError as `compare_artefact`.
+    Machine, stylus and what acts on the touch are the estimate's, the table is the CMM's. `rows`, a mask of the readings,
+    leaves only those (held-out ones, say). Raises InputError as `compare_artefact`.
     """
     own = result.model.touches
-    rows = readings.rows(readings.ok & np.array([f in measured for f in readings.facet], dtype=np.bool_))
-    touches = from_readings(own.machine, own.artefact, rows)
-    height = _height(touches, tips(result, touches))
-    return _compare(own.artefact, touches.facet, height, measured)
-
-
-def _height(touches: Touches, tip: Array) -> Array:
-    """→ (n,) mm, of the contact above the nominal plane."""
-    height: Array = np.sum((tip - touches.point) * touches.normal, axis=1) - touches.machine.probe.tip_radius
-    return height
+    touches = from_readings(own.machine, own.artefact, readings)
+    height = np.sum((tips(result, touches) - touches.point) * touches.normal, axis=1) - own.machine.probe.tip_radius
+    height = height + acting(result, touches).get(GAP, 0.0)
+    wanted = np.ones(len(readings), dtype=np.bool_) if rows is None else rows
+    keep = wanted[readings.ok] & np.array([f in measured for f in touches.facet], dtype=np.bool_)
+    return _compare(own.artefact, [touches.facet[i] for i in np.flatnonzero(keep)], height[keep], measured)
 
 
 def _compare(artefact: Artefact, facets: Sequence[Id], height: Array, measured: Mapping[Id, Array]) -> Comparison:

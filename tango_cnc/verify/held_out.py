@@ -104,7 +104,7 @@ def held_out(
         lost |= {readings.facet[i] for i in rows} - seen
         rows = rows[[readings.facet[i] in seen for i in rows]]
         if len(rows):
-            parts.append((readings.rows(rows), number[rows], place, *predict(result, readings.rows(rows))))
+            parts.append((readings.rows(rows), number[rows], place, *predict(result, readings, rows)))
     if not parts:
         raise TangoError(
             f"held out: every facet of indexations {groups} is touched there alone ({', '.join(sorted(lost))}); hold out fewer"
@@ -133,21 +133,27 @@ def _whole_balls(artefact: Artefact, readings: Readings, left: NDArray[np.bool_]
     return np.array([b is None or len(facets[b]) >= 3 for b in ball], dtype=np.bool_)
 
 
-def predict(result: Estimate, readings: Readings) -> tuple[Array, Array]:
-    """estimate, other readings on facets that it knows → their gaps (n,) mm and standard deviations to be expected (n,) mm.
+def predict(result: Estimate, readings: Readings, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+    """estimate, all readings, rows (m,) of touches to predict → their gaps (m,) mm, their standard deviations to expect (m,) mm.
 
-    Variance of a prediction: J C Jᵀ + σ² (GUM 5.2.2). Raises InputError for a facet that the estimate does not know.
+    All readings are needed for terms that remember what came before. Variance of a prediction: J C Jᵀ + σ² (GUM 5.2.2).
+    Raises InputError for a facet that the estimate does not know.
     """
     model = result.model
     touches = from_readings(model.touches.machine, model.touches.artefact, readings)
-    other = Model(touches, model.coefficients)
+    everything = Model(touches, model.coefficients)
     place = {name: i for i, name in enumerate(model.names)}
-    if missing := [name for name in other.names if name not in place]:
-        raise InputError(f"prediction: found touches on {', '.join(missing)}; allowed: facets that the estimate has touched")
-    index = [place[name] for name in other.names]
-    gaps, jacobian = linearise(other, result.values[index])
-    covariance = result.covariance[np.ix_(index, index)]
-    variance = np.sum(jacobian @ covariance * jacobian, axis=1) + result.sigma**2
+    values = np.array([result.values[place[name]] if name in place else 0.0 for name in everything.names])
+    gaps, jacobian = linearise(everything, values)
+    among = np.cumsum(readings.ok) - 1
+    gaps, jacobian = gaps[among[rows]], jacobian[among[rows]]
+    unknown = [j for j, name in enumerate(everything.names) if name not in place]
+    if np.any(jacobian[:, unknown]):
+        raise InputError("prediction: found touches on facets that the estimate has not touched; allowed: facets that it knows")
+    here = [j for j, name in enumerate(everything.names) if name in place]
+    index = [place[everything.names[j]] for j in here]
+    own = jacobian[:, here]
+    variance = np.sum(own @ result.covariance[np.ix_(index, index)] * own, axis=1) + result.sigma**2
     return gaps, np.sqrt(variance)
 
 

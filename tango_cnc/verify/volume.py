@@ -11,6 +11,7 @@ positions, or not, and which axes lie outside the range that was touched.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,10 +20,12 @@ from scipy import optimize
 
 from .. import kinematics
 from ..estimate import Estimate
+from ..iso230.poses import at_poses, is_setup, steady
+from ..kinematics import Errors
+from ..model import Model, errors
 from ..records import Array, InputError, Machine, TangoError
 from ..terms import Coefficient
 from ..touches import Touches
-from ._shared import acting, at_poses, is_setup, tips
 
 LEVELS = {3: 9, 4: 7, 5: 5}  # grid points an axis, by number of axes: at most some thousands of poses
 HULL = 1e-5  # of an axis' probed range: nearer to the hull than this is inside it
@@ -91,26 +94,28 @@ def volume(result: Estimate, position: Array) -> VolumeMap:
     Raises TangoError when the estimate contains no error of the machine: a map of zeros would look like a perfect one.
     """
     touches = result.model.touches
-    if not any(_of_machine(c) for c in result.model.coefficients):
+    if not any(c.slot.axis and not is_setup(c.slot) for c in result.model.coefficients):
         raise TangoError(
             "volume: the estimate contains no error of the machine, so nothing is known of its tool tip; ask for more terms "
             "(--terms S3), or see with 'tango check' why these touches tell nothing"
         )
-    poses = at_poses(touches, position, np.zeros_like(position))
+    poses = at_poses(touches.machine, position, np.zeros_like(position))
     nominal = kinematics.tip(poses.chain, position)
     outside, extrapolated = probed(touches, position)
-    levers, reversal = _levers(result, poses)
-    error = (tips(result, poses, setup=False) - nominal)[:, :, None]
+    own = [i for i, c in enumerate(result.model.coefficients) if steady(c, poses)]
+    coefficients, values = [result.model.coefficients[i] for i in own], result.values[own]
+    acting = errors(Model(poses, tuple(coefficients)), values)
+    levers, reversal = _levers(coefficients, values, poses, acting)
+    error = (kinematics.tip(poses.chain, position, acting) - nominal)[:, :, None]
     both = set_up(np.concatenate([error, levers], axis=2), setup_lever(poses, nominal), _trusted(extrapolated))
-    index = [i for i, c in enumerate(result.model.coefficients) if _of_machine(c)]
-    spread = both[:, :, 1:] @ result.covariance[np.ix_(index, index)] @ np.swapaxes(both[:, :, 1:], 1, 2)
+    spread = both[:, :, 1:] @ result.covariance[np.ix_(own, own)] @ np.swapaxes(both[:, :, 1:], 1, 2)
     std = np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0.0, None))
     return VolumeMap(touches.machine.names, position, nominal, both[:, :, 0], std, reversal, outside, extrapolated)
 
 
 def of_tips(chart: VolumeMap, tip: Array, touches: Touches) -> Array:
     """map, tips (n, 3) mm of another machine at the same poses → its errors (n, 3) mm after its own best set-up."""
-    poses = at_poses(touches, chart.position, np.zeros_like(chart.position))
+    poses = at_poses(touches.machine, chart.position, np.zeros_like(chart.position))
     return set_up((tip - chart.point)[:, :, None], setup_lever(poses, chart.point), _trusted(chart.extrapolated))[:, :, 0]
 
 
@@ -138,24 +143,19 @@ def set_up(vectors: Array, lever: Array, trusted: NDArray[np.bool_]) -> Array:
     return np.asarray(vectors - lever @ fit)
 
 
-def _of_machine(c: Coefficient) -> bool:
-    return bool(c.slot.axis) and not is_setup(c.slot)
-
-
-def _levers(result: Estimate, poses: Touches) -> tuple[Array, Array]:
-    """→ (n, 3, p) derivative of the tip by each machine coefficient, (n,) mm worst sum of all that depends on the last motions."""
-    coefficients = [c for c in result.model.coefficients if _of_machine(c)]
-    moving = at_poses(poses, poses.position, np.ones_like(poses.position))
+def _levers(coefficients: Sequence[Coefficient], values: Array, poses: Touches, acting: Errors) -> tuple[Array, Array]:
+    """→ (n, 3, p) derivative of the tip by each coefficient, (n,) mm worst sum of all that depends on the last motions."""
+    moving = at_poses(poses.machine, poses.position, np.ones_like(poses.position))
     still = [c.regressor(poses) for c in coefficients]
     change = [c.regressor(moving) - s for c, s in zip(coefficients, still, strict=True)]
-    run = kinematics.trace(poses.chain, poses.position, acting(result, poses, setup=False))
+    run = kinematics.trace(poses.chain, poses.position, acting)
     levers = np.zeros((len(poses), 3, len(coefficients)))
     jumps = np.zeros((len(poses), 3, len(coefficients)))
     for i in range(3):
         slots = kinematics.sensitivity(poses.chain, run, np.tile(np.eye(3)[i], (len(poses), 1))).slots
         for j, c in enumerate(coefficients):
             levers[:, i, j] = slots[c.slot] * still[j]
-            jumps[:, i, j] = slots[c.slot] * change[j] * result.value(c.name)
+            jumps[:, i, j] = slots[c.slot] * change[j] * values[j]
     moved = np.flatnonzero(np.any(jumps != 0, axis=(0, 1)))
     signs = itertools.product((-1.0, 1.0), repeat=len(moved))
     worst = np.max([np.linalg.norm(jumps[:, :, moved] @ np.array(sign), axis=1) for sign in signs], axis=0)

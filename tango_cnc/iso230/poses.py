@@ -1,0 +1,36 @@
+"""Poses that nobody touched: the machine's own errors there, at the start of a test, whatever came before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import Array, Artefact, Facet, Machine
+from ..terms import Coefficient
+from ..touches import Touches, of_facets
+
+NOWHERE = Artefact("poses", {"0": Facet("0", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))})
+
+
+def at_poses(machine: Machine, position: Array, direction: Array) -> Touches:
+    """machine, (n, k) mm rad, (n, k) −1 0 1 → poses at which coefficients can be evaluated; time 0."""
+    touches = of_facets(machine, NOWHERE, ["0"] * len(position), position, direction)
+    return replace(touches, time=np.zeros(len(position)))
+
+
+def is_setup(slot: Slot) -> bool:
+    """slot → whether it belongs to stylus or table placement and not to the machine."""
+    return slot.stage in ("stylus", "table")
+
+
+def steady(coefficient: Coefficient, poses: Touches) -> bool:
+    """coefficient, poses → whether it is an error of the machine that depends on the pose and not on what came before it.
+
+    What drifts is zero at time 0 and stays; what remembers the last move gives other values for the same poses backwards.
+    """
+    if not coefficient.slot.axis or is_setup(coefficient.slot):
+        return False
+    backwards = at_poses(poses.machine, poses.position[::-1], poses.direction[::-1])
+    return bool(np.allclose(coefficient.regressor(poses), coefficient.regressor(backwards)[::-1], rtol=1e-12, atol=1e-300))
