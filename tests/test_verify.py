@@ -497,6 +497,16 @@ def test_wrong_options_are_refused_in_words(folder: Path, options: list[str], me
     assert message in str(found.exception)
 
 
+def test_without_matplotlib_pictures_are_refused_before_anything_is_done(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tango_cnc.report.pictures.available", lambda: False)
+    found = verify(folder, "--hold-out", "3", "--pictures", str(tmp_path / "none"))
+    assert isinstance(found.exception, InputError)
+    assert "tango-cnc[report]" in str(found.exception)
+    assert not (tmp_path / "none").exists()
+
+
 def test_pictures_are_written(folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     file = cmm_file(tmp_path, world(), (0, 0, 0), (0, 0, 0))

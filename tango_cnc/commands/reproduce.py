@@ -32,6 +32,8 @@ def command(numbers: tuple[str, ...], listing: bool, folder: Path | None, json_f
     if listing:
         click.echo("\n".join(known))
         return
+    if folder is not None:
+        pictures.needed()
     setting = _setting()
     found = []
     for number in numbers or known:

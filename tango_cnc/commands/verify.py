@@ -10,6 +10,7 @@ import click
 from ..estimate import estimate
 from ..files import read_cell, read_readings, read_terms
 from ..records import InputError
+from ..report import pictures
 from ._common import cell_option, json_option
 from ._verify import Job, write_sphere
 
@@ -46,6 +47,8 @@ def command(**options: Any) -> int:
     Without a choice, each indexation is predicted from all others. Exit status 1 when --limit-um is exceeded.
     """
     folder: Path = options["folder"]
+    if options["picture_folder"] is not None:
+        pictures.needed()
     cell = read_cell(folder)
     if options["write_sphere"]:
         write_sphere(cell, options)

@@ -40,14 +40,19 @@ def available() -> bool:
     return True
 
 
-def figure(width: float, height: float) -> Any:
-    """inches → an empty figure. Raises InputError when matplotlib is not installed."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
+def needed() -> None:
+    """→ nothing. Raises InputError when matplotlib is not installed: before anything is computed for a picture."""
+    if not available():
         raise InputError(
             "pictures need matplotlib, which is not installed: pip install 'tango-cnc[report]', or leave the pictures out"
-        ) from None
+        )
+
+
+def figure(width: float, height: float) -> Any:
+    """inches → an empty figure. Raises InputError when matplotlib is not installed."""
+    needed()
+    from matplotlib.figure import Figure
+
     return Figure(figsize=(width, height), layout="constrained")
 
 
@@ -135,13 +140,13 @@ def _patches(axes: Any, point: Array, normal: Array) -> None:
     axes.add_collection3d(Poly3DCollection(list(squares), facecolors="#dfe5ea80", edgecolors=PALE, linewidths=0.5))
 
 
-def _box(axes: Any, points: Array, text: str) -> None:
+def _box(axes: Any, points: Array, text: str, zoom: float = 1.05) -> None:
     low, high = points.min(axis=0), points.max(axis=0)
     extent = np.maximum(high - low, 0.25 * float((high - low).max()))
     low = (low + high - extent) / 2
     axes.set(xlim=(low[0], low[0] + extent[0]), ylim=(low[1], low[1] + extent[1]))
     axes.set_zlim(low[2], low[2] + extent[2])
-    axes.set_box_aspect(extent, zoom=1.05)
+    axes.set_box_aspect(extent, zoom=zoom)
     axes.view_init(elev=32, azim=-58)
     axes.set_xlabel("x mm", labelpad=-3)
     axes.set_ylabel("y mm", labelpad=-3)
@@ -218,7 +223,7 @@ def sphere(normal: Array, radius: float, panels: Mapping[str, Array]) -> Any:
                     axes.quiver(*at[rows].T, *tip[rows].T, color=colour, linewidth=0.7, arrow_length_ratio=0.0)
             axes.scatter(*(at + tip).T, s=3, c=np.where(outside, BAD, GOOD), depthshade=False)
             axes.set_title(f"{title}\nout of sphericity {np.ptp(residual) * 1e3:.2f} µm", fontsize=10)
-            _box(axes, np.vstack([at, at + tip]), f"residuals ×{scale:.3g}; red outside, blue inside the fitted sphere")
+            _box(axes, np.vstack([at, at + tip]), f"residuals ×{scale:,.0f}; red outside, blue inside the fitted sphere", 0.92)
     return drawn
 
 
