@@ -80,12 +80,12 @@ def main(
         if tcp is not None:
             listening = listen(tcp)
             host, port = listening.getsockname()[:2]
-            click.echo(f"socket://{host}:{port}")
+            click.echo(getattr(talk, "TCP", "socket://{}").format(f"{host}:{port}"))
             sys.stdout.flush()
             server.serve_tcp(listening, talk, session, parity=parity, once=once)
         else:
             line = PtyLine()
-            click.echo(line.path)
+            click.echo(getattr(talk, "PTY", "{}").format(line.path))
             sys.stdout.flush()
             server.serve_pty(line, talk, session, parity=parity, once=once)
     finally:

@@ -70,12 +70,17 @@ class Session:
         self._language = language(setup.family)
         self._profile = profile(self._language, rig.machine, setup.settings)
         self.buffer = setup.buffer
+        self.device: Any = None  # of a protocol whose control outlives a connection
+
+    def motion(self) -> Motion:
+        """→ the machine of a control that has just been switched on, at its reference position."""
+        motion = Motion(self._rig, self.note, self._wait, self._setup.faults)
+        self.note("power", state="on", home=motion.position.tolist())
+        return motion
 
     def control(self, punch: Callable[[bytes], None]) -> Any:
         """where its output goes → a control that has just been switched on, the machine at its reference position."""
-        motion = Motion(self._rig, self.note, self._wait, self._setup.faults)
-        self.note("power", state="on", home=motion.position.tolist())
-        return self._language.Control(motion, self._profile, punch, self.note, self._setup.library)
+        return self._language.Control(self.motion(), self._profile, punch, self.note, self._setup.library)
 
     def run(self, control: Any, lines: Iterator[str]) -> None:
         """control, lines of one tape → executed. Raises Alarm and Silence."""

@@ -179,7 +179,7 @@ def test_a_serial_port_marks_bytes_of_wrong_parity(pty, monkeypatch):
     import termios
 
     _, name = pty
-    monkeypatch.setattr("tango_cnc.link.transport.PTY", ("nothing",))
+    monkeypatch.setattr("tango_cnc.link._address.PTY", ("nothing",))
     line = opened(f"serial://{name}?parity=even&bits=7&exclusive=no&flow=xonxoff")
     line.write(b"%")
     flags = termios.tcgetattr(line._port.fileno())[0]

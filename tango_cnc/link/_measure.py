@@ -29,11 +29,12 @@ from ..plan import plan as make_plan
 from ..plan import plan_hash
 from ..records import Array, Cell, Indexation, InputError, LinkError, Plan, Touch
 from . import protocols
+from ._address import Address, parse, spoken
 from ._client import Job
 from ._readings import missing, provenance, readings_of
 from .journal import Journal, read_journal
 from .session import Moved, Session, Step
-from .transport import Address, open_port, parse
+from .transport import open_port
 
 FLOOR, TIMES = 30.0, 3.0  # silence allowed before a touch: s, and multiples of its predicted time
 
@@ -150,7 +151,7 @@ def rest_of(cell: Cell, plan: Plan, again: tuple[int, ...], left: tuple[int, ...
         for index, same in groupby(numbers, key=lambda number: touches[number].indexation):
             position = cell.strategy.indexations[index].position
             indexations.append(Indexation(position, tuple(touches[number].facet for number in same)))
-    rest = make_plan(replace(cell, strategy=replace(cell.strategy, indexations=tuple(indexations))), "keep")
+    rest = make_plan(replace(cell, strategy=replace(cell.strategy, indexations=tuple(indexations))), "warn")
     as_before = len(rest.touches) == len(wanted) and np.allclose(_contacts(rest.touches), _contacts(wanted), rtol=0, atol=1e-6)
     if not as_before or [touch.facet for touch in rest.touches] != [touch.facet for touch in wanted]:
         raise InputError("the remaining touches cannot be planned as they were; run the whole plan again without --resume")
@@ -190,7 +191,7 @@ def _started(file: Path, plan: Plan) -> list[dict[str, Any]]:
 def protocol_of(port: str, default: str) -> tuple[Any, Address]:
     """port's URL, protocol of the post → (module of the protocol, address). Raises InputError for what the URL cannot mean."""
     query = dict(parse_qsl(urlsplit(port).query)) if "://" in port else {}
-    name = query.get("link", default)
+    name = spoken(port) or query.get("link", default)
     if name not in protocols():
         raise InputError(f"port {port!r}: link: found {name!r}; allowed: {', '.join(protocols())}")
     module = import_module(f"{__package__}.{name}")

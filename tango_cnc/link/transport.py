@@ -1,9 +1,10 @@
-"""Bytes to and from a port named by a URL: the only importer of serial and socket.
+"""Bytes to and from a port named by a URL: the only importer of serial, socket and pymodbus.
 
     serial:///dev/ttyUSB0?baud=9600&bits=7&parity=even&stop=2&flow=xonxoff      serial://COM3?baud=4800
     /dev/ttyUSB0, COM3, /dev/pts/4       the same with what DEFAULTS says
     socket://192.168.1.20:8193           TCP, also of a serial-to-Ethernet converter in raw mode
     rfc2217://192.168.1.20:2217?baud=…   a converter that lets the line be set from here
+    modbus+tcp://192.168.1.20:502/1      modbus+rtu:///dev/ttyUSB0/1?baud=19200      requests and answers of device 1, in words
 
 Everything after `?` that is not of the line is handed to the protocol client. Behind socket:// and a pty the settings of the
 line are somebody else's; stated all the same, `baud` slows the sending down to that rate and `parity` is added and checked here.
@@ -16,51 +17,31 @@ that the line is lost, serial ports are locked twice, and a character of wrong p
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
-import re
 import select
 import socket
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import Any, Protocol
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import urlsplit
 
 import serial
 from serial.tools import list_ports
 
-from ..records import InputError, LinkError
+from ..records import LinkError
+from ._address import DEFAULTS, Address
+from ._address import parse as parse
 from ._wire import Paced, Parity, unmarked
 
 SLICE = 0.05  # s, the longest wait inside a port that cannot be waited for together with others
 PATIENCE = 5.0  # s, to open a TCP connection
-
-LINE: Mapping[str, tuple[str, ...]] = {
-    "baud": ("9600", "110", "300", "600", "1200", "2400", "4800", "19200", "38400", "57600", "115200"),
-    "bits": ("8", "7"),
-    "parity": ("none", "even", "odd"),
-    "stop": ("1", "2"),
-    "flow": ("none", "xonxoff", "rtscts"),
-    "exclusive": ("yes", "no"),
-}
-DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
-PTY = ("/dev/pts/", "/dev/ttyp")
+ANSWER = 1.0  # s that a Modbus device may take to answer
+REST = 0.002  # s from one Modbus request to the next at least
 
 
 class Lost(LinkError):
     """The line is gone: unplugged, closed by the other side, or broken."""
-
-
-@dataclass(frozen=True)
-class Address:
-    """A port's URL taken apart: what to open, the settings of the line, and what the protocol client is told."""
-
-    url: str
-    scheme: str  # serial, socket, rfc2217
-    target: str  # device, or host:port
-    line: Mapping[str, str] = field(default_factory=dict)
-    uart: bool = True  # somebody keeps to the settings of the line: a driver, a converter
-    options: Mapping[str, str] = field(default_factory=dict)
 
 
 class Transport(Protocol):
@@ -78,40 +59,6 @@ class Transport(Protocol):
         """Gives the port back."""
 
 
-def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
-    """URL or device, {option of the client: allowed values} → address. Raises InputError for what it cannot mean."""
-    if "://" not in url:
-        url_split, scheme, target = urlsplit(""), "serial", url
-    else:
-        url_split = urlsplit(url)
-        scheme, target = url_split.scheme.lower(), url_split.netloc + (url_split.path if url_split.scheme == "serial" else "")
-    if scheme not in ("serial", "socket", "rfc2217"):
-        raise InputError(f"port {url!r}: found scheme {scheme!r}; allowed: serial://, socket://, rfc2217:// or a device path")
-    if scheme == "serial" and not target:
-        raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
-    if scheme != "serial" and not re.fullmatch(r"(\[[0-9A-Fa-f:.]+\]|[^:\[\]@/]+):\d{1,5}", target):
-        raise InputError(f"port {url!r}: found {target!r}; allowed: host:port, e.g. {scheme}://192.168.1.20:8193")
-    uart = scheme != "socket" and not target.startswith(PTY)
-    line: dict[str, str] = {}
-    told: dict[str, str] = {}
-    known: dict[str, tuple[str, ...]] = {**LINE, **options}
-    for name, text in parse_qsl(url_split.query, keep_blank_values=True):
-        value = text or "yes" if name == "exclusive" else text
-        if name not in known:
-            raise InputError(f"port {url!r}: found the unknown setting {name!r}; allowed: {', '.join(known)}")
-        if value not in known[name] and not (name == "baud" and value.isdecimal() and int(value) > 0):
-            raise InputError(f"port {url!r}: {name}: found {value!r}; allowed: {', '.join(known[name])}")
-        if name in LINE:
-            line[name] = value
-        if name in options:
-            told[name] = value
-    if line.get("parity", "none") != "none" and line.get("bits") != "7" and not uart:
-        raise InputError(
-            f"port {url!r}: found parity without bits=7; allowed here: bits=7&parity=…, as nobody else adds the parity"
-        )
-    return Address(url, scheme, target, {**DEFAULTS, **line} if uart else line, uart, told)
-
-
 def ports() -> list[tuple[str, str]]:
     """→ (device, description) of the serial ports of this computer."""
     return sorted((str(port.device), str(port.description)) for port in list_ports.comports())
@@ -120,9 +67,11 @@ def ports() -> list[tuple[str, str]]:
 def open_port(address: Address) -> Transport:
     """address → open transport. Raises LinkError saying what did not open, which ports there are and what to do."""
     try:
-        port: Transport = _Tcp(address) if address.scheme == "socket" else _Port(address)
+        port: Transport = OPENERS.get(address.scheme, _Port)(address)
     except (OSError, ValueError, serial.SerialException) as error:  # SerialException is an OSError; ValueError: baud rates
         raise LinkError(f"port {address.url} does not open: {_reason(error)}. {_advice(address, error)}") from None
+    if address.scheme in ("tcp", "rtu"):
+        return port
     if not address.uart and "baud" in address.line:
         characters = int(address.line["baud"]) / (
             2 + int(address.line.get("bits", "8")) + (address.line.get("parity", "none") != "none")
@@ -141,7 +90,7 @@ def _reason(error: Exception) -> str:
 
 
 def _advice(address: Address, error: Exception) -> str:
-    if address.scheme != "serial":
+    if address.scheme not in ("serial", "rtu"):
         return "Is the controller or converter switched on, the address right, and no other program connected to it?"
     busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error)
     there = ", ".join(f"{device} ({text})" for device, text in ports()) or "none"
@@ -273,3 +222,104 @@ class _Port:
             self._port.reset_output_buffer()
         with contextlib.suppress(Exception):
             self._port.close()
+
+
+class _Modbus:
+    """Requests and answers in words (`modbus.py`), made by pymodbus: one at a time, never repeated, never mixed up.
+
+    pymodbus hands the late answer to one request out as the answer to the next: over RTU nothing in it says which one it
+    answers. After a silence the line is therefore drained until nothing has come for as long as an answer may take (RTU), or
+    opened anew (TCP), and every answer is compared with its request. Whatever passes all that is found by the sequence.
+    """
+
+    chunk = 1024
+
+    def __init__(self, address: Address) -> None:
+        import pymodbus
+        from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+
+        pymodbus.pymodbus_apply_logging_config(logging.CRITICAL)
+        self._unit, self._request, self._due = address.unit, b"", 0.0
+        self._client: Any
+        if address.scheme == "tcp":
+            parts = urlsplit(f"//{address.target}")
+            self._client = ModbusTcpClient(parts.hostname or "", port=parts.port or 0, timeout=ANSWER, retries=0)
+        else:
+            line = address.line if address.uart else {**DEFAULTS, **address.line, "bits": "8", "parity": "none"}
+            self._client = ModbusSerialClient(
+                address.target,
+                baudrate=int(line["baud"]),
+                bytesize=int(line["bits"]),
+                parity=line["parity"][0].upper(),
+                stopbits=int(line["stop"]),
+                timeout=ANSWER,
+                retries=0,
+            )
+        self._client.set_max_no_responses(1 << 30)
+        self._serial = address.scheme == "rtu"
+        if not self._client.connect():
+            raise OSError(f"nothing answers at {address.target}" if not self._serial else f"{address.target} cannot be opened")
+
+    def read(self, timeout: float) -> bytes:
+        """s → the answer to the request written last; empty when there is none to answer. Raises Lost."""
+        line, end, rest = self._request.partition(b"\n")
+        if not end:
+            time.sleep(timeout)
+            return b""
+        self._request = rest
+        time.sleep(max(0.0, self._due - time.monotonic()))
+        self._due = time.monotonic() + REST
+        return f"{self._transact(*map(int, line.split()))}\n".encode("ascii")
+
+    def write(self, data: bytes) -> int:
+        """bytes of a request → how many of them are taken: all."""
+        self._request += data
+        return len(data)
+
+    def close(self) -> None:
+        """Gives the port back."""
+        with contextlib.suppress(Exception):
+            self._client.close()
+
+    def _transact(self, code: int, address: int, *words: int) -> str:
+        """function code, address, count or values → the answer in words. Raises Lost when the line is gone."""
+        from pymodbus.exceptions import ConnectionException, ModbusException
+
+        calls = {
+            3: lambda: self._client.read_holding_registers(address, count=words[0], device_id=self._unit),
+            4: lambda: self._client.read_input_registers(address, count=words[0], device_id=self._unit),
+            16: lambda: self._client.write_registers(address, list(words), device_id=self._unit),
+        }
+        try:
+            reply = calls[code]()
+        except ConnectionException as error:
+            raise Lost(f"the connection broke: {error}") from None
+        except (ModbusException, OSError) as error:
+            self._drain()
+            return f"- {' '.join(str(error).split())}" if isinstance(error, ModbusException) else "- no answer"
+        if reply.isError() and reply.function_code & 0x7F == code:
+            return f"! {reply.exception_code}"
+        said = list(reply.registers) if code != 16 else [reply.address, reply.count]
+        fits = reply.function_code == code and (len(said) == words[0] if code != 16 else said == [address, len(words)])
+        if fits:
+            return " ".join(map(str, [code, *said]))
+        self._drain()
+        return "- the answer to another request"
+
+    def _drain(self) -> None:
+        """Late answers come now or never. Raises Lost when a connection cannot be opened again."""
+        if not self._serial:
+            self._client.close()
+            if not self._client.connect():
+                raise Lost("the connection broke and cannot be opened again")
+            return
+        try:
+            port = self._client.socket
+            while port is not None and select.select([port.fileno()], [], [], ANSWER)[0]:
+                if not os.read(port.fileno(), 4096):
+                    raise OSError("it is ready to be read but nothing is there")
+        except OSError as error:
+            raise Lost(f"the port is gone: {_reason(error)}") from None
+
+
+OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": _Tcp, "tcp": _Modbus, "rtu": _Modbus}

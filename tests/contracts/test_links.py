@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from linkparts import job
 
 from tango_cnc.link import protocols
-from tango_cnc.link._client import Begun, Ended, Failed, Refused, Touched
+from tango_cnc.link._client import Begun, Ended, Failed, Identified, Refused, Touched
 
 TRANSCRIPTS = Path(__file__).parents[1] / "transcripts"
 PROTOCOLS = protocols()
@@ -45,6 +45,8 @@ def unescaped(text):
 
 def shown(event):
     match event:
+        case Identified(text):
+            return f"Identified {text}"
         case Begun(mark, count):
             return f"Begun {mark} {count}"
         case Touched(number, flag, position, _):

@@ -1,0 +1,208 @@
+"""A control that is driven touch by touch through holding registers, behind a real pymodbus server, over TCP or RTU.
+
+The registers and what the resident program does with them are written down again here, on purpose: the two sides have to
+agree on the wire, not in a common file. Function 6 is refused, as FANUC's Modbus/TCP server does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import socket
+import threading
+from typing import Any, cast
+
+from ..lines import Closed, Line, PtyLine
+from ..motion import Motion, MotionStop, Note
+from ..session import Session
+
+TCP, PTY = "modbus+tcp://{}/1", "modbus+rtu://{}/1"  # how the other side names the port
+SIZE = 64
+COMMAND, SEQUENCE, ACKNOWLEDGED, STATUS, POINT, FLAG, ALARM, POSITION = 0, 1, 2, 3, 4, 5, 6, 10
+VERSION, PATTERN, ORDER, MASK, NUMBER, FEED, TARGET = 30, 31, 32, 40, 41, 42, 44
+LETTERS = "XYZABCS"
+COUNT = 1e-4  # mm, deg
+FEED_COUNT = 0.1  # mm/min
+BEGIN, MOVE, TURN, PROBE, END = 1, 2, 3, 4, 5
+IDLE, BUSY, IN_ALARM = 0, 1, 2
+STATES = {"alarm": 2, "door": 3, "estop": 4, "hold": 5, "battery": 6}
+ALARMS = {"collision": 101, "overtravel": 102, "fault": 103}
+POLL = 0.05  # s
+
+
+class Registers:
+    """The control as the wire sees it. A write that brings a new sequence leaves a command `pending`; `execute` does it."""
+
+    def __init__(self, motion: Motion, note: Note = lambda event, **data: None, *, big: bool = True) -> None:
+        self.words = [0] * SIZE
+        self.motion, self._note, self._big = motion, note, big
+        self.pending = False
+        self.silent = False  # its power is gone
+        self.words[VERSION], self.words[PATTERN] = 1, 0x1234
+        self._put(ORDER, [0x01020304])
+        self._here()
+
+    def write(self, address: int, values: list[int]) -> bool:
+        """register, values → whether that is a command to be executed: a new sequence, judged before anything moves."""
+        done = self.words[SEQUENCE]
+        self.words[address : address + len(values)] = values
+        if self.words[SEQUENCE] == done:
+            return False
+        self._note("command", code=self.words[COMMAND], sequence=self.words[SEQUENCE], number=self.words[NUMBER])
+        if self.words[STATUS] != IDLE or self.pending:
+            self._note("unsafe", why=f"command {self.words[COMMAND]} in status {self.words[STATUS]}")
+            return False
+        if self.motion.deflected and self.words[COMMAND] in (MOVE, TURN):
+            self._note("unsafe", why="a move while the probe is deflected")
+        self.pending = True
+        self.words[STATUS] = BUSY
+        return True
+
+    def execute(self) -> None:
+        """Does the pending command, from the first motion to the acknowledgement."""
+        sequence = self.words[SEQUENCE]
+        try:
+            contact = self._perform(self.words[COMMAND])
+        except MotionStop as stop:
+            self.pending = False
+            if str(stop) == "silence":
+                self.silent = True
+                self._note("power", state="off")
+                return
+            self._here()
+            self.words[ALARM] = ALARMS[stop.cause]
+            self.words[STATUS] = STATES.get(str(stop), IN_ALARM)
+            self._note("alarm", code=self.words[ALARM], text=str(stop))
+            return
+        self._here()
+        if contact is not None:
+            self._put(POSITION, contact)
+        self.pending = False
+        self.words[ACKNOWLEDGED], self.words[STATUS] = sequence, IDLE
+
+    def _perform(self, command: int) -> list[int] | None:
+        """→ counts of the contact after a measuring move."""
+        if command in (MOVE, TURN):
+            self.motion.rapid(self._target())
+        elif command == PROBE:
+            return self._touch()
+        elif command not in (BEGIN, END):
+            raise MotionStop("fault", "alarm")
+        return None
+
+    def _touch(self) -> list[int]:
+        """The resident measuring macro: search, latch, back to where it began."""
+        start = dict(zip(self.motion.machine.names, self.motion.position, strict=True))
+        early = self.motion.deflected
+        feed = self._numbers(FEED, 1)[0] * FEED_COUNT
+        skip = self.motion.skip(self._target(), feed)
+        if not early:
+            self.motion.rapid({name: start[name] for name in self.motion.machine.linear})
+        self.words[POINT], self.words[FLAG] = self.words[NUMBER], 2 if early else int(skip.hit)
+        return self._counts(skip.position)
+
+    def _target(self) -> dict[str, float]:
+        counts, mask = self._numbers(TARGET, len(LETTERS)), self.words[MASK]
+        values = {letter: counts[i] * COUNT for i, letter in enumerate(LETTERS) if mask >> i & 1}
+        return {letter: value if letter in "XYZ" else math.radians(value) for letter, value in values.items()}
+
+    def _here(self) -> None:
+        self._put(POSITION, self._counts(self.motion.position))
+
+    def _counts(self, position: Any) -> list[int]:
+        shown = dict(zip(self.motion.machine.names, map(float, position), strict=True))
+        values = [shown.get(letter, 0.0) for letter in LETTERS]
+        return [round((v if letter in "XYZ" else math.degrees(v)) / COUNT) for letter, v in zip(LETTERS, values, strict=True)]
+
+    def _put(self, address: int, values: list[int]) -> None:
+        for i, value in enumerate(values):
+            pair = [value >> 16 & 0xFFFF, value & 0xFFFF]
+            self.words[address + 2 * i : address + 2 * i + 2] = pair if self._big else pair[::-1]
+
+    def _numbers(self, address: int, count: int) -> list[int]:
+        found = []
+        for i in range(count):
+            pair = self.words[address + 2 * i : address + 2 * i + 2]
+            high, low = pair if self._big else pair[::-1]
+            found.append((high << 16 | low) - (high >> 15 << 32))
+        return found
+
+
+def serve(line: Line, session: Session, once: bool) -> None:
+    """line, session → served until the line closes; with a new connection the control is the same, and still switched on."""
+    if session.device is None:
+        session.device = Registers(session.motion(), session.note)
+    server = _Server(session.device, rtu=isinstance(line, PtyLine))
+    inner = socket.create_connection(server.start())
+    back = threading.Thread(target=_answers, args=(inner, line), daemon=True)
+    back.start()
+    try:
+        while True:
+            data = line.receive(POLL)
+            if data and not session.device.silent:
+                session.received(len(data))
+                inner.sendall(data)
+    finally:
+        inner.close()
+        server.stop()
+
+
+def _answers(inner: socket.socket, line: Line) -> None:
+    """What the server says → the line."""
+    with contextlib.suppress(OSError, Closed):
+        while data := inner.recv(4096):
+            line.send(data)
+
+
+class _Server:
+    """A pymodbus server on a port of its own, in a thread of its own."""
+
+    def __init__(self, registers: Registers, rtu: bool) -> None:
+        self._registers, self._rtu = registers, rtu
+        self._loop = asyncio.new_event_loop()
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._address: tuple[str, int] = ("127.0.0.1", 0)
+
+    def start(self) -> tuple[str, int]:
+        """→ the address that it listens on."""
+        self._thread.start()
+        self._ready.wait(10)
+        return self._address
+
+    def stop(self) -> None:
+        """Ends it; a motion that has begun goes on."""
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(2)
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.run_until_complete(self._listen())
+        self._ready.set()
+        self._loop.run_forever()
+
+    async def _listen(self) -> None:
+        import pymodbus
+        from pymodbus import FramerType
+        from pymodbus.server import ModbusTcpServer
+        from pymodbus.simulator import DataType, SimData, SimDevice
+
+        pymodbus.pymodbus_apply_logging_config(logging.CRITICAL)
+        device = SimDevice(id=1, simdata=[SimData(0, count=SIZE, datatype=DataType.REGISTERS)], action=self._asked)
+        framer = FramerType.RTU if self._rtu else FramerType.SOCKET
+        server = ModbusTcpServer(device, framer=framer, address=("127.0.0.1", 0))
+        await server.serve_forever(background=True)
+        self._address = cast(asyncio.Server, server.transport).sockets[0].getsockname()[:2]
+
+    async def _asked(self, code: int, start: int, address: int, count: int, words: list[int], values: Any) -> Any:
+        """One request, before it is answered: six arguments, as pymodbus 3.16 calls it."""
+        from pymodbus.constants import ExcCodes
+
+        if code not in (3, 16, 23):
+            return ExcCodes.ILLEGAL_FUNCTION
+        if values is not None and self._registers.write(address, [int(value) for value in values]):
+            self._loop.run_in_executor(None, self._registers.execute)
+        words[:] = self._registers.words
+        return None

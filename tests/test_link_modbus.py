@@ -1,0 +1,225 @@
+"""Modbus: the layout file, the traps of pymodbus, and whole runs through a real server over TCP and over RTU on a pty."""
+
+import contextlib
+import os
+import re
+import struct
+import sys
+import threading
+import time
+import tty
+
+import numpy as np
+import pytest
+from linkparts import job
+from test_run import STRATEGY, Result, readings
+from test_run_simulated import agree, controller
+
+from tango_cnc.commands.init import write_example
+from tango_cnc.link._layout import STANDARD, read_layout
+from tango_cnc.link.modbus import Client
+from tango_cnc.link.transport import Lost, open_port, parse
+from tango_cnc.records import InputError
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
+
+
+@pytest.fixture
+def cell(tmp_path):
+    folder = tmp_path / "cell"
+    write_example(folder, "hu40t")
+    (folder / "strategy.yaml").write_text(STRATEGY)
+    world = (folder / "world.yaml").read_text()
+    (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
+    return folder
+
+
+def edited(tmp_path, old, new):
+    text = STANDARD.read_text()
+    assert old in text
+    file = tmp_path / "own.yaml"
+    file.write_text(text.replace(old, new))
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("word_order: big ", "word_order: middle ", "allowed: big, little"),
+        ("write: 16", "write: 6", "allowed: 16"),
+        ("  sequence: 1 ", "  sequence: 0 ", "0 is command and sequence"),
+        ("  sequence: 1 ", "  sequence: 29 ", "side by side"),
+        ("  target: 44 ", "  target: 344 ", "at most 120"),
+        ("axes: [X, Y, Z", "axes: [X, Y, W", "axes[2]"),
+        ("busy: 1", "busy: 0", "a number of its own"),
+        ("rotary: 0.0001", "rotary: 0", "greater than 0"),
+    ],
+)
+def test_a_layout_that_cannot_work_is_refused(tmp_path, old, new, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        read_layout(edited(tmp_path, old, new))
+
+
+def test_numbers_of_32_bits_in_both_word_orders(tmp_path):
+    big, little = read_layout(), read_layout(edited(tmp_path, "word_order: big ", "word_order: little "))
+    assert big.words([-123456]) == [0xFFFE, 0x1DC0]
+    assert little.words([-123456]) == [0x1DC0, 0xFFFE]
+    for layout in (big, little):
+        assert layout.numbers(layout.words([-(2**31), -1, 0, 1, 2**31 - 1])) == [-(2**31), -1, 0, 1, 2**31 - 1]
+    with pytest.raises(InputError, match="32 bits"):
+        big.words([2**31])
+
+
+def test_a_plan_that_the_layout_cannot_carry_is_refused_before_anything_is_sent(tmp_path):
+    with pytest.raises(InputError, match="B is missing"):
+        Client(job(), {"layout": edited(tmp_path, "axes: [X, Y, Z, A, B, C, S]", "axes: [X, Y, Z, A, C, S]")})
+    with pytest.raises(InputError, match="32 bits"):
+        Client(job(), {"layout": edited(tmp_path, "linear: 0.0001", "linear: 0.00000001")})
+
+
+@pytest.mark.parametrize(
+    "url", ["modbus+tcp://host:502", "modbus+tcp://host/1", "modbus+rtu:///dev/ttyUSB0/x", "modbus://host:502/1", "modbus+rtu://"]
+)
+def test_a_port_without_device_or_device_number_is_refused(url):
+    with pytest.raises(InputError):
+        parse(url, {})
+
+
+def test_a_whole_run_over_tcp(cell):
+    with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "20")
+    assert result.code == 0, result.err
+    assert agree(cell)
+
+
+@posix
+def test_a_whole_run_over_rtu_on_a_serial_line(cell):
+    with controller(cell, "--protocol", "modbus", "--pty") as url:
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "20")
+    assert result.code == 0, result.err
+    assert agree(cell)
+
+
+def test_a_run_is_resumed_after_an_alarm(cell):
+    with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0", "--fault", "alarm-after=4") as url:
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "20")
+    assert (result.code, "cannot move: it is in alarm" in result.err) == (3, True), result.err
+    assert len(readings(cell, "readings.partial.csv")) == 3
+    with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "20", "--resume")
+    assert result.code == 0, result.err
+    assert agree(cell)
+
+
+def crc(data):
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ (0xA001 if value & 1 else 0)
+    return struct.pack("<H", value)
+
+
+class Slave:
+    """An RTU device on a pty that is told, request by request, what to answer and after how many seconds."""
+
+    def __init__(self, *answers):
+        self._master, slave = os.openpty()
+        tty.setraw(slave)
+        self.url = f"modbus+rtu://{os.ttyname(slave)}/1"
+        self.requests, self._slave = [], slave
+        self._thread = threading.Thread(target=self._serve, args=(answers,), daemon=True)
+        self._thread.start()
+
+    def _serve(self, answers):
+        with contextlib.suppress(OSError):
+            for delay, body in answers:
+                self.requests.append(os.read(self._master, 256))
+                threading.Timer(delay, self._say, (body,)).start()
+
+    def _say(self, body):
+        if body:
+            os.write(self._master, body + crc(body))
+
+
+def read_reply(*words):
+    return bytes([1, 3, 2 * len(words)]) + struct.pack(f">{len(words)}H", *words)
+
+
+WROTE = bytes([1, 16, 0, 0, 0, 2])
+
+
+def ask(port, request):
+    assert port.write(request + b"\n") == len(request) + 1
+    return port.read(0.0).decode().strip()
+
+
+@posix
+def test_a_late_answer_is_not_the_answer_to_the_next_request(monkeypatch):
+    """What pymodbus does by itself: the reply to the first read, 0.1 s too late, is handed out as that to the second."""
+    monkeypatch.setattr("tango_cnc.link.transport.ANSWER", 0.3)
+    slave = Slave((0.4, read_reply(11, 11)), (0.0, read_reply(22, 22)))
+    port = open_port(parse(slave.url, {}))
+    try:
+        assert ask(port, b"3 0 2").startswith("-")
+        assert ask(port, b"3 0 2") == "3 22 22"
+    finally:
+        port.close()
+
+
+@posix
+def test_an_answer_of_another_function_or_length_is_none(monkeypatch):
+    monkeypatch.setattr("tango_cnc.link.transport.ANSWER", 0.2)
+    slave = Slave((0.0, WROTE), (0.0, read_reply(1, 2, 3)), (0.0, read_reply(5, 6)), (0.0, read_reply(7, 8)), (0.0, WROTE))
+    port = open_port(parse(slave.url, {}))
+    try:
+        assert ask(port, b"3 0 2").startswith("-")
+        assert ask(port, b"3 0 2").startswith("-")
+        assert ask(port, b"16 0 5 6").startswith("-")
+        assert ask(port, b"3 0 2") == "3 7 8"
+        assert ask(port, b"16 0 5 6") == "16 0 2"
+    finally:
+        port.close()
+
+
+@posix
+def test_a_write_that_is_not_answered_goes_out_once(monkeypatch):
+    monkeypatch.setattr("tango_cnc.link.transport.ANSWER", 0.1)
+    slave = Slave((0.0, b""), (0.0, b""))
+    port = open_port(parse(slave.url, {}))
+    try:
+        assert ask(port, b"16 0 5 6").startswith("-")
+        time.sleep(0.3)
+        assert [request[1] for request in slave.requests] == [16]
+    finally:
+        port.close()
+
+
+@posix
+def test_an_exception_of_the_device_is_passed_on():
+    slave = Slave((0.0, bytes([1, 0x83, 2])))
+    port = open_port(parse(slave.url, {}))
+    try:
+        assert ask(port, b"3 0 2") == "! 2"
+    finally:
+        port.close()
+
+
+def test_a_device_that_hangs_up_and_stays_away_is_lost(cell):
+    with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
+        port = open_port(parse(url, {}))
+        assert ask(port, b"3 30 2") == "3 1 4660"
+        assert ask(port, b"3 63 9") == "! 2"
+    with pytest.raises(Lost):
+        for _ in range(20):
+            ask(port, b"3 30 2")
+            time.sleep(0.05)
+    port.close()
+
+
+def test_every_target_stands_where_it_was_planned(cell):
+    """Counts of 0.1 µm: what the control is told differs from the plan by half of one at most."""
+    layout = read_layout()
+    values = np.linspace(-400, 400, 999)
+    back = [layout.value("X", layout.numbers(layout.words([layout.counts("X", value)]))[0]) for value in values]
+    assert np.abs(np.array(back) - values).max() <= 0.5001e-4
