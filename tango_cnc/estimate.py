@@ -17,7 +17,7 @@ from scipy import linalg, stats
 from .identify import Selection, condition_number, select
 from .model import Model, known, linearise
 from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, TermItem
-from .touches import from_readings
+from .touches import from_readings, located
 
 STEP = 1e-11  # mm
 SLOWEST = 0.01  # rate at which steps shrink that is trusted
@@ -104,7 +104,7 @@ class Estimate:
 
 def estimate(machine: Machine, artefact: Artefact, readings: Readings, terms: Sequence[TermItem], degree: int = 3) -> Estimate:
     """readings → estimate. Raises InputError for unknown terms, TangoError when the touches do not support a fit."""
-    touches = from_readings(machine, artefact, readings)
+    touches = from_readings(machine, located(artefact, readings), readings)
     if not len(touches):
         raise TangoError("readings: found no touch with status ok; at least as many touches as unknowns are needed")
     return fit(select(touches, terms, degree))

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from . import kinematics
 from .kinematics import Chain, Sensitivity, Slot
-from .records import Array, Artefact, Id, Machine, Readings
+from .records import Array, Artefact, Id, Machine, Readings, Surface
+
+SIDES = 0.05  # least against largest spread of the normals on a ball whose centre is known
 
 
 class Curved(NamedTuple):
@@ -168,12 +170,30 @@ def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> T
     )
 
 
+def located(artefact: Artefact, readings: Readings) -> Artefact:
+    """artefact, readings → the artefact without balls that these touch from too few sides to know their centre.
+
+    Such a ball's facets stand for themselves: patches of a sphere, each with an offset of its own. Its touches still count,
+    and the iteration is spared a centre that could wander around the ball.
+    """
+    loose = []
+    for ball in artefact.balls:
+        rows = np.flatnonzero(readings.ok & [artefact.facets[f].ball == ball for f in readings.facet])
+        spread = np.linalg.svd(np.array([artefact.facets[readings.facet[i]].normal for i in rows]).reshape(-1, 3), compute_uv=False)
+        if len(rows) and (len(spread) < 3 or spread[2] < SIDES * spread[0]):
+            loose.append(ball)
+    if not loose:
+        return artefact
+    facets = {
+        key: replace(f, ball=None, surface=Surface("sphere", artefact.balls[f.ball].radius)) if f.ball in loose else f
+        for key, f in artefact.facets.items()
+    }
+    return replace(artefact, facets=facets)
+
+
 def of_facets(machine: Machine, artefact: Artefact, facets: Sequence[Id], position: Array, direction: Array) -> Touches:
     """facet ids (n), positions (n, k), directions of last motions (n, k) → touches that nobody has made yet."""
     n = len(facets)
     count, one = np.arange(n), np.ones(n, dtype=np.int64)
-    return from_readings(
-        machine,
-        artefact,
-        Readings(machine.names, count + 1, count.astype(float), tuple(facets), position, direction, ("ok",) * n, one, one),
-    )
+    planned = Readings(machine.names, count + 1, count.astype(float), tuple(facets), position, direction, ("ok",) * n, one, one)
+    return from_readings(machine, located(artefact, planned), planned)

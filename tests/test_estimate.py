@@ -220,6 +220,33 @@ def test_readings_that_belong_to_another_table_do_not_give_numbers(hu40t):
     assert result.sigma > 1.0
 
 
+def test_a_ball_touched_from_one_side_only_is_a_facet_of_its_own(hu40t):
+    """Two misses on a ball must not cost the whole measurement, nor let its centre wander around the ball."""
+    world = replace(read_world(EXAMPLES / "hu40t" / "world.yaml"), noise=0.0)
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)
+    lost = tuple("miss" if facet in ("102", "103", "104", "105") else "ok" for facet in readings.facet)
+    result = estimate(hu40t.machine, hu40t.artefact, replace(readings, status=lost), ["S3"])
+    assert list(result.balls) == ["2"] and "101" in result.facets
+    assert result.model.bar is None  # half a bar measures nothing
+    assert np.abs(result.residuals).max() < 1e-9
+    assert max(abs(result.value(n) - world.errors[n]) for n in ("EX0C", "EX0S", "EC0Y", "EA0B")) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_whatever_part_of_the_readings_is_left_there_is_an_answer_or_a_sentence(hu40t, seed):
+    rng = np.random.default_rng(seed)
+    readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, read_world(EXAMPLES / "hu40t" / "world.yaml"))
+    some = rng.choice(list(hu40t.artefact.facets), rng.integers(1, 12), replace=False)
+    rows = np.flatnonzero([f in some for f in readings.facet]) if seed % 2 else np.arange(rng.integers(1, len(readings)))
+    try:
+        result = estimate(hu40t.machine, hu40t.artefact, readings.rows(rows), [("S2", "S3", "S4")[seed % 3]])
+    except TangoError as refusal:
+        assert "more touches than unknowns are needed" in str(refusal)
+        return
+    assert np.isfinite(result.std).all() and np.isfinite(result.condition_number)
+    assert result.dof > 0 and result.std.shape == result.values.shape
+
+
 def test_an_unknown_term_is_refused_with_its_nearest_name(hu40t):
     readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, World())
     with pytest.raises(InputError, match="EX0Q"):
