@@ -161,13 +161,19 @@ def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:
     return (*(f"{o.name} = {o.default if o.default != '' else 'none'}: {o.meaning}" for o in open_fields), *post.doubts)
 
 
+def reach(plan: Plan) -> tuple[str, ...]:
+    """plan → what a person must know of the touches that a straight stylus can hardly make; empty when there are none."""
+    many = len(plan.doubtful)
+    return (f"{many} touches are on facets that face away from the spindle",) if many else ()
+
+
 def program(post: Post, plan: Plan, given: Mapping[str, Any], plan_mark: str) -> tuple[str, str, Callable[[], Iterator[str]]]:
     """post, plan, `controller` keys, hash of the plan → file name, mark of the program, its lines (from the start at each call).
 
     The mark is the sha256 of the program's text with zeros in its own place. Raises InputError for options and numbers
     that cannot be written.
     """
-    options, doubts = settings(post, given), unverified(post, given)
+    options, doubts = settings(post, given), (*unverified(post, given), *reach(plan))
 
     def job(mark: str) -> Job:
         return Job(plan, options, plan_mark, mark, doubts)

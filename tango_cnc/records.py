@@ -289,6 +289,7 @@ class Plan:
     touches: tuple[Touch, ...]
     turns: tuple[Turn, ...]
     left_out: tuple[str, ...] = ()  # touches of the strategy that are not in the plan, in words
+    doubtful: tuple[str, ...] = ()  # touches of the plan that a straight stylus can hardly make, in words
 
     @property
     def moves(self) -> Iterator[Move]:

@@ -40,11 +40,11 @@ def test_expected_standard_deviations_are_those_of_the_estimate(cell: Path, caps
         assert parameter["std"] == pytest.approx(before["expected_std"][name]["std"] * scatter, rel=0.1), name
     assert before["condition_number"] == pytest.approx(after["condition_number"], rel=0.02)
     assert before["dof"] == after["residual"]["dof"]
-    assert before["touches"] == sum(before["facets"].values()) == 358
+    assert before["touches"] == sum(before["facets"].values()) == 393
 
 
-def test_condition_number_of_the_example_is_the_published_one(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, found = checked(capsys, "-C", cell)
+def test_condition_number_of_the_public_cell_is_the_published_one(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, found = checked(capsys, "-C", shared / "contract" / "hu40t")
     assert found["condition_number"] == pytest.approx(1.7e4, rel=0.05)
 
 
@@ -57,17 +57,17 @@ def test_a_strategy_that_leaves_parameters_unseen_is_named_in_words(cell: Path, 
     capsys.readouterr()
     assert call("check", "-C", cell) == 1
     text = capsys.readouterr().out
-    assert "cannot be seen: EX0C" in text
+    assert "cannot be seen" in text and "EX0C" in text
     assert "touched once only" in text
 
 
-def test_touches_that_a_straight_stylus_cannot_make_are_listed(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_touches_that_a_straight_stylus_can_hardly_make_are_listed(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, found = checked(capsys, "-C", shared / "contract" / "hu40t")
-    assert status == 1
-    assert (found["touches"], len(found["left_out"])) == (358, 35)
-    assert "facet 10, indexation 1" in found["left_out"][0] and "away from the spindle" in found["left_out"][0]
-    assert call("check", "-C", shared / "contract" / "hu40t") == 1
-    assert "35 more touches of the strategy cannot be made" in capsys.readouterr().out
+    assert status == 0
+    assert (found["touches"], len(found["doubtful"]), found["left_out"]) == (393, 35, [])
+    assert "facet 10, indexation 1" in found["doubtful"][0] and "away from the spindle" in found["doubtful"][0]
+    call("check", "-C", shared / "contract" / "hu40t")
+    assert "35 of them are on facets that face away" in capsys.readouterr().out
 
 
 def test_a_travel_that_is_exceeded_is_an_error_with_the_touch(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

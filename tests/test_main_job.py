@@ -18,7 +18,6 @@ from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_readings, read_strategy, read_world, strategy_text, world_text
-from tango_cnc.plan import plan
 from tango_cnc.records import World
 
 
@@ -52,10 +51,7 @@ def test_without_the_ball_rows_only_scale_mismatches_are_told(shared: Path) -> N
 
 @pytest.fixture(scope="module")
 def thesis_cell(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Table 4-4 made true, Table 4-2 planned, posted for Fanuc, executed by the simulated controller over a TCP line.
-
-    At the table that stands in for the thesis' a straight stylus cannot make 35 of the 383 touches; the planner leaves them out.
-    """
+    """Table 4-4 made true, Table 4-2 planned, posted for Fanuc, executed by the simulated controller over a TCP line."""
     folder = tmp_path_factory.mktemp("thesis") / "cell"
     write_example(folder, "hu40t")
     cell = read_cell(folder)
@@ -72,7 +68,7 @@ def thesis_cell(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Itera
     try:
         assert process.stdout is not None
         port = process.stdout.readline().strip()
-        arguments = ["run", "-C", str(folder), "--port", port, "--yes", "--obstructed", "leave-out"]
+        arguments = ["run", "-C", str(folder), "--port", port, "--yes"]
         assert guarded(tango.main, arguments, standalone_mode=False) == 0
     finally:
         process.terminate()
@@ -82,27 +78,21 @@ def thesis_cell(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Itera
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("subset", "mean"), [("S1", 23.4), ("S2", 23.4), ("S3", 1.79)])
+@pytest.mark.parametrize(("subset", "mean"), [("S1", 25.8), ("S2", 25.7), ("S3", 2.4)])
 def test_the_thesis_machine_through_a_program_and_a_controller(thesis_cell: Path, subset: str, mean: float) -> None:
-    """The means are those of the same 348 touches simulated without plan, program and controller.
-
-    With all 383 of Table 4-2 they are 25.8, 25.7 and 2.4 (test_estimate).
-    """
+    """An independent simulation of Table 4-2 leaves these means, in µm; the thesis measured 25.93, 25.85 and 2.87."""
     cell = read_cell(thesis_cell)
     readings = read_readings(thesis_cell / "readings.csv", cell.machine, cell.artefact)
-    assert len(readings) == 348 and readings.ok.all()
+    assert len(readings) == 383 and readings.ok.all()
     result = estimate(cell.machine, cell.artefact, readings, [subset])
-    assert np.abs(result.residuals).mean() * 1e3 == pytest.approx(mean, rel=0.03)
+    assert np.abs(result.residuals).mean() * 1e3 == pytest.approx(mean, rel=0.1)
 
 
 @pytest.mark.long
 def test_readings_through_a_program_and_a_controller_are_those_of_the_simulation(thesis_cell: Path) -> None:
     cell = read_cell(thesis_cell)
     readings = read_readings(thesis_cell / "readings.csv", cell.machine, cell.artefact)
-    made = [(t.indexation, t.facet) for t in plan(cell, "leave-out").touches]
-    wanted = [(number, facet) for number, i in enumerate(cell.strategy.indexations) for facet in i.facets]
     simulated = simulate(cell.machine, cell.artefact, cell.strategy, read_world(thesis_cell / "world.yaml"))
-    simulated = simulated.rows(np.array([touch in set(made) for touch in wanted]))
     assert simulated.facet == readings.facet
     linear = [cell.machine.column(name) for name in "XYZ"]
     apart = (readings.position - simulated.position)[:, linear]

@@ -158,9 +158,15 @@ def test_no_room_to_turn_the_table_says_how_much_is_missing() -> None:
         plan(replace(whole, machine=replace(whole.machine, axes=axes)))
 
 
-def test_a_facet_that_faces_away_is_named_with_its_angle() -> None:
+def test_a_facet_that_faces_away_is_planned_and_named_with_its_angle() -> None:
+    made = plan(small(poses=({}, {"B": 40})))
+    assert len(made.touches) == 2 * len(small().strategy.indexations[0].facets) and not made.left_out
+    assert any("touch 9 (facet 1, indexation 2: B 40 C 0 S 0): the facet faces 130° away" in text for text in made.doubtful)
+
+
+def test_a_facet_that_faces_away_can_be_refused() -> None:
     with pytest.raises(InputError) as error:
-        plan(small(poses=({}, {"B": 40})))
+        plan(small(poses=({}, {"B": 40})), "refuse")
     text = str(error.value)
     assert "touch 9 (facet 1, indexation 2: B 40 C 0 S 0): the facet faces 130° away from the spindle" in text
     assert "touch 10" not in text  # facet 2 looks up there

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,8 @@ STEP = 1.0  # mm between the poses that are judged
 CHUNK = 4096  # touches judged at once, so that memory does not grow with their number
 
 Mask = NDArray[np.bool_]
-Verdict = tuple[Mask, str]
+Kind = Literal["facing", "shank", "tip"]  # the facet looks away; stem or body would hit something; the tip would
+Verdict = tuple[Mask, str, Kind]
 
 
 @dataclass(frozen=True)
@@ -58,13 +60,22 @@ class _Part:
     margin: float  # mm of air elsewhere
 
 
-def obstruction(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, solid: Solid) -> dict[int, str]:
+@dataclass(frozen=True)
+class Obstruction:
+    """Why the probe cannot make a touch; at a facet that looks away only the tip is judged: the stem would have to be another."""
+
+    why: str
+    kind: Kind
+
+
+def obstruction(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, solid: Solid) -> dict[int, Obstruction]:
     """touches → {row: why the probe cannot make it}, empty when it can make all."""
-    found: dict[int, str] = {}
+    found: dict[int, Obstruction] = {}
     for start in range(0, len(pose.facet), CHUNK):
-        for hit, why in _verdicts(pose.rows(start, start + CHUNK), probe, approach, artefact, solid):
-            for row in np.flatnonzero(hit):
-                found.setdefault(start + int(row), why)
+        for hit, why, kind in _verdicts(pose.rows(start, start + CHUNK), probe, approach, artefact, solid):
+            for row in start + np.flatnonzero(hit):
+                if int(row) not in found or (kind == "tip" and found[int(row)].kind == "facing"):
+                    found[int(row)] = Obstruction(why, kind)
     return found
 
 
@@ -81,15 +92,18 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
     if solid.table is not None:
         bounding = ball | np.array([f.id in solid.outer for f in facets], dtype=bool)
         for part in parts:
-            yield from ((bounding & hit, why) for hit, why in _touched(solid.table, "the table", part, pose, probe, approach))
+            yield from (
+                (bounding & hit, why, "shank") for hit, why in _touched(solid.table, "the table", part, pose, probe, approach)
+            )
         hit = _any(_crosses(solid.table, pose.tip + d * pose.normal, 0 * pose.tip, probe.tip_radius + MARGIN) for d in way)
-        yield ball & hit, "the tip would hit the table"
+        yield ball & hit, "the tip would hit the table", "tip"
     point = pose.tip - probe.tip_radius * pose.normal
     for number, body in enumerate(solid.obstacles, 1):
         own = np.abs((point @ body.normal.T - body.offset).max(axis=1)) <= LEVEL
         for part in parts:
-            yield from ((own & hit, why) for hit, why in _touched(body, f"obstacle {number}", part, pose, probe, approach))
-        yield from ((~own & hit, why) for hit, why in _obstacle(body, f"obstacle {number}", parts, pose, probe, way))
+            yield from ((own & hit, why, "shank") for hit, why in _touched(body, f"obstacle {number}", part, pose, probe, approach))
+        for hit, why, kind in _obstacle(body, f"obstacle {number}", parts, pose, probe, way):
+            yield ~own & hit, why, kind
     for name, centre, size in zip(artefact.balls, solid.centre, solid.radius, strict=True):
         own = np.array([f.ball == name for f in facets], dtype=bool)
         yield from _ball(centre, float(size), f"ball {name}", own, parts, pose, probe, way)
@@ -103,14 +117,19 @@ def _facing(pose: Pose, probe: Probe, stem: float) -> Iterator[Verdict]:
         yield (
             np.arange(len(cosine)) == row,
             f"the facet faces {angle:.0f}° away from the spindle, a straight stylus reaches up to 91°",
+            "facing",
         )
     air = probe.tip_radius - probe.stylus_radius
     if air < GAP:
         grazing = cosine * max(stem, 1.0) < GAP - air
-        yield grazing, f"the stem (stylus_radius {probe.stylus_radius:g} mm) is not thinner than the tip ({probe.tip_radius:g} mm)"
+        yield (
+            grazing,
+            f"the stem (stylus_radius {probe.stylus_radius:g} mm) is not thinner than the tip ({probe.tip_radius:g} mm)",
+            "shank",
+        )
 
 
-def _touched(body: Body, name: str, part: _Part, pose: Pose, probe: Probe, approach: Approach) -> Iterator[Verdict]:
+def _touched(body: Body, name: str, part: _Part, pose: Pose, probe: Probe, approach: Approach) -> Iterator[tuple[Mask, str]]:
     """The body that is touched: convex, and left along its own normal, so contact and stand-off decide for all between."""
     begin, run = pose.tip + part.low * pose.spindle, (part.high - part.low) * pose.spindle
     yield _crosses(body, begin, run, part.radius + part.touching), f"the {part.name} would hit {name} while the tip touches"
@@ -127,11 +146,15 @@ def _obstacle(body: Body, name: str, parts: tuple[_Part, ...], pose: Pose, probe
         run = (part.high - part.low) * pose.spindle
         begin = pose.tip + part.low * pose.spindle
         air = part.radius + part.margin + between
-        yield _any(_crosses(body, begin + d * pose.normal, run, air) for d in way), f"the {part.name} would hit {name}"
+        yield _any(_crosses(body, begin + d * pose.normal, run, air) for d in way), f"the {part.name} would hit {name}", "shank"
     air = probe.tip_radius + MARGIN + between
     tall = (parts[0].high - parts[0].low) * pose.spindle
-    yield _any(_crosses(body, pose.tip + d * pose.normal, 0 * tall, air) for d in way), f"the tip would hit {name}"
-    yield _crosses(body, pose.tip + way[-1] * pose.normal, tall, air), f"the tip would hit {name} on the way to the stand-off"
+    yield _any(_crosses(body, pose.tip + d * pose.normal, 0 * tall, air) for d in way), f"the tip would hit {name}", "tip"
+    yield (
+        _crosses(body, pose.tip + way[-1] * pose.normal, tall, air),
+        f"the tip would hit {name} on the way to the stand-off",
+        "tip",
+    )
 
 
 def _ball(
@@ -144,12 +167,16 @@ def _ball(
         near = np.min([_distance(centre, begin + d * pose.normal, run) for d in way], axis=0)
         clear = radius + part.radius
         hit = np.where(own, _distance(centre, begin, run) < clear + part.touching, near < clear + part.margin + between)
-        yield hit, f"the {part.name} would hit {name}"
+        yield hit, f"the {part.name} would hit {name}", "shank"
     down = _distance(centre, pose.tip + way[-1] * pose.normal, (parts[0].high - parts[0].low) * pose.spindle)
     near = np.min([np.linalg.norm(pose.tip + d * pose.normal - centre, axis=1) for d in way], axis=0)
     clear = radius + probe.tip_radius
-    yield ~own & (np.minimum(near, down) < clear + MARGIN + between), f"the tip would hit {name}"
-    yield own & (down < clear + GAP), f"the tip would hit {name} on the way to the stand-off"
+    yield ~own & (near < clear + MARGIN + between), f"the tip would hit {name}", "tip"
+    yield (
+        np.where(own, down < clear + GAP, down < clear + MARGIN + between),
+        f"the tip would hit {name} on the way to the stand-off",
+        "shank",
+    )
 
 
 def _any(masks: Iterator[Mask]) -> Mask:

@@ -14,7 +14,7 @@ from ..files import read_cell, read_terms
 from ..identify import condition_number, select, summary
 from ..model import known, linearise
 from ..plan import last_motion, plan
-from ..records import Cell, Plan, TermItem
+from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
 from ._common import cell_option, json_option, table, write_json
@@ -33,7 +33,11 @@ def command(folder: Path, terms: str | None, degree: int, json_file: str | None)
     Exit status 1 when something that the terms ask for cannot be seen, or touches of the strategy cannot be made.
     """
     cell = read_cell(folder)
-    made = plan(cell, "leave-out")
+    try:
+        made = plan(cell)
+    except InputError:
+        # Whatever is beyond leaving out is still an error, and says so.
+        made = plan(cell, "leave-out")
     data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree)
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
@@ -63,6 +67,7 @@ def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> d
         "strategy": cell.strategy.name,
         "touches": len(touches),
         "left_out": list(made.left_out),
+        "doubtful": list(made.doubtful),
         "indexations": len(cell.strategy.indexations),
         "facets": {facet: count[facet] for facet in cell.artefact.facets},
         "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
@@ -89,6 +94,12 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         lines.append(f"{len(left_out)} more touches of the strategy cannot be made; what follows is without them:")
         lines += [f"  {text}" for text in left_out[:NAMED]]
         lines += [f"  … and {len(left_out) - NAMED} more (--json lists all)"] if len(left_out) > NAMED else []
+    if data["doubtful"]:
+        lines.append(
+            f"{len(data['doubtful'])} of them are on facets that face away from the spindle, hardly in reach of a straight stylus:"
+        )
+        lines += [f"  {text}" for text in data["doubtful"][:NAMED]]
+        lines += [f"  … and {len(data['doubtful']) - NAMED} more (--json lists all)"] if len(data["doubtful"]) > NAMED else []
     once = [facet for facet in touched if count[facet] == 1 and cell.artefact.facets[facet].ball is None]
     if once:
         lines.append(f"touched once only, which tells nothing but their own offset: facets {', '.join(once)}")

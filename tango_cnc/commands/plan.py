@@ -14,6 +14,8 @@ from ..files.plan import plan_lines, write_together
 from ..records import InputError, Plan
 from ._common import cell_option, json_option, table, write_json
 
+NAMED = 3  # touches that a warning names
+
 
 @click.command()
 @cell_option
@@ -21,10 +23,10 @@ from ._common import cell_option, json_option, table, write_json
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the program; default: program/ in the cell.")
 @click.option(
     "--obstructed",
-    type=click.Choice(["refuse", "leave-out"]),
-    default="refuse",
+    type=click.Choice(["warn", "refuse", "leave-out"]),
+    default="warn",
     show_default=True,
-    help="Touches that a straight probe cannot make: refuse the plan, or leave them out.",
+    help="Facets that face away from a straight probe: plan them with a warning, refuse the plan, or leave them out.",
 )
 @click.option("--dry-run", is_flag=True, help="Print the moves instead of writing anything.")
 @json_option
@@ -41,6 +43,8 @@ def command(folder: Path, post: str | None, out: Path | None, obstructed: str, d
     made = planner.plan(cell, obstructed)
     for text in made.left_out:
         click.echo(f"left out: {text}", err=True)
+    if made.doubtful:
+        click.echo(warning(made), err=True)
     if dry_run:
         for line in _moves(made):
             click.echo(line)
@@ -53,10 +57,21 @@ def command(folder: Path, post: str | None, out: Path | None, obstructed: str, d
     file_name, program_mark, lines = posts.program(dialect, made, options, mark)
     target = out or folder / "program"
     write_together({target / file_name: lines, target / "plan.csv": lambda: plan_lines(made)})
-    doubts = posts.unverified(dialect, options)
+    doubts = (*posts.unverified(dialect, options), *posts.reach(made))
     result = _result(made, name, target / file_name, target / "plan.csv", program_mark, mark, doubts)
     if not write_json(json_file, result):
         click.echo(_text(made, result))
+
+
+def warning(plan: Plan) -> str:
+    """plan with doubtful touches → what a person must know before it meets a machine."""
+    first = "".join(f"\n  {text}" for text in plan.doubtful[:NAMED])
+    more = f"\n  … and {len(plan.doubtful) - NAMED} more" if len(plan.doubtful) > NAMED else ""
+    return (
+        f"WARNING: {len(plan.doubtful)} of {len(plan.touches)} touches are on facets that a straight stylus can hardly reach; "
+        f"on a machine it would meet the table there and stop:{first}{more}\n"
+        "Take them out of the strategy, or plan with --obstructed leave-out."
+    )
 
 
 def _moves(plan: Plan) -> list[str]:
@@ -91,6 +106,7 @@ def _result(plan: Plan, post: str, file: Path, csv: Path, mark: str, plan_mark: 
         "indexations": len(plan.turns) - 1,
         "facets": len({touch.facet for touch in plan.touches}),
         "left_out": list(plan.left_out),
+        "doubtful": list(plan.doubtful),
         "moves": dict(Counter(move.kind for move in plan.moves)),
         "travel_used": used,
         "unverified": list(doubts),

@@ -39,10 +39,10 @@ PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
 )
 @click.option(
     "--obstructed",
-    type=click.Choice(["refuse", "leave-out", "keep"]),
-    default="refuse",
+    type=click.Choice(["warn", "refuse", "leave-out"]),
+    default="warn",
     show_default=True,
-    help="Touches that a straight probe cannot make, as in 'tango plan'.",
+    help="Facets that face away from a straight probe, as in 'tango plan'.",
 )
 @click.option(
     "--transcript", type=click.File("w", lazy=False), metavar="FILE", help="Also write down every byte that goes over the line."
@@ -66,6 +66,7 @@ def command(
     """
     from ..link._measure import Wanted, measure
     from ..plan import plan
+    from .plan import warning
 
     cell = read_cell(folder)
     if cell.controller is None:
@@ -80,6 +81,8 @@ def command(
     if resume and program_file is not None:
         raise InputError("--program and --resume: a run goes on with a program of the remaining touches; leave --program out")
     made = plan(cell, obstructed)
+    if made.doubtful:
+        click.echo(warning(made), err=True)
     post = dialect(cell)
     someone = sys.stdin.isatty()
     target = readings_file or folder / "readings.csv"

@@ -25,16 +25,17 @@ from ..check.travel import travel_text
 from ..records import Array, Cell, InputError, Plan, Touch
 from .clearance import MARGIN, Clearance
 
-OBSTRUCTED = ("refuse", "leave-out")  # what to do with touches that the probe cannot make
+OBSTRUCTED = ("warn", "refuse", "leave-out")  # what to do with touches that the probe cannot make
 Rows = NDArray[np.int64]
 NAMED = 8  # touches named in one complaint
 
 
-def plan(cell: Cell, obstructed: str = "refuse") -> Plan:
+def plan(cell: Cell, obstructed: str = "warn") -> Plan:
     """cell → plan. Raises InputError naming touch, facet, indexation and axis of what cannot be reached.
 
     `obstructed`: touches at which the straight probe would hit what is on the table are an error ('refuse'), or are not planned
-    and listed in the plan ('leave-out').
+    and listed in the plan ('leave-out'). With 'warn' only those on facets that face away from the spindle are planned all the
+    same, as the strategy asks for them, and listed as doubtful: whoever wrote the strategy may have another stylus in mind.
     """
     machine, artefact, approach = cell.machine, cell.artefact, cell.strategy.approach
     chain = kinematics.chain(machine)
@@ -53,16 +54,18 @@ def plan(cell: Cell, obstructed: str = "refuse") -> Plan:
         return f"touch {touch + 1} (facet {facets[touch]}, indexation {at[touch] + 1}: {_pose(cell, at[touch])})"
 
     blocked = check.obstruction(check.Pose(tuple(facets), tip, normal, spindle[at]), machine.probe, approach, artefact, solid)
-    if blocked and obstructed == "refuse":
+    said = {touch: f"{named(touch)}: {found.why}" for touch, found in sorted(blocked.items())}
+    doubtful = [touch for touch, found in blocked.items() if obstructed == "warn" and found.kind == "facing"]
+    doubts = tuple(said.pop(touch) for touch in sorted(doubtful))
+    if said and obstructed != "leave-out":
         raise InputError(
-            f"{cell.strategy.name}: {len(blocked)} of {len(facets)} touches cannot be made with a straight probe:\n"
-            f"{_some(f'{named(touch)}: {why}' for touch, why in sorted(blocked.items()))}\n"
+            f"{cell.strategy.name}: {len(said)} of {len(facets)} touches cannot be made with a straight probe:\n"
+            f"{_some(said.values())}\n"
             "Take these facets out of those indexations, or let the plan do it (--obstructed leave-out)."
         )
-    left_out: tuple[str, ...] = ()
-    if blocked:
-        left_out = tuple(f"{named(touch)}: {why}" for touch, why in sorted(blocked.items()))
-        keep = np.setdiff1d(np.arange(len(facets)), list(blocked))
+    left_out = tuple(said.values())
+    if said:
+        keep = np.setdiff1d(np.arange(len(facets)), list(said))
         if not len(keep):
             raise InputError(f"{cell.strategy.name}: no touch is left; the first one was {left_out[0]}")
         at, tip, normal, facets = at[keep], tip[keep], normal[keep], [facets[i] for i in keep]
@@ -88,7 +91,7 @@ def plan(cell: Cell, obstructed: str = "refuse") -> Plan:
         )
     )
     turns = Clearance(machine, chain, solid, level, station).turns(touches, lambda index: _pose(cell, index))
-    return Plan(machine, artefact, cell.strategy, touches, turns, left_out)
+    return Plan(machine, artefact, cell.strategy, touches, turns, left_out, doubts)
 
 
 def part(whole: Plan, numbers: Sequence[int]) -> Plan:
