@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ CLOSE = 12.0  # causes whose scores are no further apart are refined before they
 
 Rebuild = Callable[[str, Mapping[str, Any]], Candidate]
 Plausible = Callable[[Candidate, Array], bool]
+Compatible = Callable[[Candidate, Sequence[Candidate]], bool]  # may it stand beside those?
 
 
 class Limits(NamedTuple):
@@ -52,6 +53,9 @@ class Catalogue:
     refine: Mapping[str, Mapping[str, str]]
     rebuild: Rebuild
     plausible: Plausible
+    compatible: Compatible = lambda candidate, others: True
+    steady: bool = False  # patterns are preferred to a wandering noise that would do as well
+    nameless: bool = True  # whether shapes without a name are allowed
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,8 @@ def catalogue(
     rebuild: Rebuild,
     least: float,
     plausible: Plausible = lambda candidate, values: True,
+    compatible: Compatible = lambda candidate, others: True,
+    steady: bool = False,
 ) -> tuple[Catalogue, Array]:
     """space, candidates, parameters to refine → catalogue of those that can be seen, and the visibility (all candidates,)."""
     size = np.cumsum([c.columns.shape[1] for c in candidates])
@@ -82,7 +88,9 @@ def catalogue(
     price = np.array([cost(c, tried[c.cause], place.m) for c in kept])
     group = np.array([names.index(c.cause) for c in kept])
     length = [np.linalg.norm(projected[i], axis=0) for i in keep]
-    return Catalogue(kept, library([projected[i] for i in keep]), length, price, group, names, refine, rebuild, plausible), seen
+    return Catalogue(
+        kept, library([projected[i] for i in keep]), length, price, group, names, refine, rebuild, plausible, compatible
+    ), seen
 
 
 def cost(c: Candidate, tried: int, m: int) -> float:
@@ -194,10 +202,14 @@ def ranked(
     score = 2 * ratio[:, 0] - cat.price
     found = []
     for i, cause in enumerate(cat.causes):
+        if not (cause or cat.nameless):
+            continue
         blocks = np.flatnonzero(cat.group == i)
         for block in blocks[np.argsort(-score[blocks])[:TOP]]:
             if score[block] <= 0 or score[block] - usual[i] <= limits.limit[kind(cause)]:
                 break
+            if not cat.compatible(cat.candidates[block], [c.candidate for c in chosen]):
+                continue
             values = coefficients(place, selected, cat.library.of(block), ratios) / cat.length[block]
             if cat.plausible(cat.candidates[block], values):
                 found.append((float(score[block]), int(block)))
@@ -229,10 +241,23 @@ def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[C
     chosen = searched(place, cat, limits, usual, [])
     if cat.library.size.size and any(best_noise(place, columns_of(place, chosen))[0]):
         still = Space(place.basis, place.y, place.kernels, place.scales, place._settings, place._white, white=True)
-        other = proven(place, cat, searched(still, cat, limits, usual, []), limits, usual)
-        other = searched(place, cat, limits, usual, other)
-        if other and total(place, other) > total(place, chosen) + limits.limit.get("names", 0.0):
+        other = searched(still, cat, limits, usual, [])
+        if cat.steady:
+            plain = [
+                2 * best_noise(place, columns_of(place, c))[1] - np.log(place.m) * columns_of(place, c).shape[1]
+                for c in (other, chosen)
+            ]
+            better = plain[0] > plain[1] + limits.limit.get("names", 0.0)
+        else:
+            other = searched(place, cat, limits, usual, proven(place, cat, other, limits, usual))
+            better = total(place, other) > total(place, chosen) + limits.limit.get("names", 0.0)
+        if other and better:
             chosen = other
+    if any(c.candidate.cause == "" for c in chosen):
+        # A shape may have taken the place of two causes at once, which one by one could not compete with it.
+        names = searched(place, replace(cat, nameless=False), limits, usual, [])
+        if names and total(place, names) > total(place, chosen):
+            chosen = names
     return chosen
 
 

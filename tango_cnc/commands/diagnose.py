@@ -1,0 +1,84 @@
+"""`tango diagnose`: what the model gets wrong, the cause, the extended model, the gain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..diagnose import diagnose
+from ..diagnose.table import as_text as table_text
+from ..diagnose.table import diagnose_table
+from ..diagnose.words import as_json, as_text
+from ..files import read_cell, read_readings, read_terms, write_text
+from ..records import InputError
+from ..terms import causes
+from ._common import cell_option, json_option, write_json
+
+
+@click.command()
+@cell_option
+@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option("--terms", help="The present model, instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
+@click.option("--exclude", multiple=True, metavar="CAUSE", help="Do not try this cause; may be given several times.")
+@click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Also write a report with pictures.")
+@click.option("--table", "table_file", type=click.Path(path_type=Path), metavar="FILE", help="Measured data from elsewhere (CSV).")
+@click.option("--response", metavar="NAME[,NAME…]", help="With --table: the measured column, or the columns of a vector.")
+@click.option("--model", metavar="NAME[,NAME…]", help="With --table: columns that the present linear model contains.")
+@click.option(
+    "--covariate",
+    "covariates",
+    multiple=True,
+    metavar="NAME:KIND",
+    help="With --table: what the rest may depend on; KIND is time, order, position, angle (degrees) or category.",
+)
+@click.option("--group", metavar="NAME", help="With --table: rows with the same value are held out together.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the noise that sets the limits.")
+@json_option
+def command(
+    folder: Path,
+    file: Path | None,
+    terms: str | None,
+    exclude: tuple[str, ...],
+    html: Path | None,
+    table_file: Path | None,
+    response: str | None,
+    model: str | None,
+    covariates: tuple[str, ...],
+    group: str | None,
+    seed: int,
+    json_file: str | None,
+) -> None:
+    """Shows what the model gets wrong, names the cause, extends the model and measures the gain.
+
+    A cause is named when noise alone would hardly ever do as well anywhere in the catalogue, and when touches that were not
+    fitted gain from it. Where nothing in the catalogue fits, the covariate is told and no name.
+    """
+    if table_file is not None:
+        if not response:
+            raise InputError("--table: found no --response; allowed: the name of the measured column, e.g. --response r")
+        result = diagnose_table(table_file, _names(response), _names(model), covariates, group, seed)
+        if not write_json(json_file, result):
+            click.echo(table_text(result))
+        return
+    for name, value in (("--response", response), ("--model", model), ("--covariate", covariates), ("--group", group)):
+        if value:
+            raise InputError(f"{name}: found without --table; allowed: only together with --table FILE")
+    for name in exclude:
+        if name not in causes():
+            raise InputError(f"--exclude: found {name!r}; allowed: {', '.join(causes())}")
+    cell = read_cell(folder)
+    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
+    items = cell.terms if terms is None else read_terms(terms)
+    found = diagnose(cell.machine, cell.artefact, readings, items, exclude, seed)
+    if html is not None:
+        from ..diagnose.pictures import page
+
+        write_text(html, page(found))
+        click.echo(f"report with pictures → {html}", err=True)
+    if not write_json(json_file, as_json(found)):
+        click.echo(as_text(found))
+
+
+def _names(text: str | None) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()] if text else []

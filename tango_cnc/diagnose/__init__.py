@@ -1,0 +1,243 @@
+"""What the model gets wrong: shown, named, put into the model, and its gain measured; or admitted.
+
+    readings ──estimate──▶ residuals ──explain──▶ chosen causes ──extend──▶ estimate with them ──▶ Diagnosis
+
+Everything is judged outside the space that the fitted model already explains (`_space`), against noise that is estimated and
+may wander; every term that is not in the model is a candidate, and so are shapes without a name (`_candidates`). `_search`
+selects, `_gain` asks touches that were not fitted, `table` does the same for measured data from elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from .. import terms as families
+from ..estimate import Estimate, estimate
+from ..model import known, linearise
+from ..records import Array, Artefact, Machine, Readings, TermItem
+from ..touches import Touches
+from . import _explain, _gain, _seen, _spread
+from ._candidates import Candidate, candidate, named, outliers, shapes
+from ._explain import Explanation
+from ._records import Finding, Remainder
+from ._search import Chosen
+from ._seen import Test
+from ._size import size
+
+Verdict = Literal["adequate", "explained", "unexplained"]
+ROUNDS = 2  # of weighting rough facets and searching again
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything a report needs."""
+
+    verdict: Verdict
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Remainder, ...]
+    visibility: Mapping[str, float]
+    tests: tuple[Test, ...]  # of every covariate, before any cause
+    tests_after: tuple[Test, ...]
+    before: Estimate
+    after: Estimate
+    terms: tuple[TermItem, ...]  # the extended model
+    outliers: tuple[int, ...]  # touch numbers that nothing explains
+    noise: float  # mm, white noise of a touch that is left
+    explanation: Explanation
+
+    @property
+    def terms_text(self) -> str:
+        """→ the extended model as it is written into tango.yaml."""
+        return "[" + ", ".join(_flow(t) for t in self.terms) + "]"
+
+
+def _flow(item: TermItem) -> str:
+    if isinstance(item, str):
+        return item
+    return "{" + ", ".join(f"{k}: {_value(v)}" for k, v in item.items() if v is not None) + "}"
+
+
+def _value(v: object) -> str:
+    if isinstance(v, (list, tuple)):
+        return "[" + ", ".join(map(str, v)) + "]"
+    return f"{v:.6g}" if isinstance(v, float) else str(v)
+
+
+def diagnose(
+    machine: Machine,
+    artefact: Artefact,
+    readings: Readings,
+    terms: Sequence[TermItem],
+    excluded: Collection[str] = (),
+    seed: int = 0,
+) -> Diagnosis:
+    """readings and the terms of the present model → diagnosis. `excluded` causes are not tried.
+
+    Raises InputError and TangoError as `estimate`.
+    """
+    before = estimate(machine, artefact, readings, terms)
+    found, weight, rough = _explained(before, excluded, seed)
+    return _told(before, readings, terms, found, weight, rough, excluded, seed)
+
+
+def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[Explanation, Array, list[_explain.Rough]]:
+    """Facets that scatter more than the others get less weight, and everything is looked at again."""
+    touches, n = before.model.touches, len(before.model.touches)
+    every = [
+        *named(touches, before.model.names, excluded),
+        *outliers(touches),
+        *shapes(touches, set(families.causes()) - set(excluded)),
+    ]
+    offsets = {name: p.value for name, p in before.facets.items()}
+    modules = families.causes()
+
+    def plausible(c: Candidate, values: Array) -> bool:
+        check = getattr(modules.get(c.cause), "plausible", None)
+        return check is None or bool(check(values, c.setting, offsets))
+
+    gaps, jacobian = linearise(before.model, before.values)
+    distances, rows, uncertainty = known(before.model, before.values)
+    wandering, seating = kernels(touches)
+    weight, rough = np.ones(n), []
+    for turn in range(ROUNDS):
+        certain = before.sigma / uncertainty
+
+        def weighed(c: Candidate, w: Array = weight) -> Candidate:
+            return replace(c, columns=c.columns * w[:, None])
+
+        found = _explain.explain(
+            np.concatenate([gaps * weight, distances * certain]),
+            np.vstack([jacobian * weight[:, None], rows * certain[:, None]]),
+            n,
+            every if turn == 0 else [weighed(c) for c in every],
+            [k * np.outer(weight, weight) for k in (wandering, seating)],
+            {name: module.REFINE for name, module in modules.items()},
+            lambda cause, setting, w=weighed: w(candidate(touches, cause, setting)),  # type: ignore[misc]
+            plausible,
+            seed=seed,
+        )
+        if "surface_form" in excluded or turn == ROUNDS - 1:
+            break
+        rough = _explain.rough(found, touches.facet)
+        if not rough:
+            break
+        extra = {r.key: r.extra for r in rough}
+        weight = np.array([1 / np.hypot(1.0, extra.get(f, 0.0) / found.sigma) for f in touches.facet])
+    return found, weight, rough
+
+
+def kernels(touches: Touches) -> tuple[Array, Array]:
+    """touches → covariances (n, n) of a wandering and of a new seat at every indexation, machine frame, unit size.
+
+    The wandering is a random walk of x y z with variance 1 after an hour.
+    """
+    alike = touches.machine_normal @ touches.machine_normal.T
+    hours = (touches.time - touches.time.min()) / 3600
+    same = touches.indexation[:, None] == touches.indexation[None, :]
+    return alike * np.minimum(hours[:, None], hours[None, :]), alike * same
+
+
+def _told(
+    before: Estimate,
+    readings: Readings,
+    terms: Sequence[TermItem],
+    found: Explanation,
+    weight: Array,
+    rough: list[_explain.Rough],
+    excluded: Collection[str],
+    seed: int,
+) -> Diagnosis:
+    touches = before.model.touches
+    n = len(touches)
+    single = [int(c.candidate.setting["touch"]) for c in found.chosen if c.candidate.cause == "outlier"]
+    keep = ~np.isin(np.arange(n), single)
+    schemes = {
+        "indexations": touches.indexation,
+        "facets": _gain.groups_of(touches.facet),
+        "time": _gain.blocks(n),
+        "scattered": _gain.scattered(n),
+    }
+    gaps, jacobian = linearise(before.model, before.values)
+    distances, rows, uncertainty = known(before.model, before.values)
+    data = np.concatenate([gaps, distances * before.sigma / uncertainty])
+    base = np.vstack([jacobian, rows * (before.sigma / uncertainty)[:, None]])
+    raw = {id(c): c.candidate.columns / weight[:, None] for c in found.chosen}
+
+    def padded(columns: Array) -> Array:
+        return np.vstack([columns, np.zeros((len(base) - n, columns.shape[1]))])
+
+    sizes = size(found, touches, weight)
+    gains: dict[int, _gain.Gain] = {}
+    for c in found.chosen:
+        if c.candidate.cause == "outlier":
+            continue
+        others = [padded(raw[id(o)]) for o in found.chosen if o is not c]
+        rng = np.random.default_rng([seed, n])
+        gains[id(c)] = _gain.measure(np.hstack([base, *others]), data, raw[id(c)], schemes, keep, rng)
+    accepted = [c for c in found.named if gains[id(c)].real]
+    extended = (*terms, *({"cause": c.candidate.cause, **c.candidate.setting} for c in accepted))
+    after = estimate(before.model.touches.machine, touches.artefact, readings, extended) if accepted else before
+    findings = []
+    for c in accepted:
+        s = sizes[id(c)]
+        others_like = tuple((o.candidate.cause, o.candidate.setting, behind) for o, behind in _explain.alternatives(found, c))
+        partners = [o for o, _ in _explain.alternatives(found, c)] if others_like else []
+        findings.append(
+            Finding(
+                c.candidate.cause,
+                c.candidate.setting,
+                s.detail,
+                s,
+                _explain.significance(found, c),
+                gains[id(c)],
+                _shift(before, after),
+                others_like,
+                _seen.separate(found, touches, c, partners),
+                s.effect,
+                raw[id(c)] @ s.values,
+            )
+        )
+    findings += _spread.findings(found, touches, rough, excluded)
+    remains = [
+        _remainder(c, raw[id(c)] @ sizes[id(c)].values, gains[id(c)])
+        for c in found.chosen
+        if c.candidate.cause == "" and gains[id(c)].real
+    ]
+    remains += _spread.wandering(found, touches)
+    verdict: Verdict = "unexplained" if remains else "explained" if findings else "adequate"
+    return Diagnosis(
+        verdict,
+        tuple(findings),
+        tuple(remains),
+        dict(sorted(found.visibility.items())),
+        _seen.tests(base, data, touches, keep),
+        _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, touches, keep),
+        before,
+        after,
+        extended,
+        tuple(int(touches.number[i]) for i in single),
+        found.sigma,
+        found,
+    )
+
+
+def _shift(before: Estimate, after: Estimate) -> dict[str, tuple[float, float, float]]:
+    """→ parameters that move, largest move in standard deviations first."""
+    old, new = before.parameters, after.parameters
+    moved = {
+        name: (p.value, new[name].value, (new[name].value - p.value) / p.std if p.std else 0.0)
+        for name, p in old.items()
+        if name in new
+    }
+    return dict(sorted(moved.items(), key=lambda item: -abs(item[1][2])))
+
+
+def _remainder(c: Chosen, pattern: Array, g: _gain.Gain) -> Remainder:
+    r2 = 1 - (g.heldout_after / g.heldout_before) ** 2 if g.heldout_before else 0.0
+    setting = c.candidate.setting
+    covariate, frame, shape = str(setting["covariate"]), str(setting["frame"]), str(setting["shape"])
+    return Remainder(covariate, frame, shape, float(np.max(np.abs(pattern))), float(r2), pattern)

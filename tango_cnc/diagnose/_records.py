@@ -1,0 +1,56 @@
+"""What a diagnosis finds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..records import Array, TermItem
+from ._gain import Gain
+
+
+@dataclass(frozen=True)
+class Size:
+    """Values of the columns of one cause, their covariance, and one number for their size."""
+
+    values: Array  # (k,) unit of the coefficients
+    std: Array  # (k,)
+    amplitude: float  # mm; of an angle or a slope: the largest effect on a touch
+    amplitude_std: float
+    detail: Mapping[str, Any]
+    effect: Mapping[str, Any]  # entry of world.yaml's effects
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One named cause; lengths mm."""
+
+    cause: str
+    setting: Mapping[str, Any]  # of the term
+    detail: Mapping[str, Any]  # for people and files
+    size: Size
+    p_value: float
+    gain: Gain | None
+    shift: Mapping[str, tuple[float, float, float]]  # parameter: before, after, in standard deviations
+    alternatives: tuple[tuple[str, Mapping[str, Any], float], ...]  # cause, setting, how much worse its score
+    separate_with: tuple[str, ...]
+    effect: Mapping[str, Any]  # entry of world.yaml's effects
+    pattern: Array  # (n,) what it does to every touch
+
+    @property
+    def item(self) -> TermItem:
+        """→ the entry of a list of terms."""
+        return {"cause": self.cause, **self.setting}
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Structure without a name; mm."""
+
+    covariate: str
+    frame: str
+    shape: str
+    amplitude: float
+    heldout_r2: float
+    pattern: Array  # (n,)
