@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..kinematics import Slot
 from ..model import Model
@@ -123,121 +122,110 @@ def _acting(model: Model, rows: list[int], dtype: type[np.floating[Any]]) -> Act
     )
 
 
-def _amount(acting: Acting, values: Array) -> Array:
-    """→ (b, n) or (b, 1): the error at a slot in each trial."""
+def _amount(acting: Acting, values: Array, out: Array) -> Array:
+    """→ (b, n) in `out`, or (b, 1): the error at a slot in each trial."""
     own = values[:, acting.unknowns]
-    result: Array = own * acting.regressors if own.shape[1] == 1 else own @ acting.regressors
-    return result
+    if acting.regressors.shape[1] == 1:
+        return np.asarray(own @ acting.regressors)
+    return np.asarray(
+        np.multiply(own, acting.regressors, out=out) if own.shape[1] == 1 else np.matmul(own, acting.regressors, out=out)
+    )
 
 
 def gaps(ready: Batch, values: Array) -> Array:
     """ready model, (b, p) unknowns → (b, n) mm, the same as `model.residual` to rounding (model.md, one touch one equation)."""
-    model = ready.model
-    touches = model.touches
-    shape = (len(values), len(touches))
     exact, values = values, values.astype(ready.gap.dtype)
-    d: list[Array | None] = [None, None, None]
+    shape = (len(values), len(ready.gap))
+    d = np.zeros((3, *shape), values.dtype)
+    scratch = np.empty((5, *shape), values.dtype)
+    largest = np.abs(values).max(axis=0)
     for component, acting in ready.start:
-        amount = _amount(acting, values)
         for i in range(3):
             if ready.spindle_frame[component, i]:
-                own = amount * ready.spindle_frame[component, i]
-                d[i] = np.broadcast_to(own, shape) if d[i] is None else d[i] + own
+                d[i] += _amount(acting, values, scratch[0]) * ready.spindle_frame[component, i]
     for stop in ready.stops:
-        if stop.kind == "shift":
-            assert stop.acting is not None
-            amount = _amount(stop.acting, values)
-            if stop.factor != 1.0:
-                amount *= stop.factor
-            old = d[stop.base]
-            d[stop.base] = amount if old is None else old + amount
-        elif stop.kind == "turn":
-            _error_turn(stop, values, d)
+        if stop.kind == "turn":
+            _error_turn(stop, values, largest, d, scratch)
         elif stop.kind == "command":
-            _command_turn(stop, d)
+            _command_turn(stop, d, scratch)
+        elif stop.kind == "shift":
+            assert stop.acting is not None
+            amount = _amount(stop.acting, values, scratch[0])
+            d[stop.base] += amount if stop.factor == 1.0 else np.multiply(amount, stop.factor, out=amount)
         else:
             assert stop.matrix is not None
-            d = list(
-                np.tensordot(stop.matrix, np.array([np.zeros(shape) if c is None else np.broadcast_to(c, shape) for c in d]), 1)
-            )
-    return _close(ready, values, exact, d, shape)
+            d = np.tensordot(stop.matrix, d, 1)
+    return _close(ready, values, exact, d, scratch)
 
 
-def _command_turn(stop: Stop, d: list[Array | None]) -> None:
-    j, k = (stop.base + 1) % 3, (stop.base + 2) % 3
-    y, z, sine, cosine = d[j], d[k], stop.sine, stop.cosine
-    assert sine is not None and cosine is not None
-    if y is None and z is None:
-        return
-    if y is None or z is None:
-        only = z if y is None else y
-        d[j], d[k] = (-sine * only, cosine * only) if y is None else (cosine * only, sine * only)  # type: ignore[operator]
-        return
-    d[j], d[k] = cosine * y - sine * z, sine * y + cosine * z
+def _command_turn(stop: Stop, d: Array, scratch: Array) -> None:
+    y, z = d[(stop.base + 1) % 3], d[(stop.base + 2) % 3]
+    assert stop.sine is not None and stop.cosine is not None
+    np.multiply(stop.sine, y, out=scratch[0])
+    np.multiply(stop.sine, z, out=scratch[1])
+    y *= stop.cosine
+    y -= scratch[1]
+    z *= stop.cosine
+    z += scratch[0]
 
 
-def _error_turn(stop: Stop, values: Array, d: list[Array | None]) -> None:
-    """d → R(α)(x + d) − x, x the nominal point: only what differs from the nominal path is carried on."""
+def _error_turn(stop: Stop, values: Array, largest: Array, d: Array, scratch: Array) -> None:
+    """d → R(α)(x + d) − x in place, x the nominal point: only what differs from the nominal path is carried on."""
     assert stop.acting is not None and stop.at is not None
-    j, k = (stop.base + 1) % 3, (stop.base + 2) % 3
-    sine = _amount(stop.acting, values)
+    dy, dz = d[(stop.base + 1) % 3], d[(stop.base + 2) % 3]
+    sine = _amount(stop.acting, values, scratch[0])
     if stop.factor != 1.0:
         sine *= stop.factor
-    largest = float(np.max(np.abs(values[:, stop.acting.unknowns]) @ stop.acting.largest, initial=0.0))
-    less = sine * sine
+    bound = float(largest[stop.acting.unknowns] @ stop.acting.largest)
+    less = np.multiply(sine, sine, out=scratch[1] if sine.shape[1] > 1 else None)
     less *= -0.5  # cos α − 1
-    if largest > SMALL:
-        sine, less = np.sin(sine), -2 * np.sin(sine / 2) ** 2
-    elif largest > TINY:
+    if bound > SMALL:
+        less = -2 * np.sin(sine / 2) ** 2
+        sine = np.sin(sine)
+    elif bound > TINY:
         sine *= 1.0 + less / 3
-    across, along = d[j], d[k]
-    y = stop.at[0] if across is None else stop.at[0] + across
-    z = stop.at[1] if along is None else stop.at[1] + along
-    first = less * y
-    first -= sine * z
-    less = less * z
-    less += sine * y
-    d[j] = first if across is None else np.add(first, across, out=first)
-    d[k] = less if along is None else np.add(less, along, out=less)
+    y, z, product = scratch[2], scratch[3], scratch[4]
+    np.add(stop.at[0], dy, out=y)
+    np.add(stop.at[1], dz, out=z)
+    dy += np.multiply(less, y, out=product)
+    dy -= np.multiply(sine, z, out=product)
+    dz += np.multiply(less, z, out=product)
+    dz += np.multiply(sine, y, out=product)
 
 
-def _close(ready: Batch, values: Array, exact: Array, d: list[Array | None], shape: tuple[int, int]) -> Array:
+def _close(ready: Batch, values: Array, exact: Array, d: Array, scratch: Array) -> Array:
     """→ (b, n) mm: the gap along the normal; balls and other curved surfaces by their distance."""
     model = ready.model
-    touches = model.touches
-    result = np.empty(shape, ready.gap.dtype)
+    result = scratch[1]
     result[:] = ready.gap
-    for i, c in enumerate(d):
-        if c is not None:
-            result += c * ready.normal[i]
+    for i in range(3):
+        result += np.multiply(d[i], ready.normal[i], out=scratch[0])
     offsets = model.split(values)[1]
     if offsets.shape[1]:
-        result -= offsets @ ready.own_facet
-    result = result.astype(float)
-    if touches.curved is not None:
-        rows = touches.curved.rows
-        moved = np.stack(
-            [np.zeros((len(values), len(rows))) if c is None else np.broadcast_to(c, shape)[:, rows] for c in d], axis=-1
-        )
-        result[:, rows] = _curved(ready, rows, moved.astype(float), *model.split(exact)[1:])
+        result -= np.matmul(offsets, ready.own_facet, out=scratch[0])
+    curved = model.touches.curved
+    total = result.astype(float)
+    if curved is not None:
+        total[:, curved.rows] = _curved(ready, d[:, :, curved.rows].astype(float), *model.split(exact)[1:])
     if ready.direct is not None:
-        result += _amount(ready.direct, values)
-    return result
+        total += _amount(ready.direct, values, scratch[0])
+    return total
 
 
-def _curved(ready: Batch, rows: NDArray[np.int64], moved: Array, offsets: Array, shifts: Array) -> Array:
+def _curved(ready: Batch, moved: Array, offsets: Array, shifts: Array) -> Array:
+    """(3, b, m) deviations of the tips on curved surfaces, unknowns in double → (b, m) mm gaps, by the distance itself."""
     touches = ready.model.touches
     assert touches.curved is not None
-    _, centre, radius, axis, side = touches.curved
-    spoke = (ready.tip.T[rows] - centre) + moved
-    if offsets.shape[1]:
-        own = touches.facet_index[rows]
-        spoke = spoke - np.where(own >= 0, offsets[:, own], 0.0)[..., None] * touches.normal[rows]
+    rows, centre, radius, axis, side = touches.curved
+    spoke = (ready.tip[:, rows] - centre.T)[:, None] + moved
+    on_facet, on_ball = touches.facet_index[rows], touches.ball_index[rows]
+    if offsets.shape[1] and np.any(on_facet >= 0):
+        spoke -= np.where(on_facet >= 0, offsets[:, on_facet], 0.0) * touches.normal[rows].T[:, None]
     if shifts.shape[1]:
-        own = touches.ball_index[rows]
-        spoke = spoke - np.where((own >= 0)[:, None], shifts[:, own], 0.0)
-    spoke = spoke - np.sum(spoke * axis, axis=-1, keepdims=True) * axis
-    result: Array = side * (np.linalg.norm(spoke, axis=-1) - radius) - touches.machine.probe.tip_radius
+        spoke -= np.where((on_ball >= 0)[:, None], shifts[:, on_ball], 0.0).transpose(2, 0, 1)
+    if np.any(axis):
+        spoke -= np.sum(spoke * axis.T[:, None], axis=0) * axis.T[:, None]
+    result: Array = side * (np.sqrt(spoke[0] ** 2 + spoke[1] ** 2 + spoke[2] ** 2) - radius) - touches.machine.probe.tip_radius
     return result
 
 
