@@ -146,10 +146,9 @@ def fit(selection: Selection) -> Estimate:
         sigma = found
         # What is still to come is the last step times the rate at which steps shrink, in the end by hundreds and not squared.
         if settled and size * min(1.0, max(rate, SLOWEST)) < STEP:
-            inverse = linalg.solve_triangular(root, sigma * np.eye(p), check_finite=False)
-            return Estimate(
-                selection, values, inverse @ inverse.T, after[:n], sigma, dof, iterations, full, after[n:], sigma / uncertainty
-            )
+            upper = np.triu(linalg.lapack.dpotri(root)[0])  # (RᵀR)⁻¹, of which LAPACK fills the upper half
+            covariance = sigma**2 * (upper + np.triu(upper, 1).T)
+            return Estimate(selection, values, covariance, after[:n], sigma, dof, iterations, full, after[n:], sigma / uncertainty)
     raise TangoError(
         f"estimate: the iteration did not settle in {ITERATIONS} steps; check readings and machine.yaml "
         "(axis directions, facet normals, stylus length), or use a smaller set of terms"

@@ -7,7 +7,7 @@ import json
 import pytest
 import yaml
 
-from tango_cnc.commands.estimate import as_json
+from tango_cnc.commands.estimate import as_json, as_text
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell, read_readings
 from tango_cnc.records import Cell, Readings
@@ -96,6 +96,22 @@ def test_subsets_of_this_topology_are_those_of_the_thesis(cell, readings, subset
     assert set(s3) == {*subsets["S2"], *subsets["S3_adds"]}
     assert set(s4) == {*subsets["S2"], *subsets["S3_adds"], *subsets["S4_adds"]}
     assert len(s4) == 86
+
+
+def test_of_the_whole_model_only_the_isotropic_scale_needs_the_bar(cell, readings, subsets):
+    """86 + 3 + 26 unknowns on the octagon have exactly one direction that no touch sees."""
+    touched = [cell.artefact.facets[f].ball is None for f in readings.facet]
+    result = estimate(cell.machine, cell.artefact, readings.rows(touched), ["S4"])
+    assert [c.names[0] for c in result.selection.unseen] == ["EXX1"]
+    wanted = {*subsets["S2"], *subsets["S3_adds"], *subsets["S4_adds"]} - {"EXX1"}
+    assert {name.removesuffix("-EXX1") for name in result.parameters} == wanted
+    assert len(result.values) == 85 + 3 + 26
+
+
+def test_what_cannot_be_seen_is_on_the_terminal_too(cell, readings):
+    text = as_text(estimate(cell.machine, cell.artefact, readings, ["S3", "EYY0", "EC0X"]))
+    assert "cannot be seen: EYY0 and EY0S move every touch alike: only their sum is known" in text
+    assert "cannot be seen: EC0X and EC0Y move every touch alike: only their difference is known" in text
 
 
 def test_setup_alone_is_subset_one(cell, readings):
