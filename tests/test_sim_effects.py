@@ -188,6 +188,7 @@ def test_the_lever_of_a_rotary_axis_is_what_a_wrong_angle_does(letter: str) -> N
         ({"cause": "chip", "amplitude": 0.1, "facet": [16]}, "allowed: a name or whole number"),
         ({"cause": "error_motion", "amplitude": 0.1, "name": "EYA"}, "found 'EYA'; allowed: EXX, EYX"),
         ({"cause": "error_motion", "amplitude": 0.1, "name": "EYS"}, r"effects\[0\]: found no key 'span'.*axis S has no travel"),
+        ({"cause": "error_motion", "amplitude": 0.1, "name": "EYX", "degree": 10}, "degree: found 10; allowed: 1 to 9"),
         ({"cause": "axis_location", "amplitude": 0.1, "name": "EYC"}, "found 'EYC'; allowed: EX0X"),
         ({"cause": "moving_mass", "amplitude": 1e-5, "name": "EXZ", "by": "Y"}, "found EXZ by Y; allowed: an angle"),
         ({"cause": "moving_mass", "amplitude": 1e-5, "name": "EAY", "by": "Y"}, "found EAY by Y; allowed: .* another axis than Y"),

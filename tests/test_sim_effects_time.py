@@ -33,23 +33,25 @@ def test_table_drift_turns_with_the_table() -> None:
 def test_a_warm_table_grows_out_of_its_middle() -> None:
     growing = 4e-5 * GROWN * np.sum(ACROSS * TOUCHES.point, axis=1)
     assert read_early("table_growth") == pytest.approx(growing, abs=1e-9)
-    # facet 4 looks to −y, 200 mm from the middle: 40 µm/m of 200 mm are 8 µm in the end, whatever the indexation
-    four = np.array(TOUCHES.facet) == "4"
-    assert read_early("table_growth")[four] == pytest.approx(0.008 * GROWN[four], abs=1e-9)
-    # held at that facet, the table grows the other way: facet 15 at y = +200 goes by 400 mm
-    fifteen = np.array(TOUCHES.facet) == "15"
-    held = read_early("table_growth", centre=[0, -200, 0])
+    # facet 4 looks to −y, facet 15 to +y, as far from the middle: 40 µm/m make each half of the way wider, at every indexation
+    (_, low, _), (_, high, _) = (CELL.artefact.facets[name].point for name in ("4", "15"))
+    assert low < -150 and high > 150
+    four, fifteen = (np.array(TOUCHES.facet) == name for name in ("4", "15"))
+    assert read_early("table_growth")[four] == pytest.approx(4e-5 * -low * GROWN[four], abs=1e-9)
+    # held at one facet, the table grows away from it, and the other one goes the whole way
+    held = read_early("table_growth", centre=[0, low, 0])
     assert np.abs(held[four]).max() < 1e-9
-    assert held[fifteen] == pytest.approx(0.016 * GROWN[fifteen], abs=1e-9)
+    assert held[fifteen] == pytest.approx(4e-5 * (high - low) * GROWN[fifteen], abs=1e-9)
 
 
 def test_a_warm_scale_takes_its_axis_further_than_it_reads() -> None:
     # X carries the table: further to +x is early for what looks to +x; Y carries the tool
-    assert read_early("scale_drift") == pytest.approx(4e-5 * GROWN * at("X") * along(X), abs=2e-7)  # 40 µm/m of 5 µm more
-    held = read_early("scale_drift", axis="Y", zero=100)
-    assert held == pytest.approx(-4e-5 * GROWN * (at("Y") - 100) * along(Y), abs=2e-7)
-    linear = read_early("scale_drift", shape="linear")
-    assert linear == pytest.approx(4e-5 * TOUCHES.time / 2400 * at("X") * along(X), abs=2e-7)
+    early = read_early("scale_drift", amplitude=1e-6)
+    assert early == pytest.approx(1e-6 * GROWN * at("X") * along(X), abs=1e-9)
+    held = read_early("scale_drift", amplitude=1e-6, axis="Y", zero=100)
+    assert held == pytest.approx(-1e-6 * GROWN * (at("Y") - 100) * along(Y), abs=1e-9)
+    linear = read_early("scale_drift", amplitude=1e-6, shape="linear")
+    assert linear == pytest.approx(1e-6 * TOUCHES.time / 2400 * at("X") * along(X), abs=1e-9)
 
 
 def test_the_hall_breathes() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tango_cnc.records import InputError
+
 from . import Disturbance, History
 from ._kinds import Count, ErrorMotion, Positive
 from ._parts import span_of
@@ -20,7 +22,9 @@ def disturb(
 ) -> Disturbance:
     """n touches → `amplitude` (mm; rad for A B C) · (q/span)^degree added to the component `name`: `EYX`, `EBX`, `EZC` …
 
-    `span` is in mm or deg, by default the far end of the travel. Raises InputError when there is neither.
+    `span` is in mm or deg, by default the far end of the travel. Raises InputError when there is neither, or beyond degree 9.
     """
-    share = history.position[:, history.column(name[2])] / span_of(history, name[2], span)
-    return Disturbance(errors={f"{name}0": amplitude * share**degree})
+    if degree > 9:
+        raise InputError(f"degree: found {degree}; allowed: 1 to 9")
+    coefficient = amplitude / span_of(history, name[2], span) ** degree
+    return Disturbance(errors={f"{name}{degree}": np.full(len(history), coefficient)})

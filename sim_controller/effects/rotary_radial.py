@@ -22,12 +22,12 @@ def disturb(
     direction: Vector,
     order: Count = 2,
     phase: float = 0.0,
-    frame: Literal["fixed", "turning"] = "fixed",
+    frame: Literal["turning", "fixed"] = "turning",
 ) -> Disturbance:
     """n touches → displacement of `amplitude` mm times cos(order·q + phase deg), along what of `direction` is across the axis.
 
-    `direction` is given at the zero pose, in the machine frame; from there it stays with the axis before (fixed: it acts before
-    the motion) or turns with the body (it acts after the motion).
+    `direction` is given at the zero pose, in the machine frame; from there it turns with the body, as E_XC does (model.md), or
+    stays with the axis before (fixed: it acts before the motion). Order m of the one is orders m − 1 and m + 1 of the other.
     """
     ending = f"0{axis}" if frame == "fixed" else f"{axis}0"
     return Disturbance(errors=displaced(ending, across(history, axis, direction), amplitude * wave(history, axis, order, phase)))

@@ -22,7 +22,7 @@ def disturb(
     direction: Vector,
     order: Count = 2,
     phase: float = 0.0,
-    frame: Literal["fixed", "turning"] = "fixed",
+    frame: Literal["turning", "fixed"] = "turning",
 ) -> Disturbance:
     """n touches → rotation by `amplitude` rad times cos(order·q + phase deg), about what of `direction` is across the axis.
 
