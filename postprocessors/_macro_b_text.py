@@ -73,13 +73,15 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
 
 
 def record(job: Job, words: Words, given: Arguments) -> Iterator[str]:
-    """One printed line: touch T, flag, machine coordinates, spindle at S."""
+    """One printed line: touch T, flag, machine coordinates, spindle at S, and their sum: the line itself checks nothing."""
     if given is not None:
         yield f"#{ARGUMENT['T']}={given['T']}"
         yield f"#{ARGUMENT['S']}={given['S']}"
     form = job.options["print_format"]
-    coordinates = "*".join(f"{name}#{FLAG + axis}[{form}]" for name, axis in axis_numbers(job).items())
-    yield f"DPRNT[P#{ARGUMENT['T']}[60]*H#{FLAG}[10]*{coordinates}*S#{ARGUMENT['S']}[{form}]]"
+    places = {name: f"#{FLAG + axis}" for name, axis in axis_numbers(job).items()} | {"S": f"#{ARGUMENT['S']}"}
+    yield f"#31={'+'.join(places.values())}(CHECK SUM K)"
+    coordinates = "*".join(f"{name}{place}[{form}]" for name, place in {**places, "K": "#31"}.items())
+    yield f"DPRNT[P#{ARGUMENT['T']}[60]*H#{FLAG}[10]*{coordinates}]"
 
 
 def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:

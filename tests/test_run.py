@@ -75,7 +75,8 @@ class Control:
                 away = planned.standoff[i] - planned.contact[i]
                 at = planned.contact[i] + self.proud * away / np.linalg.norm(away)
                 at[3:] = np.degrees(at[3:])
-                words = " ".join(f"{name}{value:.4f}" for name, value in zip(machine.names, at, strict=True))
+                values = dict(zip(machine.names, at, strict=True)) | {"K": sum(at)}
+                words = " ".join(f"{name}{value:.4f}" for name, value in values.items())
                 self._print(connection, self.edit(number, f"P{number} H1 {words}"))
             self._print(connection, f"TANGO END {len(touches)}")
             connection.recv(1)

@@ -2,8 +2,9 @@
 
 The format is known here and nowhere else. Three records exist:
 
-    TANGO START <mark> <count>      TANGO END <count>      P17 H1 X-12.3450 Y… Z… B… C…
+    TANGO START <mark> <count>      TANGO END <count>      P17 H1 X-12.3450 Y… Z… B… C… K…
 
+K is the sum of all coordinates, where the program prints one: lost and doubled characters pass every parity, but not this.
 A record of a touch has every letter exactly once. Numbers come as `-   91.200` (sign, then padding), `.5040`, `90.` and
 with spaces before or between; a decimal comma, a second sign or any other sign is no number.
 """
@@ -19,6 +20,9 @@ NUMBER = r"(?P<sign>[+-]?) *(?P<digits>\d+\.\d*|\.\d+|\d+)"
 WORD = re.compile(rf" *(?P<letter>[A-Z]) *{NUMBER}(?![\d.]) *")
 START = re.compile(r" *TANGO +START +(?P<mark>[0-9A-F]+) +(?P<count>\d+) *")
 END = re.compile(r" *TANGO +END +(?P<count>\d+) *")
+
+
+SUM = "K"
 
 
 def words(line: str) -> list[tuple[str, str]]:
@@ -50,7 +54,7 @@ def record(line: str, letters: Sequence[str]) -> Event:
         return Refused(str(error), line)
     values = dict(pairs)
     wanted = ["P", "H", *letters]
-    if sorted(letter for letter, _ in pairs) != sorted(wanted):
+    if sorted(letter for letter, _ in pairs) not in (sorted(wanted), sorted({*wanted, SUM})):
         return Refused(f"the words {' '.join(letter for letter, _ in pairs)} instead of {' '.join(wanted)}", line)
     try:
         number, flag = int(_whole(values["P"])), int(_whole(values["H"]))
@@ -58,7 +62,19 @@ def record(line: str, letters: Sequence[str]) -> Event:
         return Refused("P and H must be whole numbers", line)
     if flag not in (0, 1, 2):
         return Refused(f"H{flag}: the flag is 0 (no contact), 1 (contact) or 2 (early contact)", line)
-    return Touched(number, flag, {letter: float(values[letter]) for letter in letters}, line.strip())
+    position = {letter: float(values[letter]) for letter in letters if letter != SUM}
+    if SUM in values and abs(float(values[SUM]) - sum(position.values())) > _rounding(
+        [values[letter] for letter in (*position, SUM)]
+    ):
+        return Refused(
+            f"K{values[SUM]}: the coordinates add up to {sum(position.values()):.4f}: characters were lost or changed", line
+        )
+    return Touched(number, flag, position, line.strip())
+
+
+def _rounding(numbers: Sequence[str]) -> float:
+    """decimal numbers, rounded or cut → by how much their sum may be wrong."""
+    return sum(10.0 ** -len(number.partition(".")[2]) for number in numbers) * 1.0001
 
 
 def _whole(text: str) -> str:
