@@ -83,9 +83,10 @@ def test_a_weight_beside_the_axis_sags_and_winds_it_up() -> None:
 
 def test_an_error_motion_has_its_size_at_its_span() -> None:
     # EYX lifts the table to +y; the travel of X ends at 400 mm
-    assert read_early("error_motion") == pytest.approx(0.01 * (at("X") / 400) ** 2 * along(Y), abs=1e-7)
-    fourth = read_early("error_motion", degree=4, span=200)
-    assert fourth == pytest.approx(0.01 * (at("X") / 200) ** 4 * along(Y), abs=1e-6)
+    second = read_early("error_motion", amplitude=1e-4)
+    assert second == pytest.approx(1e-4 * (at("X") / 400) ** 2 * along(Y), abs=1e-9)
+    fourth = read_early("error_motion", amplitude=1e-4, degree=4, span=200)
+    assert fourth == pytest.approx(1e-4 * (at("X") / 200) ** 4 * along(Y), abs=1e-9)
     told = simulate(MACHINE, CELL.artefact, CELL.strategy, World({"EYX2": 0.01 / 400**2})).position
     assert read_early("error_motion") == pytest.approx(early(told, PLAIN.position), abs=1e-12)
     # EBZ turns the tool about y where Z is: the tip hangs one length below that point and goes to −x

@@ -104,8 +104,8 @@ def test_a_contact_before_the_search_zone_is_early() -> None:
 def test_the_approach_is_the_last_motion_of_the_axes_that_take_part_in_it() -> None:
     readings = simulate(CELL.machine, CELL.artefact, CELL.strategy, World())
     row = {name: readings.direction[0, CELL.machine.column(name)] for name in CELL.machine.names}
-    # facet 3 at B 30 C -90 looks towards -x -y +z of the machine; X carries the table
-    assert (row["X"], row["Y"], row["Z"]) == (-1, 1, -1)
+    # facet 3 at B 30 C -90 looks towards -x +y +z of the machine; X carries the table
+    assert (row["X"], row["Y"], row["Z"]) == (-1, -1, -1)
     assert (row["B"], row["C"]) == (1, -1)  # from home at 0 and 0
     assert set(np.unique(readings.direction)) == {-1.0, 1.0}
 
