@@ -89,7 +89,7 @@ def catalogue(
     group = np.array([names.index(c.cause) for c in kept])
     length = [np.linalg.norm(projected[i], axis=0) for i in keep]
     return Catalogue(
-        kept, library([projected[i] for i in keep]), length, price, group, names, refine, rebuild, plausible, compatible
+        kept, library([projected[i] for i in keep]), length, price, group, names, refine, rebuild, plausible, compatible, steady
     ), seen
 
 

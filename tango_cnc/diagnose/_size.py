@@ -88,9 +88,8 @@ def _one(c: Chosen, v: Array, covariance: Array, touches: Touches, weight: Array
         detail["time_s"] = float(touches.time[min(int(detail["at"]), len(touches)) - 1])
     if kind == "numbers" and len(v) == 1:
         effect["amplitude"] = float(v[0])
-    detail["coefficients"] = {
-        n: {"value": float(x), "unit": u, "std": float(s)} for n, u, x, s in zip(names, units, v, std_values, strict=True)
-    }
+    each = zip(names, units, v, std_values, strict=bool(names))
+    detail["coefficients"] = {n: {"value": float(x), "unit": u, "std": float(s)} for n, u, x, s in each}
     if units and units[0] != "mm":
         peak = float(np.max(np.abs((c.candidate.columns / weight[:, None]) @ v))) if len(v) else 0.0
         factor = peak / amplitude if amplitude else 0.0

@@ -150,7 +150,7 @@ def variants(t: Table) -> Iterator[tuple[str, dict[str, Any]]]:
             for at in range(4, n - 2):
                 yield "step", {"covariate": name, "at": at}
         if kind in ("time", "order", "position"):
-            least = float(np.median(np.diff(np.sort(np.unique(x)))))
+            least = float(np.median(np.diff(np.unique(x))))
             for cycles in np.arange(0.75, span / least / 2, 0.3)[: 4 * n]:
                 yield "periodic", {"covariate": name, "period": span / float(cycles)}
         if kind == "angle":
@@ -257,7 +257,7 @@ def _finding(
     plain = c.candidate.cause in ("periodic", "harmonic", "step", "group_offset", "history_sign")
     amplitude = float(np.linalg.norm(each)) if plain else float(np.linalg.norm(np.ptp(fitted, axis=1)))
     norm = float(np.linalg.norm(v)) or 1.0
-    std = float(np.sqrt(max(v @ covariance @ v, 0.0))) / norm * amplitude / norm
+    std = float(np.sqrt(abs(float(v @ covariance @ v)))) / norm * amplitude / norm
     if "level" in detail:
         detail["level"] = t.labels[detail["covariate"]][int(detail["level"])]
     if "tau" in detail:

@@ -56,8 +56,6 @@ def cause(name: str, machine: Machine, setting: Mapping[str, Any]) -> list[Coeff
     """name of a cause, its settings → coefficients. Raises InputError for settings that it does not have or needs."""
     make = families()[name].cause
     allowed = [key for key in inspect.signature(make).parameters if key != "machine"]
-    if allowed and allowed[-1] == "other":
-        allowed[-1] = "with"
     for key in setting:
         if key not in allowed:
             raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kinematics import Slot
+from ..kinematics import Slot, Stage
 from ..records import COMPONENTS, Machine
 from ..touches import Touches
 from . import Coefficient
@@ -14,14 +14,21 @@ ORDERS = (1, 2, 3, 4)
 BASE = {"A": 0, "B": 1, "C": 2}
 
 
-def harmonics(cause: str, machine: Machine, axis: str, order: int, components: str, motion: str | None) -> list[Coefficient]:
-    """cause, axis, order, components such as XY → cosine and sine of each, mm or rad; `motion` X, Y … keeps one of them."""
+def harmonics(
+    cause: str, machine: Machine, axis: str, order: int, components: str, motion: str | None, frame: str = "turning"
+) -> list[Coefficient]:
+    """cause, axis, order, components such as XY → cosine and sine of each, mm or rad; `motion` X, Y … keeps one of them.
+
+    They act on the body that turns (`turning`, as E_XC does) or before the motion (`fixed`).
+    """
+    need(cause, "frame", frame, ("turning", "fixed"))
+    stage: Stage = "intra" if frame == "turning" else "inter"
     need(cause, "axis", axis, machine.rotary)
     unit = "mm" if components[0] in "XYZ" else "rad"
-    stem = label(cause, axis, order, motion)
+    stem = label(cause, axis, order, motion, None if frame == "turning" else frame)
 
     def one(name: str, letter: str, function: str, sign: float = 1.0) -> Coefficient:
-        slot = Slot(axis, "intra", COMPONENTS.index(letter))
+        slot = Slot(axis, stage, COMPONENTS.index(letter))
         wave = np.cos if function == "cos" else np.sin
         return Coefficient(name, unit, slot, lambda t: sign * wave(order * t.axis(axis)))
 
@@ -46,6 +53,10 @@ def every(touches: Touches, components: dict[str, str]) -> Variants:
         if len(np.unique(np.round(touches.axis(axis), 3))) > 3:
             for order in ORDERS:
                 yield {"axis": axis, "order": order}
+                if len(letters) > 1:
+                    for letter in letters:
+                        yield {"axis": axis, "order": order, "motion": letter, "frame": "fixed"}
+                    yield {"axis": axis, "order": order, "frame": "fixed"}
                 if len(letters) > 1:
                     for letter in letters:
                         yield {"axis": axis, "order": order, "motion": letter}

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..kinematics import Slot
-from ..records import Array, Machine
+from ..records import Machine
 from ..touches import Touches
 from . import Coefficient
-from ._cause import Variants, label, moved_axes, need
+from ._cause import Pattern, Variants, label, moved_axes, need
 
 TEXT = "the compensation table of an axis has a kink"
 SOURCE = "piecewise linear pitch error compensation; ISO 230-2:2014, annex"
@@ -20,17 +22,21 @@ NODES = 15
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → kinks at 15 places of every linear axis."""
+    """touches → one kink at 15 places of every linear axis; several nodes equally far apart."""
     for axis in moved_axes(touches, touches.machine.linear, 50.0):
-        for at in np.quantile(touches.axis(axis), np.linspace(0.08, 0.92, NODES)):
+        places = touches.axis(axis)
+        for at in np.quantile(places, np.linspace(0.08, 0.92, NODES)):
             yield {"axis": axis, "at": float(at)}
+        for count in (3, 4, 5, 6, 8):
+            yield {"axis": axis, "nodes": tuple(np.linspace(places.min(), places.max(), count)[1:-1].tolist())}
 
 
-def cause(machine: Machine, axis: str, at: float) -> list[Coefficient]:
-    """machine, linear axis, place of the kink in mm → change of slope there, mm/mm."""
+def cause(machine: Machine, axis: str, at: float | None = None, nodes: Sequence[float] = ()) -> list[Coefficient]:
+    """machine, linear axis, places of the kinks in mm → change of slope at each, mm/mm."""
     need("compensation_kink", "axis", axis, machine.linear)
 
-    def bent(t: Touches) -> Array:
-        return np.maximum(t.axis(axis) - at, 0.0)
+    def bent(place: float) -> Pattern:
+        return lambda t: np.maximum(t.axis(axis) - place, 0.0)
 
-    return [Coefficient(label("compensation_kink", axis, at), "mm/mm", Slot(axis, "motion"), bent)]
+    places = [*nodes] if at is None else [at, *nodes]
+    return [Coefficient(label("compensation_kink", axis, p), "mm/mm", Slot(axis, "motion"), bent(float(p))) for p in places]

@@ -8,7 +8,7 @@ from ..kinematics import Slot
 from ..records import COMPONENTS, Machine
 from ..touches import Touches
 from . import Coefficient
-from ._cause import Variants, early, label, need
+from ._cause import Variants, displaced, early, label, need
 
 TEXT = "the table sags under its own weight as it tilts"
 SOURCE = "ISO 230-1:2012, 3.4.3 (compliance); sine of the tilt as for a beam"
@@ -22,15 +22,18 @@ def variants(touches: Touches) -> Variants:
     """touches → displacements and tilts with every rotary axis that is not turned fully round."""
     for axis in touches.machine.rotary:
         if 0.3 < np.ptp(touches.axis(axis)) < 1.4 * np.pi:
-            for component in COMPONENTS:
+            for component in (*COMPONENTS, "XYZ"):
                 yield {"axis": axis, "component": component}
 
 
 def cause(machine: Machine, axis: str, component: str = "Y") -> list[Coefficient]:
-    """machine, tilting axis, X Y Z (displacement, mm) or A B C (tilt of its body, rad) → coefficient, times sin of the axis."""
+    """machine, tilting axis, X Y Z or XYZ (displacement, mm), A B C (tilt, rad) → coefficients, times its sine."""
     need("gravity_sag", "axis", axis, machine.rotary)
-    need("gravity_sag", "component", component, COMPONENTS)
-    stem, i = label("gravity_sag", axis, component), COMPONENTS.index(component)
-    if i < 3:
-        return [early(stem, lambda t: t.machine_normal[:, i] * np.sin(t.axis(axis)))]
-    return [Coefficient(stem, "rad", Slot(axis, "inter", i), lambda t: np.sin(t.axis(axis)))]
+    need("gravity_sag", "component", component, (*COMPONENTS, "XYZ"))
+    stem = label("gravity_sag", axis, component)
+    if component in "ABC":
+        return [Coefficient(stem, "rad", Slot(axis, "inter", COMPONENTS.index(component)), lambda t: np.sin(t.axis(axis)))]
+    if component == "XYZ":
+        return displaced(stem, "machine", lambda t: np.sin(t.axis(axis)))
+    i = COMPONENTS.index(component)
+    return [early(stem, lambda t: t.machine_normal[:, i] * np.sin(t.axis(axis)))]

@@ -19,26 +19,29 @@ REFINE = {"length": "log"}
 
 
 def way(t: Touches, axis: str) -> Array:
-    """touches, letter → (n,) mm, how far that axis came since the touch before."""
+    """touches, letter → (n,) mm or rad, how far that axis came since the touch before."""
     place = t.axis(axis)
     return np.abs(np.diff(place, prepend=place[:1]))
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → every linear axis, proportional to the length or settling over some length."""
-    for axis in moved_axes(touches, touches.machine.linear, 10.0):
+    """touches → every axis, proportional to the length or settling over some length."""
+    machine = touches.machine
+    for axis in [*moved_axes(touches, machine.linear, 10.0), *moved_axes(touches, machine.rotary, 0.2)]:
         yield {"axis": axis, "shape": "linear"}
         for length in (10.0, 30.0, 100.0):
             yield {"axis": axis, "shape": "exponential", "length": length}
 
 
 def cause(machine: Machine, axis: str, shape: str = "linear", length: float = 100.0) -> list[Coefficient]:
-    """machine, linear axis, way/length or 1 − e^(−way/length), length in mm → coefficient in mm."""
-    need("move_length_memory", "axis", axis, machine.linear)
+    """machine, axis, way/length or 1 − e^(−way/length), length in mm or deg → coefficient in mm or rad."""
+    need("move_length_memory", "axis", axis, (*machine.linear, *machine.rotary))
     need("move_length_memory", "shape", shape, ("linear", "exponential"))
 
+    unit = "mm" if axis in machine.linear else "rad"
+
     def memory(t: Touches) -> Array:
-        relative = way(t, axis) / length
+        relative = way(t, axis) / (length if axis in machine.linear else np.radians(length))
         return relative if shape == "linear" else 1 - np.exp(-relative)
 
-    return [Coefficient(label("move_length_memory", axis, shape, length), "mm", Slot(axis, "motion"), memory)]
+    return [Coefficient(label("move_length_memory", axis, shape, length), unit, Slot(axis, "motion"), memory)]

@@ -17,20 +17,20 @@ REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → tilts of every linear axis with the position of every other."""
-    axes = moved_axes(touches, touches.machine.linear, 50.0)
+    """touches → angles of every axis with the position of every other."""
+    axes = [*moved_axes(touches, touches.machine.linear, 50.0), *moved_axes(touches, touches.machine.rotary, 0.3)]
     for axis in axes:
-        for other in axes:
-            if other != axis:
+        for by in axes:
+            if by != axis:
                 for component in "ABC":
-                    yield {"axis": axis, "with": other, "component": component}
+                    yield {"name": f"E{component}{axis}", "by": by}
 
 
-def cause(machine: Machine, axis: str, component: str, **other: str) -> list[Coefficient]:
-    """machine, axis that tilts, A B or C, `with`: axis that moves → coefficient in rad/mm."""
-    mover = other.get("with", "")
-    need("moving_mass", "axis", axis, machine.linear)
-    need("moving_mass", "with", mover, [a for a in machine.linear if a != axis])
-    need("moving_mass", "component", component, "ABC")
-    slot = Slot(axis, "intra", COMPONENTS.index(component))
-    return [Coefficient(label("moving_mass", axis, component, mover), "rad/mm", slot, lambda t: t.axis(mover))]
+def cause(machine: Machine, name: str, by: str) -> list[Coefficient]:
+    """machine, angle such as EAZ, axis that moves → coefficient in rad/mm or rad/rad."""
+    axes = (*machine.linear, *machine.rotary)
+    need("moving_mass", "name", name, [f"E{c}{a}" for a in axes for c in "ABC"])
+    need("moving_mass", "by", by, [a for a in axes if a != name[2]])
+    slot = Slot(name[2], "motion") if name[1] == name[2] else Slot(name[2], "intra", COMPONENTS.index(name[1]))
+    unit = "rad/mm" if by in machine.linear else "rad/rad"
+    return [Coefficient(label("moving_mass", name, by), unit, slot, lambda t: t.axis(by))]

@@ -24,7 +24,7 @@ def variants(touches: Touches) -> Variants:
     yield from every(touches, {axis: across(axis, rotation=False) for axis in touches.machine.rotary})
 
 
-def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None) -> list[Coefficient]:
-    """machine, rotary axis, order, one component or all → cosines and sines, mm, in the frame of the turning body."""
+def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None, frame: str = "turning") -> list[Coefficient]:
+    """machine, rotary axis, order, one component or all → cosines and sines, mm; turning with the body, or fixed."""
     need("rotary_radial", "axis", axis, machine.rotary)
-    return harmonics("rotary_radial", machine, axis, order, across(axis, rotation=False), motion)
+    return harmonics("rotary_radial", machine, axis, order, across(axis, rotation=False), motion, frame)

@@ -28,7 +28,7 @@ def variants(touches: Touches) -> Variants:
             for other in rows[i + 1 :]:
                 if touches.facet[row] != touches.facet[other] and touches.normal[row] @ touches.normal[other] > 0.999:
                     pair = (touches.facet[row], touches.facet[other])
-                    yield {"facets": pair, "first": int(rows[0]) + 1, "last": int(rows[-1]) + 1}
+                    yield {"facets": pair, "at": int(rows[0]) + 1, "until": int(rows[-1]) + 1}
 
 
 def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, float]) -> bool:
@@ -37,13 +37,13 @@ def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, f
     return bool(abs(values[0] - (two - one)) < 0.002 + 0.2 * abs(two - one))
 
 
-def cause(machine: Machine, facets: tuple[str, str], first: int = 1, last: int = 2**31) -> list[Coefficient]:
+def cause(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = 2**31) -> list[Coefficient]:
     """machine, two facets, touches between which they are exchanged → difference of their offsets, mm."""
     one, two = (str(f) for f in facets)
 
     def pattern(t: Touches) -> Array:
         number, facet = np.arange(1, len(t) + 1), np.array(t.facet)
-        inside = (number >= first) & (number <= last)
+        inside = (number >= at) & (number <= until)
         return inside * ((facet == one).astype(float) - (facet == two))
 
-    return [early(label("swapped_facets", one, two, first), pattern)]
+    return [early(label("swapped_facets", one, two, at), pattern)]
