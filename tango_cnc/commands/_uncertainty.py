@@ -192,7 +192,14 @@ def _monte_carlo(found: Analysis) -> str:
     worst = int(np.argmax(np.abs(check.std_ratio - 1)))
     bad = [name for name, good in zip(names, check.agrees, strict=True) if not good]
     off = 100 * abs(check.std_ratio[worst] - 1)
-    linear = "linear propagation holds" if off <= 3 else "beyond 3 %: rely on the intervals above, which are those of the trials"
+    chance = 100 * 3.5 / np.sqrt(2 * run.count)  # what the scatter of so many trials alone may do
+    linear = (
+        "linear propagation holds"
+        if off <= 3
+        else "so few trials cannot tell 3 %"
+        if off <= chance
+        else "beyond 3 %: rely on the intervals above, which are those of the trials"
+    )
     blocks = f" in {found.blocks} blocks, {'stable' if found.stable else 'NOT yet stable'}" if found.blocks else ""
     rescued = f"; {run.rescued} by the full iteration" if run.rescued else ""
     coarse = "; too coarse, use --full" if accuracy.rms > 0.03 and run.rescued < run.count else ""
