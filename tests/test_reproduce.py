@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 
 from tango_cnc.cli import tango
 from tango_cnc.commands.reproduce import _setting
+from tango_cnc.files import read_artefact, read_machine
 from tango_cnc.identify import select
 from tango_cnc.records import InputError
 from tango_cnc.reproduce import Setting, Table, table, tables
@@ -68,6 +69,16 @@ def test_printed_figures_are_those_of_the_thesis(shared: Path) -> None:
     assert carried["table_4_4"] == yaml.safe_load((shared / "contract/thesis/table_4_4_subset4.yaml").read_text(encoding="utf-8"))
     strategy = yaml.safe_load((shared / "contract/thesis/table_4_2.yaml").read_text(encoding="utf-8"))
     assert carried["table_4_2"] == strategy["indexations"]
+
+
+def test_the_stand_in_table_is_the_one_that_the_other_program_used(shared: Path) -> None:
+    other = read_artefact(shared / "contract/hu40t/artefact.yaml")
+    own = setting().hu40t.artefact
+    assert {f.id: (f.point, f.ball) for f in own.facets.values()} == {f.id: (f.point, f.ball) for f in other.facets.values()}
+    assert np.allclose([f.normal for f in own.facets.values()], [f.normal for f in other.facets.values()], atol=1e-12)
+    assert own.balls == other.balls
+    assert own.scale_bar == other.scale_bar
+    assert setting().hu40t.machine == read_machine(shared / "contract/hu40t/machine.yaml")
 
 
 def test_table_6_1_as_an_independent_program_has_it() -> None:

@@ -52,7 +52,7 @@ def _setting() -> Setting:
     folders = examples()
     huron = read_cell(folders["huron"])
     second = read_strategy(folders["huron"] / "strategy_s2.yaml", huron.machine, huron.artefact)
-    return Setting(read_cell(folders["hu40t"]), huron, second)
+    return Setting(huron, second)
 
 
 def as_json(one: Table) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ..records import Array, Cell, Indexation, Readings, Strategy, World
+from ..files import read_artefact, read_machine
+from ..records import Approach, Array, Artefact, Cell, Indexation, Readings, Strategy, World
 
 NOISE = 0.0006  # mm: section 4.6, repeatability of a touch, X Y Z 0.63 0.59 0.63 µm
 SEED = 42
@@ -26,7 +27,8 @@ DISTURBED: tuple[dict[str, Any], ...] = (
 )
 UNTOLD_TABLE = (
     "Stand-in for the table: a regular octagon, 400 mm across flats, with 26 facets where the thesis' Figure 4-2 shows them "
-    "roughly; their coordinates are not printed."
+    "roughly; their coordinates are not printed. At some touches of Table 4-2 its facet faces away from the spindle; they are "
+    "simulated all the same."
 )
 
 
@@ -63,13 +65,20 @@ class Table:
 
 @dataclass(frozen=True)
 class Setting:
-    """The cells that stand in for the two machines of the thesis: `hu40t` (chapters 4, 6, 8) and `huron` (chapter 5)."""
+    """What stands in for the two machines of the thesis: `hu40t` (chapters 4, 6, 8; files beside this one), `huron` (chapter 5)."""
 
-    hu40t: Cell
     huron: Cell
     huron_s2: Strategy
     seed: int = SEED
     cache: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def hu40t(self) -> Cell:
+        """→ the HU40T with its table and Table 4-2, scale bar included."""
+        folder = resources.files(__package__)
+        with resources.as_file(folder / "hu40t_machine.yaml") as machine, resources.as_file(folder / "hu40t_table.yaml") as table:
+            whole = read_machine(machine), read_artefact(table)
+            return Cell(machine.parent, *whole, self._strategy(whole[1]), ("S3",))
 
     @cached_property
     def printed(self) -> dict[str, Any]:
@@ -83,14 +92,13 @@ class Setting:
         """→ Table 4-2, without the scale bar."""
         return tuple(_indexation(row) for row in self.printed["table_4_2"])
 
-    @cached_property
-    def strategy(self) -> Strategy:
-        """→ Table 4-2 with the scale bar touched once, as in the example cell, at the first indexation with B and C at 0."""
-        bar = tuple(f.id for f in self.hu40t.artefact.facets.values() if f.ball is not None)
+    def _strategy(self, artefact: Artefact) -> Strategy:
+        """Table 4-2 with the scale bar touched once; at which indexation is not printed."""
+        bar = tuple(f.id for f in artefact.facets.values() if f.ball is not None)
         at = 16  # B0 C0 with every facet
         rows = list(self.indexations)
         rows[at] = replace(rows[at], facets=(*bar, *rows[at].facets))
-        return Strategy("thesis Table 4-2", self.hu40t.strategy.approach, tuple(rows))
+        return Strategy("thesis Table 4-2", Approach(10.0, 5.0, 180.0), tuple(rows))
 
     def world(self, errors: Mapping[str, float], disturbed: bool = False, noise: float = NOISE) -> World:
         """coefficients (mm, rad) → a machine with them, a table as far from nominal as the thesis' (197 µm), a stylus."""
@@ -106,7 +114,7 @@ class Setting:
         """world → readings of the simulated HU40T."""
         from sim_controller.simulate import simulate
 
-        return simulate(self.hu40t.machine, self.hu40t.artefact, strategy or self.strategy, world)
+        return simulate(self.hu40t.machine, self.hu40t.artefact, strategy or self.hu40t.strategy, world)
 
 
 def _indexation(row: Mapping[str, Any]) -> Indexation:
