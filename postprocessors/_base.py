@@ -16,7 +16,7 @@ import importlib.util
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +153,14 @@ def _value(option: Option, value: Any) -> Any:
     if option.codes and not CODES.fullmatch(value):
         raise InputError(f"controller.{option.name}: found {value!r}; allowed: capital letters, digits, blanks, points and signs")
     return value
+
+
+def with_defaults(options: tuple[Option, ...], **defaults: Any) -> tuple[Option, ...]:
+    """options of a family, name=value → the same with other defaults. Raises KeyError for a name that is none of them."""
+    for name in defaults:
+        if name not in {option.name for option in options}:
+            raise KeyError(name)
+    return tuple(replace(option, default=defaults.get(option.name, option.default)) for option in options)
 
 
 def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:

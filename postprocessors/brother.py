@@ -1,0 +1,13 @@
+"""Brother Speedio with Fanuc-like macros; Renishaw's programs are in the O8xxx range there (G65 P8832 switches the probe on)."""
+
+from ._base import Post, with_defaults
+from ._macro_b import DOUBTS, OPTIONS, steps
+from ._macro_b_text import Words
+
+POST = Post(
+    title="Brother Speedio",
+    extension="NC",
+    options=with_defaults(OPTIONS, program_number=7700, probe_on="G65 P8832"),
+    doubts=(*DOUBTS, "G31, #5021, #5041, #5061 and DPRNT are those of Fanuc"),
+    **steps(Words()),
+)

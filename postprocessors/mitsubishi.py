@@ -1,0 +1,17 @@
+"""Mitsubishi M70, M80, M700V, M800: Fanuc's macro B. G31 is unmodal and its F must stand in the block (M700V manual, p. 547).
+
+With the skip signal already on, G31 is complete at once; without contact it ends at its target and says nothing. A G31 under
+radius compensation is alarm P608, one without feed P603.
+"""
+
+from ._base import Post
+from ._macro_b import DOUBTS, OPTIONS, steps
+from ._macro_b_text import Words
+
+POST = Post(
+    title="Mitsubishi M70 and M80",
+    extension="nc",
+    options=OPTIONS,
+    doubts=(*DOUBTS, "#5021, #5041 and #5061 and DPRNT are those of Fanuc"),
+    **steps(Words()),
+)
