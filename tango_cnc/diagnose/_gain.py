@@ -57,7 +57,7 @@ def held_out(maker: Array, residual: Array, groups: NDArray[np.int64], n: int) -
     result = np.zeros(n)
     for g in np.unique(groups):
         rows = np.flatnonzero(groups == g)
-        result[rows] = np.linalg.pinv(maker[np.ix_(rows, rows)], rcond=0.02, hermitian=True) @ fitted[rows]
+        result[rows] = np.linalg.pinv(maker[np.ix_(rows, rows)], rcond=0.1, hermitian=True) @ fitted[rows]
     return result
 
 

@@ -87,7 +87,7 @@ def catalogue(
     names = tuple(dict.fromkeys(c.cause for c in kept))
     price = np.array([cost(c, tried[c.cause], place.m) for c in kept])
     group = np.array([names.index(c.cause) for c in kept])
-    length = [np.linalg.norm(projected[i], axis=0) for i in keep]
+    length = [np.maximum(np.linalg.norm(projected[i], axis=0), 1e-300) for i in keep]
     return Catalogue(
         kept, library([projected[i] for i in keep]), length, price, group, names, refine, rebuild, plausible, compatible, steady
     ), seen
