@@ -26,6 +26,7 @@ MOST = 30  # candidates selected, single outliers included
 MOST_NAMED = 6
 FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
 TOP = 8  # variants of a cause that are looked at when the best one has an impossible size
+STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
 CLOSE = 12.0  # causes whose scores are no further apart are refined before they are compared
 
 Rebuild = Callable[[str, Mapping[str, Any]], Candidate]
@@ -181,7 +182,20 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
                     break
             if not moved:
                 step /= 2
+    if best.setting.get("shape") == "linear" and settings:
+        # A straight line is the beginning of an exponential: the time constant is told where the data allow one.
+        curved = [c for c in cat.candidates if c.cause == best.cause and _bends(c, best)]
+        if curved:
+            other = refined(place, cat, max(curved, key=value), others, settings)
+            if value(other.candidate) > score - STRAIGHT:
+                return other
     return Chosen(best, place.project(best.columns), cost(best, tried, place.m))
+
+
+def _bends(c: Candidate, line: Candidate) -> bool:
+    """Whether a candidate is the exponential of the same place as a straight line."""
+    place = [{k: v for k, v in x.setting.items() if k not in ("shape", "tau")} for x in (c, line)]
+    return c.setting.get("shape") == "exponential" and "tau" in c.setting and place[0] == place[1]
 
 
 def coefficients(place: Space, selected: Array, columns: Array, ratios: tuple[float, ...]) -> Array:
