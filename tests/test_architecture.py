@@ -27,7 +27,7 @@ INTERNAL: dict[str, str | None] = {
     "link": "records files plan duration",
     "design": f"{NUMERIC} plan check duration",
     "uncertainty": f"{NUMERIC} files",
-    "diagnose": f"{NUMERIC} files",
+    "diagnose": f"{NUMERIC} files report",
     "verify": f"{NUMERIC} files iso230",
     "compensate": f"{NUMERIC} iso230 verify uncertainty files",
     "history": "records files",
