@@ -1,4 +1,4 @@
-"""What disturbs a measurement beyond the constant errors of the machine: one file a cause, named after it (docs/causes.md).
+"""What disturbs a measurement beyond the constant errors of the machine: one file a cause, named after it (docs/effects.md).
 
 A file `<cause>.py` holds one function
 
