@@ -13,8 +13,8 @@ from tango_cnc.files.checked import read_text
 from tango_cnc.records import InputError, TangoError
 
 from . import server
-from .faults import KINDS, faults
-from .lines import PtyLine, listen
+from .faults import KINDS, LINE_KINDS, FaultyLine, faults, line_faults
+from .lines import Line, PtyLine, listen
 from .probing import rig
 from .session import Ledger, Session, Setup
 
@@ -39,6 +39,8 @@ from .session import Ledger, Session, Setup
 @click.option("--buffer", type=click.IntRange(64), default=4096, show_default=True, help="Bytes taken in ahead of execution.")
 @click.option("--seed", type=click.IntRange(0), help="Of noise and effects; default: the world's.")
 @click.option("--fault", "fault_texts", multiple=True, metavar="NAME=N", help=f"{', '.join(KINDS)}: after N touches.")
+@click.option("--line-fault", "line_texts", multiple=True, metavar="NAME=CHANCE", help=f"{', '.join(LINE_KINDS)}: of every byte.")
+@click.option("--line-seed", type=click.IntRange(0), default=0, show_default=True, help="Of the faults of the line.")
 @click.option("--ledger", type=click.Path(path_type=Path), metavar="FILE", help="What truly happened, as JSON lines.")
 @click.option("--once", is_flag=True, help="End after one program.")
 def main(
@@ -57,6 +59,8 @@ def main(
     buffer: int,
     seed: int | None,
     fault_texts: tuple[str, ...],
+    line_texts: tuple[str, ...],
+    line_seed: int,
     ledger: Path | None,
     once: bool,
 ) -> None:
@@ -76,18 +80,24 @@ def main(
     talk = server.protocol(protocol)
     journal = Ledger(ledger)
     session = Session(truth, setup, journal.note)
+    chances = line_faults(line_texts)
+
+    def disturbed(line: Line) -> Line:
+        return FaultyLine(line, chances, line_seed) if chances else line
+
     try:
         if tcp is not None:
             listening = listen(tcp)
             host, port = listening.getsockname()[:2]
             click.echo(getattr(talk, "TCP", "socket://{}").format(f"{host}:{port}"))
             sys.stdout.flush()
-            server.serve_tcp(listening, talk, session, parity=parity, once=once)
+            server.serve_tcp(listening, talk, session, parity=parity, once=once, disturbed=disturbed)
         else:
             line = PtyLine()
+            session.serial = True
             click.echo(getattr(talk, "PTY", "{}").format(line.path))
             sys.stdout.flush()
-            server.serve_pty(line, talk, session, parity=parity, once=once)
+            server.serve_pty(line, talk, session, parity=parity, once=once, disturbed=disturbed)
     finally:
         journal.close()
 

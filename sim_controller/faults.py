@@ -1,18 +1,48 @@
-"""What may go wrong in a session, on purpose and at a known touch: `--fault NAME=TOUCH`."""
+"""What may go wrong in a session, on purpose: with the machine at a known touch (`--fault NAME=TOUCH`), with the bytes on the
+line by a seeded chance (`--line-fault NAME=CHANCE`, `--line-seed N`)."""
 
 from __future__ import annotations
 
 import difflib
+import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from tango_cnc.records import InputError
+
+from .lines import Line
 
 KINDS: Mapping[str, str] = {
     "stop-after": "the control falls silent in the middle of the program after that many touches (power cut)",
     "probe-stuck-after": "the probe signal stays on after that many touches",
-    "alarm-after": "the machine raises an alarm after that many touches (servo, door, lubrication)",
+    "alarm-after": "the machine raises an alarm after that many touches (servo, lubrication)",
+    "door-after": "the door is opened after that many touches",
+    "estop-after": "somebody presses emergency stop after that many touches",
+    "battery-low-after": "the probe reports a low battery after that many touches",
+    "reset-after": "the control is reset in the middle of the motion that follows that many touches",
+    "bounce-after": "the probe signal is on once more when the search begins that follows that many touches",
 }
+WORDS: Mapping[str, str] = {
+    "stop-after": "silence",
+    "probe-stuck-after": "stuck",
+    "alarm-after": "alarm",
+    "door-after": "door",
+    "estop-after": "estop",
+    "battery-low-after": "battery",
+    "reset-after": "reset",
+    "bounce-after": "bounce",
+}
+LINE_KINDS: Mapping[str, str] = {
+    "drop": "a byte is lost",
+    "flip": "a bit of a byte is turned over",
+    "double": "a byte comes twice",
+    "delay": "everything from this byte on comes late",
+    "split": "the bytes from here on come in a piece of their own",
+    "merge": "what is sent here comes together with what is sent next",
+}
+LATE = 0.3  # s
 
 
 @dataclass(frozen=True)
@@ -22,24 +52,104 @@ class Faults:
     after: Mapping[str, int] = field(default_factory=dict)
 
     def after_touch(self, touch: int) -> str | None:
-        """touches made so far → 'stuck', 'silence', 'alarm' or None."""
-        if self.after.get("stop-after") == touch:
-            return "silence"
-        if self.after.get("alarm-after") == touch:
-            return "alarm"
-        return "stuck" if self.after.get("probe-stuck-after") == touch else None
+        """touches made so far → the word of `WORDS` for what happens now, or None."""
+        return next((WORDS[name] for name, after in self.after.items() if after == touch), None)
+
+
+class Disturbance:
+    """Bytes → what arrives of them, by chance; the same seed and the same bytes give the same faults."""
+
+    def __init__(self, chances: Mapping[str, float], seed: int) -> None:
+        self._chances, self._random = dict(chances), np.random.default_rng([seed, 0xFA17])
+        self._kept = b""
+        self.happened: dict[str, int] = {}
+
+    def __call__(self, data: bytes) -> list[tuple[float, bytes]]:
+        """bytes → (s later than they should, bytes) of every piece that arrives."""
+        pieces: list[tuple[float, bytearray]] = [(0.0, bytearray(self._kept))]
+        self._kept = b""
+        draws = self._random.random((len(data), len(LINE_KINDS)))
+        keep = False
+        for byte, chance in zip(data, draws, strict=True):
+            now = [kind for kind, p in zip(LINE_KINDS, chance, strict=True) if p < self._chances.get(kind, 0.0)]
+            for kind in now:
+                self.happened[kind] = self.happened.get(kind, 0) + 1
+            if "delay" in now or "split" in now:
+                pieces.append((LATE if "delay" in now else 0.0, bytearray()))
+            keep |= "merge" in now
+            if "drop" in now:
+                continue
+            turned = byte ^ 1 << int(self._random.integers(8)) if "flip" in now else byte
+            pieces[-1][1].extend([turned, turned] if "double" in now else [turned])
+        if keep and not any(late for late, _ in pieces):
+            self._kept = b"".join(bytes(piece) for _, piece in pieces)
+            return []
+        return [(late, bytes(piece)) for late, piece in pieces if piece]
+
+    def rest(self) -> bytes:
+        """→ what was kept back to come with the next bytes, when there are none."""
+        rest, self._kept = self._kept, b""
+        return rest
+
+
+class FaultyLine:
+    """A line whose bytes are disturbed in both directions."""
+
+    def __init__(self, line: Line, chances: Mapping[str, float], seed: int) -> None:
+        self._line = line
+        self._out, self._in = Disturbance(chances, 2 * seed), Disturbance(chances, 2 * seed + 1)
+
+    def receive(self, timeout: float) -> bytes:
+        """s → what has come. Raises Closed."""
+        data = self._line.receive(timeout)
+        return b"".join(self._late(self._in, data))
+
+    def send(self, data: bytes) -> None:
+        """bytes → what is left of them is sent. Raises Closed."""
+        for piece in self._late(self._out, data):
+            self._line.send(piece)
+
+    def close(self) -> None:
+        """Hangs up."""
+        self._line.close()
+
+    def _late(self, disturbance: Disturbance, data: bytes) -> Iterable[bytes]:
+        if not data:
+            yield disturbance.rest()
+        for late, piece in disturbance(data):
+            time.sleep(late)
+            yield piece
 
 
 def faults(texts: Iterable[str]) -> Faults:
     """['stop-after=40', …] → faults. Raises InputError for an unknown name or no whole number."""
     after: dict[str, int] = {}
     for text in texts:
-        name, _, value = text.partition("=")
-        if name not in KINDS:
-            near = difflib.get_close_matches(name, KINDS, n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
-            raise InputError(f"--fault: found {name!r}; allowed: {', '.join(f'{k}=N' for k in KINDS)}.{hint}")
+        name, value = _named(text, "--fault", KINDS, "N")
         if not value.isdecimal() or int(value) < 1:
             raise InputError(f"--fault {name}: found {value!r}; allowed: a whole number of touches from 1, e.g. {name}=40")
         after[name] = int(value)
     return Faults(after)
+
+
+def line_faults(texts: Iterable[str]) -> dict[str, float]:
+    """['flip=0.001', …] → {name: chance for every byte}. Raises InputError for an unknown name or no chance."""
+    chances: dict[str, float] = {}
+    for text in texts:
+        name, value = _named(text, "--line-fault", LINE_KINDS, "CHANCE")
+        try:
+            chances[name] = float(value)
+        except ValueError:
+            chances[name] = -1.0
+        if not 0 <= chances[name] <= 1:
+            raise InputError(f"--line-fault {name}: found {value!r}; allowed: a chance for every byte, 0 to 1, e.g. {name}=0.001")
+    return chances
+
+
+def _named(text: str, option: str, known: Iterable[str], unit: str) -> tuple[str, str]:
+    name, _, value = text.partition("=")
+    if name not in known:
+        near = difflib.get_close_matches(name, list(known), n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise InputError(f"{option}: found {name!r}; allowed: {', '.join(f'{k}={unit}' for k in known)}.{hint}")
+    return name, value

@@ -83,7 +83,7 @@ class Motion:
         self._direction = np.ones(len(rig.machine.names))
         self._move = np.zeros(len(rig.machine.names))
         self._pressed: _Pressed | None = None
-        self._stuck = False
+        self._stuck = self._bounce = self._reset = False
         self._contacts: list[_Contact] = []
 
     @property
@@ -117,7 +117,8 @@ class Motion:
         The move overruns the trigger by latency and deceleration; a probe that is deflected before it starts ends it at once.
         """
         end = self._end(target)
-        if self.deflected:
+        if self.deflected or self._bounce:
+            self._bounce = False
             self._note("skip", result="already deflected", **self._shown())
             return Skip(True, self.position, already=True)
         start, direction = self._position, self._turned(end)
@@ -144,6 +145,10 @@ class Motion:
         fault = self._faults.after_touch(self.touches)
         if fault == "stuck":
             self._stuck = True
+        elif fault == "bounce":
+            self._bounce = True
+        elif fault == "reset":
+            self._reset = True
         elif fault is not None:
             raise MotionStop("fault", fault)
         return Skip(True, trigger)
@@ -188,6 +193,11 @@ class Motion:
 
     def _positioning(self, kind: str, end: Array, seconds: float) -> None:
         direction = self._turned(end)
+        if self._reset:
+            self._reset = False
+            self._arrive((self._position + end) / 2, seconds / 2)
+            self._note("reset", **self._shown())
+            raise MotionStop("fault", "reset")
         tripped: tuple[float, int] | None
         tripped = first_contact(self.rig, self._position, end, direction) if self._pressed is None else self._leave(end, direction)
         if tripped is None:

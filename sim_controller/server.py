@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import socket
+from collections.abc import Callable
 from typing import Any
 
 from tango_cnc.records import InputError
@@ -12,6 +13,8 @@ from tango_cnc.records import InputError
 from . import protocols
 from .lines import Closed, Line, ParityLine, PtyLine, TcpLine
 from .session import Session
+
+Wrapper = Callable[[Line], Line]  # a line → the same line with its faults
 
 
 def protocol(name: str) -> Any:
@@ -22,24 +25,25 @@ def protocol(name: str) -> Any:
     return importlib.import_module(f"{protocols.__name__}.{name}")
 
 
-def serve_tcp(listening: socket.socket, talk: Any, session: Session, *, parity: bool, once: bool) -> None:
+def serve_tcp(listening: socket.socket, talk: Any, session: Session, *, parity: bool, once: bool, disturbed: Wrapper) -> None:
     """listening socket, protocol → one connection after the other, each with a control just switched on; one only with `once`."""
     with listening:
         while True:
             connection, _ = listening.accept()
-            _talk(TcpLine(connection), talk, session, parity, once)
+            _talk(TcpLine(connection), talk, session, parity, once, disturbed)
             if once:
                 return
 
 
-def serve_pty(line: PtyLine, talk: Any, session: Session, *, parity: bool, once: bool) -> None:
+def serve_pty(line: PtyLine, talk: Any, session: Session, *, parity: bool, once: bool, disturbed: Wrapper) -> None:
     """pseudo-terminal, protocol → served until the process is ended, or one program has ended with `once`."""
-    _talk(line, talk, session, parity, once)
+    _talk(line, talk, session, parity, once, disturbed)
 
 
-def _talk(line: Line, talk: Any, session: Session, parity: bool, once: bool) -> None:
+def _talk(line: Line, talk: Any, session: Session, parity: bool, once: bool, disturbed: Wrapper) -> None:
     try:
-        talk.serve(ParityLine(line) if parity else line, session, once)
+        bad = disturbed(line)
+        talk.serve(ParityLine(bad) if parity else bad, session, once)
     except Closed:
         session.note("line", state="closed")
     finally:

@@ -71,6 +71,7 @@ class Session:
         self._profile = profile(self._language, rig.machine, setup.settings)
         self.buffer = setup.buffer
         self.device: Any = None  # of a protocol whose control outlives a connection
+        self.serial = False  # the line is one of characters, not of packets
 
     def motion(self) -> Motion:
         """→ the machine of a control that has just been switched on, at its reference position."""

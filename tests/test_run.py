@@ -311,7 +311,11 @@ def test_a_program_of_tango_plan_is_sent_as_it_is(cell):
 
 def test_json_goes_to_stdout_alone(cell):
     result = run(cell, Control(cell), "--json", "-")
-    assert json.loads(result.out)["ok"] == 7
+    *steps, end = [json.loads(line) for line in result.out.splitlines()]
+    assert (end["event"], end["ok"]) == ("end", 7)
+    touches = [step for step in steps if step["event"] == "touch"]
+    assert [step["touch"] for step in touches] == [1, 2, 3, 4, 5, 6, 7]
+    assert all(abs(step["deviation_um"] - 10) < 0.2 for step in touches)
 
 
 def test_the_time_of_a_touch_counts_from_the_touch_before_it(cell):

@@ -25,9 +25,19 @@ def cell(tmp_path):
 
 
 @contextlib.contextmanager
-def controller(folder, *options):
+def controller(folder, *options, once=True):
     """A simulated control → its address; it is gone afterwards."""
-    command = [sys.executable, "-m", "sim_controller", "--cell", str(folder), "--speed", "inf", "--once", *options]
+    command = [
+        sys.executable,
+        "-m",
+        "sim_controller",
+        "--cell",
+        str(folder),
+        "--speed",
+        "inf",
+        *(["--once"] if once else []),
+        *options,
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:

@@ -50,13 +50,15 @@ class Tape:
 
     @property
     def wants_pause(self) -> bool:
-        """→ whether the buffer is nearly full."""
-        return len(self._buffer) > 0.75 * self._capacity
+        """→ whether the buffer is nearly full, of complete lines among others."""
+        with self._changed:
+            return len(self._buffer) > 0.75 * self._capacity and b"\n" in self._buffer
 
     @property
     def wants_more(self) -> bool:
-        """→ whether there is room again."""
-        return len(self._buffer) < 0.25 * self._capacity
+        """→ whether there is room again, or nothing but the beginning of a line, which only more of it can complete."""
+        with self._changed:
+            return len(self._buffer) < 0.25 * self._capacity or b"\n" not in self._buffer
 
     def lines(self) -> Iterator[str]:
         """→ lines between the two %, each as soon as it is complete; waits for them. What follows % on its line is its title."""

@@ -14,7 +14,7 @@ import socket
 import threading
 from typing import Any, cast
 
-from ..lines import Closed, Line, PtyLine
+from ..lines import Closed, Line
 from ..motion import Motion, MotionStop, Note
 from ..session import Session
 
@@ -27,7 +27,7 @@ COUNT = 1e-4  # mm, deg
 FEED_COUNT = 0.1  # mm/min
 BEGIN, MOVE, TURN, PROBE, END = 1, 2, 3, 4, 5
 IDLE, BUSY, IN_ALARM = 0, 1, 2
-STATES = {"alarm": 2, "door": 3, "estop": 4, "hold": 5, "battery": 6}
+STATES = {"alarm": 2, "reset": 2, "door": 3, "estop": 4, "hold": 5, "battery": 6}
 ALARMS = {"collision": 101, "overtravel": 102, "fault": 103}
 POLL = 0.05  # s
 
@@ -134,7 +134,7 @@ def serve(line: Line, session: Session, once: bool) -> None:
     """line, session → served until the line closes; with a new connection the control is the same, and still switched on."""
     if session.device is None:
         session.device = Registers(session.motion(), session.note)
-    server = _Server(session.device, rtu=isinstance(line, PtyLine))
+    server = _Server(session.device, rtu=session.serial)
     inner = socket.create_connection(server.start())
     back = threading.Thread(target=_answers, args=(inner, line), daemon=True)
     back.start()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +13,8 @@ import click
 
 from ..files import read_cell
 from ..files.checked import read_text
-from ..records import Cell, InputError, Plan
-from ._common import cell_option, json_option, write_json
+from ..records import Cell, InputError, LinkError, Plan
+from ._common import cell_option
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from ..link._measure import Program
     from ..link.session import Step
 
+PAUSE = 0.3  # s between two looks at the journal of another program
 PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
 
 
@@ -33,6 +36,7 @@ PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
     "--readings", "readings_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: readings.csv in the cell."
 )
 @click.option("--resume", is_flag=True, help="Continue the run that stopped: make the touches that have no reading.")
+@click.option("--watch", "watching", is_flag=True, help="Follow a run that another program makes; nothing is sent.")
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="Silence of the control that is allowed."
@@ -47,13 +51,16 @@ PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
 @click.option(
     "--transcript", type=click.File("w", lazy=False), metavar="FILE", help="Also write down every byte that goes over the line."
 )
-@json_option
+@click.option(
+    "--json", "json_file", metavar="FILE", help="One JSON object a line while it runs, the last one the result; - for stdout."
+)
 def command(
     folder: Path,
     program_file: Path | None,
     port: str | None,
     readings_file: Path | None,
     resume: bool,
+    watching: bool,
     yes: bool,
     timeout: float | None,
     obstructed: str,
@@ -64,10 +71,16 @@ def command(
 
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
-    from ..link._measure import Wanted, measure
+    from ..link._measure import Wanted, follow, measure
     from ..plan import plan
     from .plan import warning
 
+    target = readings_file or folder / "readings.csv"
+    if watching:
+        with _Live(json_file) as live:
+            if not follow(target.with_suffix(".journal"), live, lambda: time.sleep(PAUSE)):
+                raise LinkError(f"{target.with_suffix('.journal')}: the run has stopped before its end")
+        return
     cell = read_cell(folder)
     if cell.controller is None:
         raise InputError(
@@ -85,23 +98,21 @@ def command(
         click.echo(warning(made), err=True)
     post = dialect(cell)
     someone = sys.stdin.isatty()
-    target = readings_file or folder / "readings.csv"
     wanted = Wanted(address, post.link, cell.controller.post, target, resume, timeout, 600.0 if someone else 60.0, transcript)
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
             _ask(part, address)
 
-    bar = _Bar()
-    try:
-        origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file), bar, confirm)
-    finally:
-        bar.close()
-    result = {"readings": str(target), **origin}
-    if not write_json(json_file, result):
-        bad = "".join(f", {origin[status]} {word}" for status, word in (("miss", "missed"), ("early", "early")) if origin[status])
-        doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
-        click.echo(f"{origin['touches']} touches{bad}{doubted} → {target}")
+    with _Live(json_file) as live:
+        origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file), live, confirm)
+        result = {"readings": str(target), **origin}
+        if not live.add("end", result):
+            bad = "".join(
+                f", {origin[status]} {word}" for status, word in (("miss", "missed"), ("early", "early")) if origin[status]
+            )
+            doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
+            click.echo(f"{origin['touches']} touches{bad}{doubted} → {target}")
 
 
 def dialect(cell: Cell) -> Post:
@@ -152,6 +163,48 @@ def _ask(part: Plan, address: str) -> None:
     click.confirm("Start?", default=False, abort=True, err=True)
 
 
+class _Live:
+    """Steps → progress on stderr, and one JSON object a line for other programs."""
+
+    def __init__(self, file: str | None) -> None:
+        self._bar, self._stdout = _Bar(), file == "-"
+        self._out = None if file is None or self._stdout else open(file, "w", encoding="utf-8")  # noqa: SIM115  closed by __exit__
+
+    def __enter__(self) -> _Live:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bar.close()
+        if self._out is not None:
+            self._out.close()
+
+    def __call__(self, step: Step) -> None:
+        """what happened → shown."""
+        self._bar(step)
+        values = {
+            "done": step.done,
+            "total": step.total,
+            "time_s": round(step.time, 3),
+            "touch": step.touch,
+            "facet": step.facet,
+            "status": step.status,
+            "deviation_um": step.deviation,
+            "drift_um": step.drift,
+            "remark": step.remark,
+        }
+        self.add("touch" if step.touch else "state", {name: value for name, value in values.items() if value is not None})
+
+    def add(self, event: str, values: dict[str, Any]) -> bool:
+        """what it is, plain data → one line; whether stdout is taken (so that no other text goes there)."""
+        line = json.dumps({"event": event, **values}, ensure_ascii=False, allow_nan=False)
+        if self._stdout:
+            click.echo(line)
+        elif self._out is not None:
+            self._out.write(line + "\n")
+            self._out.flush()
+        return self._stdout
+
+
 class _Bar:
     """Progress on stderr: a line that is written over on a terminal, one line in ten percent elsewhere."""
 
@@ -166,14 +219,16 @@ class _Bar:
             click.echo(step.remark, err=True)
         left = step.time / step.done * (step.total - step.done) if step.done else 0.0
         width = 24
-        filled = width * step.done // step.total
+        filled = width * step.done // max(step.total, 1)
         last = "" if step.deviation is None else f"  last {step.deviation:+.1f} µm"
+        if step.drift is not None:
+            last += f"  facet {step.facet} moved {step.drift:+.1f} µm"
         text = f"[{'#' * filled}{'.' * (width - filled)}] {step.done}/{step.total}  {_clock(left)} left{last}"
         if self._terminal:
             click.echo(f"\r{text:<78}", err=True, nl=False)
             self._open = True
-        elif 10 * step.done // step.total > self._shown:
-            self._shown = 10 * step.done // step.total
+        elif 10 * step.done // max(step.total, 1) > self._shown:
+            self._shown = 10 * step.done // max(step.total, 1)
             click.echo(text, err=True)
 
     def close(self) -> None:

@@ -33,7 +33,7 @@ from ._address import Address, parse, spoken
 from ._client import Job
 from ._readings import missing, provenance, readings_of
 from .journal import Journal, read_journal
-from .session import Moved, Session, Step
+from .session import Moved, Session, Step, step_of
 from .transport import open_port
 
 FLOOR, TIMES = 30.0, 3.0  # silence allowed before a touch: s, and multiples of its predicted time
@@ -112,20 +112,46 @@ def measure(
 
 
 @contextlib.contextmanager
-def _signals() -> Iterator[Callable[[], bool]]:
-    """→ whether somebody has asked for an end (Ctrl-C, or the system): noticed between two bytes, never in half an entry."""
+def _signals() -> Iterator[Callable[[], int]]:
+    """→ how often somebody has asked for an end (Ctrl-C, or the system): noticed between two bytes, never in half an entry."""
     asked: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
+        yield lambda: 0
         return
     before = {
         number: signal.signal(number, lambda received, frame: asked.append(received)) for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        yield lambda: bool(asked)
+        yield lambda: len(asked)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def follow(file: Path, watch: Callable[[Step], None], pause: Callable[[], None]) -> bool:
+    """journal of a run that another program makes → whether it came to its end; every reading goes to `watch` as it is written.
+
+    Raises InputError when there is no run.
+    """
+    shown = done = total = 0
+    ended: bool | None = None
+    while ended is None:
+        entries, _ = read_journal(file)
+        for entry in entries[shown:]:
+            if entry["kind"] == "segment":
+                total, ended = max(total, done + len(entry["touches"])), None
+            elif entry["kind"] == "reading":
+                done += 1
+                watch(step_of(entry, done, total))
+            elif entry["kind"] == "refused":
+                watch(Step(done, total, entry["time_s"], None, f"not believed: {entry['record']!r}: {entry['why']}"))
+            elif entry["kind"] == "end":
+                ended = bool(entry["complete"])
+                watch(Step(done, total, 0.0, None, f"the run has ended: {entry['why']}"))
+        shown = len(entries)
+        if ended is None:
+            pause()
+    return ended
 
 
 def repeatable(entries: Sequence[Mapping[str, Any]], plan: Plan) -> tuple[int, ...]:

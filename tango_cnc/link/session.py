@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
 from ..plan import last_motion
-from ..records import LinkError
+from ..records import LinkError, Machine
 from ._client import Begun, Client, Ended, Event, Failed, Identified, Job, Refused, Touched
 from ._trust import Distrust, Gate, Judged, judge, next_in_order
 from .journal import Journal
@@ -23,13 +23,20 @@ REFUSALS = 10  # records in a row that are not believed
 
 @dataclass(frozen=True)
 class Step:
-    """What the person at the machine sees: touches done of all, s since the start mark, the last deviation, a remark."""
+    """What the person at the machine sees: touches done of all, s since the start mark, the last deviation, a remark.
+
+    `drift` is how far a facet has moved along its normal since it was first touched with the rotary axes where they are now.
+    """
 
     done: int
     total: int
     time: float
     deviation: float | None = None  # µm
     remark: str | None = None
+    touch: int | None = None
+    facet: str | None = None
+    status: str | None = None
+    drift: float | None = None  # µm, positive outwards
 
 
 class Moved(LinkError):
@@ -77,9 +84,9 @@ class Session:
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
         gate: Gate | None = None,
         transcript: TextIO | None = None,
-        stop: Callable[[], bool] = lambda: False,
+        stop: Callable[[], int] = lambda: 0,
     ) -> None:
-        """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day, `stop` the user's wish."""
+        """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day, `stop` the user's wishes."""
         self._job, self._client, self._journal, self._watch = job, client, journal, watch
         self._clock, self._now, self._gate = clock, now, gate or Gate()
         self._transcript, self._stop = Transcript(transcript, clock), stop
@@ -89,7 +96,8 @@ class Session:
         self._place = 0  # of the touch that is due, in job.numbers
         self._accepted = 0
         self._doubts = 0
-        self._ended = self._told = False
+        self._ended = self._told = self._leaving = False
+        self._first = {_pose(job.plan.machine, e): e["deviation_um"] for e in reversed(journal.entries) if _repeatable(e)}
 
     def run(self, transport: Transport) -> None:
         """open transport → returns when every touch of the job is in the journal and the end mark has come.
@@ -130,8 +138,7 @@ class Session:
         last = self._clock()
         waiting = b""
         while not self._ended:
-            if self._stop():
-                raise LinkError("stopped by the user")
+            self._stopping()
             lost: Lost | None = None
             data, taken = b"", 0
             waiting = waiting or self._client.bytes_to_send(transport.chunk)
@@ -156,6 +163,21 @@ class Session:
             self._handle(self._client.elapsed(moment - last))
             last = moment
             self._tell()
+
+    def _stopping(self) -> None:
+        """Raises LinkError when the user wants an end and the client cannot draw the probe clear first, or is not to."""
+        wishes = int(self._stop())
+        if not wishes:
+            return
+        leave = getattr(self._client, "stop", None)
+        if leave is None or wishes > 1:
+            raise LinkError("stopped by the user")
+        if not self._leaving:
+            self._leaving = True
+            leave()
+            self._watch(
+                Step(self._accepted, len(self._job.numbers), self._time(), None, "stopping: the probe is drawn clear first")
+            )
 
     def _tell(self) -> None:
         """Says once that it is now the control's turn: somebody may have to press its button."""
@@ -200,20 +222,29 @@ class Session:
             return
         if place < self._job.again:
             self._repeated(place, judged)
+            entry = None
         else:
-            self._store(place, judged, event.text)
+            entry = self._store(place, self._touches[event.number].facet, judged, event.text)
         self._place, self._doubts = place + 1, 0
         self._accepted += 1
-        remark = None if judged.status == "ok" else f"touch {self._job.original[place]}: {judged.status}"
-        self._watch(Step(self._accepted, len(self._job.numbers), self._time(), judged.deviation, remark))
+        self._watch(
+            step_of(entry, self._accepted, len(self._job.numbers))
+            if entry
+            else Step(self._accepted, len(self._job.numbers), self._time(), judged.deviation)
+        )
 
-    def _store(self, place: int, judged: Judged, text: str) -> None:
-        self._journal.add(
+    def _store(self, place: int, facet: str, judged: Judged, text: str) -> Mapping[str, Any]:
+        deviation = None if judged.deviation is None else round(judged.deviation, 3)
+        now = {"facet": facet, "position": [float(value) for value in judged.position]}
+        first = None if deviation is None else self._first.setdefault(_pose(self._job.plan.machine, now), deviation)
+        return self._journal.add(
             "reading",
             touch=self._job.original[place],
+            **now,
             time_s=round(self._time(), 3),
             status=judged.status,
-            position=[float(value) for value in judged.position],
+            deviation_um=deviation,
+            drift_um=None if first is None or deviation is None or first == deviation else round(deviation - first, 3),
             direction=[int(sense) for sense in self._directions[place]],
             record=text,
         )
@@ -241,6 +272,24 @@ class Session:
             raise LinkError(
                 f"{REFUSALS} records in a row were not believed; the last one {text!r}: {why}. Check the settings of the line"
             )
+
+
+def step_of(entry: Mapping[str, Any], done: int, total: int) -> Step:
+    """'reading' of a journal, touches done of all → what is shown of it."""
+    status = entry["status"]
+    remark = None if status == "ok" else f"touch {entry['touch']}: {status}"
+    deviation, drift = entry.get("deviation_um"), entry.get("drift_um")
+    return Step(done, total, entry["time_s"], deviation, remark, entry["touch"], entry.get("facet"), status, drift)
+
+
+def _repeatable(entry: Mapping[str, Any]) -> bool:
+    return entry["kind"] == "reading" and entry.get("deviation_um") is not None
+
+
+def _pose(machine: Machine, entry: Mapping[str, Any]) -> tuple[str, ...]:
+    """reading → what must be the same for two touches to be comparable: the facet and where the table and the spindle stand."""
+    turned = (f"{v:.3f}" for v, axis in zip(entry["position"], machine.axes, strict=True) if axis.kind != "linear")
+    return (entry["facet"], *turned)
 
 
 def _stamp(moment: datetime) -> str:

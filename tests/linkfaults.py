@@ -1,0 +1,277 @@
+"""Whole runs in memory, with seeded faults between a real client and the simulated control, judged by the simulator's ledger."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import random
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from linkparts import FakeClock
+
+from postprocessors import _base as posts
+from sim_controller import motion as motions
+from sim_controller.faults import WORDS, Disturbance, Faults
+from sim_controller.interpreters import Alarm, Silence, macro_b
+from sim_controller.lines import even
+from sim_controller.motion import Motion
+from sim_controller.probing import rig
+from sim_controller.protocols.modbus import ACKNOWLEDGED, IDLE, SEQUENCE, STATUS, Registers
+from tango_cnc.files import read_cell, read_readings, read_world
+from tango_cnc.link import _measure
+from tango_cnc.link._measure import Program, Wanted, measure
+from tango_cnc.link._wire import Parity
+from tango_cnc.link.transport import Lost
+from tango_cnc.plan import plan, plan_hash
+from tango_cnc.records import LinkError
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "hu40t"
+TOUCHES = 60
+CLOSE = 1e-3  # mm, deg: what the records are rounded to, and what their check sum lets through
+ATTEMPTS = 60
+
+
+@functools.cache
+def scene():
+    """→ the cell of 60 touches without noise, its plan, its rig."""
+    cell = read_cell(EXAMPLE)
+    kept, left = [], TOUCHES
+    for indexation in cell.strategy.indexations:
+        if left > 0:
+            kept.append(replace(indexation, facets=indexation.facets[:left]))
+            left -= len(kept[-1].facets)
+    cell = replace(cell, strategy=replace(cell.strategy, indexations=tuple(kept)))
+    world = replace(read_world(EXAMPLE / "world.yaml"), noise=0.0, effects=())
+    return cell, plan(cell), rig(cell.machine, cell.artefact, world)
+
+
+def remembered(function: Callable) -> Callable:
+    """The same moves are made in every session: what they meet is computed once."""
+    known: dict = {}
+
+    def again(*arguments):
+        key = tuple(
+            a.tobytes() if isinstance(a, np.ndarray) else id(a) if not isinstance(a, (int, float)) else a for a in arguments
+        )
+        if key not in known:
+            known[key] = function(*arguments)
+        return known[key]
+
+    return again
+
+
+class Ledger:
+    """What truly happened."""
+
+    def __init__(self) -> None:
+        self.contacts: list[dict[str, float]] = []
+        self.unsafe: list[str] = []
+        self.deflected = 0
+
+    def note(self, event, **data) -> None:
+        if event == "contact":
+            self.contacts.append(data["at"])
+        elif event in ("unsafe", "collision"):
+            self.unsafe.append(f"{event}: {data}")
+        elif event == "skip" and data["result"] != "miss":
+            self.deflected += 1
+
+
+class Tape:
+    """A control behind a line of 7 bits and parity: it stores the program, runs it, and prints whatever becomes of the line."""
+
+    chunk = 256
+
+    def __init__(self, ledger: Ledger, clock: FakeClock, faults: Faults, bytes_in: Disturbance, cut: int | None) -> None:
+        self.clock, self._tape, self._ran, self._cut = clock, b"", False, cut
+        self._ledger, self._faults, self._disturb = ledger, faults, bytes_in
+        self._printed: list[tuple[float, bytes]] = []
+        self._given = 0
+
+    def write(self, data: bytes) -> int:
+        self._tape += bytes(byte & 0x7F for byte in data)
+        if not self._ran and self._tape.rstrip().endswith(b"%") and self._tape.count(b"%") == 2:
+            self._ran = True
+            self._run(self._tape.decode().strip().strip("%").splitlines())
+        return len(data)
+
+    def _run(self, lines: list[str]) -> None:
+        cell, _, truth = scene()
+        motion = Motion(truth, self._ledger.note, faults=self._faults)
+        printed: list[tuple[float, bytes]] = []
+        control = macro_b.Control(
+            motion, macro_b.default_profile(cell.machine), lambda data: printed.append((motion.time, data)), lambda e, **d: None
+        )
+        with contextlib.suppress(Alarm, Silence):
+            control.run([line for line in lines if line.strip()], False)
+        began, late = self.clock.seconds, 0.0
+        for moment, data in printed:
+            for more, piece in self._disturb(even(data)):
+                late += more
+                self._printed.append((began + moment + late, piece))
+
+    def read(self, timeout: float) -> bytes:
+        if self._cut is not None and self._given >= self._cut:
+            raise Lost("the line was cut")
+        if self._printed and self._printed[0][0] <= self.clock.seconds + timeout:
+            moment, data = self._printed.pop(0)
+            self.clock.seconds = max(self.clock.seconds, moment)
+            self._given += len(data)
+            return data
+        self.clock.seconds += timeout
+        return b""
+
+    def close(self) -> None:
+        pass
+
+
+class Bus:
+    """Modbus as it goes wrong: lost requests and answers, answers of before, answers half old and half new, a busy device."""
+
+    chunk = 1024
+    KINDS = ("request lost", "answer lost", "late answer", "torn", "busy", "line lost")
+
+    def __init__(self, device: Registers, clock: FakeClock, chance: random.Random, rates: dict[str, float]) -> None:
+        self._device, self.clock, self._chance, self._rates = device, clock, chance, rates
+        self._request, self._before, self._wait = b"", "", 0
+        self._old = list(device.words)
+
+    def write(self, data: bytes) -> int:
+        self._request += data
+        return len(data)
+
+    def read(self, timeout: float) -> bytes:
+        line, end, self._request = self._request.partition(b"\n")
+        if not end:
+            self.clock.seconds += timeout
+            return b""
+        self.clock.seconds += 0.01
+        answer = self._answer(*map(int, line.split()))
+        return f"{answer}\n".encode()
+
+    def _answer(self, code: int, address: int, *words: int) -> str:
+        fault = next((kind for kind in self.KINDS if self._chance.random() < self._rates.get(kind, 0.0)), None)
+        if fault == "line lost":
+            raise Lost("the line was cut")
+        if fault == "request lost" or self._device.silent:
+            return "- no answer"
+        if fault == "busy":
+            return "! 6"
+        if code == 16:
+            if self._device.write(address, list(words)):
+                self._wait = self._chance.randrange(4)
+            reply = f"16 {address} {len(words)}"
+        else:
+            if self._device.pending and self._wait == 0:
+                self._old = list(self._device.words)
+                self._device.execute()
+            self._wait = max(0, self._wait - 1)
+            now = self._device.words
+            if fault == "torn":
+                cut = self._chance.randrange(len(now))
+                now = [*self._old[:cut], *now[cut:]]
+            reply = " ".join(map(str, [3, *now[address : address + words[0]]]))
+        late, self._before = self._before, reply
+        if fault == "late answer":
+            fits = late.split()[:1] == [str(code)] and len(late.split()) == len(reply.split())
+            return late if fits else "- the answer to another request"
+        return "- no answer" if fault == "answer lost" else reply
+
+    def close(self) -> None:
+        if self._device.pending:
+            self._device.execute()  # the control finishes what it was told, whatever becomes of the line
+
+
+def post(part) -> Program:
+    cell, _, _ = scene()
+    _, mark, lines = posts.program(posts.load("fanuc"), part, {}, plan_hash(part))
+    return Program("".join(line + "\n" for line in lines()), mark, cell.machine.names)
+
+
+def patched(monkeypatch, clock: FakeClock) -> None:
+    """Whole sessions in memory: no waiting, no disk."""
+    monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
+    monkeypatch.setattr(motions, "first_contact", remembered(motions.first_contact))
+    monkeypatch.setattr(Motion, "_gaps", functools.partialmethod(_gaps, remembered(motions.surfaces.gaps)))
+
+
+def _gaps(self, known: Callable, row: int, positions, direction):
+    tip = motions.place(self.rig.true, positions, np.broadcast_to(direction, positions.shape)).tip
+    return known(self.rig.surfaces, tip)[:, row]
+
+
+def machine_faults(chance: random.Random) -> Faults:
+    name = chance.choice([None, None, None, *WORDS])
+    return Faults({} if name is None else {name: chance.randrange(1, TOUCHES)})
+
+
+def tape_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple[Ledger, int]:
+    """seed → the ledger, how often the run was resumed. Everything is measured when this returns."""
+    chance, ledger = random.Random(seed), Ledger()
+    rates = {kind: chance.choice([0.0, 3e-4, 3e-3]) for kind in ("drop", "flip", "double")}
+    rates |= {kind: 5e-3 for kind in ("delay", "split", "merge")}
+
+    def opened(address):
+        cut = chance.choice([None, None, None, None, chance.randrange(1, 6000)])
+        disturb = Disturbance(rates, chance.randrange(1 << 30))
+        faults = machine_faults(chance) if chance.random() < 0.3 else Faults()
+        return Parity(Tape(ledger, clock, faults, disturb, cut), False)
+
+    monkeypatch.setattr(_measure, "open_port", opened)
+    return ledger, _until_all_is_measured("socket://localhost:1", "dnc", folder)
+
+
+def bus_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple[Ledger, int]:
+    """seed → the ledger, how often the run was resumed; the control stays as it is between two attempts, but for its alarms."""
+    chance, ledger = random.Random(seed), Ledger()
+    rates = {kind: chance.choice([0.0, 3e-3, 3e-2]) for kind in Bus.KINDS[:-1]} | {"line lost": 1e-3}
+    truth = scene()[2]
+    devices = [Registers(Motion(truth, ledger.note, faults=machine_faults(chance)), ledger.note)]
+
+    def opened(address):
+        if devices[0].words[STATUS] != IDLE or devices[0].silent or devices[0].motion.deflected:
+            old = devices[0].words  # somebody has cleared the alarm, freed the probe and sent the axes home
+            devices[0] = Registers(Motion(truth, ledger.note), ledger.note)
+            devices[0].words[SEQUENCE] = devices[0].words[ACKNOWLEDGED] = old[SEQUENCE]
+        return Bus(devices[0], clock, chance, rates)
+
+    monkeypatch.setattr(_measure, "open_port", opened)
+    return ledger, _until_all_is_measured("modbus+tcp://localhost:1/1", "dnc", folder)
+
+
+def _until_all_is_measured(port: str, protocol: str, folder: Path) -> int:
+    cell, made, _ = scene()
+    resume = 0
+    for attempt in range(ATTEMPTS):
+        wanted = Wanted(port, protocol, "fanuc", folder / "readings.csv", resume=attempt > 0)
+        try:
+            measure(cell, made, wanted, post, lambda step: None, lambda part, program: None)
+            return resume
+        except LinkError:
+            resume += 1
+    raise AssertionError(f"not measured after {ATTEMPTS} attempts")
+
+
+def judged(folder: Path, ledger: Ledger) -> tuple[int, int, int]:
+    """folder of a session, its ledger → (readings lost, readings invented, moves asked for from an unsafe state)."""
+    cell, made, _ = scene()
+    readings = read_readings(folder / "readings.csv", cell.machine, cell.artefact)
+    lost = set(range(1, len(made.touches) + 1)) - set(readings.touch.tolist())
+    facet = {touch.number: touch.facet for touch in made.touches}
+    scale = np.array([1.0 if axis.kind == "linear" else 180 / np.pi for axis in cell.machine.axes])
+    contacts = np.array([[at[name] for name in cell.machine.names] for at in ledger.contacts])
+    invented = 0
+    for i, number in enumerate(readings.touch.tolist()):
+        if readings.facet[i] != facet[number]:
+            invented += 1
+        elif readings.status[i] == "ok":
+            away = contacts - readings.position[i] * scale
+            away[:, scale != 1.0] = np.remainder(away[:, scale != 1.0] + 180, 360) - 180
+            invented += not (np.abs(away).max(axis=1) < CLOSE).any()
+    invented += max(0, sum(status != "ok" for status in readings.status) - ledger.deflected)
+    return len(lost), invented, len(ledger.unsafe)

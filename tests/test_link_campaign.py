@@ -1,0 +1,47 @@
+"""Sessions of 60 touches with seeded faults: nothing is lost, nothing invented, nothing moves from an unsafe state.
+
+The same conversations as over a cable, in memory and without waiting; the ledger of the simulated machine is the judge.
+"""
+
+from __future__ import annotations
+
+import pytest
+from linkfaults import bus_session, judged, patched, tape_session
+from linkparts import FakeClock
+
+SESSIONS = {"dnc": tape_session, "modbus": bus_session}
+
+
+def sessions(kind, seeds, tmp_path, monkeypatch):
+    """→ (sessions, resumed runs, lost, invented, unsafe) of all seeds."""
+    clock = FakeClock()
+    patched(monkeypatch, clock)
+    resumed, totals = 0, [0, 0, 0]
+    for seed in seeds:
+        folder = tmp_path / str(seed)
+        ledger, again = SESSIONS[kind](seed, folder, monkeypatch, clock)
+        resumed += again
+        verdict = judged(folder, ledger)
+        assert verdict == (0, 0, 0), f"seed {seed}: {verdict} lost, invented, unsafe; {ledger.unsafe}"
+        totals = [a + b for a, b in zip(totals, verdict, strict=True)]
+    print(f"\n{kind}: {len(seeds)} sessions, {resumed} times resumed, lost invented unsafe: {totals}")
+    return resumed
+
+
+@pytest.mark.parametrize("kind", SESSIONS)
+def test_a_few_sessions_with_faults(kind, tmp_path, monkeypatch):
+    assert sessions(kind, range(2), tmp_path, monkeypatch) > 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", SESSIONS)
+@pytest.mark.parametrize("part", range(5))
+def test_five_hundred_sessions_with_faults(kind, part, tmp_path, monkeypatch):
+    assert sessions(kind, range(100 + 50 * part, 150 + 50 * part), tmp_path, monkeypatch) > 20
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("kind", SESSIONS)
+@pytest.mark.parametrize("part", range(25))
+def test_five_thousand_sessions_with_faults(kind, part, tmp_path, monkeypatch):
+    assert sessions(kind, range(1000 + 100 * part, 1100 + 100 * part), tmp_path, monkeypatch) > 40
