@@ -72,7 +72,7 @@ def command(
     items = cell.terms if terms is None else read_terms(terms)
     found = diagnose(cell.machine, cell.artefact, readings, items, exclude, seed)
     if html is not None:
-        from ..diagnose.pictures import page
+        from ..report.diagnosis import page
 
         write_text(html, page(found))
         click.echo(f"report with pictures → {html}", err=True)

@@ -28,6 +28,7 @@ from ._search import Chosen
 from ._seen import Test
 from ._size import size
 
+__all__ = ["Diagnosis", "Finding", "Remainder", "Test", "diagnose", "kernels"]
 Verdict = Literal["adequate", "explained", "unexplained"]
 ROUNDS = 2  # of weighting rough facets and searching again
 

@@ -25,13 +25,14 @@ def variants(touches: Touches) -> Variants:
 
 
 def cause(machine: Machine, frame: str = "spindle") -> list[Coefficient]:
-    """machine, frame → coefficient in mm: cosine of the angle between this and the last touch's normal."""
+    """machine, frame → coefficient in mm: how far the tip stays out along the last touch's outward normal."""
     need("probe_hysteresis", "frame", frame, ("spindle", "machine"))
 
     def pattern(t: Touches) -> Array:
         normal = normals(t, frame)
         result = np.zeros(len(t))
-        result[1:] = np.sum(normal[1:] * normal[:-1], axis=1)
+        # The tip stays out along the normal it was pushed along, and meets a like surface so much later.
+        result[1:] = -np.sum(normal[1:] * normal[:-1], axis=1)
         return result
 
     return [early(label("probe_hysteresis", *(() if frame == "spindle" else (frame,))), pattern)]

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..diagnose import Diagnosis, Finding, Test
+from ..diagnose.words import as_text, sentence, unexplained
 from ..records import Array
-from ..report.pictures import BAD, GOOD, INK, PALE, embedded, figure, styled
-from . import Diagnosis, Finding
-from ._seen import Test
-from .words import as_text, sentence, unexplained
+from .pictures import BAD, GOOD, INK, PALE, embedded, figure, styled
 
 UNITS = {"time": "min", "order": "touch", "indexation": "indexation", "facet": "facet (order of the artefact)"}
 

@@ -1,0 +1,130 @@
+"""Contract of every term and cause: walked from the folder, so that a new file is tested the moment it exists."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+import blind
+
+from sim_controller.simulate import simulate
+from tango_cnc import terms
+from tango_cnc.diagnose._candidates import candidate, pattern
+from tango_cnc.estimate import estimate
+from tango_cnc.records import InputError
+from tango_cnc.touches import Touches
+
+CAUSES = sorted(terms.causes())
+PATTERNS = [name for name in CAUSES if hasattr(terms.causes()[name], "variants")]
+SPREADS = [name for name in CAUSES if hasattr(terms.causes()[name], "spread")]
+UNIT = re.compile(r"(mm|rad|s|1)(/(mm|rad)[²³⁴⁵⁶⁷⁸⁹]?)?(/K)?")
+
+
+@pytest.fixture(scope="module")
+def bench() -> blind.Bench:
+    return blind.bench()
+
+
+@pytest.fixture(scope="module")
+def touches(bench: blind.Bench) -> Touches:
+    return estimate(bench.cell.machine, bench.cell.artefact, bench.clean, bench.cell.terms).model.touches
+
+
+@pytest.mark.parametrize("name", sorted(terms.families()))
+def test_every_family_says_what_it_is_and_where_that_is_written(name: str) -> None:
+    module = terms.families()[name]
+    assert module.TEXT and module.SOURCE
+    assert hasattr(module, "coefficients") or hasattr(module, "cause")
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_every_cause_says_its_frame_what_it_is_mistaken_for_and_what_to_do(name: str) -> None:
+    module = terms.causes()[name]
+    assert module.FRAME and module.ADVICE
+    assert set(module.MISTAKEN) <= set(CAUSES), "mistaken for something that is not in the catalogue"
+    assert hasattr(module, "variants") != hasattr(module, "spread")
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_every_variant_makes_coefficients_with_finite_regressors_and_names_of_their_own(
+    name: str, bench: blind.Bench, touches: Touches
+) -> None:
+    machine, module = bench.cell.machine, terms.causes()[name]
+    seen: dict[str, dict[str, Any]] = {}
+    for setting in list(module.variants(touches))[:60]:
+        coefficients = terms.cause(name, machine, setting)
+        assert coefficients
+        for c in coefficients:
+            regressor = c.regressor(touches)
+            assert regressor.shape == (len(touches),) and np.isfinite(regressor).all()
+            assert UNIT.fullmatch(c.unit), c.unit
+            assert seen.setdefault(c.name, setting) == setting or name == "compensation_kink", "one name for two settings"
+
+
+@pytest.mark.parametrize("name", SPREADS)
+def test_every_spread_is_a_variance_of_unit_size(name: str, touches: Touches) -> None:
+    for _, size in terms.causes()[name].spread(touches):
+        assert size.shape in ((len(touches),), (len(touches), len(touches)))
+        variance = size if size.ndim == 1 else np.diag(size)
+        assert (variance >= 0).all() and variance.max() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_a_setting_that_a_cause_does_not_have_is_an_input_error(name: str, bench: blind.Bench) -> None:
+    with pytest.raises(InputError, match=name):
+        terms.find({"cause": name, "colour": "red"}, bench.cell.machine)
+
+
+# The setting of the term that stands for an effect of the simulated machine, where it is not the effect's own.
+SAME = {
+    "thermal_drift": ("shape", "tau"),
+    "table_drift": ("shape", "tau"),
+    "table_growth": ("shape", "tau"),
+    "scale_drift": ("axis", "shape", "tau"),
+    "ambient_cycle": ("period",),
+    "step": ("at", "frame"),
+    "backlash": ("axis",),
+    "rotary_backlash": ("axis",),
+    "encoder_harmonic": ("axis", "order"),
+    "rotary_radial": ("axis", "order", "frame"),
+    "rotary_axial": ("axis", "order"),
+    "rotary_tilt": ("axis", "order", "frame"),
+    "probe_lobing": ("order",),
+    "cyclic_error": ("axis", "period"),
+    "moving_mass": ("name", "by"),
+    "chip": ("facet", "at"),
+    "pretravel_anisotropy": (),
+    "probe_hysteresis": (),
+    "first_touch": (),
+}
+
+
+@pytest.mark.parametrize("name", sorted(SAME))
+def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.Bench, touches: Touches) -> None:
+    """Two independent ways: the change of the simulated readings lies in the span of the term's columns, sign and size included."""
+    eye = blind.eyes(bench)
+    columns = [bench.cell.machine.column(a) for a in "XYZ"]
+    change = np.zeros(len(touches))
+    # Some tilts turn the tip about itself and move no touch: another one is drawn.
+    for seed in range(5, 10):
+        drawn = {"axis": "Y" if name == "backlash" else "C", "amplitude": 1e-3 if name == "backlash" else 1e-6}
+        effect = {"cause": name, **drawn} if name.endswith("backlash") else blind.draw(bench, name, np.random.default_rng(seed))
+        read = simulate(bench.cell.machine, bench.cell.artefact, bench.cell.strategy, replace(bench.world, effects=(effect,)))
+        change = np.sum((read.position - bench.clean.position)[:, columns] * eye.normal, axis=1)
+        if np.abs(change).max() > 1e-5:
+            break
+    assert np.abs(change).max() > 1e-5
+    setting = {key: effect[key] for key in SAME[name] if key in effect}
+    mine = pattern(touches, candidate(touches, name, setting).coefficients)
+    values, *_ = np.linalg.lstsq(mine, change, rcond=None)
+    assert np.abs(change - mine @ values).max() < 0.01 * np.abs(change).max()
+    if mine.shape[1] == 1:
+        assert values[0] == pytest.approx(effect["amplitude"], rel=0.01)

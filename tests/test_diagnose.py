@@ -1,0 +1,196 @@
+"""`tango diagnose` on readings of the simulated machine: what is hidden is named, what is not there is not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import blind
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from sim_controller.simulate import simulate
+from tango_cnc.cli import tango
+from tango_cnc.diagnose import Diagnosis, diagnose
+from tango_cnc.diagnose._gain import add, held_out, residual_maker
+from tango_cnc.diagnose._space import space
+from tango_cnc.diagnose.words import as_json, as_text
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_terms, readings_text
+from tango_cnc.records import Readings
+
+
+@pytest.fixture(scope="module")
+def bench() -> blind.Bench:
+    return blind.bench()
+
+
+def readings(bench: blind.Bench, effects: list[dict[str, Any]], seed: int = 3) -> Readings:
+    world = replace(bench.world, effects=tuple(effects), noise=blind.NOISE)
+    return simulate(bench.cell.machine, bench.cell.artefact, bench.cell.strategy, world, seed=seed)
+
+
+def told(bench: blind.Bench, effects: list[dict[str, Any]], seed: int = 3, excluded: tuple[str, ...] = ()) -> Diagnosis:
+    return diagnose(bench.cell.machine, bench.cell.artefact, readings(bench, effects, seed), bench.cell.terms, excluded)
+
+
+DRIFT = {"cause": "thermal_drift", "amplitude": 0.009, "tau": 900, "direction": [0, 1, 0]}
+LOBES = {"cause": "probe_lobing", "amplitude": 0.002, "order": 3, "phase": 20}
+
+
+@pytest.fixture(scope="module")
+def two(bench: blind.Bench) -> Diagnosis:
+    return told(bench, [DRIFT, LOBES])
+
+
+def test_a_sound_machine_is_adequate_and_nothing_is_named(bench: blind.Bench) -> None:
+    d = told(bench, [])
+    assert (d.verdict, d.findings, d.unexplained) == ("adequate", (), ())
+    assert d.terms == bench.cell.terms
+    assert d.noise == pytest.approx(blind.NOISE, rel=0.15)
+
+
+def test_two_hidden_causes_are_named_with_their_sizes(two: Diagnosis) -> None:
+    assert two.verdict == "explained"
+    found = {f.cause: f for f in two.findings}
+    assert set(found) == {"thermal_drift", "probe_lobing"}
+    drift, lobes = found["thermal_drift"], found["probe_lobing"]
+    assert abs(drift.size.amplitude - 0.009) < 3 * drift.size.amplitude_std
+    assert abs(lobes.size.amplitude - 0.002) < 3 * lobes.size.amplitude_std
+    assert np.dot(drift.detail["direction"], [0, 1, 0]) > 0.98
+    assert lobes.detail["order"] == 3
+    for f in two.findings:
+        assert f.p_value < 1e-3 and f.gain is not None and f.gain.real
+        assert f.gain.heldout_after < f.gain.heldout_before
+
+
+def test_before_any_cause_the_residuals_are_shown_to_depend_on_something(two: Diagnosis) -> None:
+    assert two.tests[0].p_value < 1e-4 and two.tests[0].variance_share > 0.05
+    covariates = {t.covariate for t in two.tests}
+    assert {"time", "order", "indexation", "facet", "X", "Y", "Z", "B", "C"} <= covariates
+    assert {"normal x, machine", "normal x, table", "normal x, spindle", "dX", "way of X"} <= covariates
+    assert two.tests_after[0].p_value > 1e-4
+
+
+def test_the_extended_model_is_a_list_of_terms_that_an_estimate_takes(bench: blind.Bench, two: Diagnosis) -> None:
+    again = estimate(bench.cell.machine, bench.cell.artefact, readings(bench, [DRIFT, LOBES]), read_terms(two.terms_text))
+    assert again.sigma == pytest.approx(two.after.sigma, rel=1e-3)
+    assert two.after.sigma < 0.75 * two.before.sigma
+    truth = bench.world.errors["EX0C"]
+    assert abs(two.after.value("EX0C") - truth) < 4 * two.after.std[two.after.model.names.index("EX0C")]
+
+
+def test_the_effects_that_were_found_are_effects_of_the_simulated_machine(bench: blind.Bench, two: Diagnosis) -> None:
+    effects = json.loads(json.dumps(as_json(two)["effects"]))
+    read = readings(bench, effects)
+    d = diagnose(bench.cell.machine, bench.cell.artefact, read, two.terms)
+    assert d.verdict == "adequate"
+
+
+def test_the_answer_is_the_public_format_and_plain_words(two: Diagnosis) -> None:
+    data = json.loads(json.dumps(as_json(two), allow_nan=False))
+    assert data["format"] == "tango-diagnosis/1" and data["verdict"] == "explained"
+    first = data["findings"][0]
+    assert {"cause", "detail", "amplitude_um", "amplitude_std_um", "p_value", "gain", "parameter_shift", "alternatives"} <= set(
+        first
+    )
+    assert {"rms_before_um", "rms_after_um", "heldout_before_um", "heldout_after_um"} <= set(first["gain"])
+    assert 0 < data["visibility"]["thermal_drift"] <= 1
+    text = as_text(two)
+    assert "towards +Y" in text and "held-out" in text and "What to do" in text
+
+
+def test_a_cause_that_the_catalogue_lacks_is_admitted_with_its_covariate(bench: blind.Bench) -> None:
+    d = told(bench, [LOBES], excluded=("probe_lobing",))
+    assert d.verdict == "unexplained" and not d.findings
+    assert d.unexplained[0].covariate == "probe direction"
+    assert d.unexplained[0].heldout_r2 > 0.3
+
+
+def test_a_wandering_machine_gets_no_false_name(bench: blind.Bench) -> None:
+    d = told(bench, [{"cause": "random_walk", "amplitude": 0.003}])
+    assert not d.findings
+    assert [r.shape for r in d.unexplained] == ["random walk"]
+
+
+def test_a_chip_is_no_heap_of_outliers(bench: blind.Bench) -> None:
+    d = told(bench, [{"cause": "chip", "facet": "9", "amplitude": 0.006, "at": 200}])
+    assert [f.cause for f in d.findings] == ["chip"]
+    assert d.findings[0].detail["facet"] == "9" and not d.outliers
+
+
+def test_seating_and_rough_facets_show_in_the_spread(bench: blind.Bench) -> None:
+    rough = {"cause": "surface_form", "amplitude": 0.003, "facets": ["16", "22", "28"]}
+    d = told(bench, [{"cause": "indexation_seating", "amplitude": 0.003}, rough])
+    found = {f.cause: f for f in d.findings}
+    assert {"indexation_seating", "surface_form"} <= set(found)
+    assert found["indexation_seating"].size.amplitude == pytest.approx(0.003, rel=0.3)
+    assert set(found["surface_form"].detail["facets"]) <= {"16", "22", "28"}
+
+
+def test_held_out_errors_are_those_of_fits_without_the_group() -> None:
+    rng = np.random.default_rng(1)
+    design, data = rng.normal(size=(60, 5)), rng.normal(size=60)
+    groups = np.arange(60) // 10
+    fast = held_out(residual_maker(design), data, groups, 60)
+    for g in range(6):
+        rest = groups != g
+        slow = data[~rest] - design[~rest] @ np.linalg.lstsq(design[rest], data[rest], rcond=None)[0]
+        assert fast[~rest] == pytest.approx(slow)
+
+
+def test_adding_columns_to_a_fit_is_the_fit_with_them() -> None:
+    rng = np.random.default_rng(2)
+    design, more = rng.normal(size=(40, 4)), rng.normal(size=(40, 2))
+    assert add(residual_maker(design), more) == pytest.approx(residual_maker(np.hstack([design, more])))
+
+
+def test_what_the_model_reaches_is_not_in_the_space() -> None:
+    rng = np.random.default_rng(3)
+    design = rng.normal(size=(50, 6))
+    place = space(rng.normal(size=50), design, 50, [np.eye(50)])
+    assert place.m == 44
+    assert np.abs(place.project(design)).max() < 1e-12
+    assert np.trace(place.kernels[0]) == pytest.approx(44)
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory, bench: blind.Bench) -> Path:
+    folder = tmp_path_factory.mktemp("cell")
+    for file in blind.EXAMPLE.iterdir():
+        (folder / file.name).write_bytes(file.read_bytes())
+    (folder / "readings.csv").write_text(readings_text(readings(bench, [DRIFT])), encoding="utf-8")
+    return folder
+
+
+def test_the_command_writes_json_words_and_a_page_with_pictures(cell: Path) -> None:
+    pytest.importorskip("matplotlib")
+    run = CliRunner().invoke(tango, ["diagnose", "-C", str(cell), "--html", str(cell / "d.html"), "--json", str(cell / "d.json")])
+    assert run.exit_code == 0, run.output
+    assert json.loads((cell / "d.json").read_text())["findings"][0]["cause"] == "thermal_drift"
+    page = (cell / "d.html").read_text()
+    assert page.count("data:image/png;base64,") == 3 and "warms up" in page
+
+
+def test_design_tells_which_touches_would_separate_two_causes(cell: Path) -> None:
+    run = CliRunner().invoke(tango, ["design", "-C", str(cell), "--separate", "thermal_drift", "table_drift", "--json", "-"])
+    assert run.exit_code == 0, run.output
+    data = json.loads(run.output)
+    assert data["append"][0]["apart"] > 2 * data["apart"]
+    assert data["append"][0]["facets"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--exclude", "gremlins"], "allowed: ambient_cycle"),
+        (["--response", "r"], "only together with --table"),
+        (["--table", "none.csv"], "--response"),
+    ],
+)
+def test_wrong_options_are_named(cell: Path, options: list[str], said: str) -> None:
+    run = CliRunner().invoke(tango, ["diagnose", "-C", str(cell), *options])
+    assert run.exit_code != 0 and said in str(run.exception)
