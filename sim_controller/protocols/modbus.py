@@ -20,7 +20,7 @@ from ..session import Session
 
 TCP, PTY = "modbus+tcp://{}/1", "modbus+rtu://{}/1"  # how the other side names the port
 SIZE = 64
-COMMAND, SEQUENCE, ACKNOWLEDGED, STATUS, POINT, FLAG, ALARM, POSITION = 0, 1, 2, 3, 4, 5, 6, 10
+COMMAND, SEQUENCE, ACKNOWLEDGED, STATUS, POINT, FLAG, ALARM, PROBE_ON, POSITION = 0, 1, 2, 3, 4, 5, 6, 7, 10
 VERSION, PATTERN, ORDER, MASK, NUMBER, FEED, TARGET = 30, 31, 32, 40, 41, 42, 44
 LETTERS = "XYZABCS"
 COUNT = 1e-4  # mm, deg
@@ -109,6 +109,7 @@ class Registers:
         return {letter: value if letter in "XYZ" else math.radians(value) for letter, value in values.items()}
 
     def _here(self) -> None:
+        self.words[PROBE_ON] = int(self.motion.deflected)
         self._put(POSITION, self._counts(self.motion.position))
 
     def _counts(self, position: Any) -> list[int]:

@@ -11,7 +11,20 @@ from ..records import InputError
 
 PATTERN, ORDER = 0x1234, 0x01020304
 STANDARD = Path(__file__).with_name("modbus.yaml")
-CONTROL = ("command", "sequence", "acknowledged", "status", "point", "flag", "alarm", "position", "version", "pattern", "order")
+CONTROL = (
+    "command",
+    "sequence",
+    "acknowledged",
+    "status",
+    "point",
+    "flag",
+    "alarm",
+    "probe",
+    "position",
+    "version",
+    "pattern",
+    "order",
+)
 TARGET = ("mask", "number", "feed", "target")
 COMMANDS = ("begin", "move", "turn", "probe", "end")
 STATUSES = ("idle", "busy", "alarm", "door", "emergency_stop", "hold", "battery_low")

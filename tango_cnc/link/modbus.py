@@ -68,6 +68,7 @@ class Client:
         self._given = self._sequence = 0
         self._out, self._line = b"", bytearray()
         self._events: list[Event] = []
+        self._last: Words = []  # the block after the last command
         self._talk = self._conversation()
         self._started = self._over = self._asked = self._stopping = self._down = False
         self._silence, self._allowed = 0.0, job.start_patience
@@ -136,6 +137,7 @@ class Client:
         block = yield from self._read(self._layout.block)
         self._identify(block)
         block = yield from self._settled()
+        self._free(block)
         self._sequence = self._said("acknowledged", block)
         yield from self._command("begin", self._job.start_patience)
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))
@@ -261,6 +263,9 @@ class Client:
                 break
         else:
             raise _Stop("what is written as target does not stand in the registers afterwards: does the layout fit the control?")
+        if not self._last:
+            self._last = yield from self._settled()
+        self._free(self._last)
         name = "probe" if move.kind == "probe" else "turn" if move.kind == "index" else "move"
         block = yield from self._command(name, self._allowed)
         if name == "probe":
@@ -269,6 +274,7 @@ class Client:
             raise _Stop(f"the registers keep changing after command {self._sequence} is done")
         else:
             self._arrived(target, block)
+        self._last = block
 
     def _record(self, number: int, block: Words) -> Event:
         if not block:
@@ -288,6 +294,11 @@ class Client:
         return {
             letter: self._layout.value(letter, n) for letter, n in zip(self._layout.axes, counts, strict=True) if letter in names
         }
+
+    def _free(self, block: Words) -> None:
+        """Raises _Stop when the probe signal is on: nobody knows what the probe touches, or whether it would feel anything."""
+        if self._said("probe", block) != 0:
+            raise _Stop("the probe signal is on although nothing is measured: is the probe free and alive?")
 
     def _arrived(self, target: Mapping[str, int], block: Words) -> None:
         """Raises _Stop when the axes do not stand where they were sent."""
