@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import os
 import pkgutil
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import click
+
+# The matrices are small: threads of the linear algebra gain nothing and, on a busy machine, wait for each other for minutes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from . import __version__, commands
 from .records import TangoError
