@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import select
 import socket
-import tty
+import struct
+import time
 from typing import Protocol
 
 from tango_cnc.records import InputError, LinkError
 
 CHUNK = 4096
+READ_OUT = 1.0  # s without anybody reading after which what is left is thrown away
 
 
 class Closed(Exception):
@@ -62,9 +64,11 @@ class TcpLine:
 
 
 class PtyLine:
-    """A pseudo-terminal that looks like a serial port; like one it does not notice when nobody is there."""
+    """A pseudo-terminal that looks like a serial port; like one it does not notice when nobody is there. Not on Windows."""
 
     def __init__(self) -> None:
+        import tty
+
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self.path = os.ttyname(self._slave)
@@ -86,7 +90,16 @@ class PtyLine:
             data = data[os.write(self._master, data) :]
 
     def close(self) -> None:
-        """Removes the terminal."""
+        """Removes the terminal when what was sent has been read, or nobody reads on: closing would throw it away."""
+        import fcntl
+        import termios
+
+        left, since = 1, time.monotonic()
+        while left and time.monotonic() - since < READ_OUT:
+            time.sleep(0.02)
+            before = left
+            left = struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))[0]
+            since = time.monotonic() if left != before else since
         os.close(self._master)
         os.close(self._slave)
 
