@@ -153,6 +153,13 @@ def test_the_table_can_refuse(name: str, imported: str) -> None:
     assert list(complaints(name, imported))
 
 
+def test_what_windows_lacks_is_imported_where_it_is_used(root: Path) -> None:
+    for name, file in modules(root).items():
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        found = {alias.name for node in tree.body if isinstance(node, ast.Import) for alias in node.names}
+        assert not found & {"fcntl", "termios", "tty", "pty", "resource"}, name
+
+
 def test_no_file_is_too_long_to_read(root: Path) -> None:
     lengths = {name: len(file.read_text(encoding="utf-8").splitlines()) for name, file in modules(root).items()}
     assert not {name: n for name, n in lengths.items() if n > 450}
