@@ -257,7 +257,8 @@ class Turn:
     """Where rotary axes and spindle turn before touch `touch`: clear of all that they sweep; linear axes stand still.
 
     `before` and `after` differ in the rotary columns only; `via` leads on to the first touch where the way is not free.
-    `first` is the axis that moves alone when nobody knows where the machine stands (the start of the program).
+    `first` is the axis that moves alone when nobody knows where the machine stands (the start of the program). `preload` is a
+    stop near `after`, or near `before` for linear axes, from which the last motion has a sense that everybody knows.
     """
 
     touch: int
@@ -265,6 +266,7 @@ class Turn:
     after: tuple[float, ...]
     via: tuple[float, ...] | None = None
     first: str | None = None
+    preload: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -316,15 +318,23 @@ class Plan:
             yield from self._turn(turns[last + 1], at, last)
 
     def _turn(self, turn: Turn, at: tuple[float, ...] | None, touch: int) -> Iterator[Move]:
-        linear = self._changes(at, turn.before, self.machine.linear)
+        turning = (*self.machine.rotary, "S")
         if turn.first is not None:
+            at = turn.preload or turn.before
+            linear = self._changes(None, at, self.machine.linear)
             yield Move("retract", {turn.first: linear.pop(turn.first)}, touch)
             yield Move("clear", linear, touch)
-        elif linear:
+            if loaded := self._changes(at, turn.before, self.machine.linear):
+                yield Move("clear", loaded, touch)
+            yield Move("index", self._changes(None, at, turning), touch)
+        elif linear := self._changes(at, turn.before, self.machine.linear):
             yield Move("retract", linear, touch)
-        before = None if at is None else turn.before
-        if turning := self._changes(before, turn.after, (*self.machine.rotary, "S")):
-            yield Move("index", turning, touch)
+        if turn.first is None and turn.preload is not None:
+            if loaded := self._changes(turn.before, turn.preload, turning):
+                yield Move("index", loaded, touch)
+            at = turn.preload
+        if turned := self._changes(at if turn.preload else turn.before, turn.after, turning):
+            yield Move("index", turned, touch)
         if turn.via is not None:
             yield Move("clear", self._changes(turn.after, turn.via), touch)
 

@@ -94,8 +94,66 @@ def test_every_touch_is_approached_made_and_left_the_same_way() -> None:
 def test_the_first_move_is_one_axis_alone_and_up() -> None:
     moves = list(plan(small()).moves)
     assert (moves[0].kind, list(moves[0].target)) == ("retract", ["Z"])
-    assert [m.kind for m in moves[1:4]] == ["clear", "index", "clear"]
-    assert set(moves[2].target) == {"B", "C", "S"}
+    assert [m.kind for m in moves[1:6]] == ["clear", "clear", "index", "index", "clear"]
+    assert set(moves[3].target) == {"B", "C", "S"} and set(moves[4].target) == {"B", "C"}
+
+
+def test_before_the_first_touch_every_axis_is_brought_to_where_the_sense_of_its_last_motion_is_known() -> None:
+    made = plan(cell(machine("wCBXfZY(S)t"), block(), [{"B": 10, "C": -30}, {"S": 90}], facets=["5"]))
+    (first, second, *_) = [m.target for m in made.moves if m.kind == "index"]
+    assert {name: round(math.degrees(value)) for name, value in first.items()} == {"B": 5, "C": -35, "S": -5}
+    assert {name: round(math.degrees(value)) for name, value in second.items()} == {"B": 10, "C": -30, "S": 0}
+    assert (last_motion(made) != 0).all()
+    names = made.machine.names
+    assert [last_motion(made)[0][names.index(name)] for name in "BCS"] == [1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("travel", "stop"), [((10, 90), 15), ((7, 90), 15), ((4, 90), 5), ((10, 12), 12), ((9, 10), 9), ((10, 10), 10)]
+)
+def test_the_stop_stays_within_the_travel(travel: tuple[float, float], stop: float) -> None:
+    whole = small(poses=({"B": 10},))
+    low, high = map(math.radians, travel)
+    axes = tuple(replace(a, travel=(low, high)) if a.name == "B" else a for a in whole.machine.axes)
+    made = plan(replace(whole, machine=replace(whole.machine, axes=axes)), "leave-out")
+    first = next(m for m in made.moves if m.kind == "index")
+    assert math.degrees(first.target["B"]) == pytest.approx(stop)
+
+
+def _sense(travel: tuple[float, float] | None, *angles: float) -> list[float]:
+    """Travel of C in degrees, indexations → sense of its last motion at each."""
+    whole = cell(machine("wCBXfZY(S)t"), block(), [{"C": a} for a in angles], facets=["5"])
+    limits = None if travel is None else (math.radians(travel[0]), math.radians(travel[1]))
+    axes = tuple(replace(a, travel=limits) if a.name == "C" else a for a in whole.machine.axes)
+    made = plan(replace(whole, machine=replace(whole.machine, axes=axes)))
+    for literal, shorter in zip(_senses(made, False), _senses(made, True), strict=True):
+        assert literal == shorter, "the sense depends on whether the control rolls over"
+    result: list[float] = last_motion(made)[:, made.machine.column("C")].tolist()
+    return result
+
+
+def _senses(made: Plan, rolls: bool) -> list[float]:
+    """Sense of C's last motion at every touch, on a control that rolls over or takes angles as they are."""
+    at, sense, found = 0.0, 0.0, []
+    for move in made.moves:
+        change = move.target.get("C", at) - at
+        change = math.remainder(change, math.tau) if rolls else change
+        if abs(change) > 1e-9:
+            sense = math.copysign(1.0, change)
+        at = move.target.get("C", at)
+        if move.kind == "probe":
+            found.append(sense)
+    return found
+
+
+def test_an_endless_axis_takes_the_shorter_way_whether_its_control_rolls_over_or_not() -> None:
+    assert _sense(None, 0, 270) == [1, -1]
+    assert _sense(None, 270, 10) == [1, 1]
+    assert _sense((-720, 720), 0, 270, -90) == [1, -1, -1]
+
+
+def test_an_axis_with_limits_goes_as_the_numbers_say() -> None:
+    assert _sense((-360, 360), 0, 270, -90) == [1, 1, -1]
 
 
 def test_last_motion_is_that_of_the_approach_and_of_the_last_indexation() -> None:
@@ -104,14 +162,14 @@ def test_last_motion_is_that_of_the_approach_and_of_the_last_indexation() -> Non
     x, c = made.machine.column("X"), made.machine.column("C")
     # The table moves: to press facet 1 (+x) on the probe the table goes towards +X at C = 0, and not far from that here.
     assert sense[:, x].tolist() == [1, -1, 1, -1, 1, -1]
-    assert sense[:, c].tolist() == [0, 0, 1, 1, -1, -1]
+    assert sense[:, c].tolist() == [1, 1, 1, 1, -1, -1]
 
 
 def test_a_part_of_a_plan_keeps_numbers_and_finds_its_own_safe_way() -> None:
     whole = plan(cell(machine("wCBXfZY(S)t"), block(), [{}, {"C": 40}, {"B": 20}], facets=["2", "5", "7"]))
     some = part(whole, [2, 3, 8])
     assert [t.number for t in some.touches] == [2, 3, 8]
-    assert [m.touch for m in some.moves if m.kind == "index"] == [2, 8]
+    assert [m.touch for m in some.moves if m.kind == "index"] == [2, 2, 8]
     _assert_clear(some)
     assert part(whole, range(1, 10)) == whole
     with pytest.raises(InputError, match="found touch 12; allowed: touches 1 … 9"):
@@ -346,16 +404,16 @@ def test_the_way_is_clear_at_the_example_of_the_thesis(shared: Path) -> None:
     corners = np.array([f.point for f in made.artefact.facets.values()])
     reach = max(np.linalg.norm(corners, axis=1).max(), *(np.linalg.norm(b.centre) + b.radius for b in made.artefact.balls.values()))
     turned = [start for kind, _, start, _ in positions(made) if kind == "index"]
-    assert len(turned) == 27
+    assert len(turned) == 30  # 28 indexations, C twice by half a turn or more; where the axes were before the first nobody knows
     tips = kinematics.tip(chain, np.array(turned))
     assert np.linalg.norm(tips, axis=1).min() > reach + made.machine.probe.tip_radius + 20
     assert (np.array(turned)[:, 2] - made.machine.probe.length > reach).all()
 
 
 def test_time_and_memory_grow_with_the_number_of_touches_only() -> None:
-    """A plan of forty strategies has exactly forty times the moves of one: nothing is compared with everything else."""
+    """A plan of forty strategies has forty times the moves of one, and one preload: nothing is compared with everything else."""
     one = small(poses=({}, {"C": 30}))
     forty = replace(one, strategy=replace(one.strategy, indexations=one.strategy.indexations * 40))
     assert len(plan(forty).touches) == 40 * len(plan(one).touches)
     many, few = (Counter(m.kind for m in plan(c).moves) for c in (forty, one))
-    assert many["probe"] == 40 * few["probe"] and many["index"] == 40 * few["index"]
+    assert many["probe"] == 40 * few["probe"] and many["index"] - 1 == 40 * (few["index"] - 1)

@@ -56,7 +56,7 @@ def expected(made: Plan) -> list[tuple[str, list[float]]]:
     for move in made.moves:
         values = {n: v if n in made.machine.linear else math.degrees(v) for n, v in move.target.items()}
         if "S" in values:
-            found.append(("orient", [values["S"]]))
+            found.append(("orient", [values["S"] % 360]))
         if move.kind == "index":
             for name in made.machine.rotary:
                 if name in values:

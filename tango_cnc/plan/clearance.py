@@ -15,6 +15,7 @@ import numpy as np
 from .. import check, kinematics
 from ..check.travel import travel_text
 from ..records import Array, Axis, InputError, Machine, Touch, Turn
+from . import preload
 
 MARGIN = 20.0  # mm between the tip and everything on the table when the probe is clear
 TRIES = 8  # a lift that also moves what it is lifted from is approached step by step
@@ -29,6 +30,7 @@ class Clearance:
         self._columns = list(chain.linear_columns)
         self._swivels = any(machine.axis(name).kind == "rotary" for name in machine.tool_branch)
         self._spindle = kinematics.spindle_axis(chain, station)
+        self._orients = bool(np.ptp(station[:, machine.column("S")]))  # a spindle that only ever stands one way is not turned
 
     def turns(self, touches: Sequence[Touch], name: Callable[[int], str]) -> tuple[Turn, ...]:
         """touches, indexation → its name → a turn wherever rotary axes move, and the parting retract.
@@ -82,7 +84,26 @@ class Clearance:
         if previous is None:
             lift = self._along(before, self._spindle[start.indexation])
             first = self._machine.names[self._columns[int(np.argmax(np.abs(lift[self._columns])))]]
-        return Turn(touch.number, _tuple(before), _tuple(after), None if via is None else _tuple(via), first)
+        stop = self._preload(before, after, up) if first else preload.stop(self._machine, before, after)
+        return Turn(touch.number, _tuple(before), _tuple(after), None if via is None else _tuple(via), first, stop)
+
+    def _preload(self, before: Array, after: Array, up: Array) -> tuple[float, ...]:
+        """→ a stop short of the place and the angles, from which every axis moves a little: nobody knows how it came there."""
+        place = before.copy()
+        for column in self._columns:
+            for way in preload.ways(self._machine.axes[column], before[column], preload.LINEAR):
+                aside = place.copy()
+                aside[column] += way
+                if self._apart(aside, up) > self._apart(place, up) - 1e-6:
+                    place = aside
+                    break
+        turns = [name for name in self._machine.rotary] + ["S"] * self._orients
+        for column in map(self._machine.column, turns):
+            ways = preload.ways(self._machine.axes[column], after[column], preload.ROTARY)
+            place[column] = after[column] + (ways[0] if ways else 0.0)
+        for column in (self._machine.column(name) for name in ("S",) if not self._orients):
+            place[column] = after[column]
+        return _tuple(place)
 
     def _place(self, over: Array, index: int, up: Array, name: Callable[[int], str]) -> Array:
         """position above a touch, its indexation, direction in the machine frame → where axes may turn, lifted that way."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..records import Array, Plan
+from .preload import turned
 
 STEP = 1e-6  # mm or rad: less is rounding, not motion
 
@@ -12,9 +13,11 @@ STEP = 1e-6  # mm or rad: less is rounding, not motion
 def last_motion(plan: Plan) -> Array:
     """plan → (n, k) −1 0 1, sense of each axis' last motion when touch i triggers; 0 for an axis that has not moved yet.
 
-    A measuring move counts as far as the nominal contact. Where an axis comes from before its first move nobody knows.
+    A measuring move counts as far as the nominal contact. An endless axis takes the shorter way. Only an axis without room
+    for a preload, or a spindle that always stands one way, comes to its first place nobody knows how.
     """
     names = plan.machine.names
+    axes = {axis.name: axis for axis in plan.machine.axes}
     contact = {touch.number: dict(zip(names, touch.contact, strict=True)) for touch in plan.touches}
     at: dict[str, float] = {}
     sense = dict.fromkeys(names, 0.0)
@@ -22,8 +25,9 @@ def last_motion(plan: Plan) -> Array:
     for move in plan.moves:
         for name, target in move.target.items():
             goal = contact[move.touch][name] if move.kind == "probe" else target
-            if abs(goal - at.get(name, goal)) > STEP:
-                sense[name] = float(np.sign(goal - at[name]))
+            change = turned(axes[name], goal - at.get(name, goal))
+            if abs(change) > STEP:
+                sense[name] = float(np.sign(change))
             at[name] = target
         if move.kind == "probe":
             rows.append([sense[name] for name in names])
