@@ -22,7 +22,8 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 
 from ..records import InputError, Move, Touch
-from ._client import Begun, Ended, Event, Failed, Identified, Job, Refused, Touched
+from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
+from ._dialogue import Dialogue, Stop
 from ._layout import ORDER, PATTERN, read_layout
 
 HELLO = b"3 0 34\n"  # reads the registers of the standard layout
@@ -31,7 +32,6 @@ UNANSWERED = 5  # requests in a row
 WRITES = 3  # of one thing, each after a look at what the one before has done
 READS = 4  # of the block until two agree
 CLOSE = 0.01  # mm or deg between target and the place that was reached
-LINE_LIMIT = 1024
 EXCEPTIONS = {1: "it does not know the function", 2: "no such register", 3: "a value it does not allow", 4: "it failed"}
 LATER = (5, 6)  # exceptions that say "ask again"
 BAD = {
@@ -46,11 +46,7 @@ Words = list[int]
 Talk = Generator[str, str, Words]
 
 
-class _Stop(Exception):
-    """The conversation cannot go on."""
-
-
-class Client:
+class Client(Dialogue):
     """Drives one plan and collects its readings."""
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
@@ -66,74 +62,19 @@ class Client:
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._order = {number: i for i, number in enumerate(job.numbers)}
         self._given = self._sequence = 0
-        self._out, self._line = b"", bytearray()
-        self._events: list[Event] = []
+        self._down = False  # the probe is at a facet
         self._last: Words = []  # the block after the last command
-        self._talk = self._conversation()
-        self._started = self._over = self._asked = self._stopping = self._down = False
-        self._silence, self._allowed = 0.0, job.start_patience
+        super().__init__(job.start_patience)
 
     @property
     def sent(self) -> tuple[int, int]:
         """→ (commands given, commands in all)."""
         return self._given, len(self._moves) + 2
 
-    def bytes_to_send(self, limit: int) -> bytes:
-        """most bytes wanted → the next piece of the request; empty while an answer is waited for."""
-        if not self._started and not self._over:
-            self._started = True
-            self._ask(next(self._talk))
-        piece, self._out = self._out[:limit], self._out[limit:]
-        return piece
+    def _late(self) -> str:
+        return f"done command {self._sequence}"
 
-    def receive(self, data: bytes) -> list[Event]:
-        """bytes from the transport, cut anywhere → the events they complete."""
-        for byte in data:
-            if byte != 0x0A:
-                self._line.append(byte)
-                del self._line[:-LINE_LIMIT]
-                continue
-            text = self._line.decode("latin-1")
-            self._line.clear()
-            if self._asked and not self._out and not self._over:
-                self._answered(text)
-        events, self._events = self._events, []
-        return events
-
-    def elapsed(self, seconds: float) -> list[Event]:
-        """s since the last call → Failed when a command has not been done for longer than it may take."""
-        if self._over:
-            return []
-        self._silence += seconds
-        if self._silence <= self._allowed:
-            return []
-        return self._fail(f"the control has not done command {self._sequence} within {self._allowed:.0f} s")
-
-    def closed(self) -> list[Event]:
-        """the line is gone → what that means."""
-        return [] if self._over else self._fail("the line was lost")
-
-    def stop(self) -> None:
-        """The user wants an end: the move that is being made is waited for, then the probe is drawn clear."""
-        self._stopping = True
-
-    def _fail(self, why: str) -> list[Event]:
-        self._over, self._out = True, b""
-        return [Failed(why)]
-
-    def _ask(self, request: str) -> None:
-        self._out, self._asked = f"{request}\n".encode("ascii"), True
-
-    def _answered(self, text: str) -> None:
-        self._asked = False
-        try:
-            self._ask(self._talk.send(text))
-        except StopIteration:
-            self._over = True
-        except _Stop as stop:
-            self._events += self._fail(str(stop))
-
-    def _conversation(self) -> Talk:
+    def _conversation(self) -> Generator[str, str, None]:
         block = yield from self._read(self._layout.block)
         self._identify(block)
         block = yield from self._settled()
@@ -150,22 +91,21 @@ class Client:
         self._allowed = self._job.patience[-1]
         yield from self._command("end", self._allowed)
         self._events.append(Ended(len(self._job.numbers)))
-        return []
 
     def _identify(self, block: Words) -> None:
-        """Raises _Stop when the registers are not those of the layout."""
+        """Raises Stop when the registers are not those of the layout."""
         pattern, version = self._said("pattern", block), self._said("version", block)
         if pattern != PATTERN:
             at = self._layout.registers["pattern"]
-            raise _Stop(f"register {at} holds {pattern:04X} hex instead of {PATTERN:04X}: another layout, or counted from 1")
+            raise Stop(f"register {at} holds {pattern:04X} hex instead of {PATTERN:04X}: another layout, or counted from 1")
         if version != self._layout.version:
-            raise _Stop(f"the control has version {version} of the layout, this end {self._layout.version}")
+            raise Stop(f"the control has version {version} of the layout, this end {self._layout.version}")
         order = self._said("order", block)
         if order != ORDER:
             swapped = (order & 0xFFFF) << 16 | order >> 16 & 0xFFFF
             other = "little" if self._layout.big else "big"
             advice = f"set word_order: {other} in the layout" if swapped == ORDER else "32-bit values are coded otherwise"
-            raise _Stop(f"word order: found {order & 0xFFFFFFFF:08X} hex instead of {ORDER:08X}: {advice}")
+            raise Stop(f"word order: found {order & 0xFFFFFFFF:08X} hex instead of {ORDER:08X}: {advice}")
         self._events.append(Identified(f"Modbus, register layout {version}, {'big' if self._layout.big else 'little'} word order"))
 
     def _said(self, name: str, block: Words) -> int:
@@ -180,16 +120,16 @@ class Client:
             if reply[:1] == [str(code)] and len(reply) == where[1] + 1 and all(_is_word(word) for word in reply[1:]):
                 return [int(word) for word in reply[1:]]
             why = self._refusal(reply) or why
-        raise _Stop(f"{UNANSWERED} requests for registers {where[0]}… were not answered{why}")
+        raise Stop(f"{UNANSWERED} requests for registers {where[0]}… were not answered{why}")
 
     def _refusal(self, reply: Sequence[str]) -> str:
-        """answer that is none → what is known of the reason. Raises _Stop when the control will never do it."""
+        """answer that is none → what is known of the reason. Raises Stop when the control will never do it."""
         if reply[:1] != ["!"] or len(reply) < 2 or not reply[1].isdecimal():
             return f": {' '.join(reply[1:])}" if reply[:1] == ["-"] else ""
         code = int(reply[1])
         if code in LATER:
             return ": it is busy"
-        raise _Stop(f"the control refuses a request with exception {code} ({EXCEPTIONS.get(code, 'not a standard one')})")
+        raise Stop(f"the control refuses a request with exception {code} ({EXCEPTIONS.get(code, 'not a standard one')})")
 
     def _write(self, address: int, words: Words) -> Generator[str, str, None]:
         """Writes once; whether it was done is for the caller to read."""
@@ -204,18 +144,19 @@ class Client:
                 return block
 
     def _idle(self, block: Words) -> bool:
-        """block → whether the control waits for a command. Raises _Stop when it cannot take any."""
+        """block → whether the control waits for a command. Raises Stop when it cannot take any."""
         status = self._said("status", block)
         name = next((name for name, code in self._layout.statuses.items() if code == status), None)
         if name in BAD or name is None:
             number = self._said("alarm", block)
             state = BAD[name] if name else f"it is in the unknown state {status}"
-            raise _Stop(f"the control cannot move: {state}{f', number {number}' if number else ''}")
+            raise Stop(f"the control cannot move: {state}{f', number {number}' if number else ''}")
         return name != "busy"
 
     def _command(self, name: str, patience: float) -> Talk:
         """command → the block when it is done, read twice."""
-        self._silence, self._allowed = 0.0, patience
+        self._allowed = patience
+        self._done()
         self._sequence = self._sequence % 0xFFFF + 1
         self._given += 1
         registers = self._layout.registers
@@ -228,7 +169,7 @@ class Client:
             idle = self._idle(block)
             if self._said("sequence", block) != self._sequence:
                 if writes == WRITES:
-                    raise _Stop(f"the control does not take commands: {WRITES} times written, and the registers have not changed")
+                    raise Stop(f"the control does not take commands: {WRITES} times written, and the registers have not changed")
                 writes += 1
                 yield from self._write(min(pair), words)
             elif idle and self._said("acknowledged", block) == self._sequence:
@@ -236,7 +177,7 @@ class Client:
         for _ in range(READS):
             again = yield from self._read(self._layout.block)
             if again == block:
-                self._silence = 0.0
+                self._done()
                 return block
             block = again
         return []
@@ -262,7 +203,7 @@ class Client:
             if (yield from self._read((first, count))) == wanted:
                 break
         else:
-            raise _Stop("what is written as target does not stand in the registers afterwards: does the layout fit the control?")
+            raise Stop("what is written as target does not stand in the registers afterwards: does the layout fit the control?")
         if not self._last:
             self._last = yield from self._settled()
         self._free(self._last)
@@ -271,7 +212,7 @@ class Client:
         if name == "probe":
             self._events.append(self._record(move.touch, block))
         elif not block:
-            raise _Stop(f"the registers keep changing after command {self._sequence} is done")
+            raise Stop(f"the registers keep changing after command {self._sequence} is done")
         else:
             self._arrived(target, block)
         self._last = block
@@ -296,18 +237,18 @@ class Client:
         }
 
     def _free(self, block: Words) -> None:
-        """Raises _Stop when the probe signal is on: nobody knows what the probe touches, or whether it would feel anything."""
+        """Raises Stop when the probe signal is on: nobody knows what the probe touches, or whether it would feel anything."""
         if self._said("probe", block) != 0:
-            raise _Stop("the probe signal is on although nothing is measured: is the probe free and alive?")
+            raise Stop("the probe signal is on although nothing is measured: is the probe free and alive?")
 
     def _arrived(self, target: Mapping[str, int], block: Words) -> None:
-        """Raises _Stop when the axes do not stand where they were sent."""
+        """Raises Stop when the axes do not stand where they were sent."""
         place = self._position(block)
         for letter, counts in target.items():
             wanted = self._layout.value(letter, counts)
             away = place[letter] - wanted
             if abs(away if letter in "XYZ" else math.remainder(away, 360.0)) > CLOSE:
-                raise _Stop(f"{letter} stands at {place[letter]:.4f} after it was sent to {wanted:.4f}")
+                raise Stop(f"{letter} stands at {place[letter]:.4f} after it was sent to {wanted:.4f}")
 
     def _leave(self, move: Move) -> Generator[str, str, None]:
         """Draws the probe clear when it is down at a facet, and ends the conversation."""
@@ -315,7 +256,7 @@ class Client:
         if self._down:
             yield from self._make(Move("retract", _linear(touch, self._job), move.touch))
         yield from self._command("end", self._job.patience[-1])
-        raise _Stop("stopped by the user; the probe has been drawn clear")
+        raise Stop("stopped by the user; the probe has been drawn clear")
 
     def _counts(self, letter: str, value: float) -> int:
         return self._layout.counts(letter, value if letter in "XYZ" else math.degrees(value))

@@ -1,0 +1,99 @@
+"""Question and answer, line by line: what the clients share that drive a plan move by move instead of sending a program.
+
+The conversation is a generator: it yields what is to be sent (nothing: it only wants the next line), is sent each line that
+comes, and puts down events on its way. `Stop` ends it with words for the person at the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+from ._client import Event, Failed
+
+LINE_LIMIT = 1024  # characters kept of a line that does not end
+Talk = Generator[str, str, None]
+
+
+class Stop(Exception):
+    """The conversation cannot go on."""
+
+
+class Dialogue:
+    """Four of the five verbs of a client, for a subclass that has a `_conversation` and says how much is `sent`."""
+
+    def __init__(self, patience: float) -> None:
+        """s → ready to talk; `_allowed` is how long the other side may take from one `_done` to the next."""
+        self._out, self._line = b"", bytearray()
+        self._events: list[Event] = []
+        self._talk = self._conversation()
+        self._started = self._over = self._asked = self._stopping = False
+        self._silence, self._allowed = 0.0, patience
+
+    def _conversation(self) -> Talk:
+        raise NotImplementedError
+
+    def _late(self) -> str:
+        """→ what the other side has not done within `_allowed`."""
+        raise NotImplementedError
+
+    def _done(self) -> None:
+        """The other side has done something: its silence begins anew."""
+        self._silence = 0.0
+
+    def bytes_to_send(self, limit: int) -> bytes:
+        """most bytes wanted → the next piece of the request; empty while an answer is waited for."""
+        if not self._started and not self._over:
+            self._started = True
+            self._advance(None)
+        piece, self._out = self._out[:limit], self._out[limit:]
+        return piece
+
+    def receive(self, data: bytes) -> list[Event]:
+        """bytes from the transport, cut anywhere → the events they complete."""
+        for byte in data:
+            if byte != 0x0A:
+                self._line.append(byte)
+                del self._line[:-LINE_LIMIT]
+                continue
+            text = self._line.decode("latin-1").strip("\r\0 ")
+            self._line.clear()
+            if self._asked and not self._over and self._wanted(text):
+                self._advance(text)
+        events, self._events = self._events, []
+        return events
+
+    def _wanted(self, text: str) -> bool:
+        """line → whether it can be an answer: only when the question has gone out completely."""
+        return not self._out
+
+    def elapsed(self, seconds: float) -> list[Event]:
+        """s since the last call → Failed when the other side takes longer than it may."""
+        if self._over:
+            return []
+        self._silence += seconds
+        if self._silence <= self._allowed:
+            return []
+        return self._fail(f"the control has not {self._late()} within {self._allowed:.0f} s")
+
+    def closed(self) -> list[Event]:
+        """the line is gone → what that means."""
+        return [] if self._over else self._fail("the line was lost")
+
+    def stop(self) -> None:
+        """The user wants an end: the move that is being made is waited for, then the probe is drawn clear."""
+        self._stopping = True
+
+    def _fail(self, why: str) -> list[Event]:
+        self._over, self._out = True, b""
+        return [Failed(why)]
+
+    def _advance(self, text: str | None) -> None:
+        self._asked = False
+        try:
+            request = next(self._talk) if text is None else self._talk.send(text)
+            self._out += f"{request}\n".encode("ascii") if request else b""
+            self._asked = True
+        except StopIteration:
+            self._over = True
+        except Stop as stop:
+            self._events += self._fail(str(stop))
