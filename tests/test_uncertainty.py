@@ -278,6 +278,8 @@ def test_adaptive_trials_stop_when_stable_and_say_when_not(cell: Cell, readings:
     assert one.stable and one.blocks >= 2 and one.run.count == one.blocks * 10_000
     two = analyse(cell.machine, cell.artefact, readings, ("S2",), 3, None, Options(adaptive=True, digits=2, most=20_000))
     assert not two.stable and two.blocks == 2
+    setup = analyse(cell.machine, cell.artefact, readings, ("S1",), 3, None, Options(adaptive=True))
+    assert setup.stable and not setup.joint  # the stylus alone: no machine parameter, no joint region of them
 
 
 # Regions

@@ -181,7 +181,7 @@ def _run(base: Study, options: Options) -> tuple[trials.Trials, int, bool]:
 
     std = base.std[base.outputs]
     done = coverage.adaptive(
-        more, std, options.probability, options.digits, max(2, options.most // size), [int(i) for i in base.machine]
+        more, std, options.probability, options.digits, max(2, options.most // size), [int(i) for i in base.machine] or None
     )
     return done.trials, done.blocks, done.stable
 
