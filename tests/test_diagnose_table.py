@@ -69,8 +69,7 @@ def test_a_linear_model_with_what_it_lacks(tmp_path: Path) -> None:
     file = written(tmp_path / "a.csv", x=x, angle=angle, r=r)
     run = CliRunner().invoke(
         tango,
-        ["diagnose", "--table", str(file), "--response", "r", "--model", "x", "--covariate", "x:position"]
-        + ["--covariate", "angle:angle", "--json", "-"],
+        f"diagnose --table {file} --response r --model x --covariate x:position --covariate angle:angle --json -".split(),
     )
     assert run.exit_code == 0, run.output
     data = json.loads(run.output)

@@ -63,9 +63,11 @@ def as_json(found: Separation) -> dict[str, Any]:
 def as_text(found: Separation) -> str:
     """separation → what a person reads, with lines to append to strategy.yaml."""
     one, other = found.causes
-    lines = [
-        f"Of the {one} that looks most like {other}, this plan sees {100 * found.apart:.1f} % that {other} cannot imitate."
-    ]
+    lines = [f"Of the {one} that looks most like {other}, this plan sees {100 * found.apart:.1f} % that {other} cannot imitate."]
+    if not found.additions or found.additions[0].apart < 1.05 * found.apart + 1e-4:
+        return (
+            f"{lines[0]}\nNo indexation of this plan, made again at its end, changes that: touch other facets or at other angles."
+        )
     lines.append("Each of these, appended to the indexations of strategy.yaml, makes that")
     for a in found.additions:
         entry = _indexation(a.position, a.facets)

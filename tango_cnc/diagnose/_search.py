@@ -27,6 +27,7 @@ MOST_NAMED = 6
 FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
 TOP = 8  # variants of a cause that are looked at when the best one has an impossible size
 STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
+SHAPELESS = 10.0  # score by which a shape without a name must beat every name (very strong evidence)
 CLOSE = 12.0  # causes whose scores are no further apart are refined before they are compared
 
 Rebuild = Callable[[str, Mapping[str, Any]], Candidate]
@@ -95,8 +96,9 @@ def catalogue(
 
 
 def cost(c: Candidate, tried: int, m: int) -> float:
-    """candidate, variants of its cause, degrees of freedom → its price."""
-    return float(c.columns.shape[1] * np.log(m) + 2 * np.log(max(tried, FEWEST_TRIED)))
+    """candidate, variants of its cause, degrees of freedom → its price; a shape must be clearly better than a name."""
+    flexible = SHAPELESS if c.cause == "" else 0.0
+    return float(c.columns.shape[1] * np.log(m) + 2 * np.log(max(tried, FEWEST_TRIED)) + flexible)
 
 
 def _visibility(columns: Array, projected: Array) -> float:

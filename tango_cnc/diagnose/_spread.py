@@ -39,7 +39,7 @@ def findings(e: Explanation, touches: Touches, rough: Sequence[Rough], excluded:
         result.append(_finding("surface_form", {"facets": facets}, detail, largest.extra, std, p, len(touches)))
     stated = touches.machine.probe.repeatability
     dof = e.place.m - columns_of(e.place, e.chosen).shape[1]
-    if "noise_level" not in excluded and stated > 0 and e.sigma > LOUDER * stated:
+    if "noise_level" not in excluded and not rough and stated > 0 and e.sigma > LOUDER * stated:
         p = float(stats.chi2.sf(dof * (e.sigma / stated) ** 2, dof))
         if p < 0.001:
             extra = float(np.sqrt(e.sigma**2 - stated**2))

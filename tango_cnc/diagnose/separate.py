@@ -92,12 +92,12 @@ def _space(touches: Touches, terms: Sequence[TermItem]) -> Space:
 
 
 def _apart(a: Array, b: Array) -> float:
-    """projected columns (m, k) and (m, l) → 1 less the squared largest canonical correlation; 1 where one cannot be seen."""
+    """projected columns (m, k) and (m, l) → 1 less the mean squared canonical correlation; 1 where one cannot be seen."""
     bases = []
     for x in (a, b):
         u, s, _ = np.linalg.svd(x, full_matrices=False)
         bases.append(u[:, s > 1e-6 * max(float(s[0]), 1e-12)] if len(s) and s[0] > 1e-9 else u[:, :0])
     if not bases[0].shape[1] or not bases[1].shape[1]:
         return 1.0
-    largest = float(np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)[0])
-    return max(0.0, 1 - largest**2)
+    correlation = np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)
+    return max(0.0, 1 - float(np.mean(correlation**2)))

@@ -127,4 +127,4 @@ def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.B
     values, *_ = np.linalg.lstsq(mine, change, rcond=None)
     assert np.abs(change - mine @ values).max() < 0.01 * np.abs(change).max()
     if mine.shape[1] == 1:
-        assert values[0] == pytest.approx(effect["amplitude"], rel=0.01)
+        assert values[0] == pytest.approx(effect["amplitude"] / effect.get("span", 1.0), rel=0.01)
