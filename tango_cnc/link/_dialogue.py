@@ -91,7 +91,8 @@ class Dialogue:
         self._asked = False
         try:
             request = next(self._talk) if text is None else self._talk.send(text)
-            self._out += f"{request}\n".encode("ascii") if request else b""
+            end = "" if request in ("", "?") else "\n"  # a line end after ? would be an empty line with an answer of its own
+            self._out += f"{request}{end}".encode("ascii")
             self._asked = True
         except StopIteration:
             self._over = True

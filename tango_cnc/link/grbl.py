@@ -1,0 +1,249 @@
+"""grbl 1.1, grblHAL, FluidNC: one line in flight, each waited for; the plan goes out move by move, the status is asked meanwhile.
+
+    $I $$ $G $# ? ▶ { G38.3 guarded moves · G0 rotary axes · G38.3 measuring, $# once more, G1 back } per touch
+
+The facts are of the sources of grbl and grblHAL: a probing move ends in `[PRB:…:1]` or `:0`, then `ok`; the flag decides, as
+some report the contact before when they miss. Its numbers are machine coordinates, in inches when `$13` says so, whatever G21
+says. A probe that is on when a search begins is ALARM:4 without `[PRB]`. CR LF would be answered twice, so lines end with LF;
+an `ok` that answers nothing is found by the `[PRB]` that is missing before it and by the place that is asked for after
+every move. Positioning is a probing move as well, so that it stops when the probe trips. Targets are work coordinates:
+machine minus work offset, G92 and tool length as the control lists them. The line has no check sums; the place is compared
+after every move, but a lost digit has been obeyed by then: the guard of the probe is what protects the machine.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Generator, Mapping, Sequence
+
+from ..records import InputError, Move
+from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
+from ._dialogue import Dialogue, Stop, Talk
+
+HELLO = b"$I\n"
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "feed": (),  # mm/min of guarded moves
+    "orient": ("refuse", "m19"),  # plans that turn the spindle; M19 R is not known of every build
+}
+FEED = 2000.0
+POLL = 0.25  # s between two ?, while a line is being executed
+CLOSE = 0.01  # mm or deg between target and the place that was reached
+SAME = 0.0015  # mm: the control shows three places
+INCH = 25.4
+FRAMES = re.compile(r"\bG5[4-9](?:\.[1-3])?\b")
+ALARMS = {
+    "1": "hard limit",
+    "2": "target outside the travel",
+    "3": "reset while moving",
+    "4": "the probe was on before the search",
+    "5": "no contact",
+    "6": "reset while homing",
+    "13": "the probe tripped outside a probing move",
+}
+ERRORS = {"9": "it is locked, in alarm", "20": "unsupported word", "33": "invalid target", "24": "two axis commands in a line"}
+
+Lines = Generator[str, str, list[str]]
+
+
+class Client(Dialogue):
+    """Drives one plan and collects its readings."""
+
+    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
+        """job, {option: value of `OPTIONS`} → client. Raises InputError for a plan that the control cannot be told."""
+        self._job, self._moves = job, list(job.plan.moves)
+        self._orient = options.get("orient", "refuse") == "m19"
+        if not self._orient and len({touch.standoff[job.plan.machine.column("S")] for touch in job.plan.touches}) > 1:
+            raise InputError("grbl: found a plan that turns the spindle; allowed: one angle S, or orient=m19 in the port's URL")
+        try:
+            self._feed = float(options.get("feed", FEED))
+        except ValueError:
+            self._feed = 0.0
+        if not 0 < self._feed < math.inf:
+            raise InputError(f"grbl: feed: found {options['feed']!r}; allowed: mm/min greater than 0")
+        self._touches = {touch.number: touch for touch in job.plan.touches}
+        self._order = {number: i for i, number in enumerate(job.numbers)}
+        self._axes: tuple[str, ...] = ("X", "Y", "Z")
+        self._unit = 1.0
+        self._offset: dict[str, float] = {}
+        self._at: dict[str, float] = {}
+        self._given, self._since = 0, 0.0
+        self._down = False
+        super().__init__(job.start_patience)
+
+    @property
+    def sent(self) -> tuple[int, int]:
+        """→ (moves asked for, moves in all)."""
+        return self._given, len(self._moves)
+
+    def elapsed(self, seconds: float) -> list[Event]:
+        """s since the last call → Failed when a line takes too long; asks for the status now and then."""
+        events = super().elapsed(seconds)
+        self._since += seconds
+        if self._given and self._asked and not self._out and not self._over and self._since >= POLL:
+            self._out, self._since = b"?", 0.0
+        return events
+
+    def _late(self) -> str:
+        return f"acknowledged move {self._given} of {len(self._moves)}" if self._given else "answered"
+
+    def _conversation(self) -> Talk:
+        yield from self._look()
+        yield from self._say("G21 G90 G94")
+        self._events.append(Begun(self._job.mark, len(self._job.numbers)))
+        for move in self._moves:
+            if self._stopping:
+                yield from self._leave()
+            self._allowed = self._job.patience[self._order[move.touch]]
+            self._given += 1
+            yield from self._make(move)
+            self._down = move.kind in ("approach", "probe", "back")
+        self._events.append(Ended(len(self._job.numbers)))
+
+    def _look(self) -> Talk:
+        """Who is there, with which axes, units and offsets; raises Stop when it cannot do the plan."""
+        who = yield from self._say("$I")
+        for line in who:
+            if found := re.fullmatch(r"\[AXS:\d+:([A-Z]+)\]", line):
+                self._axes = tuple(found[1])
+        missing = [name for name in (*self._job.plan.machine.linear, *self._job.plan.machine.rotary) if name not in self._axes]
+        if missing:
+            raise Stop(f"the control has the axes {' '.join(self._axes)}; the plan moves {' '.join(missing)} as well")
+        settings = yield from self._say("$$")
+        if "$13=1" in settings:
+            self._unit = INCH
+        modes = " ".join((yield from self._say("$G")))
+        frame = FRAMES.search(modes)
+        if frame is None:
+            raise Stop(f"the control does not say which work offset is active: {modes!r}")
+        listed = yield from self._say("$#")
+        self._offset = dict.fromkeys(self._axes, 0.0)
+        for line in listed:
+            name, _, rest = line.strip("[]").partition(":")
+            if name in (frame[0], "G92"):
+                self._add(self._numbers(rest))
+            elif name == "TLO":
+                values = rest.split(",")
+                self._add(self._numbers(rest) if len(values) > 1 else {"Z": float(values[0]) * self._unit})
+        self._events.append(Identified(f"{' '.join(who)} {'inches' if self._unit != 1 else 'mm'}, {frame[0]}"))
+        yield from self._where()
+
+    def _add(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            self._offset[name] += value
+
+    def _numbers(self, text: str) -> dict[str, float]:
+        """'1.000,2.000,…' → {axis: mm or deg}. Raises Stop for anything else."""
+        try:
+            values = [float(number) for number in text.split(",")]
+            pairs = dict(zip(self._axes, values, strict=True))
+        except ValueError:
+            raise Stop(f"found {text!r} where {len(self._axes)} numbers were due: the line is disturbed") from None
+        return {name: value * (self._unit if name in "XYZ" else 1.0) for name, value in pairs.items()}
+
+    def _say(self, line: str) -> Lines:
+        """one line → what came before its ok. Raises Stop for errors, alarms, resets, an open door."""
+        found: list[str] = []
+        answer = yield line
+        while answer != "ok":
+            if answer.startswith("error:"):
+                raise Stop(f"the control refuses {line!r}: {answer} ({ERRORS.get(answer[6:], 'see its list of errors')})")
+            if answer.startswith("ALARM:"):
+                raise Stop(f"the control is in alarm: {answer} ({ALARMS.get(answer[6:], 'see its list of alarms')})")
+            if answer.lower().startswith("grbl"):
+                if self._given:
+                    raise Stop(f"the control has been reset: {answer}")
+                found, answer = [], (yield line)
+                continue
+            if answer.startswith("<"):
+                self._state(answer)
+            elif answer:
+                found.append(answer)
+            answer = yield ""
+        self._done()
+        return found
+
+    def _state(self, report: str) -> dict[str, str]:
+        """'<Idle|MPos:…|…>' → its fields. Raises Stop in a state that lets nothing move."""
+        state, *fields = report.strip("<>").split("|")
+        word = state.partition(":")[0]
+        if word in ("Alarm", "Door", "Sleep", "Hold", "Check", "Tool"):
+            raise Stop(f"the control cannot move: its state is {state}")
+        return {"state": word} | {name: rest for name, _, rest in (field.partition(":") for field in fields)}
+
+    def _where(self) -> Generator[str, str, None]:
+        """Asks where the axes stand, until they do. Raises Stop when the probe signal is on."""
+        while True:
+            answer = yield "?"
+            while not answer.startswith("<"):
+                if answer.startswith(("ALARM:", "error:")) or answer.lower().startswith("grbl"):
+                    raise Stop(f"the control says {answer}")
+                answer = yield ""
+            fields = self._state(answer)
+            if "MPos" not in fields:
+                raise Stop("the control reports work positions: set $10=1, so that it reports machine positions")
+            if fields["state"] == "Idle":
+                break
+        self._at = self._numbers(fields["MPos"])
+        if "P" in fields.get("Pn", ""):
+            raise Stop("the probe signal is on although nothing is measured: is the probe free and alive?")
+
+    def _make(self, move: Move) -> Generator[str, str, None]:
+        target = {name: value if name in "XYZ" else math.degrees(value) for name, value in move.target.items()}
+        angle = target.pop("S", None)
+        if angle is not None and self._orient:
+            yield from self._say(f"M19 R{angle % 360:.3f}")
+        away = {name: value for name, value in target.items() if abs(value - self._at[name]) > SAME}
+        words = " ".join(f"{name}{value - self._offset[name]:.4f}" for name, value in target.items())
+        if move.kind == "probe":
+            lines = yield from self._say(f"G38.3 {words} F{self._job.plan.strategy.approach.feed:g}")
+            yield from self._record(move.touch, lines)
+            return
+        if not away:
+            return
+        if move.kind in ("index", "back"):
+            yield from self._say(f"G0 {words}" if move.kind == "index" else f"G1 {words} F{self._feed:g}")
+            yield from self._say("G4 P0.01")
+        else:
+            flag, place = self._contact((yield from self._say(f"G38.3 {words} F{self._feed:g}")))
+            if flag:
+                raise Stop(f"the probe tripped on the way to touch {move.touch}, at {_shown(place)}")
+        yield from self._where()
+        for name, value in target.items():
+            if abs(self._at[name] - value) > CLOSE:
+                raise Stop(f"{name} stands at {self._at[name]:.4f} after it was sent to {value:.4f}")
+
+    def _contact(self, lines: Sequence[str]) -> tuple[int, dict[str, float]]:
+        """lines of an answer → flag and place of its one `[PRB:…]`. Raises Stop when there is none: an ok that answers nothing."""
+        found = [line for line in lines if line.startswith("[PRB:")]
+        values, _, flag = found[0].strip("[]")[4:].rpartition(":") if len(found) == 1 else ("", "", "")
+        if flag not in ("0", "1"):
+            raise Stop(
+                f"a probing move was answered with {' '.join([*lines, 'ok'])!r}, without one [PRB:…]: an ok too many, or lost"
+            )
+        return int(flag), self._numbers(values)
+
+    def _record(self, number: int, lines: list[str]) -> Generator[str, str, None]:
+        flag, place = self._contact(lines)
+        again, same = self._contact([line for line in (yield from self._say("$#")) if line.startswith("[PRB:")])
+        text = f"P{number} H{flag} {_shown(place)}"
+        if again != flag or (flag and any(abs(same[name] - place[name]) > 1e-9 for name in place)):
+            self._events.append(Refused(f"asked once more, the control says H{again} {_shown(same)}", text))
+        else:
+            machine = self._job.plan.machine
+            self._events.append(Touched(number, flag, {name: place[name] for name in (*machine.linear, *machine.rotary)}, text))
+        self._at = dict.fromkeys(self._at, math.inf)
+
+    def _leave(self) -> Generator[str, str, None]:
+        """Draws the probe clear when it is down at a facet, and ends the conversation."""
+        if self._down:
+            last = self._moves[self._given - 1]
+            touch, machine = self._touches[last.touch], self._job.plan.machine
+            if last.kind == "probe":
+                yield from self._make(Move("back", {n: touch.standoff[machine.column(n)] for n in machine.linear}, last.touch))
+            yield from self._make(Move("retract", {n: touch.over[machine.column(n)] for n in machine.linear}, last.touch))
+        raise Stop("stopped by the user; the probe has been drawn clear")
+
+
+def _shown(place: Mapping[str, float]) -> str:
+    return " ".join(f"{name}{value:.4f}" for name, value in place.items())
