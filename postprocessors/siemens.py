@@ -1,0 +1,294 @@
+"""Siemens 840D sl and ONE: MEAS, $AA_MM and $AA_IM in machine coordinates, records by WRITE (PG 03/2006, PG 12/2019).
+
+Every block near the table is `SUPA D0 G1 MEAS=…`: SUPA takes all frames away for this block, D0 the tool length, so what is
+programmed and what is read are machine coordinates. A move that ends short of its target, or with the probe's edge seen, goes
+to a stop behind M30. The program stands in the control's memory: its jumps go to its end.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+from tango_cnc.records import InputError, Machine
+
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, number, rolled
+
+DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
+FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
+ARRIVED = 0.01  # deg
+LAG = 1.0  # mm that the axes may have run on between the edge and their stop
+STOPS = (
+    "PROBE IS DEFLECTED",
+    "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE",
+    "NO CONTACT. IS THE PROBE ALIVE",
+    "LATCHED POSITION DOES NOT FIT",
+    "ROTARY AXIS NOT IN PLACE",
+    "RECORD COULD NOT BE WRITTEN",
+)
+DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN = range(1, len(STOPS) + 1)
+OUTPUT = "device (/dev/ext/1: LF is written) or file of the control (_N_TANGO_MPF: the control ends the lines) for the records"
+
+OPTIONS = (
+    Option("reset", "G17 G40 G71 G90 G94", "modal state; the control must know every word of it", codes=True),
+    Option("trafoof", True, "TRAFOOF switches a five-axis transformation off; false where the control has none"),
+    Option("cycle800", True, "CYCLE800() leaves a swivelled plane; false where the control has no swivelling"),
+    Option("probe_input", 1, "input of the probe: MEAS=1 or MEAS=2", choices=(1, 2)),
+    Option("probe_state", True, "$A_PROBE tells whether the probe is deflected; false: the control's own alarm is trusted"),
+    Option("output", "/dev/ext/1", OUTPUT),
+    Option("alarm", 65001, "first of six SETAL alarms that stop until reset; 0: the message and M0 only"),
+    Option("orient", True, "SPOS orients the spindle; false: it is not turned"),
+    Option(
+        "rotary",
+        "auto",
+        "DC (0 to 360, the short way) for endless axes (auto), for all, or AC for all",
+        choices=("auto", "DC", "AC"),
+    ),
+    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
+    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
+    Option("probe_on", "", "words that switch the probe on", codes=True),
+    Option("probe_off", "", "words that switch the probe off", codes=True),
+    Option("decimals", 3, "decimals of axis words: the control's computing resolution", verified=True, choices=(3, 4)),
+    Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
+    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
+    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+)
+
+DOUBTS = (
+    "MEAS goes on without alarm when it meets nothing, and $AC_MEA is 0 then",
+    "SUPA and MEAS may stand in one block, SUPA and D0 make its target a machine position",
+    "$AA_IM after STOPRE is where the axes stand, $AA_MM is latched for every axis named in the block",
+    "SPRINT with %.4F and %D prints plain numbers",
+    "a probe that is off stops nothing: protected moves protect only while it is on",
+)
+
+
+def begin(job: Job) -> Iterator[str]:
+    """Header, variables, modal reset, probe at rest, start mark."""
+    plan, options = job.plan, job.options
+    _check(job)
+    yield f"; TANGO {comment(job.machine.name, 40)}"
+    yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
+    yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
+    yield "; START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
+    for doubt in job.unverified:
+        yield f"; UNVERIFIED {comment(doubt, 100)}"
+    yield "DEF INT TG_ERROR,TG_FLAG,TG_MISSES"
+    yield f"DEF REAL TG_SHORT,TG_WAY,TG_LAG,TG_TURN,TG_SUM,{','.join(f'TG_{name}' for name in _axes(job.machine))}"
+    yield "DEF STRING[200] TG_TEXT"
+    yield options["reset"]
+    yield "D0"
+    if options["trafoof"]:
+        yield "TRAFOOF"
+    if options["cycle800"]:
+        yield "CYCLE800()"
+    yield from _at_rest(job)
+    yield "TG_MISSES=0"
+    if _is_device(job):
+        yield f'EXTOPEN(TG_ERROR,"{options["output"]}","SYN","EXCL")'
+        yield from _stop_if("TG_ERROR<>0", UNWRITTEN)
+    yield from _write(job, f'"TANGO START {job.mark} {len(plan.touches)}"')
+
+
+def probe_on(job: Job) -> Iterator[str]:
+    """The words of the profile, if there are any."""
+    yield job.options["probe_on"] or "; NO WORDS STATED THAT SWITCH THE PROBE ON"
+
+
+def probe_off(job: Job) -> Iterator[str]:
+    """The words of the profile, if there are any."""
+    yield job.options["probe_off"] or "; NO WORDS STATED THAT SWITCH THE PROBE OFF"
+
+
+def move(job: Job, leg: Leg) -> Iterator[str]:
+    """Protected move: measures all the way and stops when anything was met."""
+    place = _words(job, leg.to)
+    yield from _at_rest(job)
+    yield _measure(job, place, job.options["positioning_feed"])
+    yield "STOPRE"
+    yield f"TG_SHORT={_distance(place)}"
+    yield from _stop_if(f"($AC_MEA[{job.options['probe_input']}]<>0) OR (TG_SHORT>{number(job.options['tolerance'])})", MET)
+
+
+def index(job: Job, leg: Leg) -> Iterator[str]:
+    """Spindle, then one rotary axis after the other; all have arrived."""
+    options = job.options
+    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
+    yield f"; INDEX {where}"
+    if "S" in leg.target and options["orient"]:
+        yield f"SPOS={_spindle(leg)}"
+    for name in job.machine.rotary:
+        if name in leg.target:
+            word, angle = _angle(job, name, leg.target[name])
+            yield from filter(None, [options["unclamp"].get(name)])
+            yield f"SUPA D0 G0 {name}={word}({angle})"
+            yield from filter(None, [options["clamp"].get(name)])
+            yield "STOPRE"
+            yield f"TG_TURN=ABS($AA_IM[{name}]-{_signed(angle)})"
+            yield "TG_TURN=ABS(TG_TURN-360.*TRUNC(TG_TURN/360.+0.5))"
+            yield from _stop_if(f"TG_TURN>{number(ARRIVED)}", TURNED)
+
+
+def approach(job: Job, leg: Leg) -> Iterator[str]:
+    """Down to the stand-off."""
+    yield f"; TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)}"
+    yield from move(job, leg)
+
+
+def probe(job: Job, leg: Leg) -> Iterator[str]:
+    """The measuring move, then flag and machine coordinates in TG_FLAG, TG_X, … ."""
+    start = _words(job, dict(zip(job.machine.names, leg.touch.standoff, strict=True)))
+    place = _words(job, leg.to)
+    yield from _at_rest(job)
+    yield _measure(job, place, job.plan.strategy.approach.feed)
+    yield "STOPRE"
+    for name in _axes(job.machine):
+        yield f"TG_{name}={'$AA_MM' if name in 'XYZ' else '$AA_IM'}[{name}]"
+    yield f"TG_SHORT={_distance(place)}"
+    yield f"TG_WAY=SQRT({'+'.join(f'POT(TG_{name}-{_signed(value)})' for name, value in start.items())})"
+    yield f"TG_LAG={'+'.join(f'ABS(TG_{name}-$AA_IM[{name}])' for name in 'XYZ')}"
+    yield "TG_FLAG=1"
+    yield from _if(f"TG_WAY<{number(early_distance(job.plan))}", "TG_FLAG=2")
+    missed = f"($AC_MEA[{job.options['probe_input']}]==0) OR (TG_SHORT<{number(job.options['tolerance'])})"
+    yield from _if(missed, "TG_FLAG=0")
+    yield from _stop_if(f"(TG_FLAG<>0) AND (TG_LAG>{number(LAG)})", STALE)
+    yield "TG_MISSES=TG_MISSES+1"
+    yield from _if("TG_FLAG<>0", "TG_MISSES=0")
+    yield from _stop_if(f"TG_MISSES>={job.options['misses']}", DEAD)
+
+
+def back(job: Job, leg: Leg) -> Iterator[str]:
+    """To the stand-off the way it came, the only unguarded move."""
+    yield f"SUPA D0 G1 {_axis_words(_words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+
+
+def record(job: Job, leg: Leg) -> Iterator[str]:
+    """One line: touch, flag, machine coordinates, spindle, their sum."""
+    names = _axes(job.machine)
+    places = " ".join(f"{name}%.4F" for name in names)
+    values = ",".join(f"TG_{name}" for name in names)
+    spindle = _spindle(leg)
+    yield f"TG_SUM={'+'.join(f'TG_{name}' for name in names)}+{spindle}"
+    yield f'TG_TEXT=SPRINT("P{leg.touch.number} H%D {places} S{spindle} K%.4F",TG_FLAG,{values},TG_SUM)'
+    yield from _write(job, "TG_TEXT")
+
+
+def end(job: Job) -> Iterator[str]:
+    """End mark, end of program, and behind it the stops."""
+    yield from _write(job, f'"TANGO END {len(job.plan.touches)}"')
+    if _is_device(job):
+        yield f'EXTCLOSE(TG_ERROR,"{job.options["output"]}")'
+    yield "M30"
+    for which, text in enumerate(STOPS, 1):
+        yield f"TG_STOP_{which}:"
+        yield f'MSG("TANGO {text}")'
+        if job.options["alarm"]:
+            yield f"SETAL({job.options['alarm'] + which - 1})"
+        yield "M0"
+        yield "M30"
+
+
+def _at_rest(job: Job) -> Iterator[str]:
+    """A probe that is deflected has no edge to give: what follows would not be guarded."""
+    if job.options["probe_state"]:
+        yield "STOPRE"
+        yield from _stop_if(f"$A_PROBE[{job.options['probe_input']}]<>0", DEFLECTED)
+
+
+def _stop_if(condition: str, which: int) -> Iterator[str]:
+    yield f"IF {condition} GOTOF TG_STOP_{which}"
+
+
+def _if(condition: str, then: str) -> Iterator[str]:
+    yield f"IF {condition}"
+    yield then
+    yield "ENDIF"
+
+
+def _write(job: Job, text: str) -> Iterator[str]:
+    """A device gets its line feed from us, a file from the control."""
+    line_feed = "<<\"'H0A'\"" if _is_device(job) else ""
+    yield f'WRITE(TG_ERROR,"{job.options["output"]}",{text}{line_feed})'
+    yield from _stop_if("TG_ERROR<>0", UNWRITTEN)
+
+
+def _is_device(job: Job) -> bool:
+    return DEVICE.fullmatch(job.options["output"]) is not None
+
+
+def _measure(job: Job, place: Mapping[str, str], feed: float) -> str:
+    return f"SUPA D0 G1 MEAS={job.options['probe_input']} {_axis_words(place)} F{number(feed)}"
+
+
+def _distance(place: Mapping[str, str]) -> str:
+    """→ the expression for the distance in mm, axis by axis, between where the axes stand and their target."""
+    return "+".join(f"ABS($AA_IM[{name}]-{_signed(value)})" for name, value in place.items())
+
+
+def _signed(value: str) -> str:
+    return f"({value})" if value.startswith("-") else value
+
+
+def _axis_words(place: Mapping[str, str]) -> str:
+    return " ".join(f"{name}{value}" for name, value in place.items())
+
+
+def _words(job: Job, place: Mapping[str, float]) -> dict[str, str]:
+    """positions → {linear axis: number as text} of those that are known."""
+    return {name: number(place[name], job.options["decimals"]) for name in "XYZ" if name in place}
+
+
+def _angle(job: Job, name: str, value: float) -> tuple[str, str]:
+    """axis letter, rad → DC or AC, deg."""
+    rule, decimals = job.options["rotary"], job.options["decimals"]
+    word = ("DC" if is_endless(job.machine, name) else "AC") if rule == "auto" else rule
+    angle = degrees(value)
+    return word, number(rolled(angle, decimals) if word == "DC" else angle, decimals)
+
+
+def _spindle(leg: Leg) -> str:
+    return f"{rolled(degrees(leg.to['S']), 4):.4f}"
+
+
+def _axes(machine: Machine) -> list[str]:
+    return [name for name in machine.names if name != "S"]
+
+
+def _check(job: Job) -> None:
+    """Raises InputError for options that do not fit the machine or the plan."""
+    machine, options = job.machine, job.options
+    if not (DEVICE.fullmatch(options["output"]) or (len(options["output"]) <= 32 and FILE.fullmatch(options["output"]))):
+        raise InputError(f"controller.output: found {options['output']!r}; allowed: a device /dev/… or a file _N_NAME_MPF")
+    if options["alarm"] and not 65000 <= options["alarm"] <= 65999 - len(STOPS):
+        raise InputError(f"controller.alarm: found {options['alarm']}; allowed: 0, or 65000 … {65999 - len(STOPS)}")
+    if options["positioning_feed"] <= 0 or options["tolerance"] <= 0 or options["misses"] < 1:
+        raise InputError("controller: found positioning_feed, tolerance or misses of 0 or less; allowed: more than 0")
+    for key in ("unclamp", "clamp"):
+        for name, word in options[key].items():
+            if name not in machine.rotary or not (isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()):
+                raise InputError(
+                    f"controller.{key}: found {name!r}: {word!r}; allowed: a word such as M10 for {', '.join(machine.rotary)}"
+                )
+    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
+    if not options["orient"] and len(turns) > 1:
+        raise InputError("controller.orient: found False; allowed: true, as this strategy turns the spindle")
+
+
+POST = Post(
+    title="Siemens 840D sl and ONE",
+    extension="MPF",
+    options=OPTIONS,
+    doubts=DOUBTS,
+    stem=lambda job: "TANGO",
+    begin=begin,
+    probe_on=probe_on,
+    retract=move,
+    clear=move,
+    index=index,
+    approach=approach,
+    probe=probe,
+    back=back,
+    record=record,
+    probe_off=probe_off,
+    end=end,
+)

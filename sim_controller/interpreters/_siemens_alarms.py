@@ -1,0 +1,33 @@
+"""Alarms of a Sinumerik-like control by number; texts from memory: unverified."""
+
+from __future__ import annotations
+
+from ._alarm import Alarm
+
+TEXTS = {
+    "10720": "SOFTWARE LIMIT SWITCH",
+    "10860": "FEEDRATE NOT PROGRAMMED",
+    "12080": "SYNTAX ERROR",
+    "12090": "UNEXPECTED PARAMETER",
+    "12150": "OPERATION NOT COMPATIBLE WITH DATA TYPE",
+    "12170": "NAME DEFINED SEVERAL TIMES",
+    "12190": "DEFINITION BEHIND THE FIRST STATEMENT",
+    "12420": "IDENTIFIER TOO LONG",
+    "12470": "G FUNCTION UNKNOWN",
+    "12550": "NAME NOT DEFINED OR OPTION NOT AVAILABLE",
+    "12640": "CONTROL STRUCTURE NOT CLOSED",
+    "14011": "END OF PROGRAM MISSING",
+    "14051": "ERROR IN ARITHMETIC",
+    "14080": "JUMP DESTINATION NOT FOUND",
+    "16800": "TRAVERSE INSTRUCTION DC ONLY FOR MODULO AXES",
+    "16830": "INCORRECT MODULO POSITION",
+    "17180": "D NUMBER NOT DEFINED",
+    "21700": "TOUCH PROBE IS ALREADY DEFLECTED, EDGE POLARITY NOT POSSIBLE",
+    "26000": "PROBE TRIPPED",
+    "26001": "MACHINE ALARM",
+}
+
+
+def alarm(code: str, detail: str = "") -> Alarm:
+    """number, what it is about → the alarm to raise."""
+    return Alarm(code, TEXTS[code], detail)

@@ -1,0 +1,134 @@
+"""Every dialect on the control that speaks it: program → its interpreter → records → readings → the same S3 as `tango simulate`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from postprocessors._base import load, program
+from sim_controller.motion import Motion
+from sim_controller.probing import rig
+from sim_controller.session import language
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.link._client import Begun, Ended, Touched
+from tango_cnc.link._trust import Gate, judge
+from tango_cnc.link._words import record
+from tango_cnc.plan import last_motion, plan, plan_hash
+from tango_cnc.records import Cell, Plan, Readings, World
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"
+PRINTED = 1e-4  # mm and deg, the last digit of a record
+OFFSETS = {"X": 11.5, "Y": -3.25, "Z": 100.25}
+
+
+@dataclass(frozen=True)
+class Spoken:
+    """The control of a dialect: language, settings, what is stored in it, how many lines at either end are for the line."""
+
+    family: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    library: tuple[str, ...] = ()
+    frame: int = 0
+
+
+G31 = Spoken("macro_b", frame=1)
+SPOKEN = {
+    **dict.fromkeys(("fanuc", "haas", "mitsubishi", "mazak"), G31),
+    "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
+    "siemens": Spoken("siemens", {"tool_lengths": {1: 326.674}}),
+}
+
+
+@pytest.fixture(scope="module")
+def cell() -> Cell:
+    """The HU40T, of whose strategy every facet is touched at some indexations: enough for S3."""
+    whole = read_cell(EXAMPLE)
+    some = [i for i in whole.strategy.indexations if len(i.facets) > 1][::3]
+    thin = [replace(i, facets=i.facets[k % 3 :: 3] if len(i.facets) > 6 else i.facets) for k, i in enumerate(some)]
+    spindle = [i for i in whole.strategy.indexations if abs(i.position.get("S", 0.0)) > 0]
+    return replace(whole, strategy=replace(whole.strategy, indexations=(*thin, *spindle)))
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return replace(read_world(EXAMPLE / "world.yaml"), noise=0.0)
+
+
+@pytest.fixture(scope="module")
+def true(cell: Cell, world: World) -> Readings:
+    return simulate(cell.machine, cell.artefact, cell.strategy, world)
+
+
+def s3(cell: Cell, readings: Readings) -> dict[str, float]:
+    result = estimate(cell.machine, cell.artefact, readings, ["S3"])
+    return {name: p.value for name, p in {**result.parameters, **result.setup, **result.facets}.items()}
+
+
+@pytest.fixture(scope="module")
+def limits(cell: Cell, true: Readings) -> tuple[dict[str, float], dict[str, float]]:
+    """→ parameters of the true readings, and by how much they move when every coordinate is rounded somehow."""
+    exact = s3(cell, true)
+    rng = np.random.default_rng(1)
+    moved: dict[str, float] = dict.fromkeys(exact, 0.0)
+    linear = np.array([name in "XYZ" for name in true.axes])
+    for _ in range(12):
+        off = rng.uniform(-0.5, 0.5, true.position.shape) * np.where(linear, PRINTED, np.radians(PRINTED))
+        rounded = s3(cell, replace(true, position=true.position + off))
+        moved = {name: max(size, abs(rounded[name] - exact[name])) for name, size in moved.items()}
+    return exact, moved
+
+
+def measured(made: Plan, name: str, world: World) -> Readings:
+    """plan, dialect, true machine → what its records say."""
+    control_of = SPOKEN[name]
+    spoken = language(control_of.family)
+    lines = list(program(load(name), made, {}, plan_hash(made))[2]())
+    lines = lines[control_of.frame : len(lines) - control_of.frame]
+    punched: list[bytes] = []
+    profile = replace(spoken.default_profile(made.machine), g54=OFFSETS, **control_of.settings)
+    motion = Motion(rig(made.machine, made.artefact, world))
+    control = spoken.Control(motion, profile, punched.append, lambda event, **data: None, control_of.library)
+    control.run(lines, False)
+    text = b"".join(punched).decode("ascii").replace("\x12", "").replace("\x14", "")
+    begun, *touched, ended = [record(line, made.machine.names) for line in text.splitlines()]
+    assert isinstance(begun, Begun)
+    assert ended == Ended(len(made.touches))
+    judged = []
+    for planned, event in zip(made.touches, touched, strict=True):
+        assert isinstance(event, Touched)
+        assert event.number == planned.number
+        judged.append(judge(event, planned, made.machine, Gate()))
+    count = len(judged)
+    return Readings(
+        made.machine.names,
+        np.arange(1, count + 1),
+        np.zeros(count),
+        tuple(t.facet for t in made.touches),
+        np.array([j.position for j in judged]),
+        last_motion(made),
+        tuple(j.status for j in judged),
+        np.ones(count, dtype=np.int64),
+        np.ones(count, dtype=np.int64),
+        np.full(count, made.strategy.approach.feed),
+    )
+
+
+@pytest.mark.parametrize("name", sorted(SPOKEN))
+def test_the_dialect_gives_the_parameters_of_the_true_machine(
+    name: str, cell: Cell, world: World, true: Readings, limits: tuple[dict[str, float], dict[str, float]]
+) -> None:
+    readings = measured(plan(cell), name, world)
+    assert readings.facet == true.facet
+    assert set(readings.status) == {"ok"}
+    exact, moved = limits
+    found = s3(cell, readings)
+    assert found.keys() == exact.keys()
+    for parameter, value in exact.items():
+        assert abs(found[parameter] - value) <= 2 * moved[parameter], parameter

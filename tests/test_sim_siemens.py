@@ -1,0 +1,310 @@
+"""The Siemens program on its simulated control, and the habits of that control."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from postprocessors._base import load, program
+from sim_controller.faults import faults
+from sim_controller.interpreters import Alarm, siemens
+from sim_controller.interpreters._siemens_expressions import Reader
+from sim_controller.motion import Motion
+from sim_controller.probing import rig
+from tango_cnc.files import read_cell
+from tango_cnc.link._client import Begun, Ended, Touched
+from tango_cnc.link._words import record
+from tango_cnc.plan import plan, plan_hash
+from tango_cnc.records import Artefact, Cell, InputError, Plan, World
+
+GOLDEN = Path(__file__).parent / "golden" / "cell"
+
+
+@pytest.fixture(scope="module")
+def cell() -> Cell:
+    return read_cell(GOLDEN)
+
+
+@pytest.fixture(scope="module")
+def made(cell: Cell) -> Plan:
+    return plan(cell)
+
+
+def lines_of(made: Plan, **options: Any) -> list[str]:
+    return list(program(load("siemens"), made, options, plan_hash(made))[2]())
+
+
+@dataclass
+class Ran:
+    """What came of a program."""
+
+    out: bytes = b""
+    alarm: Alarm | None = None
+    events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
+
+    def records(self, made: Plan) -> list[Any]:
+        return [record(line, made.machine.names) for line in self.out.decode("ascii").splitlines()]
+
+    def flags(self, made: Plan) -> list[int]:
+        return [event.flag for event in self.records(made) if isinstance(event, Touched)]
+
+
+def run(lines: list[str], made: Plan, artefact: Artefact | None = None, fault: str | None = None, **profile: Any) -> Ran:
+    ran = Ran()
+
+    def note(event: str, **data: Any) -> None:
+        ran.events.append((event, data))
+
+    def punch(data: bytes) -> None:
+        ran.out += data
+
+    motion = Motion(rig(made.machine, artefact or made.artefact, World()), note, faults=faults([fault] if fault else []))
+    known = {"g54": {"X": 11.5, "Y": -3.25, "Z": 100.25, "B": 1.5, "C": 20.0}, "tool_lengths": {1: 300.0}} | profile
+    control = siemens.Control(motion, replace(siemens.default_profile(made.machine), **known), punch, note)
+    try:
+        control.run(lines, False)
+    except Alarm as alarm:
+        ran.alarm = alarm
+    ran.files = control.files
+    return ran
+
+
+def code(made: Plan, *lines: str, **profile: Any) -> Ran:
+    """Some lines, run on a machine whose table is far away."""
+    away = {"far": replace(made.artefact.facets["top"], id="far", point=(0.0, 0.0, -5000.0))}
+    return run([*lines, "M30"], made, replace(made.artefact, facets=away, balls={}), **profile)
+
+
+def shifted(made: Plan, facet: str, by: float) -> Artefact:
+    """artefact whose one facet really lies `by` mm farther out than everybody thinks."""
+    old = made.artefact.facets[facet]
+    point = np.array(old.point) + by * np.array(old.normal)
+    return replace(made.artefact, facets={**made.artefact.facets, facet: replace(old, point=tuple(point))})
+
+
+# --- the program ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "profile"),
+    [
+        ({}, {}),
+        ({}, {"transformation": True}),
+        ({"rotary": "AC"}, {"rollover": ()}),
+        ({"decimals": 4}, {"tool_lengths": {1: 5.0}}),
+        ({"probe_state": False}, {}),
+    ],
+)
+def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, Any], profile: dict[str, Any]) -> None:
+    """Frames, tool length and a transformation that are active when it starts change nothing."""
+    ran = run(lines_of(made, **options), made, **profile)
+    begun, *touched, ended = ran.records(made)
+    assert ran.alarm is None
+    assert begun == Begun(program(load("siemens"), made, options, plan_hash(made))[1], len(made.touches))
+    assert ended == Ended(len(made.touches))
+    assert [(t.number, t.flag) for t in touched] == [(t.number, 1) for t in made.touches]
+    for planned, found in zip(made.touches, touched, strict=True):
+        for name, value in zip(made.machine.names, planned.contact, strict=True):
+            if name in "XYZ":
+                assert found.position[name] == pytest.approx(value, abs=0.003), (planned.number, name)
+            else:
+                assert math.remainder(found.position[name] - math.degrees(value), 360) == pytest.approx(0, abs=1e-6)
+
+
+def test_records_in_a_file_of_the_control_are_the_same_lines(made: Plan) -> None:
+    """A device gets its line feeds from the program, a file from the control: neither has none or two."""
+    device = run(lines_of(made), made).out.decode()
+    assert device.count("\n") == len(made.touches) + 2
+    ran = run(lines_of(made, output="_N_TANGO_MPF"), made)
+    assert ran.out == b""
+    assert ran.files["_N_TANGO_MPF"].splitlines()[1:] == device.splitlines()[1:]
+
+
+def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan) -> None:
+    assert run(lines_of(made), made, shifted(made, "4", -8.0)).flags(made) == [1, 1, 1, 1, 1, 0]
+    assert run(lines_of(made), made, shifted(made, "4", 7.0)).flags(made) == [1, 1, 1, 1, 1, 2]
+
+
+@pytest.mark.parametrize("alarm", [65001, 0])
+def test_something_in_the_way_stops_with_a_text(made: Plan, alarm: int) -> None:
+    """The top is 40 mm higher than everybody thinks: the way down to its stand-off is a protected move."""
+    ran = run(lines_of(made, alarm=alarm), made, shifted(made, "top", 40.0))
+    assert ran.flags(made) == [1], "the touch before it is on record, this one is not"
+    messages = [data["text"] for event, data in ran.events if event == "message"]
+    assert messages == ["TANGO PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE"]
+    if alarm:
+        assert ran.alarm is not None
+        assert ran.alarm.code == "65002"
+    else:
+        assert ran.alarm is None
+        assert [data["why"] for event, data in ran.events if event == "stop"] == ["M0"]
+        assert ran.records(made)[-1] != Ended(len(made.touches))
+
+
+def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: Plan) -> None:
+    away = {key: replace(f, point=(0.0, 0.0, -500.0), ball=None) for key, f in made.artefact.facets.items()}
+    ran = run(lines_of(made), made, replace(made.artefact, facets=away, balls={}))
+    assert ran.flags(made) == [0, 0]
+    assert "NO CONTACT. IS THE PROBE ALIVE" in str(ran.alarm)
+
+
+@pytest.mark.parametrize("deflected", ["alarm", "ignore"])
+def test_a_probe_that_stays_deflected_stops_before_the_next_move(made: Plan, deflected: str) -> None:
+    """Such a probe has no edge to give: no protected move would be protected."""
+    ran = run(lines_of(made), made, fault="probe-stuck-after=2", deflected=deflected)
+    assert ran.flags(made) == [1, 1]
+    assert "PROBE IS DEFLECTED" in str(ran.alarm)
+    silent = run(lines_of(made, probe_state=False), made, fault="probe-stuck-after=2")
+    assert "21700" in str(silent.alarm), "without $A_PROBE it is the control's own alarm"
+
+
+def test_a_device_that_is_not_there_stops_before_anything_moves(made: Plan) -> None:
+    ran = run(lines_of(made, output="/dev/ext/9"), made)
+    assert "RECORD COULD NOT BE WRITTEN" in str(ran.alarm)
+    assert not any(event in ("feed", "rapid", "skip") for event, _ in ran.events)
+
+
+def test_a_file_that_is_full_stops_the_program(made: Plan) -> None:
+    ran = run(lines_of(made, output="_N_TANGO_MPF"), made, room=150)
+    assert "RECORD COULD NOT BE WRITTEN" in str(ran.alarm)
+
+
+def test_a_transformation_that_is_not_switched_off_is_noticed_by_the_first_guarded_move(made: Plan) -> None:
+    ran = run(lines_of(made, trafoof=False), made, transformation=True)
+    assert ran.flags(made) == []
+    assert "FRAME IS ACTIVE" in str(ran.alarm)
+
+
+def test_a_state_that_is_always_1_stops_the_first_guarded_move(made: Plan) -> None:
+    ran = run(lines_of(made), made, status=False)
+    assert ran.flags(made) == []
+    assert "PROBE MET SOMETHING" in str(ran.alarm)
+
+
+def test_endless_axes_turn_the_short_way_and_others_as_planned(made: Plan) -> None:
+    turns = [line for line in lines_of(made) if line.startswith("SUPA D0 G0")]
+    assert turns[0].startswith("SUPA D0 G0 B=AC(")
+    assert {"SUPA D0 G0 B=AC(-30.)", "SUPA D0 G0 B=AC(0.)", "SUPA D0 G0 C=DC(0.)"} <= set(turns)
+    assert "SUPA D0 G0 C=DC(270.)" in turns
+    assert "SUPA D0 G0 C=AC(-90.)" in lines_of(made, rotary="AC")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"output": "/dev/ext/1\nM30"}, "a device /dev/… or a file"),
+        ({"output": 'x",1)'}, "a device /dev/… or a file"),
+        ({"alarm": 61000}, "0, or 65000"),
+        ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
+        ({"orient": False}, "true, as this strategy turns the spindle"),
+        ({"positioning_feed": 0}, "more than 0"),
+        ({"probe_input": 3}, "1, 2"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(made: Plan, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        lines_of(made, **options)
+
+
+# --- the control ---------------------------------------------------------------------------------------------------------
+
+
+def value(text: str) -> Any:
+    def get(name: str, index: Any) -> Any:
+        return {"TG": 2.5}[name]
+
+    return Reader(text, get).value()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1+2*3", 7),
+        ("ABS(TG-(-2.5))", 5.0),
+        ("POT(3.)+TRUNC(-2.7)", 7.0),
+        ("(1>2) OR (2.==2)", True),
+        ("NOT (1<>1)", True),
+        ('"P"<<17<<" X"<<TG', "P17 X2.5"),
+        ('"A"<<"\'H0A\'"', "A\n"),
+        ('SPRINT("H%D X%.4F%%",1,-0.00005)', "H1 X-0.0001%"),
+        ("7 MOD 4", 3.0),
+        ("1.5EX2", 150.0),
+    ],
+)
+def test_expressions(text: str, expected: Any) -> None:
+    assert value(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("lines", "alarm"),
+    [
+        (["X1 Q7"], "12550"),
+        (["R1+"], "12550"),
+        (["X"], "12080"),
+        (["G1 X10."], "10860"),
+        (["G777"], "12470"),
+        (["D7"], "17180"),
+        (["G0", "DEF INT A_1"], "12190"),
+        (["DEF INT A_1", "DEF INT A_1"], "12170"),
+        (["DEF INT A_1", 'A_1="X"'], "12150"),
+        (["DEF INT A_1", "A_1=1/0"], "14051"),
+        (["IF 1==1 GOTOF NOWHERE"], "14080"),
+        (["IF 1==1", "G0"], "12640"),
+        (["SUPA D0 G0 B=DC(10.)"], "16800"),
+        (["SUPA D0 G0 C=DC(-10.)"], "16830"),
+        (["SUPA D0 G0 X9999."], "10720"),
+        (['MSG("A" "B")'], "12080"),
+        (['WRITE(1,"_N_A_MPF","B")'], "12080"),
+    ],
+)
+def test_what_the_control_does_not_take(made: Plan, lines: list[str], alarm: str) -> None:
+    ran = code(made, *lines)
+    assert ran.alarm is not None
+    assert ran.alarm.code == alarm
+
+
+def test_a_program_without_m30_does_not_end_well(made: Plan) -> None:
+    assert run(["G0 X1."], made).alarm is not None
+
+
+def printed(made: Plan, *lines: str, **profile: Any) -> list[str]:
+    ran = code(made, "DEF INT E_1", *lines, **profile)
+    assert ran.alarm is None, ran.alarm
+    return ran.files["_N_A_MPF"].splitlines()
+
+
+def test_supa_leaves_the_tool_length_in_and_d0_takes_it_out(made: Plan) -> None:
+    show = 'WRITE(E_1,"_N_A_MPF",SPRINT("%.1F",$AA_IM[Z]))'
+    where = ["SUPA G0 Z100.", "STOPRE", show, "SUPA D0 G0 Z100.", "STOPRE", show, "G0 Z100.", "STOPRE", show]
+    assert printed(made, *where) == ["400.0", "100.0", "200.2"]
+
+
+def test_variables_are_as_old_as_the_last_stopre(made: Plan) -> None:
+    show = 'WRITE(E_1,"_N_A_MPF",SPRINT("%.1F",$AA_IM[X]))'
+    assert printed(made, "SUPA D0 G0 X10.", "STOPRE", "SUPA D0 G0 X20.", show, "STOPRE", show) == ["10.0", "20.0"]
+
+
+def test_a_miss_says_nothing_and_keeps_what_was_latched_before(made: Plan) -> None:
+    show = 'WRITE(E_1,"_N_A_MPF",SPRINT("%D %.1F %.1F",$AC_MEA[1],$AA_MM[X],$AA_IM[X]))'
+    assert printed(made, "SUPA D0 G1 MEAS=1 X10. F1000.", "STOPRE", show) == ["0 0.0 10.0"]
+
+
+def test_a_whole_number_is_whole_millimetres(made: Plan) -> None:
+    show = 'WRITE(E_1,"_N_A_MPF",SPRINT("%.1F",$AA_IM[X]))'
+    assert printed(made, "SUPA D0 G0 X100", "STOPRE", show) == ["100.0"]
+
+
+@pytest.mark.parametrize(
+    ("start", "way", "moved"), [(350, "DC(10.)", 20), (10, "DC(350.)", -20), (10, "ACN(20.)", -350), (10, "ACP(0.)", 350)]
+)
+def test_modulo_axes_turn_the_way_they_are_told(made: Plan, start: int, way: str, moved: float) -> None:
+    ran = code(made, f"SUPA D0 G0 C=DC({start}.)", f"SUPA D0 G0 C={way}")
+    places = [data["position"]["C"] for event, data in ran.events if event == "rapid"]
+    assert places[-1] - start == pytest.approx(moved), "the scale has rolled over after the first move"
