@@ -5,7 +5,6 @@ from __future__ import annotations
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from sim_controller.simulate import simulate
 from tango_cnc.commands.init import examples
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell
-from tango_cnc.records import World
+from tango_cnc.records import Cell, World
 from tango_cnc.uncertainty.analysis import Options, analyse
 from tango_cnc.uncertainty.inputs import Line
 
@@ -41,9 +40,8 @@ def truth(names: tuple[str, ...], rng: np.random.Generator) -> dict[str, float]:
     return result
 
 
-def one_machine(folder: Path, names: tuple[str, ...], number: int) -> dict[str, np.ndarray]:
-    """example cell, names of S3, number of a machine → errors of its S3 and S4 estimates, in the order of their names."""
-    cell = read_cell(folder)
+def one_machine(cell: Cell, names: tuple[str, ...], number: int) -> dict[str, np.ndarray]:
+    """cell, names of S3, number of a machine → errors of its S3 and S4 estimates, in the order of their names."""
     rng = np.random.default_rng([2026, number])
     errors = truth(names, rng)
     lobing = {"cause": "probe_lobing", "amplitude": LOBES, "order": 2, "phase": float(rng.uniform(0, 360))}
@@ -68,8 +66,7 @@ def one_machine(folder: Path, names: tuple[str, ...], number: int) -> dict[str, 
 
 @pytest.mark.long
 def test_intervals_cover_the_truth_in_95_of_100_of_a_thousand_simulated_machines() -> None:
-    folder = examples()["hu40t"]
-    cell = read_cell(folder)
+    cell = read_cell(examples()["hu40t"])
     bar = cell.artefact.scale_bar
     assert bar is not None
     artefact = replace(cell.artefact, scale_bar=replace(bar, uncertainty=BAR))
@@ -81,7 +78,7 @@ def test_intervals_cover_the_truth_in_95_of_100_of_a_thousand_simulated_machines
         intervals[terms] = (a.low - a.values)[own], (a.high - a.values)[own]
         names[terms] = tuple(a.study.names[i] for i in own)
     with ProcessPoolExecutor(2) as pool:
-        machines = list(pool.map(partial(one_machine, folder, names["S3"]), range(1000), chunksize=20))
+        machines = list(pool.map(partial(one_machine, cell, names["S3"]), range(1000), chunksize=20))
     covered = {}
     for terms, (low, high) in intervals.items():
         # The true value lies in [y + low, y + high] when the error of the estimate lies in [−high, −low].
