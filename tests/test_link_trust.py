@@ -161,3 +161,32 @@ def test_most_single_wrong_digits_are_caught_and_the_rest_stay_on_the_measuring_
             believed += 1
             assert np.abs(verdict.position[:3] - (20, 0, 50)).max() <= 10.5
     assert believed / 2000 < 0.15
+
+
+SUMMED = "P 60 H1 X-  47.1425 Y  63.6400 Z 283.8165 B  45.0000 C-135.0000 K 210.3140"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("283.8165", "283.815"),  # lost in the last places
+        ("283.8165", "83.8165"),
+        ("47.1425", "4.1425"),
+        ("X-  47", "X   47"),
+        ("63.6400", "663.6400"),
+        ("63.6400", "63.6300"),
+        ("210.3140", "210.3240"),
+    ],
+)
+def test_characters_that_are_lost_doubled_or_changed_do_not_pass_the_check_sum(old, new):
+    assert isinstance(record(SUMMED, "XYZBC"), Touched)
+    assert isinstance(record(SUMMED.replace(old, new), "XYZBC"), Refused)
+
+
+def test_zeros_that_are_not_printed_are_zeros():
+    assert isinstance(record("P1 H1 X-47.1425 Y63.64 Z283.8165 B45. C-135. K210.314", "XYZBC"), Touched)
+
+
+def test_a_record_may_lack_the_check_sum_unless_the_program_prints_one():
+    assert isinstance(record(SUMMED.partition(" K")[0], "XYZBC"), Touched)
+    assert isinstance(record(SUMMED.partition(" K")[0], (*"XYZBC", "K")), Refused)

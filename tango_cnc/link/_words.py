@@ -73,8 +73,8 @@ def record(line: str, letters: Sequence[str]) -> Event:
 
 
 def _rounding(numbers: Sequence[str]) -> float:
-    """decimal numbers, rounded or cut → by how much their sum may be wrong."""
-    return sum(10.0 ** -len(number.partition(".")[2]) for number in numbers) * 1.0001
+    """decimal numbers, rounded or cut → by how much their sum may be wrong: places that one of them lacks are zeros, or lost."""
+    return len(numbers) * 1.0001 * 10.0 ** -max(len(number.partition(".")[2]) for number in numbers)
 
 
 def _whole(text: str) -> str:
