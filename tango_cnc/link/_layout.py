@@ -25,6 +25,7 @@ CONTROL = (
     "pattern",
     "order",
 )
+STATE = ("command", "sequence", "acknowledged", "status", "point", "flag", "alarm", "probe")
 TARGET = ("mask", "number", "feed", "target")
 COMMANDS = ("begin", "move", "turn", "probe", "end")
 STATUSES = ("idle", "busy", "alarm", "door", "emergency_stop", "hold", "battery_low")
@@ -50,6 +51,12 @@ class Layout:
     def block(self) -> tuple[int, int]:
         """→ (address, count) of everything that the control says and of the command it was given, read in one request."""
         return self._range(CONTROL)
+
+    @property
+    def state(self) -> tuple[int, int]:
+        """→ (address, count) of the beginning of the block: all but positions and constants."""
+        first = self.block[0]
+        return first, max(self.registers[name] + 1 for name in STATE) - first
 
     @property
     def targets(self) -> tuple[int, int]:

@@ -154,7 +154,7 @@ class Client(Dialogue):
         return name != "busy"
 
     def _command(self, name: str, patience: float) -> Talk:
-        """command → the block when it is done, read twice."""
+        """command → the block when it is done, of a measuring move read twice; empty when no two readings of it agree."""
         self._allowed = patience
         self._done()
         self._sequence = self._sequence % 0xFFFF + 1
@@ -165,7 +165,7 @@ class Client(Dialogue):
         yield from self._write(min(pair), words)
         writes = 1
         while True:
-            block = yield from self._read(self._layout.block)
+            block = yield from self._read(self._layout.state)
             idle = self._idle(block)
             if self._said("sequence", block) != self._sequence:
                 if writes == WRITES:
@@ -174,10 +174,11 @@ class Client(Dialogue):
                 yield from self._write(min(pair), words)
             elif idle and self._said("acknowledged", block) == self._sequence:
                 break
-        for _ in range(READS):
-            again = yield from self._read(self._layout.block)
+        self._done()
+        block = yield from self._read(self._layout.block)
+        for _ in range(READS - 1):
+            again = block if name != "probe" else (yield from self._read(self._layout.block))
             if again == block:
-                self._done()
                 return block
             block = again
         return []

@@ -37,7 +37,7 @@ from ._wire import Paced, Parity, unmarked
 SLICE = 0.05  # s, the longest wait inside a port that cannot be waited for together with others
 PATIENCE = 5.0  # s, to open a TCP connection
 ANSWER = 1.0  # s that a Modbus device may take to answer
-REST = 0.002  # s from one Modbus request to the next at least
+REST = 0.002  # s from one Modbus request to the same one again
 
 
 class Lost(LinkError):
@@ -239,7 +239,7 @@ class _Modbus:
         from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
         pymodbus.pymodbus_apply_logging_config(logging.CRITICAL)
-        self._unit, self._request, self._due = address.unit, b"", 0.0
+        self._unit, self._request, self._before = address.unit, b"", b""
         self._client: Any
         if address.scheme == "tcp":
             parts = urlsplit(f"//{address.target}")
@@ -248,7 +248,7 @@ class _Modbus:
             line = address.line if address.uart else {**DEFAULTS, **address.line, "bits": "8", "parity": "none"}
             self._client = ModbusSerialClient(
                 address.target,
-                baudrate=int(line["baud"]),
+                baudrate=int(address.line.get("baud", "9600" if address.uart else "115200")),  # pymodbus waits in character times
                 bytesize=int(line["bits"]),
                 parity=line["parity"][0].upper(),
                 stopbits=int(line["stop"]),
@@ -257,6 +257,8 @@ class _Modbus:
             )
         self._client.set_max_no_responses(1 << 30)
         self._serial = address.scheme == "rtu"
+        if self._serial and os.name == "posix":
+            self._client.recv = self._arrived  # pymodbus looks every few milliseconds, twice
         if not self._client.connect():
             raise OSError(f"nothing answers at {address.target}" if not self._serial else f"{address.target} cannot be opened")
 
@@ -267,8 +269,9 @@ class _Modbus:
             time.sleep(timeout)
             return b""
         self._request = rest
-        time.sleep(max(0.0, self._due - time.monotonic()))
-        self._due = time.monotonic() + REST
+        if line == self._before:  # the control is being waited for
+            time.sleep(REST)
+        self._before = line
         return f"{self._transact(*map(int, line.split()))}\n".encode("ascii")
 
     def write(self, data: bytes) -> int:
@@ -305,6 +308,11 @@ class _Modbus:
             return " ".join(map(str, [code, *said]))
         self._drain()
         return "- the answer to another request"
+
+    def _arrived(self, size: int | None) -> bytes:
+        """→ the bytes that come next, empty when none come in time; pymodbus puts frames together."""
+        port = self._client.socket
+        return os.read(port.fileno(), 4096) if select.select([port.fileno()], [], [], ANSWER)[0] else b""
 
     def _drain(self) -> None:
         """Late answers come now or never. Raises Lost when a connection cannot be opened again."""
