@@ -27,6 +27,7 @@ from ._records import Finding, Remainder
 from ._search import Chosen
 from ._seen import Test
 from ._size import size
+from ._volume import Volume, volume
 
 __all__ = ["Diagnosis", "Finding", "Remainder", "Test", "diagnose", "kernels"]
 Verdict = Literal["adequate", "explained", "unexplained"]
@@ -49,6 +50,7 @@ class Diagnosis:
     outliers: tuple[int, ...]  # touch numbers that nothing explains
     noise: float  # mm, white noise of a touch that is left
     explanation: Explanation
+    volume: Volume  # predicted error of the tip, before and after
 
     @property
     def terms_text(self) -> str:
@@ -223,6 +225,7 @@ def _told(
         tuple(int(touches.number[i]) for i in single),
         found.sigma,
         found,
+        volume(before, after, {c.name for c in before.model.coefficients}),
     )
 
 

@@ -28,6 +28,7 @@ FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as
 TOP = 8  # variants of a cause that are looked at when the best one has an impossible size
 STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
 SHAPELESS = 10.0  # score by which a shape without a name must beat every name (very strong evidence)
+FEW = 20  # rows of a cause that might be a few outliers instead
 CLOSE = 12.0  # causes whose scores are no further apart are refined before they are compared
 
 Rebuild = Callable[[str, Mapping[str, Any]], Candidate]
@@ -288,7 +289,28 @@ def searched(place: Space, cat: Catalogue, limits: Limits, usual: Array, start: 
         if new.candidate.cause != "outlier":
             chosen = exchanged(place, cat, chosen, limits, usual)
         chosen = pruned(place, chosen)
-    return pruned(place, exchanged(place, cat, chosen, limits, usual))
+    return pruned(place, loosened(place, cat, pruned(place, exchanged(place, cat, chosen, limits, usual))))
+
+
+def loosened(place: Space, cat: Catalogue, chosen: list[Chosen]) -> list[Chosen]:
+    """chosen → chosen, where a cause that touches few rows gives way to single outliers among them that explain as much."""
+    for old in list(chosen):
+        rows = np.flatnonzero(np.abs(old.candidate.columns).sum(axis=1))
+        if not old.candidate.named or len(rows) > FEW:
+            continue
+        trial = [c for c in chosen if c is not old]
+        single = [c for c in cat.candidates if c.cause == "outlier" and np.abs(c.columns[rows]).sum() > 0]
+        price = cost(single[0], len(place.basis), place.m) if single else 0.0
+        value = total(place, trial)
+        for _ in range(len(single)):
+            options = [[*trial, Chosen(c, place.project(c.columns), price)] for c in single]
+            scores = [total(place, option) for option in options]
+            if max(scores) <= value:
+                break
+            trial, value = options[int(np.argmax(scores))], max(scores)
+        if len(trial) > len(chosen) - 1 and value > total(place, chosen) - CLOSE / 2:
+            chosen = trial
+    return chosen
 
 
 def proven(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, usual: Array) -> list[Chosen]:

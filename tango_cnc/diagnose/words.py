@@ -33,6 +33,12 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "residual_tests": [
             {"covariate": t.covariate, "variance_share": round(t.variance_share, 4), "p_value": t.p_value} for t in d.tests
         ],
+        "volume": {
+            "rms_before_um": d.volume.before * 1e3,
+            "rms_after_um": d.volume.after * 1e3,
+            "moved_rms_um": d.volume.moved * 1e3,
+            "moved_max_um": d.volume.moved_most * 1e3,
+        },
         "outliers": list(d.outliers),
         "noise_um": d.noise * 1e3,
         "terms": [plain(t) if isinstance(t, Mapping) else t for t in d.terms],
@@ -139,6 +145,11 @@ def as_text(d: Diagnosis) -> str:
     if d.outliers:
         lines.append(f"{len(d.outliers)} single touches fit nothing: {', '.join(map(str, d.outliers[:12]))}")
     if d.findings:
+        v = d.volume
+        lines.append(
+            f"predicted error of the tool tip in the touched volume: rms {v.before * 1e3:.1f} → {v.after * 1e3:.1f} µm; "
+            f"the two predictions differ by {v.moved * 1e3:.1f} µm rms, {v.moved_most * 1e3:.1f} µm at most"
+        )
         lines += ["", f"terms of the extended model: {d.terms_text}"]
     hidden = [name for name, value in d.visibility.items() if value < 0.1]
     if hidden:

@@ -128,3 +128,8 @@ def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.B
     assert np.abs(change - mine @ values).max() < 0.01 * np.abs(change).max()
     if mine.shape[1] == 1:
         assert values[0] == pytest.approx(effect["amplitude"] / effect.get("span", 1.0), rel=0.01)
+
+
+def test_the_catalogue_in_the_documentation_is_complete() -> None:
+    text = (Path(__file__).parent.parent.parent / "docs" / "causes.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` \|", text, re.M) == CAUSES
