@@ -99,6 +99,7 @@ class Post:
     end: Whole  # end mark, end of program, macros that travel with it
     link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
     record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
+    finish: Callable[[Iterator[str]], Iterator[str]] = iter  # what is done to the lines as a whole: block numbers
 
 
 def load(name: str) -> Post:
@@ -205,7 +206,7 @@ def mark_of(text: str) -> str:
 
 
 def _lines(post: Post, job: Job) -> Iterator[str]:
-    for line in _steps(post, job):
+    for line in post.finish(_steps(post, job)):
         if not line.isascii() or not (line.isprintable() or not line):
             raise InputError(f"post {post.title}: the line {line!r} has characters that no control reads; correct the post")
         yield line

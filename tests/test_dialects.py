@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from postprocessors._base import load, program
+from postprocessors.heidenhain import mask
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
@@ -42,6 +43,7 @@ G31 = Spoken("macro_b", frame=1)
 SPOKEN = {
     **dict.fromkeys(("fanuc", "haas", "mitsubishi", "mazak"), G31),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
+    "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
     "siemens": Spoken("siemens", {"tool_lengths": {1: 326.674}}),
 }
 

@@ -1,0 +1,335 @@
+"""Heidenhain Klartext for the TNC 640 and its relatives: TCH PROBE 4 in any direction, records by FN 16, positions with M91.
+
+Three labels behind M30 do the work: a guarded move (a probing move that must meet nothing), a measuring move, a record. Their
+arguments are Q parameters in mm and deg; positions are those of the machine (REF). FN 16 prints the text in QS1 with a mask that
+has to be on the control once, as `mask()` gives it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from tango_cnc.records import InputError
+
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, number, rolled, search_distance
+
+FILE = re.compile(r"TNC:\\([A-Za-z0-9_]{1,16}\\){0,4}[A-Za-z0-9_]{1,16}\.[A-Za-z]{1,3}")
+ARRIVED = 0.01  # deg
+ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
+GUARDED, MEASURING, RECORD = 1, 2, 3  # labels
+MET, DEAD, ELSEWHERE, TURNED = 91, 92, 93, 94
+STOPS = {
+    MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
+    DEAD: "NO CONTACT. IS THE PROBE ALIVE",
+    ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
+    TURNED: "ROTARY AXIS NOT IN PLACE",
+}
+TARGET = {"X": "Q21", "Y": "Q22", "Z": "Q23"}
+START = {"X": "Q24", "Y": "Q25", "Z": "Q26"}
+FEED, WAY, HIT, FLAG, MISSES = "Q27", "Q34", "Q41", "Q46", "Q47"
+NOW = {"X": "Q31", "Y": "Q32", "Z": "Q33"}
+FOUND = {"X": "Q41", "Y": "Q42", "Z": "Q43"}  # and Q44: −1 without contact
+NONE = "Q44"
+ROTARY = ("Q51", "Q52", "Q53")
+TOUCH, SPINDLE, SUM = "Q56", "Q57", "Q58"
+
+OPTIONS = (
+    Option("mask", "TNC:\\TANGO.A", "mask file of FN 16 on the control; docs/dialects.md has its three lines"),
+    Option("output", "TNC:\\TANGO.TXT", "file for the records, on the control's disk"),
+    Option("axis_numbers", {}, "number of each axis in FN 18 and IDX, e.g. {X: 1, Y: 2, Z: 3, B: 5, C: 6}; empty: A B C are 4 5 6"),
+    Option("plane_reset", True, "PLANE RESET STAY leaves a tilted plane; false where the control has no tilting"),
+    Option("tcpm_reset", True, "FUNCTION RESET TCPM; false where the control has no TCPM"),
+    Option("orient", True, "cycle 13 and M19 orient the spindle; false: it is not turned"),
+    Option("shortest", True, "endless axes get angles of 0 to 360 under M126, the short way; false: as planned"),
+    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
+    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
+    Option("probe_on", "", "words that switch the probe on", codes=True),
+    Option("probe_off", "", "words that switch the probe off", codes=True),
+    Option("decimals", 4, "decimals of positions", verified=True, choices=(3, 4)),
+    Option("positioning_feed", 2000.0, "mm/min of guarded moves; the control's probe table may allow less"),
+    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
+    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+)
+
+DOUBTS = (
+    "the text of TCH PROBE 4, its results in three Q and -1 in the fourth without contact, REFERENCE SYSTEM 1 is the machine",
+    "TCH PROBE 4 that meets nothing goes on from the end of DIST, MB brings it back to its start after a contact",
+    "a deflected probe at the start of TCH PROBE 4 is an error of the control: no variable of it is asked",
+    "TRACK of the probe table is off: the control does not turn the spindle before TCH PROBE 4",
+    "results of TCH PROBE 4 are positions of the axes, without tool length and calibration of the probe",
+    "FN 18 ID240 NR1 are machine positions, true after FN 20 WAIT FOR SYNC",
+    "the lines of the mask, and that FN 16 appends to its file",
+    "a probe that is off stops nothing: guarded moves are guarded only while it is on",
+)
+
+
+def mask() -> tuple[str, ...]:
+    """→ the lines of the mask file that FN 16 needs on the control."""
+    return ("M_APPEND;", '"%S",QS1;', "M_CLOSE;")
+
+
+def begin(job: Job) -> Iterator[str]:
+    """Header, modal reset, start mark."""
+    plan, options = job.plan, job.options
+    _check(job)
+    yield "BEGIN PGM TANGO MM"
+    yield f"; TANGO {comment(job.machine.name, 40)}"
+    yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
+    yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
+    yield f"; MEASURING FEED {number(plan.strategy.approach.feed)} SEARCH {number(search_distance(plan))}"
+    yield "; START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
+    for doubt in job.unverified:
+        yield f"; UNVERIFIED {comment(doubt, 100)}"
+    if options["plane_reset"]:
+        yield "PLANE RESET STAY"
+    if options["tcpm_reset"]:
+        yield "FUNCTION RESET TCPM"
+    yield "CYCL DEF 10.0 ROTATION"
+    yield "CYCL DEF 10.1 ROT+0"
+    if options["shortest"]:
+        yield "M126"
+    yield f"{MISSES} = 0"
+    yield f'QS1 = "TANGO START {job.mark} {len(plan.touches)}"'
+    yield _print(job)
+
+
+def probe_on(job: Job) -> Iterator[str]:
+    """The words of the profile, if there are any."""
+    yield job.options["probe_on"] or "; NO WORDS STATED THAT SWITCH THE PROBE ON"
+
+
+def probe_off(job: Job) -> Iterator[str]:
+    """The words of the profile, if there are any."""
+    yield job.options["probe_off"] or "; NO WORDS STATED THAT SWITCH THE PROBE OFF"
+
+
+def move(job: Job, leg: Leg) -> Iterator[str]:
+    """Guarded move by its label; an axis that nobody has moved yet stays where it is."""
+    if not all(name in leg.to for name in "XYZ"):
+        yield "FN 20: WAIT FOR SYNC"
+    for name, parameter in TARGET.items():
+        yield f"{parameter} = {_number(job, leg.to[name])}" if name in leg.to else _read(job, parameter, name)
+    yield f"CALL LBL {GUARDED}"
+
+
+def index(job: Job, leg: Leg) -> Iterator[str]:
+    """Spindle, then one rotary axis after the other; each has arrived."""
+    options = job.options
+    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
+    yield f"; INDEX {where}"
+    if "S" in leg.target and options["orient"]:
+        yield "CYCL DEF 13.0 ORIENTATION"
+        yield f"CYCL DEF 13.1 ANGLE{_number(job, rolled(degrees(leg.target['S']), options['decimals']))}"
+        yield "M19"
+    for name in job.machine.rotary:
+        if name in leg.target:
+            angle = degrees(leg.target[name])
+            if options["shortest"] and is_endless(job.machine, name):
+                angle = rolled(angle, options["decimals"])
+            yield from filter(None, [options["unclamp"].get(name)])
+            yield f"L {name}{_number(job, angle)} FMAX M91"
+            yield from filter(None, [options["clamp"].get(name)])
+            yield "FN 20: WAIT FOR SYNC"
+            yield _read(job, "Q35", name)
+            yield f"Q35 = ABS ( Q35 - {_number(job, angle)} )"
+            yield "Q35 = ABS ( Q35 - 360 * INT ( Q35 / 360 + 0.5 ) )"
+            yield f"FN 11: IF +Q35 GT +{ARRIVED} GOTO LBL {TURNED}"
+
+
+def approach(job: Job, leg: Leg) -> Iterator[str]:
+    """Down to the stand-off."""
+    yield f"; TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)}"
+    yield from move(job, leg)
+
+
+def probe(job: Job, leg: Leg) -> Iterator[str]:
+    """The measuring move by its label, from the stand-off to the search end."""
+    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    for name in "XYZ":
+        yield f"{START[name]} = {_number(job, start[name])}"
+    for name in "XYZ":
+        yield f"{TARGET[name]} = {_number(job, leg.to[name])}"
+    yield f"CALL LBL {MEASURING}"
+
+
+def back(job: Job, leg: Leg) -> Iterator[str]:
+    """To the stand-off the way it came, the only unguarded move: mostly MB has done it."""
+    words = " ".join(f"{name}{_number(job, leg.to[name])}" for name in "XYZ")
+    yield f"L {words} F{job.options['positioning_feed']:.0f} M91"
+
+
+def record(job: Job, leg: Leg) -> Iterator[str]:
+    """The line of the touch by its label."""
+    yield f"{TOUCH} = {leg.touch.number}"
+    yield f"{SPINDLE} = {_number(job, rolled(degrees(leg.to['S']), job.options['decimals']))}"
+    yield f"CALL LBL {RECORD}"
+
+
+def end(job: Job) -> Iterator[str]:
+    """End mark, end of program; behind it the labels and the stops."""
+    yield f'QS1 = "TANGO END {len(job.plan.touches)}"'
+    yield _print(job)
+    yield "M30"
+    yield from _guarded(job)
+    yield from _measuring(job)
+    yield from _record(job)
+    for label, text in STOPS.items():
+        yield f"LBL {label}"
+        yield f"STOP ; {text}"
+        yield "M30"
+        yield "LBL 0"
+    yield "END PGM TANGO MM"
+
+
+def numbered(lines: Iterator[str]) -> Iterator[str]:
+    """lines → the same with the block numbers from 0 that Klartext files carry."""
+    return (f"{i} {line}" for i, line in enumerate(lines))
+
+
+def _guarded(job: Job) -> Iterator[str]:
+    """Probes to Q21 Q22 Q23 and must meet nothing. Less than 1 µm is no way to go."""
+    yield f"LBL {GUARDED} ; GUARDED MOVE TO Q21 Q22 Q23"
+    yield "FN 20: WAIT FOR SYNC"
+    for name in "XYZ":
+        yield _read(job, NOW[name], name)
+        yield f"{NOW[name]} = {TARGET[name]} - {NOW[name]}"
+    yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
+    yield f"FN 12: IF +{WAY} LT +0.001 GOTO LBL 11"
+    yield from _tch_probe(f"{job.options['positioning_feed']:.0f}", "+0")
+    yield f"FN 11: IF +{NONE} GT -0.5 GOTO LBL {MET}"
+    yield "FN 20: WAIT FOR SYNC"
+    yield "Q35 = 0"
+    for name in "XYZ":
+        yield _read(job, "Q36", name)
+        yield f"Q35 = Q35 + ABS ( {TARGET[name]} - Q36 )"
+    yield f"FN 11: IF +Q35 GT +{job.options['tolerance']:.4f} GOTO LBL {MET}"
+    yield "LBL 11"
+    yield "LBL 0"
+
+
+def _measuring(job: Job) -> Iterator[str]:
+    """Probes from Q24 Q25 Q26 to Q21 Q22 Q23: flag in Q46, contact in Q41 Q42 Q43, rotary axes in Q51 …"""
+    yield f"LBL {MEASURING} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
+    for name in "XYZ":
+        yield f"{NOW[name]} = {TARGET[name]} - {START[name]}"
+    yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
+    yield from _tch_probe(f"{job.plan.strategy.approach.feed:.0f}", f"+{search_distance(job.plan):.4f}")
+    yield "FN 20: WAIT FOR SYNC"
+    for name, parameter in zip(job.machine.rotary, ROTARY, strict=False):
+        yield _read(job, parameter, name)
+    yield f"{FLAG} = 0"
+    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL 21"
+    went = {name: f"( {FOUND[name]} - {START[name]} )" for name in "XYZ"}
+    yield f"Q35 = SQRT ( {' + '.join(f'{w} ^ 2' for w in went.values())} )"
+    yield f"Q36 = ( {' + '.join(f'{w} * {NOW[name]}' for name, w in went.items())} ) / {WAY}"
+    yield f"FN 11: IF +Q35 GT +{search_distance(job.plan) + ASIDE:.4f} GOTO LBL {ELSEWHERE}"
+    yield "Q37 = ABS ( Q35 ^ 2 - Q36 ^ 2 )"
+    yield f"FN 11: IF +Q37 GT +{ASIDE**2:.4f} GOTO LBL {ELSEWHERE}"
+    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL 21"
+    yield f"{FLAG} = 1"
+    yield f"FN 11: IF +Q35 GT +{early_distance(job.plan):.4f} GOTO LBL 22"
+    yield f"{FLAG} = 2"
+    yield "LBL 22"
+    yield f"{MISSES} = 0"
+    yield "FN 9: IF +0 EQU +0 GOTO LBL 23"
+    yield "LBL 21"
+    yield f"{MISSES} = {MISSES} + 1"
+    for name in "XYZ":
+        yield f"{FOUND[name]} = {TARGET[name]}"
+    yield f"FN 11: IF +{MISSES} GT +{job.options['misses'] - 0.5:.1f} GOTO LBL {DEAD}"
+    yield "LBL 23"
+    yield "LBL 0"
+
+
+def _tch_probe(feed: str, back_by: str) -> Iterator[str]:
+    """In the direction of Q31 Q32 Q33 by Q34; results in Q41 … Q44 in machine coordinates."""
+    yield "TCH PROBE 4.0 MEASURING IN 3-D"
+    yield f"TCH PROBE 4.1 {HIT}"
+    yield f"TCH PROBE 4.2 IX+{NOW['X']} IY+{NOW['Y']} IZ+{NOW['Z']}"
+    yield f"TCH PROBE 4.3 DIST+{WAY} F{feed} MB{back_by} REFERENCE SYSTEM: 1"
+
+
+def _record(job: Job) -> Iterator[str]:
+    """One line: touch Q56, flag, machine coordinates, spindle Q57, their sum."""
+    places = {**FOUND, **dict(zip(job.machine.rotary, ROTARY, strict=False)), "S": SPINDLE}
+    yield f"LBL {RECORD} ; RECORD OF TOUCH Q56 WITH SPINDLE AT Q57"
+    yield f"{SUM} = {' + '.join(places.values())}"
+    yield f"QS2 = TOCHAR ( DAT+{TOUCH} DECIMALS0 )"
+    yield f"QS3 = TOCHAR ( DAT+{FLAG} DECIMALS0 )"
+    yield 'QS1 = "P" || QS2 || " H" || QS3'
+    for letter, parameter in {**places, "K": SUM}.items():
+        yield f"QS2 = TOCHAR ( DAT+{parameter} DECIMALS4 )"
+        yield f'QS1 = QS1 || " {letter}" || QS2'
+    yield _print(job)
+    yield "LBL 0"
+
+
+def _print(job: Job) -> str:
+    return f"FN 16: F-PRINT {job.options['mask']} / {job.options['output']}"
+
+
+def _read(job: Job, parameter: str, name: str) -> str:
+    """→ the block that puts an axis' machine position into a parameter."""
+    stated = job.options["axis_numbers"]
+    which = stated[name] if stated else 1 + "XYZABC".index(name)
+    return f"FN 18: SYSREAD {parameter} = ID240 NR1 IDX{which}"
+
+
+def _number(job: Job, value: float) -> str:
+    """→ with sign and all decimals: '+10.0000'."""
+    decimals = job.options["decimals"]
+    number(value, decimals)
+    text = f"{value:+.{decimals}f}"
+    return text.replace("-", "+") if float(text) == 0 else text
+
+
+def _check(job: Job) -> None:
+    """Raises InputError for options that do not fit the machine or the plan."""
+    machine, options = job.machine, job.options
+    for key in ("mask", "output"):
+        if not FILE.fullmatch(options[key]):
+            raise InputError(f"controller.{key}: found {options[key]!r}; allowed: a file such as TNC:\\TANGO.TXT")
+    if min(options["positioning_feed"], options["tolerance"], options["misses"]) <= 0:
+        raise InputError("controller: found positioning_feed, tolerance or misses of 0 or less; allowed: more than 0")
+    names, stated = [name for name in machine.names if name != "S"], options["axis_numbers"]
+    if stated and (
+        sorted(stated) != sorted(names)
+        or sorted({str(n) for n in stated.values()} - set("123456789"))
+        or len(set(stated.values())) < len(names)
+    ):
+        raise InputError(
+            f"controller.axis_numbers: found {stated!r}; allowed: a number 1 … 9 of its own for each of {', '.join(names)}"
+        )
+    if not stated and not set(names) <= set("XYZABC"):
+        raise InputError(f"controller.axis_numbers: found nothing; allowed: a number for each of {', '.join(names)}")
+    for key in ("unclamp", "clamp"):
+        for name, word in options[key].items():
+            if name not in machine.rotary or not (isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()):
+                raise InputError(
+                    f"controller.{key}: found {name!r}: {word!r}; allowed: a word such as M10 for {', '.join(machine.rotary)}"
+                )
+    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
+    if not options["orient"] and len(turns) > 1:
+        raise InputError("controller.orient: found False; allowed: true, as this strategy turns the spindle")
+
+
+POST = Post(
+    title="Heidenhain Klartext",
+    extension="H",
+    options=OPTIONS,
+    doubts=DOUBTS,
+    stem=lambda job: "TANGO",
+    begin=begin,
+    probe_on=probe_on,
+    retract=move,
+    clear=move,
+    index=index,
+    approach=approach,
+    probe=probe,
+    back=back,
+    record=record,
+    probe_off=probe_off,
+    end=end,
+    finish=numbered,
+)

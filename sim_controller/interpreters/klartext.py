@@ -1,0 +1,316 @@
+"""A TNC-like control that runs Klartext, with its habits: system data are as old as the last FN 20, TCH PROBE 4 goes on with −1
+when it meets nothing and turns its direction with the basic rotation, a deflected stylus is an error before a probing move and
+in every other one, rotary axes go round the long way without M126, FN 16 prints nothing without its mask. The texts of TCH
+PROBE and of the mask are unconfirmed, here as in the post."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from tango_cnc.records import Array, Machine
+
+from ..motion import Motion, MotionStop, Note
+from ._alarm import Silence
+from ._klartext_expressions import error, formula, number, text_of
+
+__all__ = ["Control", "Profile", "default_profile"]
+
+TURN = 360.0
+DEEPEST = 8  # subprograms in each other
+COMPARE: dict[str, Callable[[float, float], bool]] = {
+    "EQU": lambda a, b: a == b,
+    "NE": lambda a, b: a != b,
+    "GT": lambda a, b: a > b,
+    "LT": lambda a, b: a < b,
+}
+CONDITION = {9: "EQU", 10: "NE", 11: "GT", 12: "LT"}
+WITHOUT_EFFECT = (
+    *("PLANE RESET STAY", "FUNCTION RESET TCPM"),
+    *("CYCL DEF 10.0 ROTATION", "CYCL DEF 10.1 ROT+0", "CYCL DEF 13.0 ORIENTATION"),
+)
+PROBE = (
+    r"4\.0 MEASURING IN 3-D",
+    r"4\.1 Q(?P<result>\d+)",
+    r"4\.2 IX(?P<x>\S+) IY(?P<y>\S+) IZ(?P<z>\S+)",
+    r"4\.3 DIST(?P<distance>\S+) F(?P<feed>\S+) MB(?P<back>\S+) REFERENCE SYSTEM: (?P<system>[01])",
+)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What differs between machines with this control; every default is a guess that a real machine may refute."""
+
+    axes: tuple[str, ...]
+    g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg, the datum
+    tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # of the tool in the spindle, number 1
+    rotation: Mapping[str, float] = field(
+        default_factory=dict
+    )  # {C: deg}: basic rotation in the plane, which cycle 10 does not undo
+    rollover: tuple[str, ...] = ()  # rotary axes whose scale begins anew after a turn
+    no_contact: Literal["silent", "error"] = "silent"  # TCH PROBE 4 that meets nothing
+
+
+def default_profile(machine: Machine) -> Profile:
+    """machine → profile with its axes; those that turn more than two turns begin anew after one."""
+    endless = [
+        a.name for a in machine.axes if a.kind == "rotary" and (a.travel is None or a.travel[1] - a.travel[0] > 4 * math.pi + 1)
+    ]
+    return Profile((*machine.linear, *machine.rotary), rollover=tuple(endless))
+
+
+class Control:
+    """The control from switching on to switching off. `library` holds files: a line with a path begins one."""
+
+    def __init__(
+        self, motion: Motion, profile: Profile, punch: Callable[[bytes], None], note: Note, library: Iterable[str] = ()
+    ) -> None:
+        self._motion, self._profile, self._punch, self._note = motion, profile, punch, note
+        self._machine = motion.machine
+        self._files: dict[str, list[str]] = {}
+        name = ""
+        for line in library:
+            if line.startswith("TNC:\\"):
+                name = line
+            self._files.setdefault(name, []).extend([] if line == name else [line])
+        self._values: dict[int, float] = {}
+        self._texts: dict[int, str] = {}
+        self._known = self._now()
+        self._feed, self._short_way, self._angle = 0.0, False, 0.0
+
+    def run(self, lines: Iterable[str], streamed: bool) -> None:
+        """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
+        blocks = _blocks(lines)
+        labels = _labels(blocks)
+        self._values, self._texts, self._feed, self._short_way = {}, {}, 0.0, False
+        returns: list[int] = []
+        index = 1
+        try:
+            while not blocks[index].startswith("END PGM"):
+                block = blocks[index]
+                self._note("block", program="PGM", line=index, text=block)
+                if re.match(r"(M30|M0?2)\b", block):
+                    return
+                index = self._execute(blocks, labels, returns, index)
+        except MotionStop as stop:
+            raise _as_error(stop) from None
+
+    def _execute(self, blocks: list[str], labels: Mapping[str, int], returns: list[int], index: int) -> int:
+        """Executes one block; → index of the next one."""
+        block = _bare(blocks[index])
+        if match := re.fullmatch(r"FN (\d+): IF (\S+) ([A-Z]+) (\S+) GOTO LBL (\d+)", block):
+            compare = match[3]
+            if CONDITION.get(int(match[1])) != compare:
+                raise error("NC BLOCK FAULTY", block)
+            if COMPARE[str(compare)](number(match[2], self._values), number(match[4], self._values)):
+                return _label(labels, match[5])
+        elif match := re.fullmatch(r"CALL LBL (\d+)", block):
+            if len(returns) >= DEEPEST:
+                raise error("TOO MANY SUBPROGRAMS", block)
+            returns.append(index + 1)
+            return _label(labels, match[1])
+        elif block == "LBL 0":
+            if returns:
+                return returns.pop()
+        elif block.startswith("TCH PROBE"):
+            self._probe(blocks, index)
+            return index + len(PROBE)
+        elif block and not re.fullmatch(r"LBL \d+", block):
+            self._statement(block, blocks[index])
+        return index + 1
+
+    def _statement(self, block: str, raw: str) -> None:
+        if match := re.fullmatch(r"Q(\d+) = (.+)", block):
+            self._values[int(match[1])] = formula(match[2], self._values)
+        elif match := re.fullmatch(r"QS(\d+) = (.+)", block):
+            self._texts[int(match[1])] = text_of(match[2], self._values, self._texts)
+        elif match := re.fullmatch(r"FN 18: SYSREAD Q(\d+) = ID(\d+) NR(\d+) IDX(\d+)", block):
+            self._values[int(match[1])] = self._system(int(match[2]), int(match[3]), int(match[4]))
+        elif match := re.fullmatch(r"FN 16: F-PRINT (\S+) / (\S+)", block):
+            self._print(match[1], match[2])
+        elif block == "FN 20: WAIT FOR SYNC":
+            self._known = self._now()
+        elif block.startswith("L "):
+            self._line(block)
+        elif match := re.fullmatch(r"CYCL DEF 13\.1 ANGLE(\S+)", block):
+            self._angle = number(match[1], self._values)
+        elif block == "M19":
+            self._motion.rapid({"S": math.radians(self._angle % TURN)})
+        elif block in ("STOP", "M0"):
+            self._known = self._now()
+            self._note("stop", why="STOP", message=raw.partition(";")[2].strip())
+        elif block in ("M126", "M127"):
+            self._short_way = block == "M126"
+        elif re.fullmatch(r"M\d+( M\d+)*", block):
+            self._note("m", code=block)
+        elif block not in WITHOUT_EFFECT:
+            raise error("NC BLOCK FAULTY", block)
+
+    def _line(self, block: str) -> None:
+        targets, rapid, machine = {}, False, False
+        for word in block.split()[1:]:
+            if word == "FMAX":
+                rapid = True
+            elif match := re.fullmatch(r"F(\d+\.?\d*)", word):
+                self._feed = float(match[1])
+            elif word == "M91":
+                machine = True
+            elif match := re.fullmatch(r"([A-Z])([+-].+)", word):
+                if match[1] not in self._profile.axes:
+                    raise error("AXIS NOT THERE", block)
+                targets[match[1]] = number(match[2], self._values)
+            elif word != "R0":
+                raise error("NC BLOCK FAULTY", block)
+        now = self._now()
+        end = {}
+        for name, value in targets.items():
+            goal = value if machine else value + self._datum(name)
+            end[name] = self._turned(name, goal, now[name])
+        if rapid:
+            self._motion.rapid(self._radians(end))
+        elif self._feed <= 0:
+            raise error("FEED RATE IS MISSING", block)
+        else:
+            self._motion.feed(self._radians(end), self._feed)
+        self._roll()
+
+    def _probe(self, blocks: list[str], index: int) -> None:
+        """TCH PROBE 4.0 … 4.3: along a direction, results in four parameters."""
+        found: dict[str, str] = {}
+        for block, pattern in zip(blocks[index:], PROBE, strict=False):
+            match = re.fullmatch(f"TCH PROBE {pattern}", _bare(block))
+            if match is None:
+                raise error("NC BLOCK FAULTY", block)
+            found |= match.groupdict()
+        if self._motion.deflected:
+            raise error("TOUCH PROBE IS DEFLECTED", blocks[index])
+        value = {key: number(text, self._values) for key, text in found.items()}
+        turned = math.radians(self._profile.rotation.get("C", 0.0))
+        x, y = (
+            value["x"] * math.cos(turned) - value["y"] * math.sin(turned),
+            value["x"] * math.sin(turned) + value["y"] * math.cos(turned),
+        )
+        size = math.hypot(x, y, value["z"])
+        if size == 0 or value["feed"] <= 0 or value["distance"] <= 0:
+            raise error("PROBING DIRECTION OR DISTANCE FAULTY", blocks[index])
+        start = self._now()
+        way = {name: component / size for name, component in zip("XYZ", (x, y, value["z"]), strict=True)}
+        skip = self._motion.skip({name: start[name] + value["distance"] * w for name, w in way.items()}, value["feed"])
+        result = int(value["result"])
+        if not skip.hit:
+            if self._profile.no_contact == "error":
+                raise error("TOUCH POINT INACCESSIBLE", blocks[index])
+            self._values[result + 3] = -1.0
+            return
+        place, stopped = self._degrees(skip.position), self._now()
+        gone = sum((stopped[name] - start[name]) * w for name, w in way.items())
+        back = min(value["back"], gone)
+        if back > 0:
+            self._motion.feed({name: stopped[name] - back * w for name, w in way.items()}, 1000.0)
+        for i, name in enumerate("XYZ"):
+            self._values[result + i] = place[name] - (0.0 if value["system"] else self._datum(name))
+        self._values[result + 3] = 0.0
+
+    def _system(self, group: int, which: int, axis: int) -> float:
+        if group not in (240, 270) or which != 1 or not 1 <= axis <= 6 or "XYZABC"[axis - 1] not in self._profile.axes:
+            raise error("SYSTEM DATUM NOT THERE", f"ID{group} NR{which} IDX{axis}")
+        name = "XYZABC"[axis - 1]
+        return self._known[name] - (self._datum(name) if group == 270 else 0.0)
+
+    def _print(self, mask: str, output: str) -> None:
+        """One FN 16: the mask says what is printed; lines end with CR LF."""
+        if mask not in self._files:
+            raise error("FILE NOT FOUND", mask)
+        for line in self._files[mask]:
+            if line in ("M_APPEND;", "M_CLOSE;"):
+                continue
+            match = re.fullmatch(r'"([^"]*)"((?:,QS?\d+)*);', line)
+            if match is None:
+                raise error("MASK FILE FAULTY", line)
+            given = match[2].split(",")[1:]
+            if match[1].count("%S") != match[1].count("%") or len(given) != match[1].count("%S"):
+                raise error("MASK FILE FAULTY", line)
+            text = match[1]
+            for name in given:
+                text = text.replace("%S", self._texts.get(int(name[2:]), "") if name.startswith("QS") else "", 1)
+            self._files.setdefault(output, []).append(text)
+            self._note("output", text=text)
+            self._punch(text.encode("ascii") + b"\r\n")
+
+    def _turned(self, name: str, goal: float, now: float) -> float:
+        """→ where a rotary axis goes to: under M126 the short way, else as far as the figures say."""
+        if name not in self._profile.rollover or not self._short_way:
+            return goal
+        change = (goal - now) % TURN
+        return now + (change - TURN if change > TURN / 2 else change)
+
+    def _roll(self) -> None:
+        for name in self._profile.rollover:
+            angle = self._now()[name]
+            if not 0 <= angle < TURN:
+                self._motion.set_position(name, math.radians(angle % TURN))
+
+    def _datum(self, name: str) -> float:
+        return self._profile.g54.get(name, 0.0) + (self._profile.tool_lengths[1] if name == "Z" else 0.0)
+
+    def _now(self) -> dict[str, float]:
+        return self._degrees(self._motion.position)
+
+    def _degrees(self, position: Array) -> dict[str, float]:
+        values = {}
+        for name in self._profile.axes:
+            value = float(position[self._machine.column(name)])
+            values[name] = value if name in self._machine.linear else math.degrees(value)
+        return values
+
+    def _radians(self, values: Mapping[str, float]) -> dict[str, float]:
+        return {name: value if name in self._machine.linear else math.radians(value) for name, value in values.items()}
+
+
+def _blocks(lines: Iterable[str]) -> list[str]:
+    """numbered lines → blocks without their numbers. Raises Alarm unless they count from 0 between BEGIN PGM and END PGM."""
+    blocks = []
+    for i, line in enumerate(line for line in lines if line.strip()):
+        match = re.fullmatch(r"(\d+) (.*)", line.rstrip())
+        if match is None or int(match[1]) != i:
+            raise error("BLOCK NUMBER FAULTY", line.strip())
+        blocks.append(match[2].strip())
+    begun = re.fullmatch(r"BEGIN PGM (\S+) MM", blocks[0]) if blocks else None
+    if begun is None or blocks[-1] != f"END PGM {begun[1]} MM":
+        raise error("PROGRAM IS INCOMPLETE")
+    return blocks
+
+
+def _labels(blocks: list[str]) -> dict[str, int]:
+    labels: dict[str, int] = {}
+    for i, block in enumerate(blocks):
+        match = re.fullmatch(r"LBL ([1-9]\d*)", _bare(block))
+        if match:
+            if match[1] in labels:
+                raise error("LABEL NUMBER ALLOCATED TWICE", block)
+            labels[match[1]] = i
+    return labels
+
+
+def _label(labels: Mapping[str, int], which: str) -> int:
+    if which not in labels:
+        raise error("LABEL NUMBER NOT FOUND", which)
+    return labels[which]
+
+
+def _bare(block: str) -> str:
+    """block → without comment; a `;` in a text begins none."""
+    match = re.match(r'(?:[^";]|"[^"]*"?)*', block)
+    assert match is not None
+    return match[0].strip()
+
+
+def _as_error(stop: MotionStop) -> Exception:
+    if stop.cause == "overtravel":
+        return error("LIMIT SWITCH", f"{stop.axis}{'+' if stop.sign > 0 else '-'}: {stop}")
+    if stop.cause == "collision":
+        return error("TOUCH PROBE IS DEFLECTED", str(stop))
+    return Silence() if str(stop) == "silence" else error("MACHINE ALARM", str(stop))

@@ -1,0 +1,304 @@
+"""The Klartext program on its simulated control, and the habits of that control."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from postprocessors._base import load, program
+from postprocessors.heidenhain import mask
+from sim_controller.faults import faults
+from sim_controller.interpreters import Alarm, klartext
+from sim_controller.interpreters._klartext_expressions import formula, text_of
+from sim_controller.motion import Motion
+from sim_controller.probing import rig
+from tango_cnc.files import read_cell
+from tango_cnc.link._client import Begun, Ended, Touched
+from tango_cnc.link._words import record
+from tango_cnc.plan import plan, plan_hash
+from tango_cnc.records import Artefact, Cell, InputError, Plan, World
+
+GOLDEN = Path(__file__).parent / "golden" / "cell"
+MASK = ("TNC:\\TANGO.A", *mask())
+
+
+@pytest.fixture(scope="module")
+def cell() -> Cell:
+    return read_cell(GOLDEN)
+
+
+@pytest.fixture(scope="module")
+def made(cell: Cell) -> Plan:
+    return plan(cell)
+
+
+def lines_of(made: Plan, **options: Any) -> list[str]:
+    return list(program(load("heidenhain"), made, options, plan_hash(made))[2]())
+
+
+@dataclass
+class Ran:
+    """What came of a program."""
+
+    out: bytes = b""
+    alarm: Alarm | None = None
+    events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
+
+    def records(self, made: Plan) -> list[Any]:
+        return [record(line, made.machine.names) for line in self.out.decode("ascii").splitlines()]
+
+    def flags(self, made: Plan) -> list[int]:
+        return [event.flag for event in self.records(made) if isinstance(event, Touched)]
+
+    @property
+    def stops(self) -> list[str]:
+        return [data["message"] for event, data in self.events if event == "stop"]
+
+    @property
+    def moved(self) -> bool:
+        return any(event in ("feed", "rapid", "skip", "contact") for event, _ in self.events)
+
+
+def run(
+    lines: list[str],
+    made: Plan,
+    artefact: Artefact | None = None,
+    fault: str | None = None,
+    library: tuple[str, ...] = MASK,
+    **profile: Any,
+) -> Ran:
+    ran = Ran()
+
+    def note(event: str, **data: Any) -> None:
+        ran.events.append((event, data))
+
+    def punch(data: bytes) -> None:
+        ran.out += data
+
+    motion = Motion(rig(made.machine, artefact or made.artefact, World()), note, faults=faults([fault] if fault else []))
+    known = {"g54": {"X": 11.5, "Y": -3.25, "Z": 100.25, "C": 20.0}, "tool_lengths": {1: 300.0}} | profile
+    control = klartext.Control(motion, replace(klartext.default_profile(made.machine), **known), punch, note, library)
+    try:
+        control.run(lines, False)
+    except Alarm as alarm:
+        ran.alarm = alarm
+    return ran
+
+
+def code(made: Plan, *blocks: str, **profile: Any) -> Ran:
+    """Some blocks, run on a machine whose table is far away; Q9 and the like are printed by `show`."""
+    away = {"far": replace(made.artefact.facets["top"], id="far", point=(0.0, 0.0, -5000.0))}
+    lines = ["BEGIN PGM A MM", *blocks, "M30", "END PGM A MM"]
+    return run([f"{i} {line}" for i, line in enumerate(lines)], made, replace(made.artefact, facets=away, balls={}), **profile)
+
+
+def show(*parameters: str) -> list[str]:
+    shown = ' || " " || '.join(f"TOCHAR ( DAT+{p} DECIMALS1 )" for p in parameters)
+    return [f"QS1 = {shown}", "FN 16: F-PRINT TNC:\\TANGO.A / TNC:\\OUT.TXT"]
+
+
+def shifted(made: Plan, facet: str, by: float) -> Artefact:
+    """artefact whose one facet really lies `by` mm farther out than everybody thinks."""
+    old = made.artefact.facets[facet]
+    point = np.array(old.point) + by * np.array(old.normal)
+    return replace(made.artefact, facets={**made.artefact.facets, facet: replace(old, point=tuple(point))})
+
+
+# --- the program ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "profile"), [({}, {}), ({"shortest": False}, {"rollover": ()}), ({"decimals": 3}, {"tool_lengths": {1: 5.0}})]
+)
+def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, Any], profile: dict[str, Any]) -> None:
+    """A datum and a tool length that are active change nothing."""
+    ran = run(lines_of(made, **options), made, **profile)
+    assert ran.alarm is None, ran.alarm
+    assert not ran.stops
+    begun, *touched, ended = ran.records(made)
+    assert begun == Begun(program(load("heidenhain"), made, options, plan_hash(made))[1], len(made.touches))
+    assert ended == Ended(len(made.touches))
+    assert [(t.number, t.flag) for t in touched] == [(t.number, 1) for t in made.touches]
+    for planned, found in zip(made.touches, touched, strict=True):
+        for name, value in zip(made.machine.names, planned.contact, strict=True):
+            if name in "XYZ":
+                assert found.position[name] == pytest.approx(value, abs=0.003), (planned.number, name)
+            else:
+                assert math.remainder(found.position[name] - math.degrees(value), 360) == pytest.approx(0, abs=1e-6)
+
+
+def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan) -> None:
+    assert run(lines_of(made), made, shifted(made, "4", -8.0)).flags(made) == [1, 1, 1, 1, 1, 0]
+    assert run(lines_of(made), made, shifted(made, "4", 7.0)).flags(made) == [1, 1, 1, 1, 1, 2]
+
+
+def test_something_in_the_way_stops_with_a_text(made: Plan) -> None:
+    """The top is 40 mm higher than everybody thinks: the way down to its stand-off is a guarded move."""
+    ran = run(lines_of(made), made, shifted(made, "top", 40.0))
+    assert ran.flags(made) == [1], "the touch before it is on record, this one is not"
+    assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
+    assert ran.records(made)[-1] != Ended(len(made.touches))
+
+
+def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: Plan) -> None:
+    away = {key: replace(f, point=(0.0, 0.0, -500.0), ball=None) for key, f in made.artefact.facets.items()}
+    ran = run(lines_of(made), made, replace(made.artefact, facets=away, balls={}))
+    assert ran.flags(made) == [0, 0]
+    assert ran.stops == ["NO CONTACT. IS THE PROBE ALIVE"]
+
+
+def test_a_control_that_makes_an_error_of_no_contact_stops_at_the_first_guarded_move(made: Plan) -> None:
+    """Nothing is measured then, and nothing false either."""
+    ran = run(lines_of(made), made, no_contact="error")
+    assert "TOUCH POINT INACCESSIBLE" in str(ran.alarm)
+    assert ran.flags(made) == []
+
+
+def test_a_probe_that_stays_deflected_stops_before_the_next_move(made: Plan) -> None:
+    ran = run(lines_of(made), made, fault="probe-stuck-after=2")
+    assert ran.flags(made)[:1] == [1]
+    assert "TOUCH PROBE IS DEFLECTED" in str(ran.alarm)
+
+
+def test_a_basic_rotation_is_noticed_high_above_the_table(made: Plan) -> None:
+    ran = run(lines_of(made), made, rotation={"C": 3.0})
+    assert ran.flags(made) == []
+    assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
+    heights = [data["position"]["Z"] for event, data in ran.events if event == "skip"]
+    assert min(heights) > 400
+
+
+def test_results_in_another_frame_are_noticed_at_the_first_touch(made: Plan) -> None:
+    work = [line.replace("REFERENCE SYSTEM: 1", "REFERENCE SYSTEM: 0") for line in lines_of(made)]
+    ran = run(work, made)
+    assert ran.flags(made) == []
+    assert ran.stops == ["RESULT IS NOT IN MACHINE COORDINATES"]
+
+
+def test_a_missing_mask_stops_before_anything_moves(made: Plan) -> None:
+    ran = run(lines_of(made), made, library=())
+    assert "FILE NOT FOUND" in str(ran.alarm)
+    assert not ran.moved
+
+
+def test_the_short_way_needs_m126(made: Plan) -> None:
+    """Whoever takes M126 out gets the same touches, the long way round."""
+    long_way = [line.replace("M126", "M127") for line in lines_of(made)]
+    assert run(long_way, made).flags(made) == run(lines_of(made), made).flags(made)
+
+
+def test_blocks_are_numbered_from_0(made: Plan) -> None:
+    lines = lines_of(made)
+    assert [line.split(" ")[0] for line in lines] == [str(i) for i in range(len(lines))]
+    assert lines[0] == "0 BEGIN PGM TANGO MM"
+    assert lines[-1] == f"{len(lines) - 1} END PGM TANGO MM"
+
+
+def test_angles_are_0_to_360_for_an_endless_axis_only(made: Plan) -> None:
+    def turns(**options: Any) -> set[str]:
+        return {line.partition(" ")[2] for line in lines_of(made, **options) if "FMAX M91" in line}
+
+    assert {"L B-30.0000 FMAX M91", "L C+270.0000 FMAX M91"} <= turns()
+    assert "L C-90.0000 FMAX M91" in turns(shortest=False)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"output": "TNC:\\A.TXT\nM30"}, "a file such as"),
+        ({"mask": "C:\\A.A"}, "a file such as"),
+        ({"axis_numbers": {"X": 1}}, "a number 1 … 9 of its own"),
+        ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 4}}, "a number 1 … 9 of its own"),
+        ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
+        ({"orient": False}, "true, as this strategy turns the spindle"),
+        ({"positioning_feed": 0}, "more than 0"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(made: Plan, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        lines_of(made, **options)
+
+
+# --- the control ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1 + 2 * 3", 7),
+        ("SQRT ( Q1 ^ 2 + Q2 ^ 2 )", 5),
+        ("ABS ( Q1 - 10 )", 7),
+        ("- Q1 + 5", 2),
+        ("360 * INT ( 1.9 )", 360),
+        ("( Q1 - +1.5 ) / 0.5", 3),
+    ],
+)
+def test_formulas(text: str, value: float) -> None:
+    assert formula(text, {1: 3.0, 2: 4.0}) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["", "1 +", "( 1", "Q7", "1 / 0", "SQRT - 1", "1 2", "1 ; 2"])
+def test_what_is_no_formula(text: str) -> None:
+    with pytest.raises(Alarm):
+        formula(text, {})
+
+
+def test_texts_are_joined() -> None:
+    assert text_of('"P" || TOCHAR ( DAT+Q1 DECIMALS0 ) || QS2', {1: 17.0}, {2: " X"}) == "P17 X"
+    with pytest.raises(Alarm, match="STRING TOO LONG"):
+        text_of("QS2 || QS2", {}, {2: "x" * 200})
+
+
+@pytest.mark.parametrize(
+    ("blocks", "text"),
+    [
+        (["X+10"], "NC BLOCK FAULTY"),
+        (["L X+10.0"], "FEED RATE IS MISSING"),
+        (["L A+10.0 FMAX"], "AXIS NOT THERE"),
+        (["L X+9999.0 FMAX M91"], "LIMIT SWITCH"),
+        (["CALL LBL 7"], "LABEL NUMBER NOT FOUND"),
+        (["LBL 7", "LBL 7"], "LABEL NUMBER ALLOCATED TWICE"),
+        (["LBL 7", "CALL LBL 7"], "TOO MANY SUBPROGRAMS"),
+        (["FN 11: IF +1 LT +2 GOTO LBL 7"], "NC BLOCK FAULTY"),
+        (["FN 18: SYSREAD Q1 = ID999 NR1 IDX1"], "SYSTEM DATUM NOT THERE"),
+        (["TCH PROBE 4.0 MEASURING IN 3-D", "M19"], "NC BLOCK FAULTY"),
+    ],
+)
+def test_what_the_control_does_not_take(made: Plan, blocks: list[str], text: str) -> None:
+    assert text in str(code(made, *blocks).alarm)
+
+
+@pytest.mark.parametrize("lines", [["1 BEGIN PGM A MM"], ["0 BEGIN PGM A MM", "1 END PGM B MM"], ["0 L X+1"], ["BEGIN PGM A MM"]])
+def test_a_program_that_is_not_whole_is_not_begun(made: Plan, lines: list[str]) -> None:
+    ran = run(lines, made)
+    assert ran.alarm is not None
+    assert not ran.moved
+
+
+def test_system_data_are_as_old_as_the_last_sync(made: Plan) -> None:
+    read = ["FN 18: SYSREAD Q9 = ID240 NR1 IDX1", *show("Q9")]
+    home = code(made, *read).out
+    moved = code(made, "L X+10.0 FMAX M91", *read, "FN 20: WAIT FOR SYNC", *read).out.splitlines()
+    assert moved == [home.strip(), b"10.0"]
+
+
+def test_machine_positions_need_m91(made: Plan) -> None:
+    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR1 IDX3", "FN 18: SYSREAD Q8 = ID270 NR1 IDX3", *show("Q9", "Q8")]
+    ran = code(made, "L Z+50.0 FMAX M91", *read, "L Z+50.0 FMAX", *read)
+    assert ran.out.split() == [b"50.0", b"-350.2", b"450.2", b"50.0"]
+
+
+@pytest.mark.parametrize(
+    ("start", "target", "code_word", "moved"),
+    [(350, 10, "M126", 20), (10, 340, "M126", -30), (350, 10, "M127", -340), (10, 340, "M127", 330)],
+)
+def test_the_manuals_example_of_m126(made: Plan, start: int, target: int, code_word: str, moved: float) -> None:
+    ran = code(made, "M127", f"L C+{start}.0 FMAX M91", code_word, f"L C+{target}.0 FMAX M91")
+    places = [data["position"]["C"] for event, data in ran.events if event == "rapid"]
+    assert places[-1] - start == pytest.approx(moved)
