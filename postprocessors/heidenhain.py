@@ -132,7 +132,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             yield from filter(None, [options["clamp"].get(name)])
             yield "FN 20: WAIT FOR SYNC"
             yield _read(job, "Q35", name)
-            yield f"Q35 = ABS ( Q35 - {_number(job, angle)} )"
+            yield f"Q35 = ABS ( Q35 {_number(job, -angle).replace('+', '+ ').replace('-', '- ')} )"
             yield "Q35 = ABS ( Q35 - 360 * INT ( Q35 / 360 + 0.5 ) )"
             yield f"FN 11: IF +Q35 GT +{ARRIVED} GOTO LBL {TURNED}"
 
