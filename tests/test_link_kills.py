@@ -27,7 +27,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="fork and kill a
 
 TOUCHES = 60
 CLOSE = 1e-3  # mm, deg
-LONGEST = {"dnc": 1.5, "modbus": 2.5}  # s until the kill
+LONGEST = {"dnc": 3.0, "modbus": 2.5}  # s until the kill
 
 
 @pytest.fixture

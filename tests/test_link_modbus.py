@@ -1,7 +1,9 @@
 """Modbus: the layout file, the traps of pymodbus, and whole runs through a real server over TCP and over RTU on a pty."""
 
 import contextlib
+import importlib
 import os
+import random
 import re
 import struct
 import sys
@@ -11,11 +13,16 @@ import tty
 
 import numpy as np
 import pytest
-from linkparts import job
+from linkfaults import Bus, scene
+from linkparts import FakeClock, job
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
 
+from sim_controller.motion import Motion
+from sim_controller.protocols.grbl import Grbl
+from sim_controller.protocols.modbus import Registers
 from tango_cnc.commands.init import write_example
+from tango_cnc.link._client import Failed, Job, Touched
 from tango_cnc.link._layout import STANDARD, read_layout
 from tango_cnc.link.modbus import Client
 from tango_cnc.link.transport import Lost, open_port, parse
@@ -223,3 +230,36 @@ def test_every_target_stands_where_it_was_planned(cell):
     values = np.linspace(-400, 400, 999)
     back = [layout.value("X", layout.numbers(layout.words([layout.counts("X", value)]))[0]) for value in values]
     assert np.abs(np.array(back) - values).max() <= 0.5001e-4
+
+
+@pytest.mark.parametrize("protocol", ["modbus", "grbl"])
+def test_who_stops_the_run_leaves_the_probe_clear_of_the_table(protocol):
+    """Ctrl-C: the move that is being made is waited for, then the probe goes up, and nothing else is asked for."""
+    _, made, truth = scene()
+    motion = Motion(truth)
+    device = Registers(motion) if protocol == "modbus" else Grbl(motion, work={})
+    numbers = tuple(touch.number for touch in made.touches)
+    this = Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
+    module = importlib.import_module(f"tango_cnc.link.{protocol}")
+    client = module.Client(this, {"orient": "m19"} if protocol == "grbl" else {})
+    events, seen = [], 0
+    while not any(isinstance(event, Failed) for event in events):
+        request = client.bytes_to_send(1 << 16)
+        if protocol == "modbus":
+            bus = Bus(device, FakeClock(), random.Random(0), {})
+            bus.write(request)
+            answer = bus.read(0.0)
+            if device.pending:
+                device.execute()
+        else:
+            lines = device.report() if request == b"?" else device.line(request.decode().strip())
+            answer = "".join(f"{line}\n" for line in lines).encode()
+        events += client.receive(answer)
+        touched = sum(isinstance(event, Touched) for event in events)
+        if touched == 3 and seen == 2:
+            client.stop()
+        seen = touched
+    assert events[-1] == Failed("stopped by the user; the probe has been drawn clear")
+    assert seen == 3
+    linear = [made.machine.column(name) for name in made.machine.linear]
+    assert np.abs(motion.position[linear] - np.array(made.touches[2].over)[linear]).max() < 1e-3

@@ -331,3 +331,42 @@ def test_every_row_has_the_feed_of_its_measuring_move(cell):
     run(cell, Control(cell))
     with Path(cell / "readings.csv").open() as file:
         assert {row["feed"] for row in csv.DictReader(file)} == {"180"}
+
+
+def test_a_run_is_followed_from_elsewhere(cell):
+    control = Control(cell)
+    assert run(cell, control).code == 0
+    result = Result("run", "-C", cell, "--watch", "--json", "-")
+    assert result.code == 0
+    steps = [json.loads(line) for line in result.out.splitlines()]
+    assert [step["touch"] for step in steps if step["event"] == "touch"] == [1, 2, 3, 4, 5, 6, 7]
+    assert steps[-1]["remark"] == "the run has ended: end mark"
+
+
+def test_a_run_that_stopped_is_followed_to_where_it_stopped(cell):
+    assert run(cell, Control(cell, stop=4, hang_up=True)).code == 3
+    result = Result("run", "-C", cell, "--watch")
+    assert result.code == 3
+    assert "4/7" in result.err
+    assert "stopped before its end" in result.err
+
+
+def test_there_must_be_a_run_to_follow(cell):
+    assert Result("run", "-C", cell, "--watch").code == 2
+
+
+def test_a_facet_that_drifts_is_shown_while_it_happens(cell):
+    """The first indexation comes again at the end; meanwhile everything has moved outwards by 5 µm."""
+    text = STRATEGY.replace("{S: 90, B: 0, C: 0, facets: [5, 7]}", "{S: 0, B: 0, C: 0, facets: [3, 5]}")
+    (cell / "strategy.yaml").write_text(text)
+    control = Control(cell, proud=0.01)
+
+    def later(number, line):
+        control.proud = 0.015 if number >= 5 else 0.01
+        return line
+
+    control.edit = later
+    result = run(cell, control, "--json", "-")
+    assert result.code == 0, result.err
+    drifts = {step["touch"]: step["drift_um"] for step in map(json.loads, result.out.splitlines()) if "drift_um" in step}
+    assert drifts == {6: pytest.approx(5.0, abs=0.3), 7: pytest.approx(5.0, abs=0.3)}
