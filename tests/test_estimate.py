@@ -145,13 +145,19 @@ def test_standardised_errors_of_two_thousand_machines_are_standard(hu40t, names_
 
 
 def many_machines(cell: Cell, names: list[str], count: int) -> np.ndarray:
-    """→ (count, 86) errors of the estimates over their standard deviations: each machine, stylus and table another one."""
+    """→ (count, 86) errors of the estimates over their standard deviations: each machine, stylus and table another one.
+
+    The bar is as long as it is; what its certificate says is off by the uncertainty that it states, each time anew.
+    """
     rng = np.random.default_rng(2000)
+    bar = cell.artefact.scale_bar
+    assert bar is not None
     found = np.empty((count, len(names)))
     coefficients = None
     for i in range(count):
         world = World(errors=bad_machine(names, rng), noise=0.0006, seed=i, **true_setup(cell, rng))
-        touches = from_readings(cell.machine, cell.artefact, simulate(cell.machine, cell.artefact, cell.strategy, world))
+        certified = replace(cell.artefact, scale_bar=replace(bar, length=bar.length + bar.uncertainty * rng.normal()))
+        touches = from_readings(cell.machine, certified, simulate(cell.machine, cell.artefact, cell.strategy, world))
         coefficients = coefficients or select(touches, ["S4"]).model.coefficients
         result = fit(Selection(Model(touches, coefficients), (), False))
         truth = np.array([world.errors[c.name] for c in coefficients[:-3]])
