@@ -308,7 +308,8 @@ def loosened(place: Space, cat: Catalogue, chosen: list[Chosen]) -> list[Chosen]
             if max(scores) <= value:
                 break
             trial, value = options[int(np.argmax(scores))], max(scores)
-        if len(trial) > len(chosen) - 1 and value > total(place, chosen) - CLOSE / 2:
+        trial = pruned(place, trial)
+        if total(place, trial) > total(place, chosen) - CLOSE / 2:
             chosen = trial
     return chosen
 
