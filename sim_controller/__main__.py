@@ -34,7 +34,7 @@ from .session import Ledger, Session, Setup
 )
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Parameters of the control, e.g. increment=0.0001.")
 @click.option("--g54", metavar="X,Y,Z", help="Work offset, mm.")
-@click.option("--stored", type=click.Path(path_type=Path), metavar="FILE", help="Programs that the control has in its memory.")
+@click.option("--stored", type=click.Path(path_type=Path), metavar="FILE", help="Programs or files that the control has.")
 @click.option("--parity", is_flag=True, help="7 data bits, even parity.")
 @click.option("--buffer", type=click.IntRange(64), default=4096, show_default=True, help="Bytes taken in ahead of execution.")
 @click.option("--seed", type=click.IntRange(0), help="Of noise and effects; default: the world's.")
@@ -75,7 +75,7 @@ def main(
     chosen = dict(_pair(text) for text in settings)
     if g54 is not None:
         chosen["g54"] = " ".join(f"{name}:{value}" for name, value in zip("XYZ", g54.split(","), strict=False))
-    library = tuple(read_text(stored).replace("%", "").splitlines()) if stored else ()
+    library = tuple(line for line in read_text(stored).splitlines() if line.strip() != "%") if stored else ()
     setup = Setup(language, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer)
     talk = server.protocol(protocol)
     journal = Ledger(ledger)
