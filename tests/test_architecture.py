@@ -24,6 +24,7 @@ INTERNAL: dict[str, str | None] = {
     "check": "records kinematics",
     "duration": "records",
     "plan": "records kinematics check",
+    "envelope": "records kinematics check",
     "link": "records files plan duration",
     "design": f"{NUMERIC} plan check duration",
     "uncertainty": f"{NUMERIC} files",
@@ -65,7 +66,7 @@ TOUCHES_THE_WORLD = {
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
 LINK_WITH_IO = {"transport", "session", "journal", "_measure", "_layout"}
-PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "duration")
+PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "envelope", "duration")
 
 
 def modules(root: Path) -> dict[str, Path]:

@@ -1,0 +1,65 @@
+"""What the documentation points to exists, and what exists is in the documentation."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import click
+import pytest
+
+from tango_cnc.cli import _Commands, tango
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+COMMANDS = set(_Commands().list_commands(click.Context(tango)))
+
+
+def text(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
+def test_the_table_of_commands_is_complete() -> None:
+    table = text(ROOT / "docs" / "formats.md").split("| command | does |")[1].split("\n\n")[0]
+    first = " ".join(line.split("|")[1] for line in table.splitlines()[2:])
+    assert {name.split()[0] for name in re.findall(r"`([^`]+)`", first)} == COMMANDS
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_and_options_in_the_text_exist(page: Path) -> None:
+    for name, rest in re.findall(r"\btango ([a-z][a-z0-9-]+)((?: [^\n`#]*)?)", text(page)):
+        if name not in COMMANDS:
+            # only words of a sentence may follow the name of the program otherwise
+            assert not re.search(r" -{1,2}[a-zA-Z]", rest), f"tango {name}{rest}"
+            continue
+        command = tango.get_command(click.Context(tango), name)
+        assert command is not None
+        known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)} | {"--help"}
+        wanted = re.split(r"[,;:|)]", rest)[0]
+        for option in re.findall(r"(?<= )-{1,2}[a-zA-Z][a-z-]*", wanted):
+            assert option in known, f"tango {name} has no {option}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_in_the_text_exist(page: Path) -> None:
+    folders = "docs|tests|benchmarks|examples|tango_cnc|postprocessors|sim_controller"
+    for name in re.findall(rf"\b((?:{folders})/[\w/.<>]*[\w>])", text(page)):
+        assert list(ROOT.glob(re.sub("<.*?>", "*", name))), name
+
+
+def test_documentation_named_in_the_program_exists() -> None:
+    for file in (f for package in ("tango_cnc", "postprocessors", "sim_controller") for f in (ROOT / package).rglob("*.py")):
+        for name in re.findall(r"\bdocs/[\w-]+\.md", text(file)):
+            assert (ROOT / name).exists(), f"{file.relative_to(ROOT)} points to {name}"
+
+
+def test_readme_points_to_every_page() -> None:
+    readme = text(ROOT / "README.md")
+    assert not [page.name for page in PAGES[1:] if f"docs/{page.name}" not in readme]
+
+
+def test_make_targets_in_the_text_exist() -> None:
+    makefile = text(ROOT / "Makefile")
+    for page in PAGES:
+        for target in re.findall(r"(?:^ {4}|`)make ([a-z-]+)", text(page), re.MULTILINE):
+            assert f"\n{target}:" in makefile, f"{page.name}: make {target}"
