@@ -30,7 +30,7 @@ class Address:
     """A port's URL taken apart: what to open, the settings of the line, and what the protocol client is told."""
 
     url: str
-    scheme: str  # serial, socket, rfc2217, tcp and rtu (of Modbus)
+    scheme: str  # serial, socket, rfc2217, tcp and rtu (of Modbus), rsh (of LinuxCNC)
     target: str  # device, or host:port
     line: Mapping[str, str] = field(default_factory=dict)
     uart: bool = True  # somebody keeps to the settings of the line: a driver, a converter
@@ -58,9 +58,9 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         unit = int(number)
     if scheme in ("serial", "rtu") and not target:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
-    if scheme in ("socket", "rfc2217", "tcp") and not re.fullmatch(HOST, target):
+    if scheme in ("socket", "rfc2217", "tcp", "rsh") and not re.fullmatch(HOST, target):
         raise InputError(f"port {url!r}: found {target!r}; allowed: host:port, e.g. socket://192.168.1.20:8193")
-    uart = scheme not in ("socket", "tcp") and not target.startswith(PTY)
+    uart = scheme not in ("socket", "tcp", "rsh") and not target.startswith(PTY)
     line: dict[str, str] = {}
     told: dict[str, str] = {}
     known: dict[str, tuple[str, ...]] = {**LINE, **options}
@@ -88,7 +88,7 @@ def _parts(url: str) -> tuple[str, str, str]:
     parts = urlsplit(url)
     first, _, second = parts.scheme.lower().partition("+")
     if first in SPOKEN and second in (SPOKEN[first] or ("",)):
-        scheme = second or "socket"
+        scheme = second or "rsh"
     elif parts.scheme.lower() in SCHEMES:
         scheme = parts.scheme.lower()
     else:

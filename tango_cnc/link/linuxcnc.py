@@ -1,0 +1,117 @@
+"""LinuxCNC on this computer, told what to do through linuxcncrsh (2.9 and newer) and read from the log that its program writes.
+
+    HELLO ▶ enable ▶ estop, machine, homed? ▶ mode auto ▶ program put and opened ▶ run ▶ { log lines, status, errors } ▶ end mark
+
+The dialects differ in what they answer to `set`, and with which line end (2.9~pre: LF CR); therefore every `set` is followed by a
+`get` whose answer is waited for, other answers are taken note of only when they refuse, and no command is used that 2.9 lacks.
+linuxcncrsh has no way to send a file or to read one: the transport puts the program at `file` and hands the lines of `log` in,
+with LOG in front. Emergency stop is not released, the machine not switched on and nothing homed from here: people do that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping
+
+from ._client import Begun, Ended, Identified, Job, Refused, Touched
+from ._dialogue import Dialogue, Stop, Talk
+from ._words import record
+
+HELLO = b"hello EMC tango 1.1\r\n"
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "file": (),  # where LinuxCNC finds the program; written by the transport
+    "log": (),  # what (LOGOPEN,…) of the program writes
+    "password": (),
+    "enable": (),
+}
+IDLE_POLLS = 3  # answers in a row that say the program does not run, before that is believed
+READY = {"estop": "OFF", "machine": "ON"}
+ADVICE = {"estop": "release emergency stop", "machine": "switch the machine on"}
+
+
+class Client(Dialogue):
+    """Runs one program and reads its log."""
+
+    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
+        """job, {option: value of `OPTIONS`} → client."""
+        self._job, self._options = job, options
+        self._begun = self._running = self._finished = False
+        self._place = self._told = 0
+        super().__init__(job.start_patience)
+
+    @property
+    def sent(self) -> tuple[int, int]:
+        """→ (characters of the program put, characters in all)."""
+        return self._told, len(self._job.program)
+
+    def _late(self) -> str:
+        return "come to the next touch" if self._begun else "begun the program"
+
+    def _conversation(self) -> Talk:
+        answer = yield f"hello {self._options.get('password', 'EMC')} tango 1.1\r"
+        while not answer.upper().startswith("HELLO"):
+            answer = yield ""
+        if "NAK" in answer.upper():
+            raise Stop("linuxcncrsh refuses the connection password: state password=… in the port's URL")
+        self._events.append(Identified(answer))
+        yield from self._set(f"set enable {self._options.get('enable', 'EMCTOO')}", "enable")
+        for what, wanted in READY.items():
+            found = yield from self._get(what)
+            if wanted not in found.upper().split():
+                raise Stop(f"the control says {found!r}: {ADVICE[what]}, then run again")
+        homed = yield from self._get("joint_homed")
+        if "NO" in homed.upper().split():
+            raise Stop(f"the control says {homed!r}: home all joints, then run again")
+        if "IDLE" not in (yield from self._get("program_status")).upper():
+            raise Stop("another program is running")
+        yield from self._set("set mode auto", "mode")
+        yield f"put {len(self._job.program)} {self._job.program.encode('ascii').hex()}\r"  # of the transport, answered by it
+        self._told = len(self._job.program)
+        yield from self._set(f"set open {self._options.get('file', '')}", "program")
+        self._running = True
+        yield from self._set("set run", "program_status")
+        yield from self._follow()
+
+    def _follow(self) -> Talk:
+        """Until the end mark: readings, errors, and whether the program runs."""
+        idle = 0
+        while not self._finished:
+            if self._stopping:
+                yield from self._set("set abort", "program_status")
+                raise Stop("stopped by the user; the control has been told to abort: the probe stands where it was")
+            trouble = yield from self._get("error")
+            if trouble.upper().split()[-1:] != ["OK"]:
+                raise Stop(f"the control says {trouble!r}")
+            running = "IDLE" not in (yield from self._get("program_status")).upper()
+            idle = 0 if running else idle + 1
+            if idle > IDLE_POLLS and not self._finished:
+                raise Stop("the program has ended before its end mark")
+
+    def _set(self, request: str, then: str) -> Generator[str, str, None]:
+        yield from self._get(then, f"{request}\r\n")
+
+    def _get(self, what: str, before: str = "") -> Generator[str, str, str]:
+        """name → the answer to `get`; what comes before it is no answer, but may refuse."""
+        answer = yield f"{before}get {what}\r"
+        while not answer.upper().startswith(what.upper()):
+            if "NAK" in answer.upper().split():
+                raise Stop(f"the control refuses: {answer!r}")
+            if answer.startswith("LOG "):
+                self._logged(answer[4:])
+            answer = yield ""
+        return answer
+
+    def _logged(self, line: str) -> None:
+        """One line of the log → its event. Raises Stop for the marks of another program."""
+        event = record(line, self._job.letters)
+        if isinstance(event, Begun):
+            if (event.mark, event.count) != (self._job.mark, len(self._job.numbers)) or self._begun:
+                raise Stop(f"the log is of another program, or of another run: {line!r}")
+            self._begun = True
+        elif not self._begun and not isinstance(event, Refused):
+            raise Stop(f"a record came before the start mark: {line!r}")
+        if isinstance(event, Touched) and event.number in self._job.numbers:
+            self._place = max(self._place, self._job.numbers.index(event.number) + 1)
+        self._finished |= isinstance(event, Ended)
+        self._allowed = self._job.patience[self._place]
+        self._done()
+        self._events.append(event)
