@@ -243,7 +243,7 @@ def test_formulas(text: str, value: float) -> None:
     assert formula(text, {1: 3.0, 2: 4.0}) == pytest.approx(value)
 
 
-@pytest.mark.parametrize("text", ["", "1 +", "( 1", "Q7", "1 / 0", "SQRT - 1", "1 2", "1 ; 2"])
+@pytest.mark.parametrize("text", ["", "1 +", "( 1", "Q7", "1 / 0", "SQRT - 1", "1 2", "1 ; 2", "( - 1 ) ^ 0.5"])
 def test_what_is_no_formula(text: str) -> None:
     with pytest.raises(Alarm):
         formula(text, {})

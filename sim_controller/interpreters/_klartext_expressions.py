@@ -46,7 +46,7 @@ def formula(text: str, values: Mapping[int, float]) -> float:
     tokens.reverse()
     try:
         value = _sum(tokens, values)
-    except (IndexError, ValueError, ZeroDivisionError, OverflowError):
+    except (IndexError, TypeError, ValueError, ZeroDivisionError, OverflowError):
         raise error("FORMULA FAULTY", text) from None
     if tokens:
         raise error("NC BLOCK FAULTY", text)

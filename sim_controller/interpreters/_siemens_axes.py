@@ -15,6 +15,7 @@ from ._siemens_alarms import alarm
 
 TURN = 360.0
 STILL = 1e-6  # mm or deg
+FARTHEST = 1e9  # mm or deg
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,8 @@ class Axes:
             frame = self._length(name) if suppressed else self._frame(name)
             relative = target.way == "IC" or (self.incremental and not target.way)
             goal = now[name] + target.value if relative else self._turned(name, target, now[name], frame)
+            if not abs(goal) < FARTHEST:
+                raise alarm("10720", name)
             step = self._profile.increment
             found[name] = float(Decimal(repr(goal)).quantize(step, ROUND_HALF_UP))
         return {name: v if name in self._machine.linear else math.radians(v) for name, v in found.items()}

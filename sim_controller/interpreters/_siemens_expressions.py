@@ -198,7 +198,7 @@ def _function(name: str, given: list[Value]) -> Value:
         raise alarm("12090", name)
     try:
         return functions[name](real(given[0]))
-    except ValueError:
+    except (ValueError, OverflowError):
         raise alarm("14051", name) from None
 
 
@@ -217,6 +217,8 @@ def _printed(given: list[Value]) -> str:
         if match["kind"] == "S":
             return _text(value)
         width = int(match["width"] or 0)
+        if not math.isfinite(real(value)):
+            raise alarm("14051", "SPRINT")
         if match["kind"] == "D":
             return f"{round(real(value)):{width}d}"
         return f"{real(value):{width}.{match['decimals'] or 6}f}"

@@ -238,7 +238,7 @@ class Control:
                 text = text.replace("%S", self._texts.get(int(name[2:]), "") if name.startswith("QS") else "", 1)
             self._files.setdefault(output, []).append(text)
             self._note("output", text=text)
-            self._punch(text.encode("ascii") + b"\r\n")
+            self._punch(text.encode("ascii", "replace") + b"\r\n")
 
     def _turned(self, name: str, goal: float, now: float) -> float:
         """→ where a rotary axis goes to: under M126 the short way, else as far as the figures say."""

@@ -145,6 +145,8 @@ class Control:
             raise alarm("12150", f"{name}={value!r}")
         if kind == "INT":
             number = real(value)
+            if not abs(number) < 2**31:
+                raise alarm("14051", name)
             value = int(math.copysign(math.floor(abs(number) + 0.5), number))
         self._variables[name] = float(real(value)) if kind == "REAL" else truth(value) if kind == "BOOL" else value
 
@@ -169,6 +171,8 @@ class Control:
                 self._message = str(given[0]) if given else ""
                 self._note("message", text=self._message)
             elif word == "SETAL":
+                if not given:
+                    raise alarm("12090", block.raw)
                 raise Alarm(str(int(real(given[0]))), self._message)
             return
         match = re.fullmatch(rf"{word}\s*\(\s*([A-Z_][A-Z0-9_]*)\s*,(.*)\)", block.text, re.IGNORECASE)
@@ -204,7 +208,7 @@ class Control:
             if name not in self._open:
                 return 16
             self._note("output", text=text.rstrip("\n"))
-            self._punch(text.encode("ascii"))
+            self._punch(text.encode("ascii", "replace"))
             return 0
         if len(self.files.get(name, "")) + len(text) + 1 > self._profile.room:
             return 10
