@@ -59,7 +59,9 @@ class Client(Dialogue):
             if wanted not in found.upper().split():
                 raise Stop(f"the control says {found!r}: {ADVICE[what]}, then run again")
         homed = yield from self._get("joint_homed")
-        if "NO" in homed.upper().split():
+        machine = self._job.plan.machine
+        joints = len(machine.linear) + len(machine.rotary)  # more than the machine has are listed, and are never homed
+        if "NO" in homed.upper().split()[1 : 1 + joints]:
             raise Stop(f"the control says {homed!r}: home all joints, then run again")
         if "IDLE" not in (yield from self._get("program_status")).upper():
             raise Stop("another program is running")
