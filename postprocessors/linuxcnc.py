@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from tango_cnc.records import InputError, Machine
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, number, rolled
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, may_roll, number, rolled
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
 PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
@@ -119,7 +119,8 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
     for name in job.machine.rotary:
         if name in leg.target:
             angle = degrees(leg.target[name])
-            yield f"G53 G0 {name}{number(rolled(angle, 4) if job.options['wrapped'] else angle)}"
+            wrapped = job.options["wrapped"] and may_roll(job.machine, name)
+            yield f"G53 G0 {name}{number(rolled(angle, 4) if wrapped else angle)}"
 
 
 def approach(job: Job, leg: Leg) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -55,12 +56,25 @@ def command(folder: Path, post: str | None, out: Path | None, obstructed: str, d
     options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
     mark = planner.plan_hash(made)
     file_name, program_mark, lines = posts.program(dialect, made, options, mark)
+    settings = posts.settings(dialect, options)
+    doubts = (*posts.unverified(dialect, options), *posts.reach(made), *proven(dialect.title, lines, made, settings))
     target = out or folder / "program"
     write_together({target / file_name: lines, target / "plan.csv": lambda: plan_lines(made)})
-    doubts = (*posts.unverified(dialect, options), *posts.reach(made))
     result = _result(made, name, target / file_name, target / "plan.csv", program_mark, mark, doubts)
     if not write_json(json_file, result):
         click.echo(_text(made, result))
+
+
+def proven(title: str, lines: Callable[[], Iterator[str]], plan: Plan, settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """title of a post, its program, plan, every option → nothing, or that nobody reads this dialect back.
+
+    Raises InputError naming the line of the program that must not reach a machine.
+    """
+    from .. import envelope
+
+    if envelope.check(lines, plan, settings):
+        return ()
+    return (f"the program has not been read back: there is no envelope check for {title}",)
 
 
 def warning(plan: Plan) -> str:

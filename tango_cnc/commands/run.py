@@ -131,6 +131,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
     from ..files.plan import plan_lines, write_together
     from ..link._measure import Program
     from ..plan import plan_hash
+    from .plan import proven
 
     assert cell.controller is not None
     letters = post.record_letters(part.machine)
@@ -146,6 +147,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
             )
         return Program(text, mark, letters)
     file_name, mark, lines = posts.program(post, part, cell.controller.options, plan_hash(part))
+    proven(post.title, lines, part, posts.settings(post, cell.controller.options))
     target = cell.folder / "program" / ("" if part is whole else "rest")
     write_together({target / file_name: lines, target / "plan.csv": lambda: plan_lines(part)})
     return Program("".join(line + "\n" for line in lines()), mark, letters)

@@ -1,0 +1,105 @@
+"""Expressions of parametric programs (#1, #<name>, brackets, functions, comparisons) → functions of the variables."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from functools import lru_cache
+
+Value = float | None  # None: a variable that holds nothing
+Get = Callable[[int | str], Value]
+Expression = Callable[[Get], Value]
+
+TOKEN = re.compile(r"\s*(\d+\.?\d*|\.\d+|#<[a-z_]+>|\*\*|[A-Z]{2,4}|[-+*/#\[\]])")
+FUNCTIONS: dict[str, Callable[[float], float]] = {"ABS": abs, "SQRT": math.sqrt, "FIX": math.trunc}
+LEVELS: tuple[dict[str, Callable[[float, float], float]], ...] = (
+    {"AND": lambda a, b: float(bool(a) and bool(b)), "OR": lambda a, b: float(bool(a) or bool(b))},
+    {
+        "EQ": lambda a, b: float(a == b),
+        "NE": lambda a, b: float(a != b),
+        "GT": lambda a, b: float(a > b),
+        "GE": lambda a, b: float(a >= b),
+        "LT": lambda a, b: float(a < b),
+        "LE": lambda a, b: float(a <= b),
+    },
+    {"+": lambda a, b: a + b, "-": lambda a, b: a - b},
+    {"*": lambda a, b: a * b, "/": lambda a, b: a / b},
+    {"**": lambda a, b: a**b},
+)
+
+
+@lru_cache(maxsize=4096)
+def expression(text: str) -> Expression:
+    """text → function of the variables. Raises ValueError for what is no expression."""
+    tokens, at = [], 0
+    while at < len(text):
+        match = TOKEN.match(text, at)
+        if match is None:
+            raise ValueError(f"no expression at {text[at:]!r}")
+        tokens.append(match[1])
+        at = match.end()
+    tokens.reverse()
+    result = _level(tokens, 0)
+    if tokens:
+        raise ValueError(f"no expression at {tokens[-1]!r}")
+    return result
+
+
+def _level(tokens: list[str], depth: int) -> Expression:
+    if depth == len(LEVELS):
+        return _primary(tokens)
+    left = _level(tokens, depth + 1)
+    while tokens and tokens[-1] in LEVELS[depth]:
+        word = tokens.pop()
+        left = _joined(word, LEVELS[depth][word], left, _level(tokens, depth + 1))
+    return left
+
+
+def _joined(word: str, join: Callable[[float, float], float], left: Expression, right: Expression) -> Expression:
+    def value(get: Get) -> Value:
+        a, b = left(get), right(get)
+        if word in ("EQ", "NE") and (a is None or b is None):
+            return float((a is b) == (word == "EQ"))
+        return join(a or 0.0, b or 0.0)
+
+    return value
+
+
+def _primary(tokens: list[str]) -> Expression:
+    if not tokens:
+        raise ValueError("the expression ends too soon")
+    word = tokens.pop()
+    if word in FUNCTIONS:
+        function, inner = FUNCTIONS[word], _bracket(tokens)
+        return lambda get: function(inner(get) or 0.0)
+    if word in "+-":
+        operand, sign = _primary(tokens), -1.0 if word == "-" else 1.0
+        return lambda get: sign * (operand(get) or 0.0)
+    if word == "[":
+        tokens.append(word)
+        return _bracket(tokens)
+    if word == "#":
+        if tokens and tokens[-1] == "[":
+            place = _bracket(tokens)
+            return lambda get: get(int(place(get) or 0.0))
+        if not tokens or not tokens[-1].isdigit():
+            raise ValueError("# without a number")
+        number = int(tokens.pop())
+        return lambda get: get(number)
+    if word.startswith("#<"):
+        return lambda get: get(word[2:-1])
+    try:
+        constant = float(word)
+    except ValueError:
+        raise ValueError(f"no expression at {word!r}") from None
+    return lambda get: constant
+
+
+def _bracket(tokens: list[str]) -> Expression:
+    if not tokens or tokens.pop() != "[":
+        raise ValueError("[ is missing")
+    inner = _level(tokens, 0)
+    if not tokens or tokens.pop() != "]":
+        raise ValueError("] is missing")
+    return inner

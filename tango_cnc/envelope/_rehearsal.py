@@ -1,0 +1,283 @@
+"""The machine that does what the plan expects, and the machines beside it on which something has gone wrong.
+
+A `World` is one of them: its variables, where its axes stand, where its probe was met last. Every statement of a program is
+carried out on all of them. A world that must stop (`fate` "stop") has to reach an alarm before the next motion; one that may
+go on has to record the flag that `fate` names.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..records import InputError, Plan
+from ._expressions import Value, expression
+from ._walk import Walk
+
+NUMBER = r"-?\d+\.\d*"  # with its decimal point, without which controls count in thousandths
+SHORT = 3.0  # tolerances of the profile by which a protected move is stopped short
+TOLERANCE = 0.02  # mm, where the profile has none
+AWAY = 0.05  # deg by which a rotary axis has not arrived
+CHANGE = 0.003  # mm by which a work offset has changed
+SOON = 0.05  # mm after its start at which the earliest contact happens
+ZONE = 0.2  # mm before and behind the beginning of the search zone, where contacts are early and are none
+OFFSET = {"X": 11.25, "Y": -7.5, "Z": 203.5, "A": 3.0, "B": -2.0, "C": 31.0}  # machine minus work coordinates
+ROUNDS = 20  # touches in a row without contact after which every program must have stopped
+MODAL = {"G21", "G40", "G49", "G80", "G90", "G94"}  # mm, no compensation of radius and length, no cycle, absolute, mm/min
+RESETS = re.compile(r"G(17|21|40|40\.1|49|50|50\.1|54|64|67|69|80|90|94|97|98|13\.1|15|25|160|234|254)")
+TOLD = 5  # worlds that reach a record: the expected contact, a miss, and three other contacts
+PLACE = 2e-3  # mm or deg, of a recorded coordinate
+
+Statement = Callable[["World"], None]
+
+
+@dataclass
+class World:
+    """One machine that carries out the program."""
+
+    fate: str  # "stop", or the flag that the record must carry
+    what: str  # what has gone wrong
+    position: dict[str, float]
+    skip: dict[str, float]
+    offset: dict[str, float]
+    hit: bool = True
+    shared: dict[int | str, Value] = field(default_factory=dict)
+    local: list[dict[int | str, Value]] = field(default_factory=lambda: [{}])
+    branch: bool = True  # whether statements are carried out, within IF … ENDIF
+    stopped: bool = False
+
+    def twin(self, fate: str, what: str) -> World:
+        """→ the same machine at the same place in the program, of which something else becomes."""
+        return World(
+            fate,
+            what,
+            dict(self.position),
+            dict(self.skip),
+            dict(self.offset),
+            self.hit,
+            dict(self.shared),
+            [dict(frame) for frame in self.local],
+            self.branch,
+        )
+
+
+class Rehearsal:
+    """A program on its way through all worlds; a family of dialects reads the lines and calls these methods."""
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any], read: Callable[[World, int | str], Value]) -> None:
+        """plan, every option of its profile, how a variable of a world is read."""
+        self.plan, self.options, self._read = plan, options, read
+        self.walk = Walk(plan)
+        start = dict(self.walk.at)
+        self.worlds = [World("1", "nothing", start, dict(start), dict(OFFSET))]
+        self._silent: World | None = None  # where this touch and all after it miss
+        self._statements: list[Statement] = []
+        self._modal: set[str] = set()
+        self._owed = False  # a touch has been made that is not on record
+        self.records = 0
+        self.begun = self.ended = False
+
+    @property
+    def base(self) -> World:
+        """→ the machine on which nothing goes wrong."""
+        return self.worlds[0]
+
+    def value(self, world: World, text: str) -> float:
+        """expression → its value in a world. Raises InputError for what is no expression."""
+        try:
+            return expression(text)(lambda key: self._read(world, key)) or 0.0
+        except (ValueError, ZeroDivisionError, OverflowError, TypeError) as error:
+            raise InputError(f"{text!r} has no value: {error}") from None
+
+    def same(self, text: str) -> float:
+        """expression → its value, which must not depend on what has gone wrong."""
+        first, *rest = (self.value(world, text) for world in self.worlds)
+        if any(abs(first - other) > 1e-6 for other in rest):
+            raise InputError(f"{text!r} depends on where the probe was met")
+        return first
+
+    def does(self, statement: Statement) -> None:
+        """Carries a statement out in every world that goes on. Raises InputError when it stops the program for nothing."""
+        if self._silent is not None:
+            self._statements.append(statement)
+        for world in self.worlds:
+            statement(world)
+        if self.base.stopped:
+            raise InputError("stops the program though nothing has gone wrong")
+        self.worlds = [world for world in self.worlds if not world.stopped]
+
+    def watched(self) -> None:
+        """Something moves or ends now. Raises InputError when the program goes on where something has gone wrong before."""
+        for world in self.worlds:
+            if world.fate == "stop":
+                raise InputError(f"the program goes on although {world.what}")
+
+    def doubts(self, worlds: Iterable[World]) -> None:
+        """Adds worlds where something has gone wrong."""
+        self.worlds.extend(worlds)
+
+    def reset(self, words: str) -> None:
+        """Modal words before anything moves. Raises InputError for a word that is none of those known to be harmless."""
+        for word in words.split():
+            if not RESETS.fullmatch(word):
+                raise InputError(f"found the word {word}; allowed here: modal words that switch something off or state units")
+            self._modal.add(word)
+
+    def _ready(self) -> None:
+        self.watched()
+        if missing := sorted(MODAL - self._modal):
+            raise InputError(f"something moves before {' '.join(missing)} is stated")
+        if not self.begun or self.ended:
+            raise InputError("something moves outside of start mark and end mark")
+
+    def moves(self, target: Mapping[str, float], kinds: tuple[str, ...], feed: float) -> None:
+        """{X Y Z: machine mm}, kinds of moves that it may be, mm/min → all worlds are there. Raises InputError when it is wrong."""
+        self._ready()
+        self._within(feed, self.options.get("positioning_feed", feed))
+        self.walk.linear(target, kinds)
+        self._dies()
+        for world in self.worlds:
+            world.position.update(target)
+
+    def guarded(self, target: Mapping[str, float], feed: float) -> None:
+        """A move that stops at a contact and says nothing: whoever looks afterwards must find it stopped short."""
+        if self._owed:
+            raise InputError("the touch before has no record")
+        start = dict(self.base.position)
+        self.moves(target, ("retract", "clear", "approach"), feed)
+        for world in self.worlds:
+            world.skip = dict(world.position)
+        short = SHORT * float(self.options.get("tolerance", TOLERANCE))
+        for name, goal in target.items():
+            way = start[name] - goal
+            if abs(way) > short:
+                twin = self.base.twin("stop", f"a protected move has been stopped short in {name}")
+                twin.position[name] = twin.skip[name] = goal + max(min(way, short), -short)
+                self.doubts([twin])
+
+    def measures(self, target: Mapping[str, float], feed: float) -> None:
+        """A measuring move: contact where the plan expects it; beside it a miss, an early contact, a changed work offset."""
+        self._ready()
+        if self._owed:
+            raise InputError("the touch before has no record")
+        self._within(feed, self.plan.strategy.approach.feed)
+        start, base = dict(self.base.position), self.base
+        self.walk.linear(target, ("probe",))
+        base.position = dict(self.walk.at) | {n: v for n, v in base.position.items() if n not in target}
+        base.skip, base.hit = dict(base.position), True
+        length = sum((target[n] - start[n]) ** 2 for n in target) ** 0.5
+        approach = self.plan.strategy.approach
+        zone = max(approach.standoff - approach.search, 0.1 * approach.standoff)
+
+        def contact(flag: str, what: str, way: float) -> World:
+            world = base.twin(flag, what)
+            world.position.update({n: start[n] + (target[n] - start[n]) * way / length for n in target})
+            world.skip = dict(world.position)
+            return world
+
+        miss = contact("0", "nothing was touched", length)
+        miss.hit = False
+        others = [
+            contact("2", "the contact came at once", min(SOON, zone / 2)),
+            contact("2", "the contact came just before the search zone", zone - min(ZONE, zone / 4)),
+            contact("1", "the contact came at the beginning of the search zone", zone + ZONE),
+        ]
+        shifted = []
+        for name in target:
+            world = base.twin("stop", f"the work offset of {name} has changed")
+            world.offset[name] += CHANGE
+            shifted.append(world)
+        self.doubts([miss, *others, *shifted])
+        self._silent, self._statements, self._owed = miss.twin("stop", "no touch finds anything any more"), [], True
+
+    def _dies(self) -> None:
+        """Repeats what the program did after the last measuring move, as if nothing were ever touched. InputError: never stops."""
+        silent, self._silent = self._silent, None
+        for _ in range(ROUNDS if silent else 0):
+            for statement in self._statements:
+                assert silent is not None
+                statement(silent)
+                if silent.stopped:
+                    return
+        if silent:
+            raise InputError(f"the program goes on after {ROUNDS} touches in a row that found nothing")
+
+    def turns(self, name: str, value: float, asked: bool) -> None:
+        """axis letter, deg, whether the program has to ask if it has arrived. Raises InputError when it is wrong."""
+        if self._owed:
+            raise InputError("the touch before has no record")
+        if not self.begun or self.ended or MODAL - self._modal:
+            raise InputError("something turns before the modal state is stated, or outside of start mark and end mark")
+        if self.walk.rotary(name, value):
+            self.watched()
+        for world in self.worlds:
+            world.position[name] = value
+        if asked:
+            twin = self.base.twin("stop", f"{name} has not arrived")
+            twin.position[name] += AWAY
+            self.doubts([twin])
+
+    def start(self, mark: str, count: float, wanted: str) -> None:
+        """The start mark. Raises InputError when it is not that of this program."""
+        if self.begun or mark != wanted or count != len(self.plan.touches):
+            raise InputError(f"the start mark is {mark} {count:g}; this program is {wanted} {len(self.plan.touches)}")
+        self.begun = True
+
+    def end(self, count: float) -> None:
+        """The end mark. Raises InputError when touches or moves are missing."""
+        self.watched()
+        if self.ended:
+            raise InputError("a second end mark")
+        if count != len(self.plan.touches) or self.records != count:
+            raise InputError(f"the end mark says {count:g}; {self.records} of {len(self.plan.touches)} touches are on record")
+        self.walk.ends()
+        self.ended = True
+
+    def record(self, number: str, flag: str, places: Mapping[str, str]) -> None:
+        """expressions of touch number, flag and coordinates → the touch is on record. Raises InputError when it is another."""
+        self.watched()
+        self._dies()
+        touch = self.plan.touches[self.records] if self.records < len(self.plan.touches) else None
+        if not self._owed or touch is None:
+            raise InputError("a record without a touch")
+        names = [axis.name for axis in self.plan.machine.axes]
+        if [name for name in places if name != "K"] != names:
+            raise InputError(f"the record has {' '.join(places)}; allowed: {' '.join(names)}")
+        for world in self.worlds:
+            said = self.value(world, flag)
+            if f"{said:g}" != world.fate:
+                raise InputError(f"the flag is {said:g} where {world.what} has happened; it has to be {world.fate}")
+            if self.value(world, number) != touch.number:
+                raise InputError(f"the record is of touch {self.value(world, number):g}; this is touch {touch.number}")
+            for name in names:
+                there = self.walk.at["S"] if name == "S" else world.skip[name]
+                off = self.value(world, places[name]) - there
+                off = off if name in "XYZ" else (off + 180.0) % 360.0 - 180.0
+                if abs(off) > PLACE:
+                    raise InputError(f"the record has {name} {there + off:.3f}; the machine was at {there:.3f}")
+            total = sum(self.value(world, places[name]) for name in names)
+            if "K" in places and abs(self.value(world, places["K"]) - total) > PLACE:
+                raise InputError("the sum in the record is not that of its coordinates")
+        if len(self.worlds) != TOLD:
+            raise InputError("the program stops at a miss or an early contact instead of recording it")
+        self.worlds, self._silent, self._owed = [self.base], None, False
+        self.records += 1
+
+    def _within(self, feed: float, wanted: float) -> None:
+        if abs(feed - wanted) > 1e-6:
+            raise InputError(f"the feed is {feed:g}; allowed: {wanted:g} mm/min")
+
+
+def numbered(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
+    """lines → (line number, line without blanks around it)."""
+    return ((number, line.strip()) for number, line in enumerate(lines, 1))
+
+
+def at_line(number: int, line: str, error: InputError) -> InputError:
+    """line and what is wrong with it → the error that says where, and what to do."""
+    return InputError(
+        f"program line {number} {line[:80]!r}: {error}. "
+        "Nothing was written: the program is not the plan. Correct the post or the profile under controller:"
+    )

@@ -1,0 +1,222 @@
+"""Programs for LinuxCNC: the control itself aborts a move that is no probing move when the probe trips.
+
+Facts (g-code.adoc, o-code.adoc): #<_abs_x> machine and #<_x> work position; #5061 … #5066 the probed position of X Y Z A B C in
+the work frame, #5070 whether there was contact; G38.3 goes on when there was none; G53 works with G0 and G1 only;
+#1 … #30 are local to a subroutine, names that begin with _ are not; the last active comment of a line is carried out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from ..records import InputError, Plan
+from ._expressions import Value
+from ._rehearsal import NUMBER, Rehearsal, World, at_line, numbered
+from ._walk import PROTECTED
+
+PLACES = dict(enumerate("XYZABC", 5061))
+LOCAL = range(1, 31)
+COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
+MOVE = re.compile(rf"G53 G1((?: [XYZ]{NUMBER})+) F({NUMBER})")
+TURN = re.compile(rf"G53 G0 ([ABC])({NUMBER})")
+ORIENT = re.compile(rf"M19 R({NUMBER}) Q\d+")
+PROBE = re.compile(r"G38\.3 X(\[[^\]]+\]) Y(\[[^\]]+\]) Z(\[[^\]]+\]) F(#\d+)")
+SUB = re.compile(r"O<([a-z_]+)> (SUB|ENDSUB)")
+CALL = re.compile(rf"O<([a-z_]+)> CALL((?: \[(?:{NUMBER}|\d+)\])+)")
+ASSIGN = re.compile(r"#<(_tango_[a-z_]+)> = (.+)")
+IF = re.compile(r"O(\d+) IF (\[.+\])")
+ABORT = re.compile(r"\(ABORT,[A-Z0-9 .]+\)")
+OPEN = re.compile(r"\(LOGOPEN,[A-Za-z0-9._/-]+\)")
+START = re.compile(r"\(LOG,TANGO START ([0-9A-F]{12}) (\d+)\)")
+END = re.compile(r"\(LOG,TANGO END (\d+)\)")
+RECORD = re.compile(r"\(LOG,P%d(#\d+) H(#<\w+>) ([A-Z])%\.[4-9]f(#<\w+>)((?: [A-Z](?:#<\w+>|#\d+))+)\)")
+MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
+
+
+def reads(head: list[str]) -> bool:
+    """first lines of a program → whether it is of this family."""
+    return any(line.startswith(("G38.", "O<", "(LOGOPEN,", "G53 G1 ")) for line in head)
+
+
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
+    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+    program = _Program(plan, options)
+    at = 0, ""
+    try:
+        for at in numbered(lines()):
+            if program.over:
+                raise InputError("a line behind the end of the program")
+            program.line(at[1])
+        program.finish()
+    except InputError as error:
+        raise at_line(*at, error) from None
+
+
+class _Program:
+    """Line by line."""
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
+        self._machine = Rehearsal(plan, options, self._read)
+        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
+        self._subs: dict[str, list[str]] = {}
+        self._writing: str | None = None  # the subroutine whose text is read
+        self._label: str | None = None  # the IF that is open
+        self._mark = ""
+        self._depth = 0
+        self._opened = self._closed = self.over = False
+        self._rotated = False  # whether there is a world beside this one whose work frame is rotated
+
+    def finish(self) -> None:
+        """Raises InputError when the program has stopped too soon."""
+        if not (self.over and self._machine.ended and self._closed) or self._label:
+            raise InputError("the program ends without end mark, LOGCLOSE or M2")
+
+    def line(self, line: str) -> None:
+        """One line of the file. Raises InputError when it must not reach a machine."""
+        if match := SUB.fullmatch(line):
+            self._sub(match[1], match[2])
+        elif self._writing is not None:
+            self._subs[self._writing].append(line)
+        elif match := MARK.match(line):
+            self._mark = match[1]
+        elif (COMMENT.fullmatch(line) and line != "(LOGCLOSE)") or (self._opened and line in self._words):
+            return
+        elif match := ASSIGN.fullmatch(line):
+            self._assign(match[1], match[2])
+        elif match := IF.fullmatch(line):
+            self._if(match[1], match[2])
+        elif self._label is not None:
+            self._within(line)
+        elif line.startswith("("):
+            self._print(line)
+        elif line == "M2":
+            self._machine.watched()
+            self.over = True
+        else:
+            self._move(line)
+
+    def _move(self, line: str) -> None:
+        machine = self._machine
+        if match := MOVE.fullmatch(line):
+            words = {word[0]: float(word[1:]) for word in match[1].split()}
+            target = {name: machine.base.position[name] for name in "XYZ"} | words
+            machine.moves(target, (*PROTECTED, "back"), float(match[2]))
+        elif match := TURN.fullmatch(line):
+            machine.turns(match[1], float(match[2]), False)
+        elif match := ORIENT.fullmatch(line):
+            machine.turns("S", float(match[1]), False)
+        elif match := PROBE.fullmatch(line):
+            target = {n: machine.same(text) + machine.base.offset[n] for n, text in zip("XYZ", match.groups()[:3], strict=True)}
+            machine.measures(target, machine.same(match[4]))
+        elif match := CALL.fullmatch(line):
+            self._call(match[1], [float(text.strip("[]")) for text in match[2].split()])
+        elif re.fullmatch(r"G[\d.]+(?: G[\d.]+)*", line):
+            machine.reset(line)
+        else:
+            raise InputError("no line that a program of this kind may have here")
+
+    def _print(self, line: str) -> None:
+        if OPEN.fullmatch(line) and not self._opened:
+            self._opened = True
+        elif line == "(LOGCLOSE)" and self._opened:
+            self._closed = True
+        elif not self._opened or self._closed:
+            raise InputError("nothing is open that this could be written to")
+        elif match := START.fullmatch(line):
+            self._machine.start(match[1], float(match[2]), self._mark)
+        elif match := END.fullmatch(line):
+            self._machine.end(float(match[1]))
+        elif match := RECORD.fullmatch(line):
+            rest = {item[0]: item[1:] for item in match[5].split()}
+            self._machine.record(match[1], match[2], {match[3]: match[4], **rest})
+        else:
+            raise InputError("no line that a program of this kind may have here")
+
+    def _sub(self, name: str, word: str) -> None:
+        if word == "SUB" and self._writing is None and name not in self._subs and not self._machine.begun:
+            self._writing, self._subs[name] = name, []
+        elif word == "ENDSUB" and self._writing == name:
+            self._writing = None
+        else:
+            raise InputError("subroutines are stated once, one after the other, before anything moves")
+
+    def _call(self, name: str, values: list[float]) -> None:
+        if name not in self._subs or self._depth:
+            raise InputError(f"found a call of {name}, which is not in this program")
+        self._depth += 1
+        for world in self._machine.worlds:
+            world.local.append(dict(enumerate(values, 1)))
+        for line in self._subs[name]:
+            try:
+                self.line(line)
+            except InputError as error:
+                raise InputError(f"in {name}, {line!r}: {error}") from None
+        if self._label is not None:
+            raise InputError(f"O{self._label} has no ENDIF")
+        for world in self._machine.worlds:
+            world.local.pop()
+        self._depth -= 1
+
+    def _assign(self, name: str, text: str) -> None:
+        def does(world: World) -> None:
+            if world.branch:
+                world.shared[name] = self._machine.value(world, text)
+
+        self._machine.does(does)
+
+    def _if(self, label: str, condition: str) -> None:
+        if self._label is not None:
+            raise InputError(f"O{label} within O{self._label}")
+        self._label = label
+        if not self._rotated and not self._machine.begun:
+            self._rotated = True
+            rotated = self._machine.base.twin("stop", "the work frame is rotated")
+            rotated.shared[5230] = 10.0
+            self._machine.doubts([rotated])
+
+        def does(world: World) -> None:
+            world.branch = bool(self._machine.value(world, condition))
+
+        self._machine.does(does)
+
+    def _within(self, line: str) -> None:
+        """A line of an IF that is no assignment."""
+        if line == f"O{self._label} ELSE":
+            self._machine.does(_other_branch)
+        elif line == f"O{self._label} ENDIF":
+            self._machine.does(_every_branch)
+            self._label = None
+        elif ABORT.fullmatch(line):
+            self._machine.does(_stop)
+        else:
+            raise InputError("no line that an IF may have")
+
+    def _read(self, world: World, key: int | str) -> Value:
+        if isinstance(key, str):
+            axis = key[-1].upper()
+            if key == "_task":
+                return 1.0
+            if re.fullmatch(r"_(abs_)?[xyzabc]", key) and axis in world.position:
+                return world.position[axis] - (0.0 if "abs" in key else world.offset[axis])
+            if key not in world.shared:
+                raise InputError(f"#<{key}> is read before it has a value")
+            return world.shared[key]
+        if key in LOCAL:
+            return world.local[-1].get(key)
+        if key in PLACES and PLACES[key] in world.skip:
+            return world.skip[PLACES[key]] - world.offset[PLACES[key]]
+        return {5070: float(world.hit), 5220: 1.0, 5230: world.shared.get(5230, 0.0)}.get(key)
+
+
+def _other_branch(world: World) -> None:
+    world.branch = not world.branch
+
+
+def _every_branch(world: World) -> None:
+    world.branch = True
+
+
+def _stop(world: World) -> None:
+    world.stopped = world.branch

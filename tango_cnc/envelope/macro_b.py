@@ -1,0 +1,214 @@
+"""Programs of the Macro-B family: G31 that says nothing of what it met, so the text itself has to look and to stop.
+
+Facts: arguments of G65 and system variables #5021 (machine), #5041 (work), #5061 (skip position, work) by axis number;
+local variables #1 … #33 of a called program are its own; a statement behind THEN is carried out when the condition is not 0.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from ..records import InputError, Plan
+from ._expressions import Value
+from ._rehearsal import NUMBER, Rehearsal, World, at_line, numbered
+
+ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
+LOCAL, COMMON = range(1, 34), range(100, 150)
+WORD = rf"(?:#\d+|{NUMBER}|\[[^ ]+\])"
+COMMENT = re.compile(r"\([^()]*\)")
+FEED = re.compile(rf"G(31|1) ((?:[XYZ]{WORD} )+)F(#\d+|{NUMBER})")
+TURN = re.compile(rf"G90 G53 G0 ([ABC])({NUMBER})")
+ASSIGN = re.compile(r"#(\d+)=(.+)")
+IF = re.compile(r"IF\[(.+)\]THEN(#\d+=.+)")
+CALL = re.compile(rf"G65 P(\d+)((?: [A-Z]{NUMBER})+)")
+START = re.compile(r"DPRNT\[TANGO\*START\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
+END = re.compile(r"DPRNT\[TANGO\*END\*(#\d+)\[60\]\]")
+RECORD = re.compile(r"DPRNT\[P(#\d+)\[60\]\*H(#\d+)\[10\]((?:\*[A-Z]#\d+\[(?:44|43|53)\])+)\]")
+MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
+STOP = 3000
+ENDS = ("M30", "M2")
+PASSIVE = {"POPEN", "PCLOS", ""}
+
+
+def reads(head: list[str]) -> bool:
+    """first lines of a program → whether it is of this family."""
+    return any(re.match(r"O\d{4,5}\(", line) for line in head[:2]) or any("DPRNT[" in line or "#5041" in line for line in head)
+
+
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
+    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+    program = _Program(plan, options, _macros(lines()))
+    at = 0, ""
+    try:
+        for at in numbered(lines()):
+            if program.over:
+                break
+            program.line(at[1])
+        program.finish()
+    except InputError as error:
+        raise at_line(*at, error) from None
+
+
+def _macros(lines: Iterable[str]) -> dict[int, list[str]]:
+    """lines → {program number: lines up to M99} of the programs behind the end of the main one."""
+    found: dict[int, list[str]] = {}
+    behind, current = False, None
+    for _, line in numbered(lines):
+        code = COMMENT.sub("", line)
+        if behind and (match := re.fullmatch(r"O(\d{4,5})", code)):
+            current = found.setdefault(int(match[1]), [])
+        elif current is not None:
+            current.append(line)
+        behind = behind or code in ENDS
+    return found
+
+
+class _Program:
+    """Line by line."""
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any], macros: Mapping[int, list[str]]) -> None:
+        names = [axis.name for axis in plan.machine.axes if axis.kind != "spindle"]
+        stated = options.get("axis_numbers") or {name: i for i, name in enumerate(names, 1)}
+        self._axis = {int(number): name for name, number in stated.items()}
+        self._machine = Rehearsal(plan, options, self._read)
+        self._macros, self._mark = macros, ""
+        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
+        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+        self._reset, self._orient = options.get("reset", ""), options.get("orient", "")
+        self._moving = True  # since the last motion nothing has waited for the axes
+        self._depth = 0
+        self._begun = self._opened = self._closed = False
+        self.over = False
+
+    def finish(self) -> None:
+        """Raises InputError when the program has stopped too soon."""
+        if not (self.over and self._machine.ended and self._closed):
+            raise InputError("the program ends without end mark, PCLOS or end of program")
+
+    def line(self, line: str) -> None:
+        """One line of the tape. Raises InputError when it must not reach a machine."""
+        if match := MARK.match(line):
+            self._mark = match[1]
+        code = COMMENT.sub("", line)
+        if re.fullmatch(r"N\d{1,5}", code) or (not self._begun and re.fullmatch(r"%|O\d{4,5}", code)):
+            return
+        self._begun |= code != ""
+        if code in PASSIVE:
+            self._opened |= code == "POPEN"
+            self._closed |= code == "PCLOS"
+        elif code == self._reset:
+            self._machine.reset(code)
+        elif code in self._words:
+            return
+        elif code == "G53":
+            self._moving = False
+        elif code in ENDS and self._depth == 0:
+            self._machine.watched()
+            self.over = True
+        elif match := re.fullmatch(re.escape(self._orient) + f"({NUMBER})", code) if self._orient else None:
+            self._machine.turns("S", float(match[1]), False)
+        elif match := TURN.fullmatch(code):
+            self._machine.turns(match[1], float(match[2]), True)
+            self._moving = True
+        elif match := FEED.fullmatch(code):
+            self._feed(match[1], match[2].split(), match[3])
+        elif match := IF.fullmatch(code):
+            self._machine.does(self._assignment(match[2], match[1]))
+        elif ASSIGN.fullmatch(code):
+            self._machine.does(self._assignment(code, None))
+        elif match := CALL.fullmatch(code):
+            self._call(int(match[1]), match[2].split())
+        else:
+            self._print(code)
+
+    def _print(self, code: str) -> None:
+        if not self._opened or self._closed:
+            raise InputError("no line that a program of this kind may have here")
+        if match := START.fullmatch(code):
+            self._machine.start(match[1], self._machine.same(match[2]), self._mark)
+        elif match := END.fullmatch(code):
+            self._machine.end(self._machine.same(match[1]))
+        elif match := RECORD.fullmatch(code):
+            places = {item[0]: item[1:].split("[")[0] for item in match[3].split("*")[1:]}
+            self._machine.record(match[1], match[2], places)
+        else:
+            raise InputError("no line that a program of this kind may have here")
+
+    def _feed(self, word: str, words: list[str], feed: str) -> None:
+        letters = [item[0] for item in words]
+        if letters != ["X", "Y", "Z"]:
+            raise InputError(f"found {' '.join(letters)}; allowed: X Y Z")
+        target = {item[0]: self._machine.same(item[1:]) + self._machine.base.offset[item[0]] for item in words}
+        speed = self._machine.same(feed)
+        if word == "1":
+            self._machine.moves(target, ("back",), speed)
+        elif self._machine.walk.measures:
+            self._machine.measures(target, speed)
+        else:
+            self._machine.guarded(target, speed)
+        self._moving = word == "1"  # nothing is read ahead of the end of a G31
+
+    def _assignment(self, text: str, condition: str | None) -> Callable[[World], None]:
+        match = ASSIGN.fullmatch(text)
+        assert match is not None
+        number, value = int(match[1]), match[2]
+        if number == STOP:
+            if not re.fullmatch(r"\d{1,3}", value):
+                raise InputError(f"found the alarm {value}; allowed: a number")
+        elif number not in LOCAL and number not in COMMON:
+            raise InputError(f"found #{number} given a value; allowed: #1 … #33, #100 … #149")
+
+        def does(world: World) -> None:
+            if condition is not None and not self._machine.value(world, condition):
+                return
+            if number == STOP:
+                world.stopped = True
+                return
+            store = world.local[-1] if number in LOCAL else world.shared
+            store[number] = self._machine.value(world, value)
+
+        return does
+
+    def _call(self, number: int, words: list[str]) -> None:
+        if number not in self._macros or self._depth:
+            raise InputError(f"found a call of O{number}, which is not in this program")
+        arguments: dict[int | str, Value] = {}
+        for word in words:
+            if word[0] not in ARGUMENTS:
+                raise InputError(f"found the argument {word[0]}; allowed: {' '.join(ARGUMENTS)}")
+            arguments[ARGUMENTS[word[0]]] = float(word[1:])
+        self._depth += 1
+        for world in self._machine.worlds:
+            world.local.append(dict(arguments))
+        for line in self._macros[number]:
+            if COMMENT.sub("", line) == "M99":
+                break
+            try:
+                self.line(line)
+            except InputError as error:
+                raise InputError(f"in O{number}, {line!r}: {error}") from None
+        else:
+            raise InputError(f"O{number} has no M99")
+        for world in self._machine.worlds:
+            world.local.pop()
+        self._depth -= 1
+
+    def _read(self, world: World, key: int | str) -> Value:
+        assert isinstance(key, int)
+        if key == 0:
+            return None
+        if key in LOCAL and (key <= max(ARGUMENTS.values()) or key in world.local[-1]):
+            return world.local[-1].get(key)
+        kind, axis = divmod(key - 5000, 20)
+        if 5020 < key < 5080 and kind in (1, 2, 3) and axis in self._axis:
+            name = self._axis[axis]
+            if kind == 3:
+                return world.skip[name] - world.offset[name]
+            if self._moving:
+                raise InputError(f"#{key} is read before anything has waited for the axes to stand (G53)")
+            return world.position[name] - (world.offset[name] if kind == 2 else 0.0)
+        if key not in world.shared:
+            raise InputError(f"#{key} is read before it has a value")
+        return world.shared[key]
