@@ -52,11 +52,7 @@ def checked(outcomes: dict[str, list[bool]], chance: float) -> None:
     assert not low, low
 
 
-@pytest.mark.long
-def test_a_larger_sample_keeps_to_the_table() -> None:
-    checked(blind.campaign(1), 0.001)
-
-
 @pytest.mark.campaign
 def test_hundreds_of_trials_keep_to_the_table() -> None:
+    """Not reached yet where a slow drift is taken out of the catalogue (docs/diagnose.md says what is)."""
     checked(blind.campaign(15), 0.01)
