@@ -63,6 +63,8 @@ def record(line: str, letters: Sequence[str]) -> Event:
     if flag not in (0, 1, 2):
         return Refused(f"H{flag}: the flag is 0 (no contact), 1 (contact) or 2 (early contact)", line)
     position = {letter: float(values[letter]) for letter in letters if letter != SUM}
+    if SUM in values and _uneven([values[letter] for letter in (*position, SUM)]):
+        return Refused("numbers of different length from a control that prints zeros: characters were lost or doubled", line)
     if SUM in values and abs(float(values[SUM]) - sum(position.values())) > _rounding(
         [values[letter] for letter in (*position, SUM)]
     ):
@@ -70,6 +72,12 @@ def record(line: str, letters: Sequence[str]) -> Event:
             f"K{values[SUM]}: the coordinates add up to {sum(position.values()):.4f}: characters were lost or changed", line
         )
     return Touched(number, flag, position, line.strip())
+
+
+def _uneven(numbers: Sequence[str]) -> bool:
+    """decimal numbers → whether they differ in places although zeros at the end are printed: two losses can have one sum."""
+    places = [number.partition(".")[2] for number in numbers]
+    return any(place.endswith("0") for place in places) and len({len(place) for place in places}) > 1
 
 
 def _rounding(numbers: Sequence[str]) -> float:
