@@ -161,7 +161,8 @@ def _amount(step: Step, position: Array, errors: Errors) -> Array | float | None
 
 
 def _start(chain: Chain, position: Array, errors: Errors) -> Point:
-    offset = np.array([np.zeros(position.shape[:-1]) + errors.get(Slot("t", "stylus", i), 0.0) for i in range(3)])
+    given = [np.zeros(position.shape[:-1]) + errors.get(Slot("t", "stylus", i), 0.0) for i in range(3)]
+    offset = np.array(np.broadcast_arrays(*given))
     return [chain.tip[i] + np.tensordot(chain.spindle_frame[:, i], offset, 1) for i in range(3)]
 
 

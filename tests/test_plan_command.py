@@ -13,7 +13,7 @@ import pytest
 
 from postprocessors._base import mark_of
 from tango_cnc.cli import guarded, tango
-from tango_cnc.files import read_cell
+from tango_cnc.files import read_artefact, read_cell, read_strategy
 from tango_cnc.files.plan import plan_lines, read_plan, write_together
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError
@@ -93,6 +93,17 @@ def test_a_damaged_plan_csv_is_refused_by_line(cell: Path, old: str, new: str, m
     file.write_text(file.read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         read_plan(file, read_cell(cell).machine)
+
+
+def test_touches_that_measure_the_probe_come_with_the_files_that_read_them(cell: Path) -> None:
+    assert call("plan", "-C", cell, "--capability", "grid") == 0
+    folder = cell / "capability" / "grid"
+    whole = read_cell(cell)
+    artefact = read_artefact(folder / "artefact.yaml")
+    strategy = read_strategy(folder / "strategy.yaml", whole.machine, artefact)
+    planned = (folder / "plan.csv").read_text(encoding="utf-8").splitlines()
+    assert len(planned) - 1 == sum(len(i.facets) for i in strategy.indexations) > 1000
+    assert not (cell / "program").exists()
 
 
 def test_dry_run_prints_the_moves_and_writes_nothing(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

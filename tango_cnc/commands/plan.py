@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..files import read_cell
+from ..capability.programs import KINDS, Kind
+from ..capability.programs import program as capability_program
+from ..files import artefact_text, read_cell, strategy_text
 from ..files.plan import plan_lines, write_together
 from ..records import InputError, Plan
 from ._common import cell_option, json_option, table, write_json
@@ -29,9 +32,22 @@ NAMED = 3  # touches that a warning names
     show_default=True,
     help="Facets that face away from a straight probe: plan them with a warning, refuse the plan, or leave them out.",
 )
+@click.option(
+    "--capability",
+    type=click.Choice(KINDS),
+    help="Plan the touches that measure the probe instead, into capability/KIND/ with their artefact and strategy.",
+)
 @click.option("--dry-run", is_flag=True, help="Print the moves instead of writing anything.")
 @json_option
-def command(folder: Path, post: str | None, out: Path | None, obstructed: str, dry_run: bool, json_file: str | None) -> None:
+def command(
+    folder: Path,
+    post: str | None,
+    out: Path | None,
+    obstructed: str,
+    capability: Kind | None,
+    dry_run: bool,
+    json_file: str | None,
+) -> None:
     """Writes the NC program and plan.csv: where every touch happens and how the probe gets there."""
     from postprocessors import _base as posts
 
@@ -41,6 +57,9 @@ def command(folder: Path, post: str | None, out: Path | None, obstructed: str, d
     name = post or (cell.controller.post if cell.controller else None)
     if name is None and not dry_run:
         raise InputError(f"{folder / 'tango.yaml'}: no controller.post; state it there or with --post ({', '.join(posts.names())})")
+    if capability is not None:
+        artefact, strategy = capability_program(capability, cell.machine, cell.artefact, cell.strategy)
+        cell = replace(cell, artefact=artefact, strategy=strategy)
     made = planner.plan(cell, obstructed)
     for text in made.left_out:
         click.echo(f"left out: {text}", err=True)
@@ -58,8 +77,12 @@ def command(folder: Path, post: str | None, out: Path | None, obstructed: str, d
     file_name, program_mark, lines = posts.program(dialect, made, options, mark)
     settings = posts.settings(dialect, options)
     doubts = (*posts.unverified(dialect, options), *posts.reach(made), *proven(dialect.title, lines, made, settings))
-    target = out or folder / "program"
-    write_together({target / file_name: lines, target / "plan.csv": lambda: plan_lines(made)})
+    target = out or (folder / "program" if capability is None else folder / "capability" / capability)
+    files: dict[Path, Callable[[], Iterator[str]]] = {target / file_name: lines, target / "plan.csv": lambda: plan_lines(made)}
+    if capability is not None:
+        files[target / "artefact.yaml"] = lambda: iter(artefact_text(cell.artefact).splitlines())
+        files[target / "strategy.yaml"] = lambda: iter(strategy_text(cell.strategy).splitlines())
+    write_together(files)
     result = _result(made, name, target / file_name, target / "plan.csv", program_mark, mark, doubts)
     if not write_json(json_file, result):
         click.echo(_text(made, result))
