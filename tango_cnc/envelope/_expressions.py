@@ -11,8 +11,8 @@ Value = float | None  # None: a variable that holds nothing
 Get = Callable[[int | str], Value]
 Expression = Callable[[Get], Value]
 
-TOKEN = re.compile(r"\s*(\d+\.?\d*|\.\d+|#<[a-z_]+>|\*\*|[A-Z]{2,4}|[-+*/#\[\]])")
-FUNCTIONS: dict[str, Callable[[float], float]] = {"ABS": abs, "SQRT": math.sqrt, "FIX": math.trunc}
+TOKEN = re.compile(r"\s*(\d+\.?\d*|\.\d+|#<\w+>|\*\*|[A-Z]{2,4}|[-+*/#\[\]])")
+FUNCTIONS: dict[str, Callable[[float], float]] = {"ABS": abs, "SQRT": math.sqrt, "FIX": math.trunc, "POT": lambda a: a * a}
 LEVELS: tuple[dict[str, Callable[[float, float], float]], ...] = (
     {"AND": lambda a, b: float(bool(a) and bool(b)), "OR": lambda a, b: float(bool(a) or bool(b))},
     {

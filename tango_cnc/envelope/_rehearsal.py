@@ -20,10 +20,12 @@ NUMBER = r"-?\d+\.\d*"  # with its decimal point, without which controls count i
 SHORT = 3.0  # tolerances of the profile by which a protected move is stopped short
 TOLERANCE = 0.02  # mm, where the profile has none
 AWAY = 0.05  # deg by which a rotary axis has not arrived
+LAG = 5.0  # mm between where an axis stands and where the probe is said to have been met
 CHANGE = 0.003  # mm by which a work offset has changed
 SOON = 0.05  # mm after its start at which the earliest contact happens
 ZONE = 0.2  # mm before and behind the beginning of the search zone, where contacts are early and are none
 OFFSET = {"X": 11.25, "Y": -7.5, "Z": 203.5, "A": 3.0, "B": -2.0, "C": 31.0}  # machine minus work coordinates
+SPOILT = 77777.0  # in variables whose values are of the touch before
 ROUNDS = 20  # touches in a row without contact after which every program must have stopped
 MODAL = {"G21", "G40", "G49", "G80", "G90", "G94"}  # mm, no compensation of radius and length, no cycle, absolute, mm/min
 RESETS = re.compile(r"G(17|21|40|40\.1|49|50|50\.1|54|64|67|69|80|90|94|97|98|13\.1|15|25|160|234|254)")
@@ -66,8 +68,11 @@ class World:
 class Rehearsal:
     """A program on its way through all worlds; a family of dialects reads the lines and calls these methods."""
 
-    def __init__(self, plan: Plan, options: Mapping[str, Any], read: Callable[[World, int | str], Value]) -> None:
-        """plan, every option of its profile, how a variable of a world is read."""
+    def __init__(
+        self, plan: Plan, options: Mapping[str, Any], read: Callable[[World, int | str], Value], latches: bool = False
+    ) -> None:
+        """plan, every option of its profile, how a world's variable is read; whether the control latches machine positions."""
+        self._latches = latches
         self.plan, self.options, self._read = plan, options, read
         self.walk = Walk(plan)
         start = dict(self.walk.at)
@@ -148,14 +153,20 @@ class Rehearsal:
         start = dict(self.base.position)
         self.moves(target, ("retract", "clear", "approach"), feed)
         for world in self.worlds:
-            world.skip = dict(world.position)
+            world.skip, world.hit = dict(world.position), False
         short = SHORT * float(self.options.get("tolerance", TOLERANCE))
         for name, goal in target.items():
             way = start[name] - goal
             if abs(way) > short:
-                twin = self.base.twin("stop", f"a protected move has been stopped short in {name}")
-                twin.position[name] = twin.skip[name] = goal + max(min(way, short), -short)
-                self.doubts([twin])
+                for hit in (True, False) if self._latches else (True,):
+                    twin = self.base.twin("stop", f"a protected move has been stopped short in {name}")
+                    twin.hit = hit
+                    twin.position[name] = twin.skip[name] = goal + max(min(way, short), -short)
+                    self.doubts([twin])
+        if self._latches:
+            twin = self.base.twin("stop", "a protected move has met something at its very end")
+            twin.hit = True
+            self.doubts([twin])
 
     def measures(self, target: Mapping[str, float], feed: float) -> None:
         """A measuring move: contact where the plan expects it; beside it a miss, an early contact, a changed work offset."""
@@ -186,8 +197,11 @@ class Rehearsal:
         ]
         shifted = []
         for name in target:
-            world = base.twin("stop", f"the work offset of {name} has changed")
-            world.offset[name] += CHANGE
+            world = base.twin("stop", f"the {'latched position' if self._latches else 'work offset'} of {name} has changed")
+            if self._latches:
+                world.skip[name] += LAG
+            else:
+                world.offset[name] += CHANGE
             shifted.append(world)
         self.doubts([miss, *others, *shifted])
         self._silent, self._statements, self._owed = miss.twin("stop", "no touch finds anything any more"), [], True
@@ -263,7 +277,16 @@ class Rehearsal:
         if len(self.worlds) != TOLD:
             raise InputError("the program stops at a miss or an early contact instead of recording it")
         self.worlds, self._silent, self._owed = [self.base], None, False
+        self._forget(flag, *places.values())
         self.records += 1
+
+    def _forget(self, *texts: str) -> None:
+        """Spoils what has been recorded, so that the next touch cannot live on it."""
+        for text in texts:
+            key: int | str = int(text[1:]) if text[1:].isdigit() else text.strip("#<>")
+            for store in (self.base.shared, *self.base.local):
+                if key in store:
+                    store[key] = SPOILT
 
     def _within(self, feed: float, wanted: float) -> None:
         if abs(feed - wanted) > 1e-6:
