@@ -50,13 +50,13 @@ class Control:
         (self.folder / "tango.ngc").write_text("".join(f"{line}\n" for line in lines), encoding="ascii")
         for text in ("set mode mdi", "set mdi G53 G0 Z300", "set mode auto", f"set open {self.folder / 'tango.ngc'}", "set run"):
             self.say(text, 1.0)
-        error, end = "", time.monotonic() + 120
-        while time.monotonic() < end:
+        error, end, idle = "", time.monotonic() + 120, False
+        while not idle and time.monotonic() < end:
+            idle = "IDLE" in self.say("get program_status", 0.5)
+            # Asked after the state: what ended the program is told only once, and may come between the two questions.
             found = re.search(r"ERROR (?!OK)(.*)", self.say("get error"))
             error = found[1].strip() if found else error
-            if "IDLE" in self.say("get program_status", 0.5):
-                break
-        else:
+        if not idle:
             pytest.fail("the program did not end within two minutes")
         time.sleep(0.5)
         return (self.folder / "log.txt").read_text().splitlines(), error
