@@ -8,7 +8,7 @@ from linkparts import MARK, FakeClock, Memory, job
 from tango_cnc.link import dnc
 from tango_cnc.link.journal import Journal, read_journal
 from tango_cnc.link.session import Session
-from tango_cnc.records import LinkError
+from tango_cnc.records import InputError, LinkError
 
 GOOD = (
     "P1 H1 X20.0030 Y0.0000 Z50.0000 B0.0000 C0.0000",
@@ -183,3 +183,15 @@ def test_the_transcript_of_a_run_can_be_replayed(tmp_path):
     sent = "".join(line[3:] for line in lines if line.startswith("-> "))
     assert sent.encode().decode("unicode_escape") == dnc.tape(job().program).decode()
     assert any(line.startswith("<- \\x12TANGO START") for line in lines)
+
+
+def test_a_percent_sign_within_a_program_would_end_the_tape_and_is_refused():
+    with pytest.raises(InputError, match=r"program line 2: found '%_N_TANGO_MPF'.*ends the tape"):
+        dnc.tape("; TANGO\n%_N_TANGO_MPF\nM30\n")
+    with pytest.raises(InputError, match=r"program line 3: found '\(50%\)'"):
+        dnc.tape("%\nO1\n(50%)\nM30\n%\n")
+
+
+def test_blocks_have_an_even_number_of_characters_where_the_control_counts_them():
+    assert dnc.tape("%\nO0001\nG31 X25.\nM30\n%\n", even=True) == b"%\nO0001\nG31 X25. \nM30\n%\n"
+    assert all(len(line) % 2 for line in dnc.tape(job().program, even=True).decode().splitlines()[1:-1])

@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import hashlib
 import json
 import re
 import signal
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from postprocessors._base import BLANK, mark_of
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
 from tango_cnc.duration import duration
@@ -292,6 +294,20 @@ def test_a_program_that_tango_did_not_write_is_not_sent(cell, edit, why):
     result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--program", cell / "other.nc")
     assert result.code == 2
     assert why in result.err
+
+
+def test_a_program_that_does_not_do_what_its_plan_says_is_not_sent(cell):
+    """A mark that fits the text is no proof of it: the text itself is read back against the plan."""
+    Result("plan", "-C", cell)
+    text = (cell / "program" / "O8700.nc").read_text()
+    old = mark_of(text)
+    assert "G53 G0 C90." in text
+    text = text.replace("G53 G0 C90.", "G53 G0 C80.", 1).replace(old, BLANK)
+    text = text.replace(BLANK, hashlib.sha256(text.encode()).hexdigest()[:12].upper())
+    (cell / "forged.nc").write_text(text)
+    result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--program", cell / "forged.nc")
+    assert result.code == 2
+    assert "nothing was sent" in result.err
 
 
 def test_a_program_of_another_plan_is_not_sent(cell):

@@ -145,6 +145,12 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
                 f"{program_file}: found plan {other}; the cell makes plan {plan_hash(whole)}. "
                 "The files of the cell have changed since: write the program again with 'tango plan'"
             )
+        try:
+            doubts = proven(post.title, lambda: iter(text.splitlines()), whole, posts.settings(post, cell.controller.options))
+        except InputError as error:
+            raise InputError(f"{program_file}: {error}; nothing was sent") from None
+        for doubt in doubts:
+            click.echo(f"{program_file}: {doubt}", err=True)
         return Program(text, mark, letters)
     file_name, mark, lines = posts.program(post, part, cell.controller.options, plan_hash(part))
     proven(post.title, lines, part, posts.settings(post, cell.controller.options))

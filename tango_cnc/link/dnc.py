@@ -29,11 +29,17 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "start": ("now", "xon"),  # send at once, or when the control asks with DC1
     "eob": tuple(EOB),
     "bits": ("8", "7"),  # 7: the eighth bit is parity and is dropped
+    "tv": ("no", "even"),  # even: blocks get a blank where they need one to have an even number of characters (unverified)
 }
 
 
-def tape(program: str, eob: str = "\n") -> bytes:
-    """program text → bytes framed by `%` lines. Raises InputError for characters that the line would not carry."""
+def tape(program: str, eob: str = "\n", even: bool = False) -> bytes:
+    """program text, line end, whether blocks get an even number of characters → bytes framed by `%` lines.
+
+    Raises InputError for characters that the line would not carry.
+
+    A `%` within the program ends the tape for the control, and what follows would be read as the next program.
+    """
     lines = program.splitlines()
     for i, line in enumerate(lines, 1):
         if not line.isascii() or not (line.isprintable() or line.replace("\t", " ").isprintable()):
@@ -42,10 +48,16 @@ def tape(program: str, eob: str = "\n") -> bytes:
         lines.pop()
     if not lines:
         raise InputError("the program is empty: there is nothing to send")
-    if lines[0].strip() != "%":
-        lines.insert(0, "%")
-    if lines[-1].strip() != "%":
-        lines.append("%")
+    framed = lines[0].strip() == "%"
+    lines = [*([] if framed else ["%"]), *lines, *([] if lines[-1].strip() == "%" and len(lines) > 1 else ["%"])]
+    for at, line in enumerate(lines[1:-1], 1):
+        if "%" in line:
+            raise InputError(
+                f"program line {at + framed}: found {line!r}; allowed: % on the first and the last line alone: it ends the tape, "
+                "and the control would store half a program. Copy the program to the control, and read its records with file://"
+            )
+        if even and len(line) % 2 == 0:  # its line end would make it odd
+            lines[at] = line + " "
     return "".join(line + eob for line in lines).encode("ascii")
 
 
@@ -56,7 +68,7 @@ class Client:
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a program that cannot go over the line."""
         chosen = {name: options.get(name, allowed[0]) for name, allowed in OPTIONS.items()}
         self._job = job
-        self._data = tape(job.program, EOB[chosen["eob"]])
+        self._data = tape(job.program, EOB[chosen["eob"]], chosen["tv"] == "even")
         self._letters = (*job.letters, SUM) if SUMMED.search(job.program) else job.letters
         self._at = 0
         self._mask = 0x7F if chosen["bits"] == "7" else 0xFF
