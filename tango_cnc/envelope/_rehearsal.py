@@ -9,21 +9,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value, expression
 from ._walk import Walk
+from ._worlds import Place, World, latched_elsewhere, offset_changed, other_contacts, stopped_short
 
 NUMBER = r"-?\d+\.\d*"  # with its decimal point, without which controls count in thousandths
 SHORT = 3.0  # tolerances of the profile by which a protected move is stopped short
 TOLERANCE = 0.02  # mm, where the profile has none
 AWAY = 0.05  # deg by which a rotary axis has not arrived
-LAG = 5.0  # mm between where an axis stands and where the probe is said to have been met
-CHANGE = 0.003  # mm by which a work offset has changed
-SOON = 0.05  # mm after its start at which the earliest contact happens
-ZONE = 0.2  # mm before and behind the beginning of the search zone, where contacts are early and are none
 OFFSET = {"X": 11.25, "Y": -7.5, "Z": 203.5, "A": 3.0, "B": -2.0, "C": 31.0}  # machine minus work coordinates
 SPOILT = 77777.0  # in variables whose values are of the touch before
 ROUNDS = 20  # touches in a row without contact after which every program must have stopped
@@ -32,47 +28,27 @@ RESETS = re.compile(r"G(17|21|40|40\.1|49|50|50\.1|54|64|67|69|80|90|94|97|98|13
 TOLD = 5  # worlds that reach a record: the expected contact, a miss, and three other contacts
 PLACE = 2e-3  # mm or deg, of a recorded coordinate
 
-Statement = Callable[["World"], None]
-
-
-@dataclass
-class World:
-    """One machine that carries out the program."""
-
-    fate: str  # "stop", or the flag that the record must carry
-    what: str  # what has gone wrong
-    position: dict[str, float]
-    skip: dict[str, float]
-    offset: dict[str, float]
-    hit: bool = True
-    shared: dict[int | str, Value] = field(default_factory=dict)
-    local: list[dict[int | str, Value]] = field(default_factory=lambda: [{}])
-    branch: bool = True  # whether statements are carried out, within IF … ENDIF
-    stopped: bool = False
-
-    def twin(self, fate: str, what: str) -> World:
-        """→ the same machine at the same place in the program, of which something else becomes."""
-        return World(
-            fate,
-            what,
-            dict(self.position),
-            dict(self.skip),
-            dict(self.offset),
-            self.hit,
-            dict(self.shared),
-            [dict(frame) for frame in self.local],
-            self.branch,
-        )
+Statement = Callable[[World], None]
+Astray = Callable[[World, Place, Place], Iterable[World]]
 
 
 class Rehearsal:
     """A program on its way through all worlds; a family of dialects reads the lines and calls these methods."""
 
     def __init__(
-        self, plan: Plan, options: Mapping[str, Any], read: Callable[[World, int | str], Value], latches: bool = False
+        self,
+        plan: Plan,
+        options: Mapping[str, Any],
+        read: Callable[[World, int | str], Value],
+        latches: bool = False,
+        astray: Astray | None = None,
     ) -> None:
-        """plan, every option of its profile, how a world's variable is read; whether the control latches machine positions."""
+        """plan, every option of its profile, how a world's variable is read; whether the control latches machine positions.
+
+        `astray`: where else a measuring move may say that its contact was, which has to stop the program.
+        """
         self._latches = latches
+        self._astray = astray or (latched_elsewhere if latches else offset_changed)
         self.plan, self.options, self._read = plan, options, read
         self.walk = Walk(plan)
         start = dict(self.walk.at)
@@ -155,18 +131,7 @@ class Rehearsal:
         for world in self.worlds:
             world.skip, world.hit = dict(world.position), False
         short = SHORT * float(self.options.get("tolerance", TOLERANCE))
-        for name, goal in target.items():
-            way = start[name] - goal
-            if abs(way) > short:
-                for hit in (True, False) if self._latches else (True,):
-                    twin = self.base.twin("stop", f"a protected move has been stopped short in {name}")
-                    twin.hit = hit
-                    twin.position[name] = twin.skip[name] = goal + max(min(way, short), -short)
-                    self.doubts([twin])
-        if self._latches:
-            twin = self.base.twin("stop", "a protected move has met something at its very end")
-            twin.hit = True
-            self.doubts([twin])
+        self.doubts(stopped_short(self.base, start, target, short, self._latches))
 
     def measures(self, target: Mapping[str, float], feed: float) -> None:
         """A measuring move: contact where the plan expects it; beside it a miss, an early contact, a changed work offset."""
@@ -178,32 +143,10 @@ class Rehearsal:
         self.walk.linear(target, ("probe",))
         base.position = dict(self.walk.at) | {n: v for n, v in base.position.items() if n not in target}
         base.skip, base.hit = dict(base.position), True
-        length = sum((target[n] - start[n]) ** 2 for n in target) ** 0.5
         approach = self.plan.strategy.approach
         zone = max(approach.standoff - approach.search, 0.1 * approach.standoff)
-
-        def contact(flag: str, what: str, way: float) -> World:
-            world = base.twin(flag, what)
-            world.position.update({n: start[n] + (target[n] - start[n]) * way / length for n in target})
-            world.skip = dict(world.position)
-            return world
-
-        miss = contact("0", "nothing was touched", length)
-        miss.hit = False
-        others = [
-            contact("2", "the contact came at once", min(SOON, zone / 2)),
-            contact("2", "the contact came just before the search zone", zone - min(ZONE, zone / 4)),
-            contact("1", "the contact came at the beginning of the search zone", zone + ZONE),
-        ]
-        shifted = []
-        for name in target:
-            world = base.twin("stop", f"the {'latched position' if self._latches else 'work offset'} of {name} has changed")
-            if self._latches:
-                world.skip[name] += LAG
-            else:
-                world.offset[name] += CHANGE
-            shifted.append(world)
-        self.doubts([miss, *others, *shifted])
+        miss, *others = other_contacts(base, start, target, zone)
+        self.doubts([miss, *others, *self._astray(base, start, target)])
         self._silent, self._statements, self._owed = miss.twin("stop", "no touch finds anything any more"), [], True
 
     def _dies(self) -> None:
