@@ -21,6 +21,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from sim_controller.interpreters.grbl import switched_on
 from sim_controller.lines import PtyLine, TcpLine
 from sim_controller.motion import Skip
 from sim_controller.probing import home
@@ -89,7 +90,7 @@ def served(how: str, cell, made) -> str:
         if how == "dnc":
             tape(connection, made)
         elif how == "grbl":
-            session.device = grbl.Grbl(still, work={})  # type: ignore[arg-type]
+            session.device = switched_on(still)  # type: ignore[arg-type]
             grbl.serve(TcpLine(connection), session, True)  # type: ignore[arg-type]
         else:
             modbus.serve(TcpLine(connection), session, True)  # type: ignore[arg-type]

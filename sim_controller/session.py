@@ -67,7 +67,7 @@ class Session:
 
     def __init__(self, rig: Rig, setup: Setup, note: Callable[..., None] = lambda event, **data: None) -> None:
         self._rig, self._setup, self.note = rig, setup, note
-        self._language = language(setup.family)
+        self.family, self._language = setup.family, language(setup.family)
         self._profile = profile(self._language, rig.machine, setup.settings)
         self.buffer = setup.buffer
         self.device: Any = None  # of a protocol whose control outlives a connection

@@ -18,8 +18,8 @@ from linkparts import FakeClock, job
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
 
+from sim_controller.interpreters.grbl import switched_on
 from sim_controller.motion import Motion
-from sim_controller.protocols.grbl import Grbl
 from sim_controller.protocols.modbus import Registers
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._client import Failed, Job, Touched
@@ -237,7 +237,7 @@ def test_who_stops_the_run_leaves_the_probe_clear_of_the_table(protocol):
     """Ctrl-C: the move that is being made is waited for, then the probe goes up, and nothing else is asked for."""
     _, made, truth = scene()
     motion = Motion(truth)
-    device = Registers(motion) if protocol == "modbus" else Grbl(motion, work={})
+    device = Registers(motion) if protocol == "modbus" else switched_on(motion)
     numbers = tuple(touch.number for touch in made.touches)
     this = Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
     module = importlib.import_module(f"tango_cnc.link.{protocol}")

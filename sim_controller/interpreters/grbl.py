@@ -1,0 +1,258 @@
+"""grbl 1.1, grblHAL and FluidNC: lines answered with ok, `[PRB:…]` in machine coordinates, alarms that lock.
+
+There is no logic in this language: a line is a move, a setting or a question. What differs between the three is a row of
+`FIRMWARE`. Facts: gnea/grbl 1.1h (protocol.c, gcode.c, motion_control.c, report.c), grblHAL core of August 2026 (the same files and
+errors.h), FluidNC where it keeps to grbl. Searches away from contact (G38.4, G38.5) are not simulated and answered as unknown.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from tango_cnc.records import Machine
+
+from ..motion import Motion, MotionStop, Note
+from ._alarm import Alarm, Silence
+
+__all__ = ["Control", "Profile", "default_profile", "switched_on"]
+
+LETTERS = "XYZABC"
+WORDS = "FGMNPRST" + LETTERS
+MOTIONS = (0.0, 1.0, 38.2, 38.3)
+KNOWN = {*MOTIONS, 4, 17, 20, 21, 40, 49, 53, 54, 55, 56, 57, 58, 59, 80, 90, 91, 94}
+INCH = 25.4
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
+HINT = re.compile(r"\([^)]*\)?|;.*")
+
+
+@dataclass(frozen=True)
+class Firmware:
+    """What the three do differently."""
+
+    version: str  # answer to $I
+    room: int  # characters of a line
+    comments_count: bool  # whether blanks and comments are among them
+    letters: str  # axes that it can have
+    names_axes: bool  # $I says which
+    keeps_contact: bool  # a failed G38.2 shows the contact before it
+    repeats_errors: bool  # after an error nothing is executed before an empty line or a $-command
+    one_line_end: bool  # CR LF is one end of a line, not two
+    orients: bool  # knows M19
+
+
+FIRMWARE: Mapping[str, Firmware] = {
+    "grbl": Firmware("[VER:1.1h.20190825:]", 80, False, "XYZ", False, True, False, False, False),
+    "grblHAL": Firmware("[VER:1.1f.20260818:]", 256, True, LETTERS, True, False, True, True, True),
+    "FluidNC": Firmware("[VER:3.9 FluidNC v3.9.1:]", 255, False, LETTERS, False, True, False, False, False),
+}
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Firmware and settings of the control."""
+
+    firmware: Literal["grblHAL", "grbl", "FluidNC"] = "grblHAL"
+    inches: bool = False  # $13: positions are shown in inches, whatever G20 and G21 say
+    protection: bool = True  # $65 bit 5 of grblHAL, probe_hard_limit of FluidNC: contact in any other move is an alarm
+    probe_reports: bool = True  # $10 bit 7 of grblHAL: a search is answered with [PRB:…]
+    g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
+
+
+def default_profile(machine: Machine) -> Profile:
+    """machine → grblHAL with all of its axes."""
+    return Profile()
+
+
+def switched_on(motion: Motion, note: Note = lambda event, **data: None, **settings: Any) -> Control:
+    """motion, fields of the profile → a control whose answers nobody punches."""
+    return Control(motion, Profile(**settings), lambda data: None, note)
+
+
+class Control:
+    """The control as its line hears it: `line` executes one, `report` answers the ?."""
+
+    def __init__(
+        self, motion: Motion, profile: Profile, punch: Callable[[bytes], None], note: Note, library: Iterable[str] = ()
+    ) -> None:
+        self.motion, self.profile, self._punch, self._note = motion, profile, punch, note
+        self.kind = FIRMWARE[profile.firmware]
+        self.axes = tuple(name for name in self.kind.letters if name in motion.machine.names)
+        self.state = "Idle"
+        self._probed, self._flag = dict.fromkeys(self.axes, 0.0), 0
+        self._modal, self._relative, self._inch, self._feed = 0.0, False, False, 0.0
+        self._error = "ok"
+        self._silent = False
+
+    def run(self, lines: Iterable[str], streamed: bool) -> None:
+        """lines of a file → executed one by one, their answers sent. Raises Alarm and Silence where it locks or falls silent."""
+        for line in lines:
+            answers = self.line(line)
+            self._punch("".join(f"{answer}\r\n" for answer in answers).encode("ascii"))
+            if self._silent:
+                raise Silence
+            if self.state != "Idle":
+                raise Alarm(next((a for a in answers if a.startswith("ALARM:")), self.state), "locked", line)
+            if answers and answers[-1].startswith("error:"):
+                raise Alarm(answers[-1], "refused", line)
+
+    def report(self) -> list[str]:
+        """→ the answer to ?; nothing when its power is gone."""
+        pin = "|Pn:P" if self.motion.deflected else ""
+        return [] if self._silent else [f"<{self.state}|MPos:{self._shown(self._place())}|FS:0,0{pin}>"]
+
+    def line(self, text: str) -> list[str]:
+        """one line without its end → what is answered."""
+        if self._silent:
+            return []
+        code = HINT.sub("", text).replace(" ", "").replace("\t", "").upper()
+        if len(text.lstrip() if self.kind.comments_count else code) >= self.kind.room:
+            return self._told(["error:11"])
+        if not code:
+            return self._told(["ok"])
+        if code.startswith("$"):
+            return self._told(self._dollar(code))
+        if self.state != "Idle":
+            self._note("unsafe", why=f"{text} in alarm")
+            return self._told(["error:9"])
+        if self.kind.repeats_errors and self._error != "ok":
+            return [self._error]
+        try:
+            return self._told(self._block(code))
+        except MotionStop as stop:
+            return self._stopped(stop)
+
+    def _told(self, answers: list[str]) -> list[str]:
+        self._error = answers[-1]
+        return answers
+
+    def _stopped(self, stop: MotionStop) -> list[str]:
+        """What ended a motion → what is said of it."""
+        if str(stop) == "silence":
+            self._silent = True
+            return []
+        self.state = "Door:0" if str(stop) == "door" else "Alarm"
+        self._note("alarm", text=str(stop))
+        guarded = self.profile.protection and self.profile.firmware != "grbl"
+        alarm = {"overtravel": "ALARM:2", "collision": "ALARM:13" if guarded else "ALARM:1"}.get(stop.cause, "ALARM:3")
+        return [] if str(stop) == "door" else [alarm]
+
+    def _dollar(self, text: str) -> list[str]:
+        if text == "$X":
+            self.state = "Idle"
+            return ["[MSG:Caution: Unlocked]", "ok"]
+        zero = self._shown(dict.fromkeys(self.axes, 0.0))
+        named = [f"[AXS:{len(self.axes)}:{''.join(self.axes)}]"] if self.kind.names_axes else []
+        frames = [f"[G{g}:{self._shown(self._work()) if g == 54 else zero}]" for g in range(54, 60)]
+        others = [f"[{name}:{zero}]" for name in ("G28", "G30", "G92")]
+        answers = {
+            "$I": [self.kind.version, "[OPT:VNMSL,100,1024]", *named],
+            "$$": [f"$10={511 if self.profile.probe_reports else 383}", f"$13={int(self.profile.inches)}", "$22=0"],
+            "$G": [
+                f"[GC:G{self._modal:g} G54 G17 G{20 if self._inch else 21} G{91 if self._relative else 90} G94 M5 M9 T0 F0. S0.]"
+            ],
+            "$#": [*frames, *others, "[TLO:0.000]", f"[PRB:{self._shown(self._probed)}:{self._flag}]"],
+        }
+        return [*answers[text], "ok"] if text in answers else ["error:3"]
+
+    def _block(self, text: str) -> list[str]:
+        """condensed line → everything is checked before anything is done."""
+        words: list[tuple[str, float]] = []
+        at = 0
+        while at < len(text):
+            if not "A" <= text[at] <= "Z":
+                return ["error:1"]
+            number = NUMBER.match(text, at + 1)
+            if number is None:
+                return ["error:2"]
+            words.append((text[at], float(number[0])))
+            at = number.end()
+        codes = [number for letter, number in words if letter == "G"]
+        others = [letter for letter, _ in words if letter != "G"]
+        values = {letter: number for letter, number in words if letter != "G"}
+        motions = [code for code in codes if code in MOTIONS]
+        orient = values.get("M") == 19 and self.kind.orients
+        if any(code not in KNOWN for code in codes) or any(letter not in WORDS for letter in others):
+            return ["error:20"]
+        if any(letter in LETTERS and letter not in self.axes for letter in others) or ("M" in values and not orient):
+            return ["error:20"]
+        if len(motions) > 1:
+            return ["error:21"]
+        if len(set(others)) != len(others):
+            return ["error:25"]
+        if values.get("F", 0.0) < 0:
+            return ["error:4"]
+        motion = motions[0] if motions else self._modal
+        if 53 in codes and motion > 1:
+            return ["error:30"]
+        self._modal, self._feed = motion, values.get("F", self._feed)
+        self._relative = (self._relative or 91 in codes) and 90 not in codes
+        self._inch = (self._inch or 20 in codes) and 21 not in codes
+        return self._done(codes, values, orient)
+
+    def _done(self, codes: list[float], values: Mapping[str, float], orient: bool) -> list[str]:
+        if 4 in codes:
+            self.motion.dwell(values.get("P", 0.0))
+            return ["ok"] if "P" in values else ["error:28"]
+        if orient:
+            self.motion.rapid({"S": math.radians(values.get("R", 0.0))})
+            return ["ok"]
+        if not any(name in values for name in self.axes):
+            return ["error:26"] if any(code >= 38 and code in MOTIONS for code in codes) else ["ok"]
+        target = self._target(values, 53 in codes)
+        if self._modal and not self._feed:
+            return ["error:22"]
+        feed = self._feed * (INCH if self._inch else 1.0)
+        if self._modal >= 38:
+            return self._probe(target, feed)
+        if self._modal == 1:
+            self.motion.feed(target, feed)
+        else:
+            self.motion.rapid(target)
+        return ["ok"]
+
+    def _target(self, values: Mapping[str, float], machine: bool) -> dict[str, float]:
+        here, work = self._place(), self._work()
+        found = {}
+        for name in self.axes:
+            if name in values:
+                base = here[name] if self._relative else 0.0 if machine else work[name]
+                value = base + values[name] * (INCH if self._inch and name in "XYZ" else 1.0)
+                found[name] = value if name in "XYZ" else math.radians(value)
+        return found
+
+    def _probe(self, target: Mapping[str, float], feed: float) -> list[str]:
+        here = self._place()
+        if all(abs((v if n in "XYZ" else math.degrees(v)) - here[n]) < 1e-6 for n, v in target.items()):
+            return ["error:33"]
+        skip = self.motion.skip(target, feed)
+        if skip.already:
+            self.state, self._flag = "Alarm", 0
+            self._note("alarm", text="4")
+            return ["ALARM:4", "ok"]
+        failed = not skip.hit and self._modal == 38.2
+        self._flag = int(skip.hit)
+        if not (failed and self.kind.keeps_contact):
+            self._probed = self._place(skip.position)
+        shown = [f"[PRB:{self._shown(self._probed)}:{self._flag}]"] if self.profile.probe_reports else []
+        if failed:
+            self.state = "Alarm"
+            return ["ALARM:5", *shown, "ok"]
+        return [*shown, "ok"]
+
+    def _work(self) -> dict[str, float]:
+        return {name: float(self.profile.g54.get(name, 0.0)) for name in self.axes}
+
+    def _place(self, position: object = None) -> dict[str, float]:
+        values = self.motion.position if position is None else position
+        named = dict(zip(self.motion.machine.names, map(float, values), strict=True))  # type: ignore[call-overload]
+        return {name: named[name] if name in "XYZ" else math.degrees(named[name]) for name in self.axes}
+
+    def _shown(self, place: Mapping[str, float]) -> str:
+        """{axis: mm, deg} → the numbers as grbl shows them: three places in mm, four in inches."""
+        if self.profile.inches:
+            return ",".join(f"{v / INCH:.4f}" if name in "XYZ" else f"{v:.3f}" for name, v in place.items())
+        return ",".join(f"{v:.3f}" for v in place.values())
