@@ -156,7 +156,7 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move: mostly MB has done it."""
     words = " ".join(f"{name}{_number(job, leg.to[name])}" for name in "XYZ")
-    yield f"L {words} F{job.options['positioning_feed']:.0f} M91"
+    yield f"L {words} F{_feed(job.options['positioning_feed'])} M91"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
@@ -196,7 +196,7 @@ def _guarded(job: Job) -> Iterator[str]:
         yield f"{NOW[name]} = {TARGET[name]} - {NOW[name]}"
     yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
     yield f"FN 12: IF +{WAY} LT +0.001 GOTO LBL 11"
-    yield from _tch_probe(f"{job.options['positioning_feed']:.0f}", "+0")
+    yield from _tch_probe(_feed(job.options["positioning_feed"]), "+0")
     yield f"FN 11: IF +{NONE} GT -0.5 GOTO LBL {MET}"
     yield "FN 20: WAIT FOR SYNC"
     yield "Q35 = 0"
@@ -214,7 +214,7 @@ def _measuring(job: Job) -> Iterator[str]:
     for name in "XYZ":
         yield f"{NOW[name]} = {TARGET[name]} - {START[name]}"
     yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
-    yield from _tch_probe(f"{job.plan.strategy.approach.feed:.0f}", f"+{search_distance(job.plan):.4f}")
+    yield from _tch_probe(_feed(job.plan.strategy.approach.feed), f"+{search_distance(job.plan):.4f}")
     yield "FN 20: WAIT FOR SYNC"
     for name, parameter in zip(job.machine.rotary, ROTARY, strict=False):
         yield _read(job, parameter, name)
@@ -282,6 +282,11 @@ def _number(job: Job, value: float) -> str:
     number(value, decimals)
     text = f"{value:+.{decimals}f}"
     return text.replace("-", "+") if float(text) == 0 else text
+
+
+def _feed(value: float) -> str:
+    """mm/min → '180' or '999.5'."""
+    return number(value, 3).rstrip(".")
 
 
 def _check(job: Job) -> None:

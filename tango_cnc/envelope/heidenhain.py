@@ -1,0 +1,310 @@
+"""Klartext programs for Heidenhain controls: TCH PROBE 4 says −1 when it meets nothing, the text itself has to look and to stop.
+
+Facts, as far as they are known: M91 makes the targets of one block machine positions; FN 18 ID240 NR1 is where an axis stands,
+true behind FN 20 WAIT FOR SYNC only; TCH PROBE 4 goes DIST along IX IY IZ and puts the contact into three Q parameters and 0
+or −1 into the fourth, MB takes it back after a contact; labels behind M30 are called up to their LBL 0; Q parameters are global.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from ..records import InputError, Plan
+from ._expressions import Value
+from ._klartext import Texts, labels, spelt
+from ._rehearsal import SPOILT, Rehearsal, at_line, numbered
+from ._walk import PROTECTED
+from ._worlds import World, beside_the_line
+
+SIGNED = r"[+-]\d+\.\d+"
+BACK = re.compile(rf"L X({SIGNED}) Y({SIGNED}) Z({SIGNED}) F(\d+\.?\d*) M91")
+TURN = re.compile(rf"L ([ABC])({SIGNED}) FMAX M91")
+ANGLE = re.compile(rf"CYCL DEF 13\.1 ANGLE({SIGNED})")
+READ = re.compile(r"FN 18: SYSREAD (Q\d+) = ID240 NR1 IDX([1-9])")
+ASSIGN = re.compile(r"(Q\d+) = ([^\"|]+)")
+TEXT = re.compile(r"(QS\d) = (.+)")
+JUMP = re.compile(r"FN (9|10|11|12): IF ([+-](?:Q\d+|\d+\.?\d*)) (EQU|NE|GT|LT) ([+-](?:Q\d+|\d+\.?\d*)) GOTO LBL (\d+)")
+COMPARES = {"9": ("EQU", "EQ"), "10": ("NE", "NE"), "11": ("GT", "GT"), "12": ("LT", "LT")}
+CALL = re.compile(r"CALL LBL (\d+)")
+PRINT = re.compile(r"FN 16: F-PRINT (\S+) / (\S+)")
+PROBE = (
+    re.compile(r"TCH PROBE 4\.0 MEASURING IN 3-D"),
+    re.compile(r"TCH PROBE 4\.1 Q(\d+)"),
+    re.compile(r"TCH PROBE 4\.2 IX\+(Q\d+) IY\+(Q\d+) IZ\+(Q\d+)"),
+    re.compile(r"TCH PROBE 4\.3 DIST\+(Q\d+) F(\d+\.?\d*) MB\+(\d+\.?\d*) REFERENCE SYSTEM: 1"),
+)
+MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
+BEGIN, END = re.compile(r"BEGIN PGM (\S+) MM"), "END PGM {} MM"
+FOLLOWS = {"CYCL DEF 10.1 ROT+0": "CYCL DEF 10.0 ROTATION", "CYCL DEF 13.1": "CYCL DEF 13.0 ORIENTATION", "M19": "CYCL DEF 13.1"}
+SURE = "G21 G40 G49 G80 G90 G94"  # MM in the first block; M91, no R, no cycle and F in the blocks that move
+AHEAD = "ahead of"  # the label that a world is on its way to
+
+
+def reads(head: list[str]) -> bool:
+    """first lines of a program → whether it is of this family."""
+    return any(re.match(r"\d+ BEGIN PGM ", line) for line in head[:2])
+
+
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
+    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+    at = 0, ""
+    program: _Program | None = None
+    try:
+        for at in numbered(_blocks(lines())):
+            program = program or _Program(plan, options, labels(block for _, block in numbered(_blocks(lines()))))
+            if not program.over:
+                program.line(at[1])
+        if program is None:
+            raise InputError("an empty program")
+        program.finish(at[1])
+    except InputError as error:
+        raise at_line(*at, error) from None
+
+
+def _blocks(lines: Iterable[str]) -> Iterator[str]:
+    """lines → blocks without their numbers. Raises InputError unless they count from 0."""
+    for wanted, line in enumerate(lines):
+        number, _, block = line.strip().partition(" ")
+        if number != str(wanted):
+            raise InputError(f"found the block number {number} in {line[:60]!r}; allowed: {wanted}")
+        yield block
+
+
+class _Program:
+    """Block by block."""
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any], bodies: Mapping[str, list[str]]) -> None:
+        self._machine = Rehearsal(plan, options, self._read, latches=True, astray=beside_the_line)
+        self._options, self._bodies = options, bodies
+        self._stops = {label for label, body in bodies.items() if body == ["STOP", "M30"]}
+        names = options.get("axis_numbers") or {name: i for i, name in enumerate("XYZABC", 1)}
+        self._axis = {str(number): name for name, number in names.items()}
+        self._head = {"CYCL DEF 10.1 ROT+0"} | {
+            words
+            for option, words in (("plane_reset", "PLANE RESET STAY"), ("tcpm_reset", "FUNCTION RESET TCPM"), ("shortest", "M126"))
+            if options.get(option)
+        }
+        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))} | {"CYCL DEF 10.0 ROTATION"}
+        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+        self._words |= {"CYCL DEF 13.0 ORIENTATION"}
+        self._texts = Texts()
+        self._name, self._mark, self._before = "", "", ""
+        self._probing: list[re.Match[str]] = []
+        self._angle = 0.0
+        self._ahead: list[str] = []  # what is left of the label that is carried out
+        self._depth = 0
+        self._moving = True
+        self.over = False
+
+    def finish(self, last: str) -> None:
+        """last block of the file. Raises InputError when the program has stopped too soon."""
+        if not (self.over and self._machine.ended and last == END.format(self._name)):
+            raise InputError("the program ends without end mark, M30 or END PGM")
+
+    def line(self, block: str) -> None:
+        """One block. Raises InputError when it must not reach a machine."""
+        if match := MARK.match(block):
+            self._mark = match[1]
+        if match := BEGIN.fullmatch(block):
+            self._begin(match[1])
+        code = block.partition(";")[0].strip()
+        if not code or not self._name or BEGIN.fullmatch(block):
+            if code and not self._name:
+                raise InputError("found no BEGIN PGM … MM")
+            return
+        if self._probing or code.startswith("TCH PROBE"):
+            self._probe(code)
+        elif match := JUMP.fullmatch(code):
+            self._jump(match)
+        elif match := READ.fullmatch(code):
+            self._system(match[1], match[2])
+        elif match := ASSIGN.fullmatch(code):
+            self._texts.changed(match[1])
+            self._machine.does(_unless_ahead(self._assignment(match[1], spelt(match[2]))))
+        elif self._depth and (match := re.fullmatch(r"LBL ([1-9]\d*)", code)):
+            self._machine.does(_arrival(match[1]))
+        else:
+            self._one_way(code)
+        self._before = code
+
+    def _begin(self, name: str) -> None:
+        if self._name:
+            raise InputError("a second BEGIN PGM")
+        self._name = name
+
+    def _one_way(self, code: str) -> None:
+        """Blocks that all worlds carry out: none of them is on its way to a label."""
+        machine = self._machine
+        if any(AHEAD in world.shared for world in machine.worlds):
+            if code != "FN 20: WAIT FOR SYNC":
+                raise InputError("depends on where the probe was met")
+            return
+        for begins, wanted in FOLLOWS.items():
+            if code.startswith(begins) and not self._before.startswith(wanted):
+                raise InputError(f"found {code} without {wanted} before it")
+        if code == "FN 20: WAIT FOR SYNC":
+            self._moving = False
+        elif code in self._head:
+            self._head.discard(code)
+        elif code in self._words:
+            return
+        elif match := ANGLE.fullmatch(code):
+            self._angle = float(match[1])
+        elif match := TEXT.fullmatch(code):
+            self._texts.assign(match[1], match[2])
+        elif match := PRINT.fullmatch(code):
+            self._print(match[1], match[2])
+        elif self._depth:
+            raise InputError("no block that a label of this program may have")
+        elif code == "M30":
+            machine.watched()
+            self.over = True
+        elif code == "M19":
+            machine.turns("S", self._angle, False)
+        elif match := TURN.fullmatch(code):
+            machine.turns(match[1], float(match[2]), True)
+            self._moving = True
+        elif match := BACK.fullmatch(code):
+            target = {name: float(text) for name, text in zip("XYZ", match.groups()[:3], strict=True)}
+            machine.moves(target, ("back",), float(match[4]))
+            self._moving = True
+        elif match := CALL.fullmatch(code):
+            self._call(match[1])
+        else:
+            raise InputError("no block that a program of this kind may have here")
+
+    def _call(self, label: str) -> None:
+        if label not in self._bodies or label in self._stops:
+            raise InputError(f"found a call of label {label}, which is not behind M30 or has no LBL 0")
+        self._depth += 1
+        body = self._bodies[label]
+        for i, block in enumerate(body):
+            self._ahead = body[i + 1 :]
+            try:
+                self.line(block)
+            except InputError as error:
+                raise InputError(f"in label {label}, {block!r}: {error}") from None
+        if self._probing or any(AHEAD in world.shared for world in self._machine.worlds):
+            raise InputError(f"label {label} ends within a TCH PROBE, or before a place that it jumps to")
+        self._ahead = []
+        self._depth -= 1
+
+    def _jump(self, match: re.Match[str]) -> None:
+        function, left, compare, right, label = match.groups()
+        theirs, ours = COMPARES[function]
+        if compare != theirs:
+            raise InputError(f"found FN {function} with {compare}; allowed: {theirs}")
+        if label not in self._stops and f"LBL {label}" not in self._ahead:
+            raise InputError(f"label {label} is no place where this program stops for good, and not further on in this label")
+        condition = f"[{spelt(left)}] {ours} [{spelt(right)}]"
+
+        def does(world: World) -> None:
+            if self._machine.value(world, condition):
+                world.stopped = label in self._stops
+                world.shared[AHEAD] = float(label)
+
+        self._machine.does(_unless_ahead(does))
+
+    def _system(self, parameter: str, number: str) -> None:
+        name = self._axis.get(number, "")
+        if name not in self._machine.base.position:
+            raise InputError(f"found axis number {number}; allowed: {' '.join(sorted(self._axis))}")
+        if self._moving and any(AHEAD not in world.shared for world in self._machine.worlds):
+            raise InputError(f"{name} is read before anything has waited for the axes to stand (FN 20)")
+        self._texts.changed(parameter)
+
+        def does(world: World) -> None:
+            world.shared[parameter] = world.position[name]
+
+        self._machine.does(_unless_ahead(does))
+
+    def _assignment(self, parameter: str, expression: str) -> Callable[[World], None]:
+        def does(world: World) -> None:
+            world.shared[parameter] = self._machine.value(world, expression)
+
+        return does
+
+    def _probe(self, code: str) -> None:
+        """One of the four blocks of TCH PROBE 4; at the last one the axes move."""
+        match = PROBE[len(self._probing)].fullmatch(code)
+        if match is None:
+            raise InputError("no block that TCH PROBE 4 in machine coordinates may have")
+        self._probing.append(match)
+        if len(self._probing) == len(PROBE):
+            _, results, way, dist = self._probing
+            self._probing = []
+            self._drive(int(results[1]), way.groups(), dist[1], float(dist[2]), float(dist[3]))
+
+    def _drive(self, result: int, way: Iterable[str], distance: str, feed: float, back: float) -> None:
+        machine = self._machine
+        skipped = [AHEAD in world.shared for world in machine.worlds]
+        if any(skipped):
+            if not all(skipped):
+                raise InputError("moves in some cases only")
+            machine.moves({name: machine.base.position[name] for name in "XYZ"}, PROTECTED, feed)
+            return
+        machine.watched()
+        start = dict(machine.base.position)
+        along = {name: machine.same(spelt(text)) for name, text in zip("XYZ", way, strict=True)}
+        size = sum(a**2 for a in along.values()) ** 0.5
+        if not size > 0:
+            raise InputError("found a probing direction of length 0")
+        gone = machine.same(spelt(distance)) / size
+        target = {name: start[name] + gone * a for name, a in along.items()}
+        for i in range(4):
+            self._texts.changed(f"Q{result + i}")
+        if machine.walk.measures:
+            machine.measures(target, feed)
+        else:
+            machine.guarded(target, feed)
+        self._moving = True
+
+        def results(world: World) -> None:
+            for i, name in enumerate("XYZ"):
+                world.shared[f"Q{result + i}"] = world.skip[name] if world.hit else SPOILT
+            world.shared[f"Q{result + 3}"] = 0.0 if world.hit else -1.0
+            went = sum((world.position[n] - start[n]) * along[n] / size for n in along)
+            if world.hit and back:
+                world.position.update({n: world.position[n] - min(back, went) * along[n] / size for n in along})
+
+        machine.does(results)
+
+    def _print(self, mask: str, output: str) -> None:
+        if (mask, output) != (self._options.get("mask"), self._options.get("output")):
+            raise InputError(f"found the files {mask} and {output}; allowed: those of the profile")
+        kind, values = self._texts.printed()
+        if kind == "start":
+            if self._head:
+                raise InputError(f"the program begins without {' or '.join(sorted(self._head))}")
+            self._machine.reset(SURE)
+            self._machine.start(values[0], float(values[1]), self._mark)
+        elif kind == "end":
+            self._machine.end(float(values[0]))
+        else:
+            number, flag, *places = values
+            self._machine.record(number, flag, {text[0]: text[1:] for text in places})
+
+    def _read(self, world: World, key: int | str) -> Value:
+        if key not in world.shared:
+            raise InputError(f"{key} is read before it has a value")
+        return world.shared[key]
+
+
+def _unless_ahead(statement: Callable[[World], None]) -> Callable[[World], None]:
+    """→ the statement, which a world on its way to a label leaves out."""
+
+    def does(world: World) -> None:
+        if AHEAD not in world.shared:
+            statement(world)
+
+    return does
+
+
+def _arrival(label: str) -> Callable[[World], None]:
+    def does(world: World) -> None:
+        if world.shared.get(AHEAD) == float(label):
+            del world.shared[AHEAD]
+
+    return does
