@@ -25,6 +25,8 @@ WORDS = "FGMNPRST" + LETTERS
 MOTIONS = (0.0, 1.0, 38.2, 38.3)
 KNOWN = {*MOTIONS, 4, 17, 20, 21, 40, 49, 53, 54, 55, 56, 57, 58, 59, 80, 90, 91, 94}
 INCH = 25.4
+RESET = 0x18
+REALTIME = {ord("?"), ord("!"), ord("~"), RESET, *range(0x80, 0x100)}  # acted on wherever they stand, unknown ones dropped
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 HINT = re.compile(r"\([^)]*\)?|;.*")
 
@@ -115,15 +117,37 @@ class Control:
             return self._told(["ok"])
         if code.startswith("$"):
             return self._told(self._dollar(code))
+        if self.state == "Hold:0":
+            self._note("unsafe", why=f"{text} in hold")
+            return []
         if self.state != "Idle":
             self._note("unsafe", why=f"{text} in alarm")
             return self._told(["error:9"])
         if self.kind.repeats_errors and self._error != "ok":
             return [self._error]
+        self.state = "Run"
         try:
-            return self._told(self._block(code))
+            answers = self._block(code)
         except MotionStop as stop:
             return self._stopped(stop)
+        self.state = "Idle" if self.state == "Run" else self.state
+        return self._told(answers)
+
+    def realtime(self, code: int) -> list[str]:
+        """character that is part of no line (`REALTIME`) → what is answered at once."""
+        if code == ord("?"):
+            return self.report()
+        if self._silent:
+            return []
+        if code == RESET:
+            self._modal, self._relative, self._inch, self._feed, self._error = 0.0, False, False, 0.0, "ok"
+            self.state = "Alarm" if self.state in ("Alarm", "Run") else "Idle"
+            return ["", "Grbl 1.1f ['$' for help]"]
+        if code == ord("!") and self.state in ("Idle", "Run"):
+            self.state = "Hold:0"
+        elif code == ord("~") and self.state == "Hold:0":
+            self.state = "Idle"
+        return []
 
     def _told(self, answers: list[str]) -> list[str]:
         self._error = answers[-1]

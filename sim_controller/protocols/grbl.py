@@ -8,7 +8,7 @@ from __future__ import annotations
 import queue
 import threading
 
-from ..interpreters.grbl import Control, switched_on
+from ..interpreters.grbl import REALTIME, RESET, Control, switched_on
 from ..lines import Line
 from ..session import Session
 
@@ -33,18 +33,36 @@ def serve(line: Line, session: Session, once: bool) -> None:
             say(control.line(lines.get()))
 
     threading.Thread(target=work, daemon=True).start()
-    text, before = bytearray(), 0
+    into = Input(control.kind.one_line_end)
     while True:
         data = line.receive(0.05)
         session.received(len(data))
         for byte in data:
-            if byte == ord("?"):
-                say(control.report())
-            elif byte in b"\r\n":
-                pair = control.kind.one_line_end and not text and before and before != byte
-                if not pair:
-                    lines.put(text.decode("latin-1").strip())
-                before = 0 if pair else byte
-                text.clear()
-            else:
-                text.append(byte)
+            taken = into.take(byte)
+            if isinstance(taken, int):
+                say(control.realtime(taken))
+            elif taken is not None:
+                lines.put(taken)
+
+
+class Input:
+    """Characters as they come → complete lines and real-time characters; what a connection that ends leaves of a line stays."""
+
+    def __init__(self, one_line_end: bool) -> None:
+        """whether CR LF is one end of a line, not two → nothing taken yet."""
+        self._one, self._text, self._before = one_line_end, bytearray(), 0
+
+    def take(self, byte: int) -> str | int | None:
+        """character → the line that it ends, itself when it is a real-time one, else None."""
+        if byte in REALTIME:
+            if byte == RESET:
+                self._text.clear()
+            return byte
+        if byte not in b"\r\n":
+            self._text.append(byte)
+            return None
+        pair = self._one and not self._text and self._before not in (0, byte)
+        self._before = 0 if pair else byte
+        line = self._text.decode("latin-1").strip()
+        self._text.clear()
+        return None if pair else line

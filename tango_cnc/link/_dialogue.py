@@ -8,10 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
+from ..records import Machine, Move, Touch
 from ._client import Event, Failed
 
 LINE_LIMIT = 1024  # characters kept of a line that does not end
 Talk = Generator[str, str, None]
+
+
+def low(move: Move, touch: Touch, machine: Machine) -> bool:
+    """move that has been made, its touch → whether the probe is now lower than where nothing of the table reaches."""
+    if move.kind in ("approach", "probe", "back"):
+        return True
+    place = {"retract": touch.leave, "clear": touch.enter}.get(move.kind)
+    return place is not None and place != touch.over and all(place[machine.column(n)] == v for n, v in move.target.items())
 
 
 class Stop(Exception):

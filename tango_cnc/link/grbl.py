@@ -1,14 +1,16 @@
 """grbl 1.1, grblHAL, FluidNC: one line in flight, each waited for; the plan goes out move by move, the status is asked meanwhile.
 
-    $I $$ $G $# ? ▶ { G38.3 guarded moves · G0 rotary axes · G38.3 measuring, $# once more, G1 back } per touch
+    $I $$ $G $# ? ▶ { G38.3 guarded moves · G0 rotary axes · G38.3 measuring, $# once more, G91 G1 off the facet } per touch
 
 The facts are of the sources of grbl and grblHAL: a probing move ends in `[PRB:…:1]` or `:0`, then `ok`; the flag decides, as
 some report the contact before when they miss. Its numbers are machine coordinates, in inches when `$13` says so, whatever G21
 says. A probe that is on when a search begins is ALARM:4 without `[PRB]`. CR LF would be answered twice, so lines end with LF;
 an `ok` that answers nothing is found by the `[PRB]` that is missing before it and by the place that is asked for after
 every move. Positioning is a probing move as well, so that it stops when the probe trips. Targets are work coordinates:
-machine minus work offset, G92 and tool length as the control lists them. The line has no check sums; the place is compared
-after every move, but a lost digit has been obeyed by then: the guard of the probe is what protects the machine.
+machine minus work offset, G92 and tool length as the control lists them. The line has no check sums, and a control has obeyed
+a line with a lost digit before anybody can know. Therefore no line can do harm with one character wrong: what moves the
+linear axes is stopped by the probe, except the move off a facet, which is short and relative, as `$G` has confirmed before;
+the place is compared after every move, and where it is not the right one nothing more is sent.
 """
 
 from __future__ import annotations
@@ -17,9 +19,9 @@ import math
 import re
 from collections.abc import Generator, Mapping, Sequence
 
-from ..records import InputError, Move
+from ..records import InputError, Move, Touch
 from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
-from ._dialogue import Dialogue, Stop, Talk
+from ._dialogue import Dialogue, Stop, Talk, low
 
 HELLO = b"$I\n"
 OPTIONS: Mapping[str, tuple[str, ...]] = {
@@ -30,6 +32,8 @@ FEED = 2000.0
 POLL = 0.25  # s between two ?, while a line is being executed
 CLOSE = 0.01  # mm or deg between target and the place that was reached
 SAME = 0.0015  # mm: the control shows three places
+OFF = 1.5  # mm of the move off a facet: with a wrong sign the stylus still gives way
+ASIDE, TURNED = 0.5, 0.1  # mm beside the line of a measuring move, deg beside its angles: somewhere else
 INCH = 25.4
 FRAMES = re.compile(r"\bG5[4-9](?:\.[1-3])?\b")
 ALARMS = {
@@ -68,7 +72,7 @@ class Client(Dialogue):
         self._offset: dict[str, float] = {}
         self._at: dict[str, float] = {}
         self._given, self._since = 0, 0.0
-        self._down = False
+        self._low = self._pressed = False
         super().__init__(job.start_patience)
 
     @property
@@ -89,7 +93,8 @@ class Client(Dialogue):
 
     def _conversation(self) -> Talk:
         yield from self._look()
-        yield from self._say("G21 G90 G94")
+        yield from self._where(start=True)
+        yield from self._modes("G21 G90 G94")
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))
         for move in self._moves:
             if self._stopping:
@@ -97,26 +102,26 @@ class Client(Dialogue):
             self._allowed = self._job.patience[self._order[move.touch]]
             self._given += 1
             yield from self._make(move)
-            self._down = move.kind in ("approach", "probe", "back")
+            self._low = low(move, self._touches[move.touch], self._job.plan.machine)
         self._events.append(Ended(len(self._job.numbers)))
 
     def _look(self) -> Talk:
         """Who is there, with which axes, units and offsets; raises Stop when it cannot do the plan."""
-        who = yield from self._say("$I")
+        who = yield from self._say("$I")  # what a run that was cut off left in the control's buffer is no line any more with $
         for line in who:
             if found := re.fullmatch(r"\[AXS:\d+:([A-Z]+)\]", line):
                 self._axes = tuple(found[1])
         missing = [name for name in (*self._job.plan.machine.linear, *self._job.plan.machine.rotary) if name not in self._axes]
         if missing:
             raise Stop(f"the control has the axes {' '.join(self._axes)}; the plan moves {' '.join(missing)} as well")
-        settings = yield from self._say("$$")
+        settings = yield from self._twice("$$")
         if "$13=1" in settings:
             self._unit = INCH
         modes = " ".join((yield from self._say("$G")))
         frame = FRAMES.search(modes)
         if frame is None:
             raise Stop(f"the control does not say which work offset is active: {modes!r}")
-        listed = yield from self._say("$#")
+        listed = yield from self._twice("$#")
         self._offset = dict.fromkeys(self._axes, 0.0)
         for line in listed:
             name, _, rest = line.strip("[]").partition(":")
@@ -126,7 +131,22 @@ class Client(Dialogue):
                 values = rest.split(",")
                 self._add(self._numbers(rest) if len(values) > 1 else {"Z": float(values[0]) * self._unit})
         self._events.append(Identified(f"{' '.join(who)} {'inches' if self._unit != 1 else 'mm'}, {frame[0]}"))
-        yield from self._where()
+
+    def _twice(self, line: str) -> Lines:
+        """question → its answer. Raises Stop when the second one is another: a digit of it would shift every target."""
+        first = yield from self._say(line)
+        if (yield from self._say(line)) != first:
+            raise Stop(f"asked twice, {line} is answered differently: the line is disturbed")
+        return first
+
+    def _modes(self, line: str) -> Lines:
+        """modal words → set, and confirmed by the control. Raises Stop when it says otherwise."""
+        yield from self._say(line)
+        said = yield from self._say("$G")
+        words = " ".join(said).strip("[]").split(":")[-1].split()
+        if not set(line.split()) <= set(words):
+            raise Stop(f"the control was told {line} and says {' '.join(said)}")
+        return said
 
     def _add(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():
@@ -171,8 +191,11 @@ class Client(Dialogue):
             raise Stop(f"the control cannot move: its state is {state}")
         return {"state": word} | {name: rest for name, _, rest in (field.partition(":") for field in fields)}
 
-    def _where(self) -> Generator[str, str, None]:
-        """Asks where the axes stand, until they do. Raises Stop when the probe signal is on."""
+    def _where(self, start: bool = False) -> Generator[str, str, None]:
+        """Asks where the axes stand, until they do. Raises Stop when the probe signal is on.
+
+        At the start it may be on because a run was cut off in contact: where a touch of this plan stands, the probe is drawn off.
+        """
         while True:
             answer = yield "?"
             while not answer.startswith("<"):
@@ -185,7 +208,12 @@ class Client(Dialogue):
             if fields["state"] == "Idle":
                 break
         self._at = self._numbers(fields["MPos"])
-        if "P" in fields.get("Pn", ""):
+        if "P" not in fields.get("Pn", ""):
+            return
+        touch = next((touch for touch in self._job.plan.touches if start and self._on_its_line(touch)), None)
+        if touch is not None:
+            yield from self._off(touch)
+        else:
             raise Stop("the probe signal is on although nothing is measured: is the probe free and alive?")
 
     def _make(self, move: Move) -> Generator[str, str, None]:
@@ -197,12 +225,14 @@ class Client(Dialogue):
         words = " ".join(f"{name}{value - self._offset[name]:.4f}" for name, value in target.items())
         if move.kind == "probe":
             lines = yield from self._say(f"G38.3 {words} F{self._job.plan.strategy.approach.feed:g}")
-            yield from self._record(move.touch, lines)
+            yield from self._record(self._touches[move.touch], lines)
             return
         if not away:
             return
-        if move.kind in ("index", "back"):
-            yield from self._say(f"G0 {words}" if move.kind == "index" else f"G1 {words} F{self._feed:g}")
+        if self._pressed:
+            yield from self._off(self._touches[move.touch])
+        if move.kind == "index":
+            yield from self._say(f"G0 {words}")
             yield from self._say("G4 P0.01")
         else:
             flag, place = self._contact((yield from self._say(f"G38.3 {words} F{self._feed:g}")))
@@ -223,20 +253,57 @@ class Client(Dialogue):
             )
         return int(flag), self._numbers(values)
 
-    def _record(self, number: int, lines: list[str]) -> Generator[str, str, None]:
+    def _record(self, touch: Touch, lines: list[str]) -> Generator[str, str, None]:
         flag, place = self._contact(lines)
         again, same = self._contact([line for line in (yield from self._say("$#")) if line.startswith("[PRB:")])
-        text = f"P{number} H{flag} {_shown(place)}"
+        text = f"P{touch.number} H{flag} {_shown(place)}"
         if again != flag or (flag and any(abs(same[name] - place[name]) > 1e-9 for name in place)):
             self._events.append(Refused(f"asked once more, the control says H{again} {_shown(same)}", text))
-        else:
-            machine = self._job.plan.machine
-            self._events.append(Touched(number, flag, {name: place[name] for name in (*machine.linear, *machine.rotary)}, text))
-        self._at = dict.fromkeys(self._at, math.inf)
+            yield from self._where(start=True)  # flag and place are of no use, where it stands is
+            self._pressed = False
+            return
+        machine = self._job.plan.machine
+        named = {name: place[name] for name in (*machine.linear, *machine.rotary)}
+        self._events.append(Touched(touch.number, flag, named, text))
+        self._pressed = flag == 1
+        self._at = place if flag else dict.fromkeys(self._at, math.inf)
+        if flag and not self._on_its_line(touch):
+            raise Stop(f"{_shown(place)} is not on the line of the measuring move of touch {touch.number}: look at the machine")
+        if not flag:  # a miss says nothing of the place, and an old one at that on some controls
+            yield from self._where()
+            if not self._on_its_line(touch):
+                raise Stop(f"{_shown(self._at)} is not where the measuring move of touch {touch.number} ends: look at the machine")
+
+    def _on_its_line(self, touch: Touch) -> bool:
+        """touch → whether the axes stand somewhere on its measuring move."""
+        machine = self._job.plan.machine
+        columns = [machine.column(name) for name in machine.linear]
+        start, end = ([values[i] for i in columns] for values in (touch.standoff, touch.end))
+        here = [self._at[name] for name in machine.linear]
+        length = math.dist(start, end)
+        way = sum((h - a) * (b - a) for h, a, b in zip(here, start, end, strict=True)) / length
+        foot = [a + way / length * (b - a) for a, b in zip(start, end, strict=True)]
+        angles = [self._at[name] - math.degrees(touch.contact[machine.column(name)]) for name in machine.rotary]
+        turned = max((abs(math.remainder(angle, 360.0)) for angle in angles), default=0.0)
+        return math.dist(here, foot) <= ASIDE and -ASIDE <= way <= length + ASIDE and turned <= TURNED
+
+    def _off(self, touch: Touch) -> Generator[str, str, None]:
+        """The probe touches → it is drawn off the way it came, so far that it is free. Raises Stop when its signal stays on."""
+        machine = self._job.plan.machine
+        columns = [machine.column(name) for name in machine.linear]
+        away = [touch.standoff[i] - touch.contact[i] for i in columns]
+        steps = {name: OFF * value / math.hypot(*away) for name, value in zip(machine.linear, away, strict=True)}
+        yield from self._modes("G21 G91")
+        words = " ".join(f"{name}{value:.2f}" for name, value in steps.items() if abs(value) >= 0.005)
+        yield from self._say(f"G1 {words} F{self._feed:g}")
+        yield from self._say("G4 P0.01")
+        yield from self._modes("G90")
+        self._pressed = False
+        yield from self._where()
 
     def _leave(self) -> Generator[str, str, None]:
         """Draws the probe clear when it is down at a facet, and ends the conversation."""
-        if self._down:
+        if self._low:
             last = self._moves[self._given - 1]
             touch, machine = self._touches[last.touch], self._job.plan.machine
             if last.kind == "probe":

@@ -23,7 +23,7 @@ from collections.abc import Generator, Mapping, Sequence
 
 from ..records import InputError, Move, Touch
 from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
-from ._dialogue import Dialogue, Stop
+from ._dialogue import Dialogue, Stop, low
 from ._layout import ORDER, PATTERN, read_layout
 
 HELLO = b"3 0 34\n"  # reads the registers of the standard layout
@@ -62,7 +62,7 @@ class Client(Dialogue):
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._order = {number: i for i, number in enumerate(job.numbers)}
         self._given = self._sequence = 0
-        self._down = False  # the probe is at a facet
+        self._low: int | None = None  # touch at which the probe is down among the bodies of the table
         self._last: Words = []  # the block after the last command
         super().__init__(job.start_patience)
 
@@ -84,10 +84,10 @@ class Client(Dialogue):
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))
         for move in self._moves:
             if self._stopping:
-                yield from self._leave(move)
+                yield from self._leave()
             self._allowed = self._job.patience[self._order[move.touch]]
             yield from self._make(move)
-            self._down = move.kind in ("approach", "probe")
+            self._low = move.touch if low(move, self._touches[move.touch], self._job.plan.machine) else None
         self._allowed = self._job.patience[-1]
         yield from self._command("end", self._allowed)
         self._events.append(Ended(len(self._job.numbers)))
@@ -251,11 +251,10 @@ class Client(Dialogue):
             if abs(away if letter in "XYZ" else math.remainder(away, 360.0)) > CLOSE:
                 raise Stop(f"{letter} stands at {place[letter]:.4f} after it was sent to {wanted:.4f}")
 
-    def _leave(self, move: Move) -> Generator[str, str, None]:
+    def _leave(self) -> Generator[str, str, None]:
         """Draws the probe clear when it is down at a facet, and ends the conversation."""
-        touch = self._touches[move.touch]  # that of the last move as well: one touch ends with its retract
-        if self._down:
-            yield from self._make(Move("retract", _linear(touch, self._job), move.touch))
+        if self._low is not None:
+            yield from self._make(Move("retract", _linear(self._touches[self._low], self._job), self._low))
         yield from self._command("end", self._job.patience[-1])
         raise Stop("stopped by the user; the probe has been drawn clear")
 
