@@ -44,6 +44,7 @@ SPOKEN = {
     **dict.fromkeys(("fanuc", "haas", "mitsubishi", "mazak"), G31),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
+    "linuxcnc": Spoken("rs274"),
     "siemens": Spoken("siemens", {"tool_lengths": {1: 326.674}}),
 }
 
