@@ -61,15 +61,16 @@ class Job:
 
 @dataclass(frozen=True)
 class Leg:
-    """One move as a post sees it: `target` the axes that move, `to` every axis whose place is known after it.
+    """One move as a post sees it: `target` the axes that move, `to` every axis whose place is known after it, `came` before it.
 
-    mm and rad; linear axes that nobody has moved yet are missing from `to`.
+    mm and rad; axes that nobody has moved yet are missing from `to` and `came`.
     """
 
     kind: str
     target: Mapping[str, float]
     to: Mapping[str, float]
     touch: Touch
+    came: Mapping[str, float] = field(default_factory=dict)
 
 
 Lines = Iterable[str]
@@ -226,8 +227,9 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
     yield from post.begin(job)
     yield from post.probe_on(job)
     for move in job.plan.moves:
+        came = dict(to)
         to.update(move.target)
-        leg = Leg(move.kind, move.target, dict(to), touches[move.touch])
+        leg = Leg(move.kind, move.target, dict(to), touches[move.touch], came)
         yield from steps[move.kind](job, leg)
         if move.kind == "back":
             yield from post.record(job, leg)

@@ -7,22 +7,23 @@ looks at #<_task> first.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 
 from tango_cnc.records import InputError, Machine
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, may_roll, number, rolled
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
 PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
-RESET = "G17 G21 G40 G49 G80 G90 G94"
+RESET = "G17 G21 G40 G49 G61 G80 G90 G94"  # G61: without it corners are rounded, by centimetres at high feeds
 
 OPTIONS = (
     Option("log", "tango-readings.txt", "file for the records, on the control's disk", verified=True),
     Option("orient", True, "the spindle is oriented with M19 R (needs spindle.0.orient in HAL)"),
     Option("orient_time", 30, "seconds that M19 may take", verified=True),
-    Option("wrapped", False, "rotary axes have WRAPPED_ROTARY = 1: angles of 0 to 360 instead of those of the plan"),
+    Option("wrapped", False, "rotary axes have WRAPPED_ROTARY = 1: 0 to 360, signed by the sense of the turn"),
     Option("probe_on", "", "words that switch the probe on", codes=True),
     Option("probe_off", "", "words that switch the probe off", codes=True),
     Option("positioning_feed", 3000.0, "mm/min between touches", verified=True),
@@ -118,9 +119,16 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
         yield f"M19 R{number(rolled(degrees(leg.target['S']), 4))} Q{job.options['orient_time']}"
     for name in job.machine.rotary:
         if name in leg.target:
-            angle = degrees(leg.target[name])
             wrapped = job.options["wrapped"] and may_roll(job.machine, name)
-            yield f"G53 G0 {name}{number(rolled(angle, 4) if wrapped else angle)}"
+            yield f"G53 G0 {name}{_wrapped(job, leg, name) if wrapped else number(degrees(leg.target[name]))}"
+
+
+def _wrapped(job: Job, leg: Leg, name: str) -> str:
+    """With WRAPPED_ROTARY the sign is the sense of the turn (ini-config.adoc), -0 too: the sense that the plan has in mind."""
+    change = leg.target[name] - leg.came.get(name, leg.target[name])
+    if is_endless(job.machine, name):
+        change = math.remainder(change, math.tau)
+    return ("-" if change < 0 else "") + number(rolled(degrees(leg.target[name]), 4))
 
 
 def approach(job: Job, leg: Leg) -> Iterator[str]:

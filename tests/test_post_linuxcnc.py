@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from postprocessors._base import load, program
+from postprocessors._base import load, may_roll, program
 from tango_cnc.files import read_cell
-from tango_cnc.plan import plan, plan_hash
+from tango_cnc.plan import last_motion, plan, plan_hash
 from tango_cnc.records import InputError, Plan
 
 GOLDEN = Path(__file__).parent / "golden" / "cell"
@@ -130,7 +130,32 @@ def test_rotary_axes_move_alone_and_wrap_only_when_told(made: Plan) -> None:
         return [line for line in text_of(made, **options).splitlines() if line.startswith("G53 G0")]
 
     assert all(len(line.split()) == 3 for line in turns())
-    assert "G53 G0 C-90." in turns() and "G53 G0 C270." in turns(wrapped=True)
+    assert "G53 G0 C-90." in turns() and "G53 G0 C-270." in turns(wrapped=True)
+
+
+@pytest.mark.parametrize("example", ["hu40t", "trunnion", "golden"])
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_rotary_axes_come_to_every_touch_in_the_sense_that_the_readings_will_say(example: str, wrapped: bool) -> None:
+    """Backlash is signed by it. A wrapped axis (ini-config.adoc) goes to 0 … 360 of its turn in the sense of the word's sign."""
+    folder = GOLDEN if example == "golden" else Path(__file__).parent.parent / "examples" / example
+    made = plan(read_cell(folder), "leave-out")
+    wanted = iter(last_motion(made))
+    rolls = {n for n in made.machine.rotary if wrapped and may_roll(made.machine, n)}
+    assert not wrapped or rolls
+    at, sense = dict.fromkeys(made.machine.rotary, 7.0), dict.fromkeys(made.machine.rotary, 0.0)
+    for line in text_of(made, wrapped=wrapped).splitlines():
+        if match := re.fullmatch(r"G53 G0 ([ABC])(-?)([\d.]+)", line):
+            name, there = match[1], float(match[3])
+            if name in rolls:
+                assert there < 360
+                change = -((at[name] - there) % 360) if match[2] else (there - at[name]) % 360
+            else:
+                change = float(match[2] + match[3]) - at[name]
+            at[name] += change
+            sense[name] = math.copysign(1.0, change) if change else sense[name]
+        elif "O<tango_touch> CALL" in line:
+            row = next(wanted)
+            assert [sense[n] for n in made.machine.rotary] == [row[made.machine.column(n)] for n in made.machine.rotary]
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ the work frame, #5070 whether there was contact; G38.3 goes on when there was no
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -104,7 +105,7 @@ class _Program:
             target = {name: machine.base.position[name] for name in "XYZ"} | words
             machine.moves(target, (*PROTECTED, "back"), float(match[2]))
         elif match := TURN.fullmatch(line):
-            machine.turns(match[1], float(match[2]), False)
+            machine.turns(match[1], self._place(match[1], float(match[2])), False)
         elif match := ORIENT.fullmatch(line):
             machine.turns("S", float(match[1]), False)
         elif match := PROBE.fullmatch(line):
@@ -116,6 +117,12 @@ class _Program:
             machine.reset(line)
         else:
             raise InputError("no line that a program of this kind may have here")
+
+    def _place(self, name: str, value: float) -> float:
+        """Axis letter, deg as written → deg meant: with WRAPPED_ROTARY the sign is the sense of the turn, not part of the angle."""
+        travel = self._machine.plan.machine.axis(name).travel
+        turns = travel is None or (travel[0] <= 1e-9 and travel[1] >= math.tau - 1e-9)
+        return abs(value) if self._machine.options.get("wrapped") and turns else value
 
     def _print(self, line: str) -> None:
         if OPEN.fullmatch(line) and not self._opened:
