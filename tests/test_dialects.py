@@ -45,6 +45,7 @@ SPOKEN = {
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
     "linuxcnc": Spoken("rs274"),
+    "okuma": Spoken("osp", {"tool_lengths": {1: 326.674}}),
     "siemens": Spoken("siemens", {"tool_lengths": {1: 326.674}}),
 }
 

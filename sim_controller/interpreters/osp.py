@@ -29,6 +29,7 @@ DEEPEST = 8  # levels of subprograms
 COMMON = 200  # variables VC1 …
 SHOWN = 16  # characters of a user's alarm
 LONGEST = 160  # characters of a block
+IDLE = 20_000  # blocks without a motion after which the operator takes a program for one that turns in a circle
 G_CODES = {0, 1, 4, 10, 11, 15, 16, 17, 18, 19, 20, 21, 31, 40, 53, 56, 69, 80, 90, 91, 94, 170}
 WAITS = (0, 1, 331)  # M codes after which nothing is read ahead
 COMPARE: Mapping[str, Callable[[float, float], float]] = {
@@ -92,6 +93,7 @@ class Control:
         self.files: dict[str, str] = {}
         self._file, self._line, self._message = "", "", ""
         self._motion_code, self._feed = 0, 0.0
+        self._idle, self._moved = 0, 0.0
 
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one file, which is stored before it is executed. Raises Alarm and Silence."""
@@ -99,7 +101,7 @@ class Control:
         if not programs:
             raise alarm("name", "the file has no program name")
         self._programs = self._stored | programs
-        self._motion_code, self._file, self._line = 0, "", ""
+        self._motion_code, self._file, self._line, self._idle = 0, "", "", 0
         self._axes.settle()
         try:
             self._execute(next(iter(programs.values())), {}, 0)
@@ -112,6 +114,10 @@ class Control:
         """→ whether M02 or M30 ended everything."""
         index = 0
         while index < len(program.blocks):
+            self._idle = 0 if self._motion.time > self._moved else self._idle + 1
+            self._moved = self._motion.time
+            if self._idle > IDLE:
+                raise alarm("end", f"{program.name} turns in a circle")
             text = program.blocks[index]
             self._note("block", program=program.name, line=program.lines[index], text=text)
             if len(text) > LONGEST:
