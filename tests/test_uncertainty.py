@@ -152,6 +152,22 @@ def test_warm_up_moves_the_readings_as_its_three_columns_say(cell: Cell, found: 
     assert change == pytest.approx(sign * expected, abs=2e-5)
 
 
+def test_a_probe_that_is_looked_at_once_in_a_period_is_late_by_up_to_its_way(found: dict[str, Estimate]) -> None:
+    """3 mm/s and 1 ms: positions on a grid of 3 µm, the next one behind the contact."""
+    scene = Scene(found["S3"].model, found["S3"].values)
+    (part, *_) = parts(scene, (Line("probe_latch", {"period": 0.001}),))
+    n = len(scene.touches)
+    contact = np.random.default_rng(1).uniform(9.9, 10.1, 20_000)
+    late = np.ceil(contact / 0.003) * 0.003 - contact
+    assert np.diag(part.factor[:n]) == pytest.approx(late.std(), rel=0.01)
+    assert part.law == "rectangular" and np.abs(draw(np.random.default_rng(2), 500, *gaussian((part,)))).max() <= 0.0015
+    unknown = replace(scene.model, touches=replace(scene.touches, feed=np.full(n, np.nan)))
+    with pytest.raises(InputError, match="no column feed"):
+        parts(Scene(unknown, scene.values), (Line("probe_latch", {"period": 0.001}),))
+    (stated_feed, *_) = parts(Scene(unknown, scene.values), (Line("probe_latch", {"period": 0.001, "feed": 60.0}),))
+    assert stated_feed.factor[:n] == pytest.approx(part.factor[:n] / 3)
+
+
 def test_random_walk_has_the_covariance_of_its_part(cell: Cell, found: dict[str, Estimate]) -> None:
     """Eight runs are few: the sum over all touches of what they do, not each entry."""
     e = found["S3"]
@@ -174,6 +190,7 @@ def test_every_source_has_its_contract(found: dict[str, Estimate]) -> None:
         "wetness": {"range": 0.001},
         "rotary_positioning": {"axis": "C", "std": 0.0002},
         "indexation_seating": {"std": 0.0005},
+        "probe_latch": {"period": 0.001},
     }
     size = len(e.model.touches) + 1
     for name in sources():
