@@ -1,20 +1,25 @@
 """grbl: the simulated control keeps to the facts of its sources, and whole runs over TCP and over a serial line."""
 
 import re
+import socket
 import sys
 
 import pytest
+import yaml
 from linkparts import job
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
 
+from postprocessors._base import load, program
 from sim_controller.interpreters.grbl import switched_on
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_world
+from tango_cnc.link._client import Ended, Failed, Job
 from tango_cnc.link.grbl import Client
-from tango_cnc.records import InputError
+from tango_cnc.plan import plan, plan_hash
+from tango_cnc.records import InputError, World
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
 
@@ -92,3 +97,126 @@ def test_the_same_place_is_no_target(control):
     assert one.line("G38.3 X0 F100") == ["error:33"]
     assert one.line("") == ["ok"]
     assert one.line("G38.3 X1") == ["[PRB:1.000,0.000,800.000,0.000,0.000:0]", "ok"], "F stays"
+
+
+def test_three_touches_in_a_row_without_contact_end_the_run(cell):
+    world = yaml.safe_load((cell / "world.yaml").read_text())
+    world["facets"] = dict.fromkeys(read_cell(cell).artefact.facets, -30.0)
+    (cell / "world.yaml").write_text(yaml.safe_dump(world))
+    with controller(cell, "--protocol", "grbl", "--tcp", "127.0.0.1:0") as url:
+        result = Result("run", "-C", cell, "--port", f"{url}?orient=m19", "--timeout", "20")
+    assert (result.code, "3 touches in a row without contact" in result.err) == (3, True), result.err
+
+
+# What the firmwares do differently: gnea/grbl 1.1h, grblHAL core of 2026, FluidNC
+
+
+def test_a_failed_search_with_alarm_shows_the_contact_before_it_except_on_grblhal(control):
+    for firmware, shown in (("grbl", "10.000,0.000,800.000:0"), ("FluidNC", "10.000,0.000,800.000,0.000,0.000:0")):
+        one = control(firmware=firmware)
+        one.line("G38.3 X10 F100")
+        assert one.line("G38.2 X20") == ["ALARM:5", f"[PRB:{shown}]", "ok"]
+    one = control()
+    assert one.line("G38.2 X20 F100")[1].startswith("[PRB:20.000,")
+
+
+def test_a_search_that_begins_with_the_probe_on_is_alarm_4_without_prb(control):
+    one = control()
+    one.motion._stuck = True
+    assert one.line("G38.3 X10 F100") == ["ALARM:4", "ok"]
+    assert one.report()[0].startswith("<Alarm|")
+    assert one.line("G0 X0") == ["error:9"]
+    assert "Pn:P" in one.report()[0]
+
+
+def test_grbl_1_1_has_three_axes_and_short_lines(control):
+    one = control(firmware="grbl")
+    assert one.line("$I") == ["[VER:1.1h.20190825:]", "[OPT:VNMSL,100,1024]", "ok"]
+    assert one.line("G0 B10") == ["error:20"]
+    assert one.line("M19 R90") == ["error:20"]
+    assert one.line("G0 X1 (" + "long " * 40 + ")") == ["ok"], "comments and blanks are not counted"
+    assert one.line("G0 " + "X1.0000000000" * 8) == ["error:11"]
+
+
+def test_grblhal_counts_comments_and_repeats_an_error_until_it_is_asked_something(control):
+    one = control()
+    assert one.line("G0 X1 (" + "long " * 60 + ")") == ["error:11"]
+    assert one.line("G0 X1") == ["error:11"], "not executed"
+    assert one.line("") == ["ok"]
+    assert one.line("G0 X1") == ["ok"]
+    other = control(firmware="FluidNC")
+    assert (other.line("G99"), other.line("G0 X1")) == (["error:20"], ["ok"])
+
+
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [
+        ("G38.3 X0 F100", "error:33"),
+        ("G38.3 X1", "error:22"),
+        ("G38.3 F100", "error:26"),
+        ("G38.3 X F100", "error:2"),
+        ("!38", "error:1"),
+        ("G53 G38.3 X1 F100", "error:30"),
+        ("G0 G38.3 X1 F100", "error:21"),
+        ("G0 X1 X2", "error:25"),
+        ("O100", "error:20"),
+        ("G31 X1", "error:20"),
+        ("$unknown", "error:3"),
+        ("(only a remark)", "ok"),
+    ],
+)
+def test_what_is_refused_with_which_number(control, line, answer):
+    assert control().line(line)[-1] == answer
+
+
+def test_cr_lf_is_one_end_of_a_line_for_grblhal_only(cell):
+    """Two answers to one line are what a host counts wrongly."""
+    for firmware, wanted in (("grblHAL", 1), ("FluidNC", 2)):
+        options = ("--protocol", "grbl", "--language", "grbl", "--set", f"firmware={firmware}", "--tcp", "127.0.0.1:0")
+        with controller(cell, *options) as url:
+            host, port = url.removeprefix("grbl+socket://").split(":")
+            with socket.create_connection((host, int(port)), timeout=5) as line:
+                line.sendall(b"G21\r\n$I\n")
+                said = b""
+                while b"[OPT" not in said:
+                    said += line.recv(4096)
+        assert said.partition(b"[VER")[0].count(b"ok") == wanted
+
+
+@pytest.mark.parametrize(("firmware", "axes"), [("grbl", "X Y Z"), ("FluidNC", None)])
+def test_a_control_that_does_not_name_its_axes_has_as_many_as_it_lists(cell, firmware, axes):
+    """FluidNC lists X Y Z A B C in this order: five numbers are X Y Z A B, and the plan turns C."""
+    options = ("--protocol", "grbl", "--language", "grbl", "--set", f"firmware={firmware}", "--tcp", "127.0.0.1:0")
+    with controller(cell, *options) as url:
+        result = Result("run", "-C", cell, "--port", f"{url}?orient=m19", "--timeout", "20")
+    assert result.code == 3
+    assert f"the control has the axes {axes or 'X Y Z A B'}; the plan moves" in result.err
+
+
+# The program is what the driver sends
+
+
+def words(line):
+    return [(letter, float(value)) for letter, value in re.findall(r"([A-Z])(-?\d+\.?\d*)", line)]
+
+
+def test_the_driver_sends_the_lines_of_the_program(cell):
+    made = plan(read_cell(cell))
+    lines = list(program(load("grbl"), made, {}, plan_hash(made))[2]())
+    motion = Motion(rig(made.machine, made.artefact, World()))
+    motion.rapid({"X": 1.0, "Y": 1.0, "B": 0.1, "C": 0.1, "S": 0.1})
+    one, sent = switched_on(motion), []
+    numbers = tuple(touch.number for touch in made.touches)
+    client = Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19"})
+    while not any(isinstance(event, Ended | Failed) for event in client.receive(b"")):
+        asked = client.bytes_to_send(1 << 16).decode("ascii")
+        if not asked:
+            break
+        sent.append(asked.strip())
+        answer = one.report() if asked == "?" else one.line(asked.strip())
+        client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii"))
+    told = [words(line) for line in sent if line[0] not in "$?" and not line.startswith("G4")][1:]
+    written = [words(line) for line in lines if not line.startswith("(")][1:]
+    assert [[letter for letter, _ in line] for line in told] == [[letter for letter, _ in line] for line in written]
+    for a, b in zip(told, written, strict=True):
+        assert [value for _, value in a] == pytest.approx([value for _, value in b], abs=1e-3)

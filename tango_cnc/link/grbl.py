@@ -34,7 +34,9 @@ CLOSE = 0.01  # mm or deg between target and the place that was reached
 SAME = 0.0015  # mm: the control shows three places
 OFF = 1.5  # mm of the move off a facet: with a wrong sign the stylus still gives way
 ASIDE, TURNED = 0.5, 0.1  # mm beside the line of a measuring move, deg beside its angles: somewhere else
+MISSES = 3  # touches in a row without contact: a probe that is dead guards nothing
 INCH = 25.4
+LETTERS = "XYZABC"
 FRAMES = re.compile(r"\bG5[4-9](?:\.[1-3])?\b")
 ALARMS = {
     "1": "hard limit",
@@ -71,7 +73,7 @@ class Client(Dialogue):
         self._unit = 1.0
         self._offset: dict[str, float] = {}
         self._at: dict[str, float] = {}
-        self._given, self._since = 0, 0.0
+        self._given, self._since, self._misses = 0, 0.0, 0
         self._low = self._pressed = False
         super().__init__(job.start_patience)
 
@@ -111,9 +113,6 @@ class Client(Dialogue):
         for line in who:
             if found := re.fullmatch(r"\[AXS:\d+:([A-Z]+)\]", line):
                 self._axes = tuple(found[1])
-        missing = [name for name in (*self._job.plan.machine.linear, *self._job.plan.machine.rotary) if name not in self._axes]
-        if missing:
-            raise Stop(f"the control has the axes {' '.join(self._axes)}; the plan moves {' '.join(missing)} as well")
         settings = yield from self._twice("$$")
         if "$13=1" in settings:
             self._unit = INCH
@@ -122,6 +121,12 @@ class Client(Dialogue):
         if frame is None:
             raise Stop(f"the control does not say which work offset is active: {modes!r}")
         listed = yield from self._twice("$#")
+        if not any(line.startswith("[AXS:") for line in who):  # grbl 1.1 and FluidNC do not name their axes: they are in this order
+            count = next((line.count(",") + 1 for line in listed if line.startswith(f"[{frame[0]}:")), len(self._axes))
+            self._axes = tuple(LETTERS[:count])
+        missing = [name for name in (*self._job.plan.machine.linear, *self._job.plan.machine.rotary) if name not in self._axes]
+        if missing:
+            raise Stop(f"the control has the axes {' '.join(self._axes)}; the plan moves {' '.join(missing)} as well")
         self._offset = dict.fromkeys(self._axes, 0.0)
         for line in listed:
             name, _, rest = line.strip("[]").partition(":")
@@ -266,6 +271,7 @@ class Client(Dialogue):
         named = {name: place[name] for name in (*machine.linear, *machine.rotary)}
         self._events.append(Touched(touch.number, flag, named, text))
         self._pressed = flag == 1
+        self._misses = 0 if flag else self._misses + 1
         self._at = place if flag else dict.fromkeys(self._at, math.inf)
         if flag and not self._on_its_line(touch):
             raise Stop(f"{_shown(place)} is not on the line of the measuring move of touch {touch.number}: look at the machine")
@@ -273,6 +279,8 @@ class Client(Dialogue):
             yield from self._where()
             if not self._on_its_line(touch):
                 raise Stop(f"{_shown(self._at)} is not where the measuring move of touch {touch.number} ends: look at the machine")
+            if self._misses >= MISSES:
+                raise Stop(f"{MISSES} touches in a row without contact: is the probe alive?")
 
     def _on_its_line(self, touch: Touch) -> bool:
         """touch → whether the axes stand somewhere on its measuring move."""

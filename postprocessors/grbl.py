@@ -1,0 +1,154 @@
+"""grblHAL and FluidNC with five axes, grbl 1.1 with three (sources of gnea/grbl, grblHAL/core, FluidNC).
+
+grbl has no variables that could decide, so the program is the list of lines that `tango run` sends, one by one, and the driver
+(`tango_cnc/link/grbl.py`) reads every answer: a miss is `[PRB:…:0]`, an early contact shows in its place, a contact on the way
+ends the run, and the record of a touch is made there. Whatever moves the linear axes is a search (G38.3), which stops at a
+contact; only the way off a facet is not, and that is short and relative. Sent by anything else, a contact where none is planned
+still locks the control at the next line: a search that begins with the probe on is ALARM:4.
+
+Targets are machine coordinates; `tango run` takes work offset, G92 and tool length off, as the control lists them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from tango_cnc.records import InputError
+
+from ._base import Job, Leg, Option, Post, comment, degrees, number, rolled
+
+RESET = "G17 G21 G40 G49 G80 G90 G94"
+OFF = 1.5  # mm off a facet, before which no search can begin
+SMALL = 0.005  # mm: less is no word
+ROOM = {"grblHAL": 255, "FluidNC": 254, "grbl": 79}  # characters of a line, comments apart
+
+OPTIONS = (
+    Option("control", "grblHAL", "what the control runs; grbl 1.1 has X Y Z only", choices=("grblHAL", "FluidNC", "grbl")),
+    Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
+    Option("probe_on", "", "words that switch the probe on", codes=True),
+    Option("probe_off", "", "words that switch the probe off", codes=True),
+    Option("positioning_feed", 2000.0, "mm/min of guarded moves; feed in the port's URL has to be the same", verified=True),
+)
+DOUBTS = (
+    "the letters of the rotary axes are those of the build",
+    "a probe that is off stops nothing and guarded moves are guarded only while it is on",
+)
+
+
+def begin(job: Job) -> Iterator[str]:
+    """Header, modal reset, start mark."""
+    plan = job.plan
+    _check(job)
+    yield f"(TANGO {comment(job.machine.name, 40)})"
+    yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
+    yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
+    yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
+    yield "(SENT BY TANGO RUN LINE BY LINE. ANOTHER SENDER RECORDS NOTHING)"
+    yield "(MACHINE COORDINATES. FOR ANOTHER SENDER WORK OFFSET G92 AND TOOL LENGTH HAVE TO BE ZERO)"
+    for doubt in job.unverified:
+        yield f"(UNVERIFIED {comment(doubt, 100)})"
+    yield RESET
+    yield f"(TANGO START {job.mark} {len(plan.touches)})"
+
+
+def probe_on(job: Job) -> Iterator[str]:
+    """The words of the profile, if there are any."""
+    yield job.options["probe_on"] or "(NO WORDS STATED THAT SWITCH THE PROBE ON)"
+
+
+def probe_off(job: Job) -> Iterator[str]:
+    """The words of the profile, if there are any."""
+    yield job.options["probe_off"] or "(NO WORDS STATED THAT SWITCH THE PROBE OFF)"
+
+
+def move(job: Job, leg: Leg) -> Iterator[str]:
+    """A search that is to find nothing."""
+    yield _search(leg, job.options["positioning_feed"])
+
+
+def index(job: Job, leg: Leg) -> Iterator[str]:
+    """Spindle, then the rotary axes."""
+    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
+    yield f"(INDEX {where})"
+    if "S" in leg.target and job.options["orient"]:
+        yield f"{job.options['orient']}{number(rolled(degrees(leg.target['S']), 3), 3)}"
+    words = " ".join(f"{name}{number(degrees(leg.target[name]))}" for name in job.machine.rotary if name in leg.target)
+    yield from filter(None, [f"G0 {words}" if words else ""])
+
+
+def approach(job: Job, leg: Leg) -> Iterator[str]:
+    """Down to the stand-off."""
+    yield f"(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
+    yield from move(job, leg)
+
+
+def probe(job: Job, leg: Leg) -> Iterator[str]:
+    """The measuring move."""
+    yield _search(leg, job.plan.strategy.approach.feed)
+
+
+def back(job: Job, leg: Leg) -> Iterator[str]:
+    """Off the facet, far enough for the probe to come free, then a search again."""
+    machine = job.machine
+    away = [leg.touch.standoff[machine.column(n)] - leg.touch.contact[machine.column(n)] for n in machine.linear]
+    steps = {name: OFF * value / math.hypot(*away) for name, value in zip(machine.linear, away, strict=True)}
+    yield "G21 G91"
+    words = " ".join(f"{n}{number(v, 2)}" for n, v in steps.items() if abs(v) >= SMALL)
+    yield f"G1 {words} F{number(job.options['positioning_feed'])}"
+    yield "G90"
+    yield from move(job, leg)
+
+
+def record(job: Job, leg: Leg) -> Iterator[str]:
+    """What the driver records here, as a remark."""
+    yield f"(RECORD P{leg.touch.number} IS MADE OF THE ANSWER PRB)"
+
+
+def end(job: Job) -> Iterator[str]:
+    """End mark; a program for grbl needs no word at its end."""
+    yield f"(TANGO END {len(job.plan.touches)})"
+
+
+def _search(leg: Leg, feed: float) -> str:
+    words = " ".join(f"{name}{number(leg.to[name])}" for name in "XYZ" if name in leg.target)
+    return f"G38.3 {words} F{number(feed)}"
+
+
+def _check(job: Job) -> None:
+    """Raises InputError for options that do not fit the plan."""
+    options, machine = job.options, job.machine
+    if options["control"] == "grbl" and machine.rotary:
+        raise InputError(
+            f"controller.control: found grbl, which has X Y Z only; allowed for a machine with {' '.join(machine.rotary)}: "
+            "grblHAL, FluidNC"
+        )
+    if options["positioning_feed"] <= 0:
+        raise InputError(f"controller.positioning_feed: found {options['positioning_feed']:g}; allowed: more than 0")
+    for key in ("probe_on", "probe_off"):
+        if len(options[key]) > ROOM[options["control"]]:
+            raise InputError(f"controller.{key}: found {len(options[key])} characters; allowed: {ROOM[options['control']]}")
+    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
+    if not options["orient"] and len(turns) > 1:
+        raise InputError("controller.orient: found nothing; allowed: the word that orients the spindle, as this strategy turns it")
+
+
+POST = Post(
+    title="grbl, grblHAL, FluidNC",
+    extension="gcode",
+    options=OPTIONS,
+    doubts=DOUBTS,
+    stem=lambda job: "tango",
+    begin=begin,
+    probe_on=probe_on,
+    retract=move,
+    clear=move,
+    index=index,
+    approach=approach,
+    probe=probe,
+    back=back,
+    record=record,
+    probe_off=probe_off,
+    end=end,
+    link="grbl",
+)

@@ -1,0 +1,149 @@
+"""Lines for grbl: no logic of their own, so every line has to be safe by itself.
+
+Facts (sources of grbl and grblHAL): G38.3 stops at a contact, does not complain when there is none, and locks the control when it
+begins in contact; G91 G1 is not stopped by anything; a target is the last word of its letter. What is recorded, and that three
+touches without contact end the run, is decided by the driver and not readable here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from ..records import InputError, Plan
+from ._rehearsal import NUMBER, at_line, numbered
+from ._walk import PROTECTED, Walk
+
+COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
+SEARCH = re.compile(rf"G38\.3((?: [XYZ]{NUMBER})+) F({NUMBER})")
+OFF = re.compile(rf"G1((?: [XYZ]{NUMBER})+) F({NUMBER})")
+TURN = re.compile(rf"G0((?: [ABC]{NUMBER})+)")
+MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
+START = re.compile(r"\(TANGO START ([0-9A-F]{12}) (\d+)\)")
+END = re.compile(r"\(TANGO END (\d+)\)")
+MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94"}
+FARTHEST = 2.0  # mm off a facet: with a wrong sign the stylus still gives way
+LEAST = 0.5  # mm: less does not let the probe come free
+ALONG = math.cos(math.radians(2.0))
+
+
+def reads(head: list[str]) -> bool:
+    """first lines of a program → whether it is of this family."""
+    return any(SEARCH.fullmatch(line) for line in head) and not any(line.startswith(("O<", "(LOGOPEN")) for line in head)
+
+
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
+    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+    program = _Program(plan, options)
+    at = 0, ""
+    try:
+        for at in numbered(lines()):
+            program.line(at[1])
+        program.finish()
+    except InputError as error:
+        raise at_line(*at, error) from None
+
+
+class _Program:
+    """Line by line."""
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
+        self._plan, self._options, self._walk = plan, options, Walk(plan)
+        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
+        self._orient = options.get("orient", "")
+        self._mark = ""
+        self._modal: set[str] = set()
+        self._began = self._ended = False
+        self._pressed = self._relative = False
+
+    def finish(self) -> None:
+        """Raises InputError when the program has stopped too soon."""
+        if not self._ended:
+            raise InputError("the program ends without its end mark")
+
+    def line(self, line: str) -> None:
+        """One line of the file. Raises InputError when it must not reach a machine."""
+        if self._ended:
+            raise InputError("a line behind the end mark")
+        if match := MARK.match(line):
+            self._mark = match[1]
+        elif match := START.fullmatch(line):
+            self._start(match[1], int(match[2]))
+        elif match := END.fullmatch(line):
+            self._end(int(match[1]))
+        elif COMMENT.fullmatch(line) or (self._began and not self._relative and line in self._words):
+            return
+        elif not self._began and set(line.split()) <= MODAL:
+            self._modal |= set(line.split())
+        elif self._relative:
+            self._off(line)
+        else:
+            self._move(line)
+
+    def _start(self, mark: str, count: int) -> None:
+        if self._began or mark != self._mark or count != len(self._plan.touches):
+            raise InputError(f"the start mark is {mark} {count}; this program is {self._mark} {len(self._plan.touches)}")
+        self._began = True
+
+    def _end(self, count: int) -> None:
+        if self._relative or self._pressed or count != len(self._plan.touches):
+            raise InputError(f"the end mark says {count}, or comes while the probe is at a facet")
+        self._walk.ends()
+        self._ended = True
+
+    def _move(self, line: str) -> None:
+        if not self._began:
+            raise InputError("something happens before the start mark")
+        if missing := sorted(MODAL - self._modal):
+            raise InputError(f"something moves before {' '.join(missing)} is stated")
+        if line == "G21 G91" and self._pressed:
+            self._relative = True
+        elif self._pressed:
+            raise InputError("the probe is at a facet, and this does not take it off first")
+        elif match := SEARCH.fullmatch(line):
+            self._search(_values(match[1]), float(match[2]))
+        elif match := TURN.fullmatch(line):
+            for name, value in _values(match[1]).items():
+                self._walk.rotary(name, value)
+        elif self._orient and (match := re.fullmatch(re.escape(self._orient) + f"({NUMBER})", line)):
+            self._walk.rotary("S", float(match[1]))
+        else:
+            raise InputError("no line that a program of this kind may have here")
+
+    def _search(self, words: Mapping[str, float], feed: float) -> None:
+        measures = self._walk.measures
+        wanted = self._plan.strategy.approach.feed if measures else float(self._options.get("positioning_feed", feed))
+        if abs(feed - wanted) > 1e-6:
+            raise InputError(f"the feed is {feed:g}; allowed: {wanted:g} mm/min")
+        target = {name: words.get(name, self._walk.at[name]) for name in "XYZ"}
+        self._walk.linear(target if not measures else words, ("probe",) if measures else (*PROTECTED, "back"))
+        self._pressed = measures
+
+    def _off(self, line: str) -> None:
+        """The move off a facet, and G90 behind it."""
+        if line == "G90" and not self._pressed:
+            self._relative = False
+        elif (match := OFF.fullmatch(line)) and self._pressed:
+            if abs(float(match[2]) - float(self._options.get("positioning_feed", match[2]))) > 1e-6:
+                raise InputError(f"the feed is {match[2]}; allowed: {self._options['positioning_feed']:g} mm/min")
+            step = [_values(match[1]).get(name, 0.0) for name in "XYZ"]
+            touch, machine = self._walk.touch, self._plan.machine
+            away = [touch.standoff[machine.column(n)] - touch.contact[machine.column(n)] for n in "XYZ"]
+            length = math.hypot(*step)
+            if not LEAST <= length <= FARTHEST or sum(a * b for a, b in zip(step, away, strict=True)) < ALONG * length * math.hypot(
+                *away
+            ):
+                raise InputError(f"found a move of {length:.2f} mm; allowed: {LEAST:g} to {FARTHEST:g} mm straight off the facet")
+            self._pressed = False
+        else:
+            raise InputError("no line that may stand between G91 and G90")
+
+
+def _values(words: str) -> dict[str, float]:
+    """' X1. Y2.' → {letter: number}. Raises InputError for a letter that stands twice."""
+    pairs = [(word[0], float(word[1:])) for word in words.split()]
+    if len(dict(pairs)) != len(pairs):
+        raise InputError(f"found {words.strip()}; allowed: each letter once")
+    return dict(pairs)
