@@ -12,11 +12,11 @@ import yaml
 from click.testing import CliRunner, Result
 
 from tango_cnc.cli import tango
-from tango_cnc.commands.reproduce import _setting
+from tango_cnc.commands.reproduce import _setting, study_text
 from tango_cnc.files import read_artefact, read_machine
 from tango_cnc.identify import select
 from tango_cnc.records import InputError
-from tango_cnc.reproduce import Setting, Table, table, tables
+from tango_cnc.reproduce import Setting, Table, table, tables, unexplained
 from tango_cnc.reproduce.chapter4 import readings_of_4_4
 from tango_cnc.reproduce.chapter5 import data_sets, measured, terms
 from tango_cnc.touches import from_readings
@@ -32,6 +32,11 @@ def setting() -> Setting:
 @cache
 def made(number: str) -> Table:
     return table(number, setting())
+
+
+@cache
+def study() -> unexplained.Study:
+    return unexplained.study(setting(), named=False)
 
 
 def column(number: str, name: str) -> dict[str, tuple[float | None, float | None]]:
@@ -113,6 +118,53 @@ def test_with_the_disturbances_that_the_thesis_measured_most_of_its_residual_is_
     assert disturbed is not None
     assert quiet < 0.45
     assert 0.6 * printed < disturbed < 1.2 * printed
+
+
+@pytest.mark.long
+def test_simulated_as_another_program_did_table_4_6_has_its_figures() -> None:
+    """Means over eight simulated tests against one test of the other program: within 2.5 of their standard deviations."""
+    found = study()
+    for name in unexplained.SETS:
+        quiet, disturbed = found.without[name].values, found.disturbed[name].values
+        other = found.other
+        assert quiet["mean"][0] == pytest.approx(other["without"][name]["mean"], rel=0.15), name
+        assert quiet["max"][0] == pytest.approx(other["without"][name]["max"], rel=0.25), name
+        for what in ("mean", "max"):
+            value, sd = disturbed[what]
+            assert abs(value - other["with"][name][what]) < 2.5 * sd, (name, what)
+            assert value > quiet[what][0], (name, what)
+    assert found.disturbed["S4"].values["mean"][0] > 2 * found.without["S4"].values["mean"][0]
+
+
+def test_the_simulated_test_takes_as_long_as_the_thesis_did() -> None:
+    minutes = np.ptp(readings_of_4_4(setting(), False).time) / 60
+    assert minutes == pytest.approx(setting().printed["durations_min"]["383_touches"], rel=0.02)
+
+
+@pytest.mark.long
+def test_what_stays_unexplained_is_said_with_both_numbers() -> None:
+    told = " ".join(unexplained.words(study()))
+    assert "S3, largest |r|: thesis 22.31 µm" in told
+    assert "Not explained" in told and "µm at the worst touch" in told
+    text = study_text(study())
+    assert all(number in text for number in ("22.31", "2.87", "10.69", "1.38", "14.40", "2.32", "13.90", "2.78", "6.20", "1.07"))
+
+
+@pytest.mark.long
+def test_what_the_thesis_measured_is_found_again_in_simulated_readings() -> None:
+    """Three draws. The rough facets are the oblique ones; the lobes have their size within three standard deviations."""
+    drift = 0
+    for seed in (42, 43, 44):
+        s = setting().again(seed)
+        measured = [e for e in s.disturbances if e["cause"] != "random_walk"]
+        d = unexplained.found_in(s, "as measured", measured).diagnosis
+        told = {f.cause: f for f in d.findings}
+        lobes, rough = told["probe_lobing"].size, told["surface_form"]
+        assert abs(lobes.amplitude - 0.004) < 3 * lobes.amplitude_std
+        assert len(set(rough.detail["facets"]) & set(s.surfaces["oblique"])) > len(rough.detail["facets"]) / 2
+        also = {a for f in d.findings for a, _, _ in f.alternatives}
+        drift += "thermal_drift" in told or "thermal_drift" in also
+    assert drift >= 2
 
 
 def test_table_4_2_selects_the_86_names_of_subset_4(shared: Path) -> None:
@@ -229,6 +281,25 @@ def test_arrows_of_the_pictures_are_the_residuals_of_the_table(number: str, figu
     if number != "4-6":  # there the table counts the balls too
         found = ours(number, "max")
         assert all(arrows.panels[f"subset {s}"][2].max() * 1e3 == pytest.approx(found[s]) for s in found)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [(["4-5", "--diagnose"], "allowed: with 4-6"), (["4-6", "--repeats", "3"], "without --diagnose"), (["9-9"], "4-5")],
+)
+def test_wrong_options_are_named_before_anything_is_computed(options: list[str], said: str) -> None:
+    assert said in str(call(*options).exception)
+
+
+@pytest.mark.long
+def test_the_page_has_the_table_the_words_and_pictures(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    file = tmp_path / "r.html"
+    found = call("table-4-6", "--diagnose", "--repeats", "2", "--html", str(file), "--json", "-")
+    assert found.exception is None, found.output
+    assert json.loads(found.stdout)["unexplained"]["rows"]["S4"]["thesis"]["max"] == 10.69
+    page = file.read_text(encoding="utf-8")
+    assert page.count("data:image/png") >= 4 and "Not explained" in page and "found</b>: probe_lobing" in page
 
 
 def test_pictures_are_written(tmp_path: Path) -> None:

@@ -13,12 +13,12 @@ import numpy as np
 import yaml
 
 from ..files import read_artefact, read_machine
-from ..records import Approach, Array, Artefact, Cell, Indexation, Readings, Strategy, World
+from ..records import Approach, Array, Artefact, Cell, Id, Indexation, Readings, Strategy, World
 
 NOISE = 0.0006  # mm: section 4.6, repeatability of a touch, X Y Z 0.63 0.59 0.63 µm
 SEED = 42
 
-# Sections 4.6 and 7.3 measured what a touch suffers besides repeatability. Directions and phases are not printed: drawn from the seed.
+# Sections 4.6 and 7.3 measured what a touch suffers besides repeatability. Directions and phases are not printed: drawn.
 DRIFT, TAU = 0.010, 1800.0  # mm, s: "approximately 10 µm for the first hour" (7.4), 12 µm in Figure 4-6; settled after half a test
 WALK = 0.002  # mm after the whole test, each of x y z: not measured by the thesis, added by the independent program
 SURFACE = {"z": 0.0003, "axis-parallel": 0.0009, "oblique": 0.0022}  # mm, Table 4-3: Z 0.30; X 0.89, Y 0.95; 2D 2.25 µm
