@@ -46,11 +46,13 @@ SPOKEN = {
     **dict.fromkeys(("fanuc", "haas", "mitsubishi", "mazak"), G31),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
-    "grbl": Spoken("grbl", resolution=1e-3),
     "linuxcnc": Spoken("rs274"),
     "okuma": Spoken("osp", {"tool_lengths": {1: 326.674}}),
     "siemens": Spoken("siemens", {"tool_lengths": {1: 326.674}}),
 }
+
+DRIVEN = {"grbl": Spoken("grbl", resolution=1e-3)}  # no logic of its own: its driver decides and records
+EVERY = {**SPOKEN, **DRIVEN}
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +108,7 @@ def driven(made: Plan, control: Any) -> list[Any]:
 
 def measured(made: Plan, name: str, world: World) -> Readings:
     """plan, dialect, true machine → what its records say."""
-    control_of = SPOKEN[name]
+    control_of = EVERY[name]
     spoken = language(control_of.family)
     lines = list(program(load(name), made, {}, plan_hash(made))[2]())
     lines = lines[control_of.frame : len(lines) - control_of.frame]
@@ -114,7 +116,7 @@ def measured(made: Plan, name: str, world: World) -> Readings:
     profile = replace(spoken.default_profile(made.machine), g54=OFFSETS, **control_of.settings)
     motion = Motion(rig(made.machine, made.artefact, world))
     control = spoken.Control(motion, profile, punched.append, lambda event, **data: None, control_of.library)
-    if name == "grbl":  # the decisions are made by the driver, which sends the lines of the program
+    if name in DRIVEN:
         begun, *touched, ended = driven(made, control)
     else:
         control.run(lines, False)
@@ -142,7 +144,7 @@ def measured(made: Plan, name: str, world: World) -> Readings:
     )
 
 
-@pytest.mark.parametrize("name", sorted(SPOKEN))
+@pytest.mark.parametrize("name", sorted(EVERY))
 def test_the_dialect_gives_the_parameters_of_the_true_machine(
     name: str, cell: Cell, world: World, true: Readings, limits: tuple[dict[str, float], dict[str, float]]
 ) -> None:
@@ -153,4 +155,4 @@ def test_the_dialect_gives_the_parameters_of_the_true_machine(
     found = s3(cell, readings)
     assert found.keys() == exact.keys()
     for parameter, value in exact.items():
-        assert abs(found[parameter] - value) <= 2 * moved[parameter] * SPOKEN[name].resolution / PRINTED, parameter
+        assert abs(found[parameter] - value) <= 2 * moved[parameter] * EVERY[name].resolution / PRINTED, parameter
