@@ -69,9 +69,12 @@ class Disturbance:
         pieces: list[tuple[float, bytearray]] = [(0.0, bytearray(self._kept))]
         self._kept = b""
         draws = self._random.random((len(data), len(LINE_KINDS)))
-        keep = False
-        for byte, chance in zip(data, draws, strict=True):
-            now = [kind for kind, p in zip(LINE_KINDS, chance, strict=True) if p < self._chances.get(kind, 0.0)]
+        hits = draws < np.array([self._chances.get(kind, 0.0) for kind in LINE_KINDS])
+        keep, at = False, 0
+        for i in np.flatnonzero(hits.any(axis=1)):
+            pieces[-1][1].extend(data[at:i])
+            byte, at = data[i], int(i) + 1
+            now = [kind for kind, hit in zip(LINE_KINDS, hits[i], strict=True) if hit]
             for kind in now:
                 self.happened[kind] = self.happened.get(kind, 0) + 1
             if "delay" in now or "split" in now:
@@ -81,6 +84,7 @@ class Disturbance:
                 continue
             turned = byte ^ 1 << int(self._random.integers(8)) if "flip" in now else byte
             pieces[-1][1].extend([turned, turned] if "double" in now else [turned])
+        pieces[-1][1].extend(data[at:])
         if keep and not any(late for late, _ in pieces):
             self._kept = b"".join(bytes(piece) for _, piece in pieces)
             return []

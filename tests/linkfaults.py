@@ -16,10 +16,11 @@ from linkparts import FakeClock
 from postprocessors import _base as posts
 from sim_controller import motion as motions
 from sim_controller.faults import WORDS, Disturbance, Faults
-from sim_controller.interpreters import Alarm, Silence, macro_b
+from sim_controller.interpreters import Alarm, Silence, grbl, macro_b
 from sim_controller.lines import even
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
+from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import ACKNOWLEDGED, IDLE, SEQUENCE, STATUS, Registers
 from tango_cnc.files import read_cell, read_readings, read_world
 from tango_cnc.link import _measure
@@ -32,6 +33,7 @@ from tango_cnc.records import LinkError
 EXAMPLE = Path(__file__).parents[1] / "examples" / "hu40t"
 TOUCHES = 60
 CLOSE = 1e-3  # mm, deg: what the records are rounded to, and what their check sum lets through
+PERCENT, SEVEN = even(b"%"), bytes(byte & 0x7F for byte in range(256))
 ATTEMPTS = 400  # a line that spoils every second record needs its time; what counts is that nothing is lost or invented
 
 
@@ -82,22 +84,38 @@ class Ledger:
 
 
 class Tape:
-    """A control behind a line of 7 bits and parity: it stores the program, runs it, and prints whatever becomes of the line."""
+    """A control behind a line of 7 bits and parity: it stores the program, runs it, and prints whatever becomes of the line.
+
+    A character of wrong parity and a block of an odd number of characters are alarms of its reader (TH, TV): it runs nothing.
+    """
 
     chunk = 256
 
-    def __init__(self, ledger: Ledger, clock: FakeClock, faults: Faults, bytes_in: Disturbance, cut: int | None) -> None:
+    def __init__(
+        self, ledger: Ledger, clock: FakeClock, faults: Faults, there: Disturbance, bytes_in: Disturbance, cut: int | None
+    ) -> None:
         self.clock, self._tape, self._ran, self._cut = clock, b"", False, cut
-        self._ledger, self._faults, self._disturb = ledger, faults, bytes_in
+        self._ledger, self._faults, self._there, self._disturb = ledger, faults, there, bytes_in
         self._printed: list[tuple[float, bytes]] = []
-        self._given = 0
+        self._given = self._read = self._marks = 0
 
     def write(self, data: bytes) -> int:
-        self._tape += bytes(byte & 0x7F for byte in data)
-        if not self._ran and self._tape.rstrip().endswith(b"%") and self._tape.count(b"%") == 2:
+        came = b"".join(piece for _, piece in self._there(data))
+        self._tape += came
+        self._marks += came.count(PERCENT)
+        if not self._ran and self._spoilt():
             self._ran = True
-            self._run(self._tape.decode().strip().strip("%").splitlines())
+        if not self._ran and self._marks == 2 and self._tape.rstrip().endswith(PERCENT):
+            self._ran = True
+            self._run(self._tape.translate(SEVEN).decode().strip().strip("%").splitlines())
         return len(data)
+
+    def _spoilt(self) -> bool:
+        """→ whether the control's reader has stopped: of the blocks that have come completely since it looked last."""
+        end = self._tape.rfind(b"\n") + 1
+        blocks, self._read = self._tape[self._read : end], max(end, self._read)
+        odd = any(len(block) % 2 == 0 and block != PERCENT for block in blocks.split(b"\n")[:-1])  # with its line end
+        return odd or any(byte.bit_count() % 2 for byte in blocks)
 
     def _run(self, lines: list[str]) -> None:
         cell, _, truth = scene()
@@ -121,6 +139,53 @@ class Tape:
             moment, data = self._printed.pop(0)
             self.clock.seconds = max(self.clock.seconds, moment)
             self._given += len(data)
+            return data
+        self.clock.seconds += timeout
+        return b""
+
+    def close(self) -> None:
+        pass
+
+
+class Cable:
+    """A grbl control behind a serial line that spoils characters both ways; what a lost connection leaves of a line stays there."""
+
+    chunk = 256
+    LATENCY = 0.005  # s from a line to its answer beyond what the motion takes
+
+    def __init__(
+        self, control: grbl.Control, into: Input, clock: FakeClock, there: Disturbance, back: Disturbance, cut: int | None
+    ):
+        self.control, self.clock, self._cut = control, clock, cut
+        self._into, self._there, self._back = into, there, back
+        self._answers: list[tuple[float, bytes]] = []
+        self._free = clock.seconds  # when the control has executed what it has
+
+    def write(self, data: bytes) -> int:
+        for _, piece in self._there(data):
+            for byte in piece:
+                taken = self._into.take(byte)
+                if isinstance(taken, int):
+                    self._say(self.control.realtime(taken), self.clock.seconds)
+                elif taken is not None:
+                    began, at = max(self.clock.seconds, self._free), self.control.motion.time
+                    answer = self.control.line(taken)
+                    self._free = began + self.control.motion.time - at + self.LATENCY
+                    self._say(answer, self._free)
+        return len(data)
+
+    def _say(self, lines: list[str], moment: float) -> None:
+        for late, piece in self._back("".join(f"{line}\r\n" for line in lines).encode()):
+            self._answers.append((moment + late, piece))
+            self._answers.sort(key=lambda answer: answer[0])
+
+    def read(self, timeout: float) -> bytes:
+        if self._cut is not None and self._cut <= 0:
+            raise Lost("the line was cut")
+        if self._answers and self._answers[0][0] <= self.clock.seconds + timeout:
+            moment, data = self._answers.pop(0)
+            self.clock.seconds = max(self.clock.seconds, moment)
+            self._cut = None if self._cut is None else self._cut - len(data)
             return data
         self.clock.seconds += timeout
         return b""
@@ -215,15 +280,16 @@ def tape_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tupl
     chance, ledger = random.Random(seed), Ledger()
     rates = {kind: chance.choice([0.0, 3e-4, 3e-3]) for kind in ("drop", "flip", "double")}
     rates |= {kind: 5e-3 for kind in ("delay", "split", "merge")}
+    there = {kind: chance.choice([0.0, 3e-6, 1e-5]) for kind in ("drop", "flip", "double")}
 
     def opened(address):
         cut = chance.choice([None, None, None, None, chance.randrange(1, 6000)])
         disturb = Disturbance(rates, chance.randrange(1 << 30))
         faults = machine_faults(chance) if chance.random() < 0.3 else Faults()
-        return Parity(Tape(ledger, clock, faults, disturb, cut), False)
+        return Parity(Tape(ledger, clock, faults, Disturbance(there, chance.randrange(1 << 30)), disturb, cut), False)
 
     monkeypatch.setattr(_measure, "open_port", opened)
-    return ledger, _until_all_is_measured("socket://localhost:1", "dnc", folder)
+    return ledger, _until_all_is_measured("socket://localhost:1?tv=even", "dnc", folder)
 
 
 def bus_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple[Ledger, int]:
@@ -242,6 +308,34 @@ def bus_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple
 
     monkeypatch.setattr(_measure, "open_port", opened)
     return ledger, _until_all_is_measured("modbus+tcp://localhost:1/1", "dnc", folder)
+
+
+def cable_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple[Ledger, int]:
+    """seed → the ledger, how often the run was resumed; somebody clears alarms and frees the probe between two attempts."""
+    chance, ledger = random.Random(seed), Ledger()
+    rates = [
+        {kind: chance.choice([0.0, 1e-5, 1e-4]) for kind in ("drop", "flip", "double")} | {"split": 5e-3, "merge": 0.0}
+        for _ in range(2)
+    ]
+    truth = scene()[2]
+    state = {
+        "control": grbl.switched_on(Motion(truth, ledger.note, faults=machine_faults(chance)), ledger.note),
+        "into": Input(True),
+    }
+    touched: list[str] = []
+
+    def opened(address):
+        control = state["control"]
+        stuck = control.motion.deflected and touched[-1:] == [str(control.motion.position)]
+        touched.append(str(control.motion.position))
+        if control.state != "Idle" or not control.report() or stuck:
+            state["control"] = grbl.switched_on(Motion(truth, ledger.note), ledger.note)
+        cut = chance.choice([None, None, None, None, chance.randrange(1, 60000)])
+        there, back = (Disturbance(part, chance.randrange(1 << 30)) for part in rates)
+        return Cable(state["control"], state["into"], clock, there, back, cut)
+
+    monkeypatch.setattr(_measure, "open_port", opened)
+    return ledger, _until_all_is_measured("grbl+serial:///dev/ttyACM0?orient=m19", "dnc", folder)
 
 
 def _until_all_is_measured(port: str, protocol: str, folder: Path) -> int:

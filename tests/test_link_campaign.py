@@ -6,10 +6,10 @@ The same conversations as over a cable, in memory and without waiting; the ledge
 from __future__ import annotations
 
 import pytest
-from linkfaults import bus_session, judged, patched, tape_session
+from linkfaults import bus_session, cable_session, judged, patched, tape_session
 from linkparts import FakeClock
 
-SESSIONS = {"dnc": tape_session, "modbus": bus_session}
+SESSIONS = {"dnc": tape_session, "modbus": bus_session, "grbl": cable_session}
 
 
 def sessions(kind, seeds, tmp_path, monkeypatch):
