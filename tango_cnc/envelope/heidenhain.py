@@ -284,6 +284,8 @@ class _Program:
             self._machine.end(float(values[0]))
         else:
             number, flag, *places = values
+            if len({text[0] for text in places}) < len(places):
+                raise InputError("a letter stands twice in the record")
             self._machine.record(number, flag, {text[0]: text[1:] for text in places})
 
     def _read(self, world: World, key: int | str) -> Value:

@@ -131,7 +131,10 @@ class _Program:
         elif match := END.fullmatch(code):
             self._machine.end(self._machine.same(match[1]))
         elif match := RECORD.fullmatch(code):
-            places = {item[0]: item[1:].split("[")[0] for item in match[3].split("*")[1:]}
+            items = match[3].split("*")[1:]
+            places = {item[0]: item[1:].split("[")[0] for item in items}
+            if len(places) < len(items):
+                raise InputError("a letter stands twice in the record")
             self._machine.record(match[1], match[2], places)
         else:
             raise InputError("no line that a program of this kind may have here")
