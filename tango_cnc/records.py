@@ -65,6 +65,7 @@ class Probe:
     stylus_radius: float = 1.5  # mm, of the stem
     body_radius: float = 32.0  # mm
     body_length: float = 100.0  # mm, the thick part nearest the spindle nose
+    nose_radius: float = 0.0  # mm, of the spindle nose above the body; less than that of the body counts as it
 
 
 @dataclass(frozen=True)
@@ -240,7 +241,8 @@ MoveKind = Literal["retract", "clear", "index", "approach", "probe", "back"]
 class Touch:
     """One touch of a plan: axis positions (mm, rad; columns of `Machine.names`) of stand-off, contact and search end.
 
-    `over` is the stand-off backed off along the tool to where nothing on the table reaches at this indexation.
+    `over` is the stand-off backed off along the tool to where nothing on the table reaches at this indexation. `enter` and
+    `leave` are between both: as high as the way from the touch before, and to the touch after it, needs; None is as high as `over`.
     """
 
     number: int
@@ -250,6 +252,8 @@ class Touch:
     contact: tuple[float, ...]
     end: tuple[float, ...]
     over: tuple[float, ...]
+    enter: tuple[float, ...] | None = None
+    leave: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -304,11 +308,11 @@ class Plan:
                 yield from self._turn(turn, at, touch.number)
                 at = turn.via or turn.after
             for kind, target in (
-                ("clear", touch.over),
+                ("clear", touch.enter or touch.over),
                 ("approach", touch.standoff),
                 ("probe", touch.end),
                 ("back", touch.standoff),
-                ("retract", touch.over),
+                ("retract", touch.leave or touch.over),
             ):
                 if changes := self._changes(at, target):
                     yield Move(kind, changes, touch.number)  # type: ignore[arg-type]

@@ -180,7 +180,7 @@ def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
     ("old", "new", "words"),
     [
         ("G53 G1 Z383. F3000.\n(TOUCH 1", "G0 Z383.\n(TOUCH 1", "no line that a program of this kind"),
-        ("G53 G1 Z383. F3000.\nG53 G1 X-20.", "G53 G1 X-20.", "found X -20.000 mm; the plan goes to X -113.000 mm"),
+        ("G53 G1 Z318. F3000.\nG53 G1 X-20.", "G53 G1 X-20.", "found X -20.000 mm; the plan goes to X -113.000 mm"),
         ("[-98.]", "[98.]", "found X 98.000 mm"),
         ("(ABORT,WORK OFFSET CHANGED)\n", "", "the work offset of X has changed"),
         ("(ABORT,THE WORK FRAME IS ROTATED)\n", "", "the work frame is rotated"),

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tango_cnc import kinematics
 from tango_cnc.files import read_cell
-from tango_cnc.plan import last_motion, part, plan, plan_hash
+from tango_cnc.plan import last_motion, part, plan, plan_hash, travel
 from tango_cnc.records import Array, Cell, Facet, InputError, Machine, Obstacle, Plan, Surface
 
 TABLES = ("wCBXfZY(S)t", "wCAYbXZ(S)t".replace("b", "f"), "wCXYfZ(S)t", "wXYfZ(S)t", "wCXBfZY(S)t")
@@ -325,7 +325,7 @@ def _assert_clear(made: Plan) -> None:
             assert np.array_equal(np.delete(start, columns), np.delete(end, columns)), "a rotary axis moves near the table"
             if kind in ("probe", "back"):  # up to the contact; what is behind it is the surface itself
                 start, end = np.array(touches[number].standoff), np.array(touches[number].contact)
-            margin = {"probe": -1e-6, "back": -1e-6, "clear": 15.0}.get(kind, 0.1)
+            margin = {"probe": -1e-6, "back": -1e-6, "clear": travel.MARGIN - 1e-6}.get(kind, 0.1)
             path = start + np.linspace(0.0, 1.0, 2 + int(np.abs(end - start).max() / 15.0))[:, None] * (end - start)
         paths.append(path)
         wanted.append(np.full(len(path), margin))

@@ -100,8 +100,8 @@ def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_ea
 
 
 def test_something_in_the_way_is_an_alarm_not_a_touch(made: Plan) -> None:
-    """The top is 40 mm higher than everybody thinks: the way down to its stand-off is a protected move."""
-    events = run(lines_of(made), made, artefact=shifted(made, "top", 40.0))
+    """The top is 12 mm higher than everybody thinks: the way down to its stand-off is a protected move."""
+    events = run(lines_of(made), made, artefact=shifted(made, "top", 12.0))
     assert [type(e) for e in events] == [Begun, Touched, str], "the touch before it is on record, this one is not"
     assert "PROBE MET SOMETHING ON ITS WAY" in events[-1]
 

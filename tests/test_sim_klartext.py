@@ -139,8 +139,8 @@ def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_ea
 
 
 def test_something_in_the_way_stops_with_a_text(made: Plan) -> None:
-    """The top is 40 mm higher than everybody thinks: the way down to its stand-off is a guarded move."""
-    ran = run(lines_of(made), made, shifted(made, "top", 40.0))
+    """The top is 12 mm higher than everybody thinks: the way down to its stand-off is a guarded move."""
+    ran = run(lines_of(made), made, shifted(made, "top", 12.0))
     assert ran.flags(made) == [1], "the touch before it is on record, this one is not"
     assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
     assert ran.records(made)[-1] != Ended(len(made.touches))

@@ -127,7 +127,7 @@ def test_three_touches_without_contact_in_a_row_end_it(made: Plan) -> None:
 
 
 def test_contact_on_the_way_ends_it(made: Plan) -> None:
-    ran = run(lines_of(made), made, World(facets={"top": 40.0}))
+    ran = run(lines_of(made), made, World(facets={"top": 12.0}))
     assert ran.alarm is not None and ran.alarm.text == "Probe tripped during non-probe move."
 
 

@@ -134,8 +134,8 @@ def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_ea
 
 @pytest.mark.parametrize("alarm", [65001, 0])
 def test_something_in_the_way_stops_with_a_text(made: Plan, alarm: int) -> None:
-    """The top is 40 mm higher than everybody thinks: the way down to its stand-off is a protected move."""
-    ran = run(lines_of(made, alarm=alarm), made, shifted(made, "top", 40.0))
+    """The top is 12 mm higher than everybody thinks: the way down to its stand-off is a protected move."""
+    ran = run(lines_of(made, alarm=alarm), made, shifted(made, "top", 12.0))
     assert ran.flags(made) == [1], "the touch before it is on record, this one is not"
     messages = [data["text"] for event, data in ran.events if event == "message"]
     assert messages == ["TANGO PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE"]

@@ -81,10 +81,13 @@ def obstruction(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact
 
 def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, solid: Solid) -> Iterator[Verdict]:
     stem = max(probe.length - probe.body_length, 0.0)
-    parts = (
+    parts: tuple[_Part, ...] = (
         _Part("stem", 0.0, stem, probe.stylus_radius, GAP, MARGIN),
         _Part("body", stem, probe.length + BEHIND, probe.body_radius, BODY_MARGIN, BODY_MARGIN),
     )
+    if probe.nose_radius > probe.body_radius:
+        nose = _Part("spindle nose", probe.length, probe.length + BEHIND, probe.nose_radius, BODY_MARGIN, BODY_MARGIN)
+        parts = (*parts, nose)
     yield from _facing(pose, probe, stem)
     facets = [artefact.facets[f] for f in pose.facet]
     ball = np.array([f.ball is not None for f in facets], dtype=bool)

@@ -8,6 +8,7 @@ there the convex body says nothing and only the facet itself, the balls and the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +42,14 @@ class Solid:
     outer: frozenset[Id]  # facets that bound the table body
 
     @property
+    def corners(self) -> tuple[Array, ...]:
+        """→ (v, 3) mm, corners of the table, with its possible overhang, and of each obstacle."""
+        return tuple(body.corner for body in (*([self.table] if self.table else []), *self.obstacles))
+
+    @cached_property
     def corner(self) -> Array:
         """→ (v, 3) mm, corners of table and obstacles, with the table's possible overhang."""
-        bodies = [*([self.table] if self.table else []), *self.obstacles]
-        return np.concatenate([np.zeros((0, 3)), *(body.corner for body in bodies)])
+        return np.concatenate([np.zeros((0, 3)), *self.corners])
 
     def top(self, direction: Array) -> Array:
         """(m, 3) unit vectors → (m,) mm, how far anything on the table reaches in that direction; −inf for an empty table."""

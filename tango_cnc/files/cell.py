@@ -128,9 +128,9 @@ def _axis(name: str, node: Node) -> Axis:
 
 
 def _probe(node: Node) -> Probe:
-    fields = node.fields(["length", "tip_radius", "repeatability"], ["stylus_radius", "body_radius", "body_length"])
-    values = {key: child.number(above=0) for key, child in fields.items() if key != "repeatability"}
-    return Probe(repeatability=fields["repeatability"].number(0), **values)
+    fields = node.fields(["length", "tip_radius", "repeatability"], ["stylus_radius", "body_radius", "body_length", "nose_radius"])
+    none = ("repeatability", "nose_radius")  # these may be 0
+    return Probe(**{key: child.number(0) if key in none else child.number(above=0) for key, child in fields.items()})
 
 
 def read_artefact(file: Path) -> Artefact:

@@ -48,7 +48,7 @@ def _degrees(value: float) -> float:
 
 def machine_text(machine: Machine) -> str:
     """machine → text of machine.yaml."""
-    probe = {key: value for key, value in vars(machine.probe).items()}
+    probe = {key: value for key, value in vars(machine.probe).items() if value or key != "nose_radius"}
     axes = {axis.name: _axis(axis) for axis in machine.axes}
     return dump({"name": machine.name, "topology": machine.topology, "axes": axes, "probe": probe})
 

@@ -6,6 +6,7 @@ comes, and puts down events on its way. `Stop` ends it with words for the person
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 
 from ..records import Machine, Move, Touch
@@ -20,7 +21,11 @@ def low(move: Move, touch: Touch, machine: Machine) -> bool:
     if move.kind in ("approach", "probe", "back"):
         return True
     place = {"retract": touch.leave, "clear": touch.enter}.get(move.kind)
-    return place is not None and place != touch.over and all(place[machine.column(n)] == v for n, v in move.target.items())
+    if place is None or any(place[machine.column(n)] != v for n, v in move.target.items()):
+        return False
+    return (
+        math.dist(place, touch.standoff) < math.dist(touch.over, touch.standoff) - 1e-9
+    )  # the last one goes up to where axes turn
 
 
 class Stop(Exception):

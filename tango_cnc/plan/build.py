@@ -4,30 +4,35 @@ Theory of operation. At one indexation the table stands still and the probe keep
 table frame as the linear axes do, on straight lines. Seen from there, with the spindle "above":
 
     ───── over ───────────────────── over ─────   the clear level: nothing on the table reaches it
-           │ approach                  │
+           ┊                           ┊
+         leave ───────────────────▶  enter        as low as what is under this one travel allows (`travel.py`)
+           ▲ retract                   │ approach
         stand-off ──probe──▶ | facet   ▼          straight down, then along the facet's normal, and back the same way
 
-Above the clear level everything of the probe is above the tip, so any way there is free. Rotary axes turn only where the
-sphere that the table can sweep, and the sphere that a swivelling probe can sweep, are apart (`clearance.py`).
+The first touch of an indexation is entered from the clear level, and the last one left up to there: above it everything of the
+probe is above the tip, so any way is free. Rotary axes turn only where the sphere that the table can sweep, and the sphere that
+a swivelling probe can sweep, are apart (`clearance.py`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import check, kinematics
 from ..check.travel import travel_text
-from ..records import Array, Cell, InputError, Plan, Touch
+from ..records import Array, Cell, InputError, Plan, Probe, Touch, Turn
 from .clearance import MARGIN, Clearance
+from .travel import DROP, Roof, Travels
 
 OBSTRUCTED = ("warn", "refuse", "leave-out")  # what to do with touches that the probe cannot make
 Rows = NDArray[np.int64]
 NAMED = 8  # touches named in one complaint
+STRAIGHT = 1e-6  # mm aside
 
 
 def plan(cell: Cell, obstructed: str = "warn") -> Plan:
@@ -74,9 +79,8 @@ def plan(cell: Cell, obstructed: str = "warn") -> Plan:
         return _inverse(chain, station[at], tips)
 
     standoff = tip + approach.standoff * normal
-    height = np.einsum("ij,ij->i", standoff, spindle[at])
-    level = np.maximum(solid.top(spindle) + MARGIN + machine.probe.tip_radius, _highest(height, at, len(station)))
-    over = axes(standoff + np.maximum(level[at] - height, 0.0)[:, None] * spindle[at])
+    ways = _ways(machine.probe, solid, standoff, spindle, station, at)
+    over = axes(ways.over)
     ends = {"contact": axes(tip), "stand-off": axes(standoff), "search end": axes(tip - approach.search * normal)}
     _within(cell, facets, at, {**ends, "clear level": over})
     touches = tuple(
@@ -85,13 +89,15 @@ def plan(cell: Cell, obstructed: str = "warn") -> Plan:
             zip(
                 facets,
                 at,
-                *(map(tuple, values.tolist()) for values in (ends["stand-off"], ends["contact"], ends["search end"], over)),
+                *(_rows(values) for values in (ends["stand-off"], ends["contact"], ends["search end"], over)),
+                _rows(axes(ways.enter)),
+                _rows(axes(ways.leave)),
                 strict=True,
             )
         )
     )
-    turns = Clearance(machine, chain, solid, level, station).turns(touches, lambda index: _pose(cell, index))
-    return Plan(machine, artefact, cell.strategy, touches, turns, left_out, doubts)
+    turns = Clearance(machine, chain, solid, ways.level, station).turns(touches, lambda index: _pose(cell, index))
+    return Plan(machine, artefact, cell.strategy, _at_once(touches, turns, chain, spindle), turns, left_out, doubts)
 
 
 def part(whole: Plan, numbers: Sequence[int]) -> Plan:
@@ -105,14 +111,66 @@ def part(whole: Plan, numbers: Sequence[int]) -> Plan:
         found = f"touch {min(unknown)}" if unknown else "no touch"
         raise InputError(f"part of a plan: found {found}; allowed: touches 1 … {whole.touches[-1].number} of the plan")
     touches = tuple(touch for touch in whole.touches if touch.number in wanted)
-    machine, chain = whole.machine, kinematics.chain(whole.machine)
+    machine, chain, solid = whole.machine, kinematics.chain(whole.machine), check.solid(whole.artefact)
     station = np.array([[i.position.get(name, 0.0) for name in machine.names] for i in whole.strategy.indexations])
     spindle = kinematics.spindle_axis(chain, station)
     at = np.array([touch.indexation for touch in touches])
-    over = kinematics.tip(chain, np.array([touch.over for touch in touches]))
-    level = _highest(np.einsum("ij,ij->i", over, spindle[at]), at, len(station))
-    clearance = Clearance(machine, chain, check.solid(whole.artefact), level, station)
-    return replace(whole, touches=touches, turns=clearance.turns(touches, lambda index: _pose(whole, index)))
+    facets = [whole.artefact.facets[touch.facet] for touch in touches]
+    normal = np.array([facet.normal for facet in facets])
+    tip = np.array([facet.point for facet in facets]) + machine.probe.tip_radius * normal
+    standoff = tip + whole.strategy.approach.standoff * normal
+    ways = _ways(machine.probe, solid, standoff, spindle, station, at)
+    places = [_rows(_inverse(chain, station[at], tips)) for tips in (ways.over, ways.enter, ways.leave)]
+    touches = tuple(
+        replace(touch, over=over, enter=enter, leave=leave) for touch, over, enter, leave in zip(touches, *places, strict=True)
+    )
+    clearance = Clearance(machine, chain, solid, ways.level, station)
+    turns = clearance.turns(touches, lambda index: _pose(whole, index))
+    return replace(whole, touches=_at_once(touches, turns, chain, spindle), turns=turns)
+
+
+def _at_once(touches: Sequence[Touch], turns: Sequence[Turn], chain: kinematics.Chain, spindle: Array) -> tuple[Touch, ...]:
+    """touches, turns between them → touches that are left all the way up to where axes turn, where that is straight above them."""
+    found, place = list(touches), {touch.number: i for i, touch in enumerate(touches)}
+    after = [place.get(turn.touch, len(found)) - 1 for turn in turns]
+    last = [(i, turn) for i, turn in zip(after, turns, strict=True) if i >= 0]
+    low, high = (kinematics.tip(chain, np.array(p)) for p in ([found[i].over for i, _ in last], [t.before for _, t in last]))
+    up = spindle[[found[i].indexation for i, _ in last]]
+    aside = np.linalg.norm(np.cross(high - low, up), axis=1)
+    for (i, turn), beside in zip(last, aside, strict=True):
+        if beside < STRAIGHT:
+            found[i] = replace(found[i], leave=turn.before)
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Ways:
+    """Where the tip of the probe is above its touches, table frame, and the clear level of every indexation."""
+
+    over: Array  # (n, 3) mm
+    enter: Array  # (n, 3)
+    leave: Array  # (n, 3)
+    level: Array  # (m,) mm
+
+
+def _ways(probe: Probe, solid: check.Solid, standoff: Array, spindle: Array, station: Array, at: Rows) -> _Ways:
+    """probe, bodies, (n, 3) mm stand-offs, (m, 3) directions to the spindle, (m, k) indexations, (n,) that of each touch → ways."""
+    up = spindle[at]
+    height = np.einsum("ij,ij->i", standoff, up)
+    top = solid.top(spindle) + MARGIN + probe.tip_radius
+    level = np.maximum(top, _highest(height, at, len(spindle)) + DROP)
+    clear = level[at] - height
+    follows = np.flatnonzero((np.diff(station[at], axis=0) == 0).all(axis=1))
+    enter, leave = clear.copy(), clear.copy()
+    travels = Travels(standoff[follows], standoff[follows + 1], up[follows])
+    most = np.minimum(level[at[follows]], level[at[follows + 1]])
+    leave[follows], enter[follows + 1] = Roof(solid, probe).lifts(travels, most)
+    over, entered, left = (standoff + lift[:, None] * up for lift in (clear, enter, leave))
+    return _Ways(over, entered, left, level)
+
+
+def _rows(values: Array) -> Iterable[tuple[float, ...]]:
+    return map(tuple, values.tolist())
 
 
 def _highest(height: Array, at: Rows, count: int) -> Array:

@@ -188,7 +188,7 @@ class Clearance:
             rotation, shift = _pose(self._machine, self._machine.tool_branch, position)
             return rotation @ tip + shift, probe.tip_radius
         ends = tip, tip + max(probe.length - probe.body_length, 0.0) * direction, tip + probe.length * direction
-        sizes = probe.tip_radius, probe.body_radius, probe.body_radius
+        sizes = probe.tip_radius, probe.body_radius, max(probe.body_radius, probe.nose_radius)
 
         def reach(point: Array) -> float:
             return max(float(np.linalg.norm(end - point)) + size for end, size in zip(ends, sizes, strict=True))
