@@ -164,7 +164,7 @@ def ask(port, request):
 @posix
 def test_a_late_answer_is_not_the_answer_to_the_next_request(monkeypatch):
     """What pymodbus does by itself: the reply to the first read, 0.1 s too late, is handed out as that to the second."""
-    monkeypatch.setattr("tango_cnc.link.transport.ANSWER", 0.3)
+    monkeypatch.setattr("tango_cnc.link.transport._modbus.ANSWER", 0.3)
     slave = Slave((0.4, read_reply(11, 11)), (0.0, read_reply(22, 22)))
     port = open_port(parse(slave.url, {}))
     try:
@@ -176,7 +176,7 @@ def test_a_late_answer_is_not_the_answer_to_the_next_request(monkeypatch):
 
 @posix
 def test_an_answer_of_another_function_or_length_is_none(monkeypatch):
-    monkeypatch.setattr("tango_cnc.link.transport.ANSWER", 0.2)
+    monkeypatch.setattr("tango_cnc.link.transport._modbus.ANSWER", 0.2)
     slave = Slave((0.0, WROTE), (0.0, read_reply(1, 2, 3)), (0.0, read_reply(5, 6)), (0.0, read_reply(7, 8)), (0.0, WROTE))
     port = open_port(parse(slave.url, {}))
     try:
@@ -191,7 +191,7 @@ def test_an_answer_of_another_function_or_length_is_none(monkeypatch):
 
 @posix
 def test_a_write_that_is_not_answered_goes_out_once(monkeypatch):
-    monkeypatch.setattr("tango_cnc.link.transport.ANSWER", 0.1)
+    monkeypatch.setattr("tango_cnc.link.transport._modbus.ANSWER", 0.1)
     slave = Slave((0.0, b""), (0.0, b""))
     port = open_port(parse(slave.url, {}))
     try:

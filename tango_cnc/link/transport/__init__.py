@@ -1,0 +1,69 @@
+"""Bytes to and from a port named by a URL: the only importers of serial, socket and pymodbus; one file a kind of line.
+
+    serial:///dev/ttyUSB0?baud=9600&bits=7&parity=even&stop=2&flow=xonxoff      serial://COM3?baud=4800
+    /dev/ttyUSB0, COM3, /dev/pts/4       the same with what DEFAULTS says
+    socket://192.168.1.20:8193           TCP, also of a serial-to-Ethernet converter in raw mode
+    rfc2217://192.168.1.20:2217?baud=…   a converter that lets the line be set from here
+    modbus+tcp://192.168.1.20:502/1      modbus+rtu:///dev/ttyUSB0/1?baud=19200      requests and answers of device 1, in words
+
+Everything after `?` that is not of the line is handed to the protocol client. Behind socket:// and a pty the settings of the
+line are somebody else's; stated all the same, `baud` slows the sending down to that rate and `parity` is added and checked here.
+Found out by others: a readline returns half a
+line at the timeout, an unplugged port still says it is open, two programs may open one port unless both ask for exclusive,
+and drivers deliver bytes of wrong parity without a word. Here reads return what there is, every error of the system means
+that the line is lost, serial ports are locked twice, and a character of wrong parity arrives as SUB, which no client takes.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import serial
+from serial.tools import list_ports
+
+from ...records import LinkError
+from .._address import Address
+from .._address import parse as parse
+from .._wire import Paced, Parity
+from ._line import Lost as Lost
+from ._line import Transport as Transport
+from ._line import reason
+from ._linuxcnc import LinuxCnc
+from ._modbus import Modbus
+from ._port import Port
+from ._tcp import Tcp
+
+OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc}
+
+
+def ports() -> list[tuple[str, str]]:
+    """→ (device, description) of the serial ports of this computer."""
+    return sorted((str(port.device), str(port.description)) for port in list_ports.comports())
+
+
+def open_port(address: Address) -> Transport:
+    """address → open transport. Raises LinkError saying what did not open, which ports there are and what to do."""
+    try:
+        port: Transport = OPENERS.get(address.scheme, Port)(address)
+    except (OSError, ValueError, serial.SerialException) as error:  # SerialException is an OSError; ValueError: baud rates
+        raise LinkError(f"port {address.url} does not open: {reason(error)}. {_advice(address, error)}") from None
+    if address.scheme in ("tcp", "rtu"):
+        return port
+    if not address.uart and "baud" in address.line:
+        characters = int(address.line["baud"]) / (
+            2 + int(address.line.get("bits", "8")) + (address.line.get("parity", "none") != "none")
+        )
+        port = Paced(port, characters, time.monotonic)
+    if not address.uart and address.line.get("parity", "none") != "none":
+        port = Parity(port, address.line["parity"] == "odd")
+    return port
+
+
+def _advice(address: Address, error: Exception) -> str:
+    if address.scheme not in ("serial", "rtu"):
+        return "Is the controller or converter switched on, the address right, and no other program connected to it?"
+    busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error)
+    there = ", ".join(f"{device} ({text})" for device, text in ports()) or "none"
+    step = "Another program has it open: close that one" if busy else "Check the cable, the name and your permission to use it"
+    return f"Serial ports of this computer: {there}. {step}."

@@ -1,0 +1,39 @@
+"""What every kind of line is to its users, and the errors of the system in words."""
+
+from __future__ import annotations
+
+import os
+from typing import Protocol
+
+from ...records import LinkError
+
+SLICE = 0.05  # s, the longest wait inside a port that cannot be waited for together with others
+PATIENCE = 5.0  # s, to open a TCP connection
+REST = 0.002  # s from one question to the same one again
+
+
+class Lost(LinkError):
+    """The line is gone: unplugged, closed by the other side, or broken."""
+
+
+class Transport(Protocol):
+    """Bytes there and back."""
+
+    chunk: int  # bytes that may be on their way when the other side says stop
+
+    def read(self, timeout: float) -> bytes:
+        """s → what has arrived, at once when there is something, empty after the timeout. Raises Lost."""
+
+    def write(self, data: bytes) -> int:
+        """bytes → how many of them the line took, without waiting. Raises Lost."""
+
+    def close(self) -> None:
+        """Gives the port back."""
+
+
+def reason(error: Exception) -> str:
+    """error of the system → why, in its words."""
+    number = getattr(error, "errno", None)
+    if isinstance(error, TimeoutError):
+        return f"no answer within {PATIENCE:.0f} s"
+    return os.strerror(number) if isinstance(number, int) and number > 0 else str(error)

@@ -1,0 +1,68 @@
+"""linuxcncrsh and the two files beside it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from ...records import LinkError
+from .._address import Address
+from ._line import REST, SLICE, Lost, reason
+from ._tcp import Tcp
+
+
+class LinuxCnc(Tcp):
+    """linuxcncrsh on this computer, and the two files that it cannot carry: `put` writes the program, the log is read."""
+
+    def __init__(self, address: Address) -> None:
+        missing = [name for name in ("file", "log") if name not in address.options]
+        if missing:
+            raise LinkError(
+                f"port {address.url}: found no {' and no '.join(missing)}; e.g. ?file=/tmp/tango.ngc&log=/tmp/tango-readings.txt"
+            )
+        self._file, self._log = Path(address.options["file"]), Path(address.options["log"])
+        self._at, self._due, self._rest = 0, 0.0, b""
+        self._answers = b""
+        super().__init__(address)
+
+    def read(self, timeout: float) -> bytes:
+        """s → what linuxcncrsh answers, and new whole lines of the log with LOG in front. Raises Lost."""
+        new = self._answers + self._logged()
+        self._answers = b""
+        return new or super().read(min(timeout, SLICE))
+
+    def write(self, data: bytes) -> int:
+        """bytes → all taken; whole lines go out, LF CR of some dialects is no line end here. Raises Lost."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            if line.startswith(b"put "):
+                self._put(bytes.fromhex(line.split()[2].decode("ascii")))
+                continue
+            time.sleep(max(0.0, self._due - time.monotonic()))  # the log and the status are looked at, not hammered
+            self._due = time.monotonic() + REST
+            self._socket.setblocking(True)
+            try:
+                self._socket.sendall(line + b"\n")
+            except OSError as error:
+                raise Lost(f"the connection broke: {reason(error)}") from None
+            finally:
+                self._socket.setblocking(False)
+        return len(data)
+
+    def _put(self, program: bytes) -> None:
+        try:
+            self._file.write_bytes(program)
+            self._log.unlink(missing_ok=True)
+        except OSError as error:
+            raise Lost(f"{error.filename}: cannot be written ({error.strerror})") from None
+        self._at, self._answers = 0, b"PUT\n"
+
+    def _logged(self) -> bytes:
+        try:
+            with self._log.open("rb") as log:
+                log.seek(self._at)
+                whole = log.read().rpartition(b"\n")
+        except OSError:
+            return b""
+        self._at += len(whole[0] + whole[1])
+        return b"".join(b"LOG %s\n" % line for line in whole[0].split(b"\n") if line.strip())
