@@ -101,6 +101,7 @@ class Post:
     link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
     record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
     finish: Callable[[Iterator[str]], Iterator[str]] = iter  # what is done to the lines as a whole: block numbers
+    companions: Callable[[Job], Mapping[str, Lines]] = field(default=lambda job: {})  # file name → lines that the control needs too
 
 
 def load(name: str) -> Post:
@@ -193,6 +194,12 @@ def program(post: Post, plan: Plan, given: Mapping[str, Any], plan_mark: str) ->
         digest.update(line.encode("ascii") + b"\n")
     mark = digest.hexdigest()[: len(BLANK)].upper()
     return f"{post.stem(job(mark))}.{post.extension}", mark, lambda: _lines(post, job(mark))
+
+
+def companions(post: Post, plan: Plan, given: Mapping[str, Any]) -> dict[str, list[str]]:
+    """post, plan, `controller` keys → {file name: lines} of what has to be on the control beside the program; often nothing."""
+    job = Job(plan, settings(post, given), BLANK, BLANK, ())
+    return {name: list(lines) for name, lines in post.companions(job).items()}
 
 
 def mark_of(text: str) -> str:

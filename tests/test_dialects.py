@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from postprocessors._base import load, program
+from postprocessors._base import companions, load, program
 from postprocessors.heidenhain import mask
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
@@ -41,12 +41,19 @@ class Spoken:
     resolution: float = PRINTED  # mm and deg
 
 
+def beside(name: str) -> tuple[str, ...]:
+    """dialect → the files that have to be on its control, each with its name in front."""
+    files = companions(load(name), plan(read_cell(EXAMPLE)), {})
+    return tuple(line for file, lines in files.items() for line in (file, *lines))
+
+
 G31 = Spoken("macro_b", frame=1)
 SPOKEN = {
     **dict.fromkeys(("fanuc", "haas", "mitsubishi", "mazak"), G31),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
     "linuxcnc": Spoken("rs274"),
+    "mach4": Spoken("mach4", library=beside("mach4")),
     "okuma": Spoken("osp", {"tool_lengths": {1: 326.674}}),
     "siemens": Spoken("siemens", {"tool_lengths": {1: 326.674}}),
 }

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,11 +80,15 @@ def command(
     doubts = (*posts.unverified(dialect, options), *posts.reach(made), *proven(dialect.title, lines, made, settings))
     target = out or (folder / "program" if capability is None else folder / "capability" / capability)
     files: dict[Path, Callable[[], Iterator[str]]] = {target / file_name: lines, target / "plan.csv": lambda: plan_lines(made)}
+    beside = posts.companions(dialect, made, options)
+    for name_beside, texts in beside.items():
+        files[target / name_beside] = partial(iter, texts)
     if capability is not None:
         files[target / "artefact.yaml"] = lambda: iter(artefact_text(cell.artefact).splitlines())
         files[target / "strategy.yaml"] = lambda: iter(strategy_text(cell.strategy).splitlines())
     write_together(files)
     result = _result(made, name, target / file_name, target / "plan.csv", program_mark, mark, doubts)
+    result["companions"] = [str(target / name_beside) for name_beside in beside]
     if not write_json(json_file, result):
         click.echo(_text(made, result))
 
@@ -162,5 +167,6 @@ def _text(plan: Plan, result: dict[str, Any]) -> str:
         f"{table(rows, '<>>><')}\n"
         f"program {result['program']} (hash {result['program_hash']})\n"
         f"plan    {result['plan']} (hash {result['plan_hash']})\n"
+        + "".join(f"beside  {file}: put it on the control too, see docs/dialects.md\n" for file in result["companions"])
         + (f"unverified: confirm on your control and state it under controller: in tango.yaml{doubts}" if doubts else "")
     ).rstrip()

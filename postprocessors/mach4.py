@@ -1,0 +1,165 @@
+"""Mach4: Fanuc's macro B without DPRNT, so that four M codes, written in Lua, keep the records.
+
+Mill GCode Programming (G31 ends at its target when nothing is met, #5021 #5041 #5061 by axis X Y Z A B C, #3000 stops with the
+text behind it, M codes from 100 on are user scripts mNNN.mcs in the profile's Macros folder), Mach4CoreAPI (names of the calls).
+The scripts travel with the program as companion files. They decide nothing: the G-code tells contact from none and stops.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from tango_cnc.records import InputError
+
+from ._base import Job, Leg, Option, Post, degrees, number, rolled, with_defaults
+from ._macro_b import OPTIONS as FAMILY_OPTIONS
+from ._macro_b import steps
+from ._macro_b_text import FLAG, Words
+
+START, RECORD, END, WAIT = 880, 881, 882, 883  # M codes
+SUM, SPINDLE, TOUCH = 118, 119, 120  # common variables that the record is made of
+PLACE = {name: i for i, name in enumerate("XYZABC", 1)}  # of an axis in #5021 …
+FIXED: Mapping[str, Any] = {"macros": "inline", "print_format": "44"}
+FILE = "tango-readings.txt"
+
+FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}"))
+OPTIONS = (
+    *with_defaults(
+        tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers")), reset="G15 G17 G21 G40 G49 G50 G69 G80 G90 G94"
+    ),
+    Option("readings", FILE, "file of the records, in the folder of the program", verified=True),
+)
+DOUBTS = (
+    "IF … THEN and #3000 in a program, and no read-ahead beyond G31 and M codes",
+    "#5021 #5041 #5061 come in millimetres after G21",
+    "G53 G0 turns a rotary axis in machine coordinates",
+    "#506x, #502x and #504x of axes at rest differ by constants",
+    "a probe that is off stops nothing: protected moves protect only while it is on",
+)
+
+
+def _stated(job: Job) -> Job:
+    """→ the job with what is fixed on this control."""
+    numbers = {name: PLACE[name] for name in job.machine.names if name != "S"}
+    return replace(job, options={**job.options, **FIXED, "axis_numbers": numbers})
+
+
+def _of_family(name: str) -> Callable[..., Iterator[str]]:
+    def step(job: Job, *leg: Leg) -> Iterator[str]:
+        return FAMILY[name](_stated(job), *leg)
+
+    return step
+
+
+def begin(job: Job) -> Iterator[str]:
+    """That of the family, with the start mark as a comment that the script reads."""
+    if not re.fullmatch(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}", job.options["readings"]):
+        raise InputError(
+            f"controller.readings: found {job.options['readings']!r}; allowed: a file name of letters, digits, _ and -"
+        )
+    for line in FAMILY["begin"](_stated(job)):
+        if line.startswith("DPRNT["):
+            yield f"M{START}(TANGO START {job.mark} {len(job.plan.touches)})"
+        elif not line.startswith(f"#{FLAG}="):
+            yield line
+
+
+def record(job: Job, leg: Leg) -> Iterator[str]:
+    """Touch, spindle and sum into variables; the script writes the line."""
+    places = [f"#{FLAG + PLACE[name]}" for name in job.machine.names if name != "S"]
+    yield f"#{TOUCH}={number(leg.touch.number)}"
+    yield f"#{SPINDLE}={number(rolled(degrees(leg.to['S']), job.options['decimals']), job.options['decimals'])}"
+    yield f"#{SUM}={'+'.join([*places, f'#{SPINDLE}'])}(CHECK SUM K)"
+    yield f"M{RECORD}(RECORD)"
+
+
+def end(job: Job) -> Iterator[str]:
+    """End mark and end of program."""
+    yield f"M{END}(TANGO END {len(job.plan.touches)})"
+    yield "M30"
+    yield "%"
+
+
+def scripts(job: Job) -> dict[str, list[str]]:
+    """→ the four M codes for the Macros folder of the profile."""
+    variables = {name: FLAG + PLACE[name] for name in job.machine.names if name != "S"} | {"S": SPINDLE, "K": SUM}
+    form = " ".join(["P%.0f H%.0f", *(f"{name}%.4f" for name in variables)])
+    values = ", ".join(f"value({number})" for number in (TOUCH, FLAG, *variables.values()))
+    return {
+        f"m{START}.mcs": _script(
+            START,
+            "writes the start mark that stands in the loaded program",
+            [
+                'local mark = text():match("TANGO START %x+ %d+")',
+                'if mark then say(mark) else stop("NO START MARK IN THE PROGRAM") end',
+            ],
+            job,
+        ),
+        f"m{RECORD}.mcs": _script(
+            RECORD,
+            "writes one touch of the loaded program",
+            [
+                "local function value(number) return (mc.mcCntlGetPoundVar(inst, number)) end",
+                f'say(string.format("{form}", {values}))',
+            ],
+            job,
+        ),
+        f"m{END}.mcs": _script(
+            END,
+            "writes the end mark that stands in the loaded program",
+            ['local mark = text():match("TANGO END %d+")', 'if mark then say(mark) else stop("NO END MARK IN THE PROGRAM") end'],
+            job,
+        ),
+        f"m{WAIT}.mcs": [
+            f"-- M{WAIT} of tango: nothing. An M code is carried out when the axes stand, and so is what follows it.",
+            f"function m{WAIT}()",
+            "end",
+        ],
+    }
+
+
+def _script(code: int, what: str, body: list[str], job: Job) -> list[str]:
+    return [
+        f"-- M{code} of tango: {what}, into {job.options['readings']} in its folder.",
+        f"function m{code}()",
+        "    local inst = mc.mcGetInstance()",
+        "    local program = (mc.mcCntlGetGcodeFileName(inst))",
+        f'    local file = (program:match("^(.*[/\\\\])") or "") .. "{job.options["readings"]}"',
+        "    local function stop(why)",
+        f'        mc.mcCntlMacroAlarm(inst, {code}, "TANGO " .. why)',
+        "    end",
+        *(
+            [
+                "    local function text()",
+                '        local f = io.open(program, "r")',
+                '        local all = f and f:read("*a") or ""',
+                "        if f then f:close() end",
+                "        return all",
+                "    end",
+            ]
+            if any("text()" in line for line in body)
+            else []
+        ),
+        "    local function say(line)",
+        '        local f = io.open(file, "a")',
+        '        if f == nil then stop("CANNOT WRITE " .. file) return end',
+        '        f:write(line, "\\n")',
+        "        f:close()",
+        "    end",
+        *(f"    {line}" for line in body),
+        "end",
+    ]
+
+
+POST = Post(
+    title="Mach4",
+    extension="nc",
+    options=OPTIONS,
+    doubts=DOUBTS,
+    companions=scripts,
+    **{name: _of_family(name) for name in FAMILY if name != "stem"}
+    | {"stem": FAMILY["stem"], "begin": begin, "record": record, "end": end},
+)
