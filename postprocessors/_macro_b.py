@@ -24,12 +24,13 @@ from tango_cnc.records import InputError
 
 from . import _macro_b_text as text
 from ._base import Job, Leg, Option, comment, degrees, is_endless, may_roll, number, rolled
+from ._common import STEPS, fits, switches
 from ._macro_b_text import FLAG, FRAME, MISSES, Words, axis_numbers
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
 ROLLOVER = "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned"
 
-OPTIONS = (
+OPTIONS: tuple[Option, ...] = (
     Option("program_number", 8700, "O number of the program; macros take the next four", verified=True),
     Option(
         "macros", "inline", "where the macro text stands: in every touch, or called from behind M30", True, ("inline", "called")
@@ -85,12 +86,6 @@ class _Steps:
         yield from self.words.open
         yield f"#{FLAG}={len(plan.touches)}"
         yield f"DPRNT[TANGO*START*{job.mark}*#{FLAG}[60]]"
-
-    def probe_on(self, job: Job) -> Iterator[str]:
-        yield job.options["probe_on"] or "(NO WORDS STATED THAT SWITCH THE PROBE ON)"
-
-    def probe_off(self, job: Job) -> Iterator[str]:
-        yield job.options["probe_off"] or "(NO WORDS STATED THAT SWITCH THE PROBE OFF)"
 
     def retract(self, job: Job, leg: Leg) -> Iterator[str]:
         yield "(UP)"
@@ -157,39 +152,18 @@ class _Steps:
             yield from text.PIECES[which - 1][1](job, self.words, arguments)
 
 
-STEPS = ("stem", "begin", "probe_on", "retract", "clear", "index", "approach", "probe", "back", "record", "probe_off", "end")
-
-
 def steps(words: Words) -> dict[str, Any]:
     """words of a dialect → the steps of its post."""
     family = _Steps(words)
-    return {name: getattr(family, name) for name in STEPS}
+    on, off = switches("(%s)")
+    return {"probe_on": on, "probe_off": off} | {name: getattr(family, name) for name in ("stem", *STEPS) if hasattr(family, name)}
 
 
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
-    machine, options = job.machine, job.options
-    stated = options["axis_numbers"]
-    names = [name for name in machine.names if name != "S"]
-    given = list(stated.values())
-    fits = sorted(stated) == sorted(names) and len(set(map(str, given))) == len(given)
-    if stated and not (fits and all(isinstance(n, int) and 1 <= n <= 8 for n in given)):
-        raise InputError(
-            f"controller.axis_numbers: found {stated!r}; allowed: a number 1 … 8 of its own for each of {', '.join(names)}"
-        )
-    if not 1 <= options["program_number"] <= 9995:
-        raise InputError(f"controller.program_number: found {options['program_number']}; allowed: 1 … 9995")
-    if options["positioning_feed"] <= 0 or options["tolerance"] <= 0 or options["misses"] < 1:
-        raise InputError("controller: found positioning_feed, tolerance or misses of 0 or less; allowed: more than 0")
-    for key in ("unclamp", "clamp"):
-        for name, word in options[key].items():
-            if name not in machine.rotary or not (isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()):
-                raise InputError(
-                    f"controller.{key}: found {name!r}: {word!r}; allowed: a word such as M10 for {', '.join(machine.rotary)}"
-                )
-    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
-    if not options["orient"] and len(turns) > 1:
-        raise InputError("controller.orient: found nothing; allowed: the word that orients the spindle, as this strategy turns it")
+    fits(job, most=8)
+    if not 1 <= job.options["program_number"] <= 9995:
+        raise InputError(f"controller.program_number: found {job.options['program_number']}; allowed: 1 … 9995")
 
 
 def _angle(job: Job, name: str, value: float) -> float:

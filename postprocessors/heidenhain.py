@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from tango_cnc.records import InputError
 
 from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, number, rolled, search_distance
+from ._common import fits, steps, switches
 
 FILE = re.compile(r"TNC:\\([A-Za-z0-9_]{1,16}\\){0,4}[A-Za-z0-9_]{1,16}\.[A-Za-z]{1,3}")
 ARRIVED = 0.01  # deg
@@ -94,14 +95,7 @@ def begin(job: Job) -> Iterator[str]:
     yield _print(job)
 
 
-def probe_on(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_on"] or "; NO WORDS STATED THAT SWITCH THE PROBE ON"
-
-
-def probe_off(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_off"] or "; NO WORDS STATED THAT SWITCH THE PROBE OFF"
+probe_on, probe_off = switches("; %s")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
@@ -111,6 +105,9 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     for name, parameter in TARGET.items():
         yield f"{parameter} = {_number(job, leg.to[name])}" if name in leg.to else _read(job, parameter, name)
     yield f"CALL LBL {GUARDED}"
+
+
+retract = clear = move
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
@@ -295,28 +292,10 @@ def _check(job: Job) -> None:
     for key in ("mask", "output"):
         if not FILE.fullmatch(options[key]):
             raise InputError(f"controller.{key}: found {options[key]!r}; allowed: a file such as TNC:\\TANGO.TXT")
-    if min(options["positioning_feed"], options["tolerance"], options["misses"]) <= 0:
-        raise InputError("controller: found positioning_feed, tolerance or misses of 0 or less; allowed: more than 0")
+    fits(job)
     names, stated = [name for name in machine.names if name != "S"], options["axis_numbers"]
-    if stated and (
-        sorted(stated) != sorted(names)
-        or sorted({str(n) for n in stated.values()} - set("123456789"))
-        or len(set(stated.values())) < len(names)
-    ):
-        raise InputError(
-            f"controller.axis_numbers: found {stated!r}; allowed: a number 1 … 9 of its own for each of {', '.join(names)}"
-        )
     if not stated and not set(names) <= set("XYZABC"):
         raise InputError(f"controller.axis_numbers: found nothing; allowed: a number for each of {', '.join(names)}")
-    for key in ("unclamp", "clamp"):
-        for name, word in options[key].items():
-            if name not in machine.rotary or not (isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()):
-                raise InputError(
-                    f"controller.{key}: found {name!r}: {word!r}; allowed: a word such as M10 for {', '.join(machine.rotary)}"
-                )
-    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
-    if not options["orient"] and len(turns) > 1:
-        raise InputError("controller.orient: found False; allowed: true, as this strategy turns the spindle")
 
 
 POST = Post(
@@ -325,16 +304,6 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",
-    begin=begin,
-    probe_on=probe_on,
-    retract=move,
-    clear=move,
-    index=index,
-    approach=approach,
-    probe=probe,
-    back=back,
-    record=record,
-    probe_off=probe_off,
-    end=end,
+    **steps(globals()),
     finish=numbered,
 )

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from tango_cnc.records import InputError, Machine
 
 from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
+from ._common import fits, steps, switches
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
 PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
@@ -96,19 +97,15 @@ def _abort(label: str, condition: str, message: str) -> Iterator[str]:
     yield f"{label} ENDIF"
 
 
-def probe_on(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_on"] or "(NO WORDS STATED THAT SWITCH THE PROBE ON)"
-
-
-def probe_off(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_off"] or "(NO WORDS STATED THAT SWITCH THE PROBE OFF)"
+probe_on, probe_off = switches("(%s)")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """A straight move in machine coordinates, which the control aborts when the probe trips."""
     yield f"G53 G1 {_words(leg)} F{number(job.options['positioning_feed'])}"
+
+
+retract = clear = back = move
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
@@ -169,11 +166,7 @@ def _check(job: Job) -> None:
     options = job.options
     if not PATH.fullmatch(options["log"]):
         raise InputError(f"controller.log: found {options['log']!r}; allowed: a path of letters, digits, . _ - and /")
-    if options["positioning_feed"] <= 0 or options["misses"] < 1 or options["orient_time"] < 1:
-        raise InputError("controller: found positioning_feed, misses or orient_time of 0 or less; allowed: more than 0")
-    turns = {round(touch.standoff[job.machine.column("S")], 9) for touch in job.plan.touches}
-    if not options["orient"] and len(turns) > 1:
-        raise InputError("controller.orient: found False; allowed: true, as this strategy turns the spindle")
+    fits(job)
 
 
 POST = Post(
@@ -182,15 +175,5 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "tango",
-    begin=begin,
-    probe_on=probe_on,
-    retract=move,
-    clear=move,
-    index=index,
-    approach=approach,
-    probe=probe,
-    back=move,
-    record=record,
-    probe_off=probe_off,
-    end=end,
+    **steps(globals()),
 )

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from tango_cnc.records import InputError, Machine
 
 from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, number, rolled
+from ._common import fits, steps, switches
 
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
 FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
@@ -90,14 +91,7 @@ def begin(job: Job) -> Iterator[str]:
     yield from _write(job, f'"TANGO START {job.mark} {len(plan.touches)}"')
 
 
-def probe_on(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_on"] or "; NO WORDS STATED THAT SWITCH THE PROBE ON"
-
-
-def probe_off(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_off"] or "; NO WORDS STATED THAT SWITCH THE PROBE OFF"
+probe_on, probe_off = switches("; %s")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
@@ -108,6 +102,9 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield "STOPRE"
     yield f"TG_SHORT={_distance(place)}"
     yield from _stop_if(f"($AC_MEA[{job.options['probe_input']}]<>0) OR (TG_SHORT>{number(job.options['tolerance'])})", MET)
+
+
+retract = clear = move
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
@@ -256,22 +253,12 @@ def _axes(machine: Machine) -> list[str]:
 
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
-    machine, options = job.machine, job.options
+    options = job.options
     if not (DEVICE.fullmatch(options["output"]) or (len(options["output"]) <= 32 and FILE.fullmatch(options["output"]))):
         raise InputError(f"controller.output: found {options['output']!r}; allowed: a device /dev/… or a file _N_NAME_MPF")
     if options["alarm"] and not 65000 <= options["alarm"] <= 65999 - len(STOPS):
         raise InputError(f"controller.alarm: found {options['alarm']}; allowed: 0, or 65000 … {65999 - len(STOPS)}")
-    if options["positioning_feed"] <= 0 or options["tolerance"] <= 0 or options["misses"] < 1:
-        raise InputError("controller: found positioning_feed, tolerance or misses of 0 or less; allowed: more than 0")
-    for key in ("unclamp", "clamp"):
-        for name, word in options[key].items():
-            if name not in machine.rotary or not (isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()):
-                raise InputError(
-                    f"controller.{key}: found {name!r}: {word!r}; allowed: a word such as M10 for {', '.join(machine.rotary)}"
-                )
-    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
-    if not options["orient"] and len(turns) > 1:
-        raise InputError("controller.orient: found False; allowed: true, as this strategy turns the spindle")
+    fits(job)
 
 
 POST = Post(
@@ -280,15 +267,5 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",
-    begin=begin,
-    probe_on=probe_on,
-    retract=move,
-    clear=move,
-    index=index,
-    approach=approach,
-    probe=probe,
-    back=back,
-    record=record,
-    probe_off=probe_off,
-    end=end,
+    **steps(globals()),
 )
