@@ -1,4 +1,8 @@
-"""Plan → how long it takes, by part: trapezoids without jerk limits, each axis with its own rapid and acceleration."""
+"""Plan → how long it takes, by part: trapezoids without jerk limits, each axis with its own rapid and acceleration.
+
+A program protects its linear moves, and control and probe allow that at a feed only, far below rapid: `feed` in mm/min is the
+positioning feed of the dialect. Without it the moves are taken to be rapid.
+"""
 
 from __future__ import annotations
 
@@ -33,32 +37,38 @@ def _axis_time(axis: Axis, distance: float) -> float:
     return trapezoid(distance, speed, acceleration * (1000 if axis.kind == "linear" else 1))
 
 
-def of_moves(plan: Plan) -> list[float]:
-    """plan → s for each of its moves; a measuring move ends at the nominal contact, at the measuring feed."""
+def of_moves(plan: Plan, feed: float | None = None) -> list[float]:
+    """plan, mm/min of protected moves → s for each of its moves; a measuring move ends at the nominal contact."""
     axes = {axis.name: axis for axis in plan.machine.axes}
+    contacts = {touch.number: dict(zip(plan.machine.names, touch.contact, strict=True)) for touch in plan.touches}
     at: dict[str, float] = {}
     times = []
-    feed = plan.strategy.approach.feed / 60
+    search = plan.strategy.approach.standoff / (plan.strategy.approach.feed / 60)
     for move in plan.moves:
-        time = _move_time(axes, at, move, plan.strategy.approach.standoff / feed)
-        at |= move.target
+        time = _move_time(axes, at, move, search, feed)
+        at |= {name: contacts[move.touch][name] for name in move.target} if move.kind == "probe" else move.target
         times.append(time)
     return times
 
 
-def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, search: float) -> float:
+def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, search: float, feed: float | None) -> float:
     if move.kind == "probe":
         return search
     travelled = {name: abs(value - at.get(name, value)) for name, value in move.target.items()}
     moving = [name for name, distance in travelled.items() if distance > 1e-9]
     clamp = max((axes[name].clamp_time for name in moving), default=0.0)
-    return clamp + max((_axis_time(axes[name], travelled[name]) for name in moving), default=0.0)
+    rapid = max((_axis_time(axes[name], travelled[name]) for name in moving), default=0.0)
+    linear = [name for name in moving if axes[name].kind == "linear"]
+    if feed is None or not linear:
+        return clamp + rapid
+    slowest = min(axes[name].acceleration or DEFAULT_ACCELERATION["linear"] for name in linear)
+    return clamp + max(rapid, trapezoid(math.hypot(*(travelled[name] for name in linear)), feed / 60, slowest * 1000))
 
 
-def duration(plan: Plan) -> dict[str, float]:
-    """plan → s by part; their sum is the predicted time of one cycle."""
+def duration(plan: Plan, feed: float | None = None) -> dict[str, float]:
+    """plan, mm/min of protected moves → s by part; their sum is the predicted time of one cycle."""
     result = {part: 0.0 for part in PARTS.values()}
-    for move, time in zip(plan.moves, of_moves(plan), strict=True):
+    for move, time in zip(plan.moves, of_moves(plan, feed), strict=True):
         result[PARTS[move.kind]] += time
     return result
 

@@ -82,4 +82,17 @@ def test_predicted_time_is_the_sum_of_its_parts(cell: Path, capsys: pytest.Captu
     _, found = checked(capsys, "-C", cell)
     parts = found["predicted_time_s"]
     assert all(math.isfinite(s) and s >= 0 for s in parts.values()) and len(parts) > 2
-    assert 10 * 60 < sum(parts.values()) < 60 * 60
+    assert 10 * 60 < sum(parts.values())
+
+
+def test_protected_moves_take_the_positioning_feed_of_the_post(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One touch, counted by hand: 10 mm at 180 mm/min; back 10 mm at 50 mm/s and 2 m/s²: 10/50 + 50/2000 s."""
+    _, usual = checked(capsys, "-C", cell)
+    count, usual = usual["touches"], usual["predicted_time_s"]
+    assert usual["probe"] == pytest.approx(count * 10 / 3)
+    assert usual["back off"] == pytest.approx(count * (10 / 50 + 50 / 2000))
+    profile = (cell / "tango.yaml").read_text(encoding="utf-8")
+    (cell / "tango.yaml").write_text(profile.replace("post: fanuc", "post: fanuc\n  positioning_feed: 1500.0"), encoding="utf-8")
+    _, slow = checked(capsys, "-C", cell)
+    assert slow["positioning_feed"] == 1500 and slow["predicted_time_s"]["probe"] == usual["probe"]
+    assert 1.5 * usual["retract and clear"] < slow["predicted_time_s"]["retract and clear"] < 2 * usual["retract and clear"]

@@ -38,14 +38,26 @@ def command(folder: Path, terms: str | None, degree: int, json_file: str | None)
     except InputError:
         # Whatever is beyond leaving out is still an error, and says so.
         made = plan(cell, "leave-out")
-    data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree)
+    data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree, positioning_feed(cell))
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
     return int(bool(data["left_out"]) or (bool(data["not_identifiable"]) and not data["mismatch_only"]))
 
 
-def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> dict[str, Any]:
-    """cell, its plan, terms → counts, condition number, expected standard deviations, what cannot be seen, predicted time."""
+def positioning_feed(cell: Cell) -> float | None:
+    """cell → mm/min of protected moves in the programs of its post; None without a post or when it has no such option."""
+    from postprocessors import _base as posts
+
+    if cell.controller is None:
+        return None
+    name = cell.controller.post
+    post = posts.load(str(cell.folder / name) if name.endswith(".py") else name)
+    feed = posts.settings(post, cell.controller.options).get("positioning_feed")
+    return float(feed) if isinstance(feed, int | float) and feed > 0 else None
+
+
+def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed: float | None = None) -> dict[str, Any]:
+    """cell, plan, terms, mm/min of protected moves → counts, condition number, expected std, what is not seen, predicted time."""
     position = np.array([touch.contact for touch in made.touches])
     touches = of_facets(cell.machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
     selection = select(touches, terms, degree)
@@ -77,7 +89,8 @@ def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> d
         "expected_std": {selection.label(c.name): {"std": float(std[i]), "unit": c.unit} for i, c in enumerate(model.coefficients)},
         "not_identifiable": [c.text for c in selection.unseen],
         "mismatch_only": selection.mismatch and len(selection.unseen) == 1,
-        "predicted_time_s": duration(made),
+        "predicted_time_s": duration(made, feed),
+        "positioning_feed": feed,
     }
 
 
@@ -114,6 +127,9 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
     ]
     lines.append(table(rows, "<><"))
     lines += [f"cannot be seen: {text}" for text in summary(data["not_identifiable"])]
-    time = data["predicted_time_s"]
+    time, feed = data["predicted_time_s"], data["positioning_feed"]
     lines += ["", f"predicted time {spoken(sum(time.values()))}: " + ", ".join(f"{part} {spoken(s)}" for part, s in time.items())]
+    lines.append(
+        f"with linear moves {f'at {feed:g} mm/min, the positioning_feed of the post' if feed else 'in rapid: there is no post'}"
+    )
     return "\n".join(lines)

@@ -73,6 +73,7 @@ def command(
     """
     from ..link._measure import Wanted, follow, measure
     from ..plan import plan
+    from .check import positioning_feed
     from .plan import warning
 
     target = readings_file or folder / "readings.csv"
@@ -102,7 +103,7 @@ def command(
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
-            _ask(part, address)
+            _ask(part, address, positioning_feed(cell))
 
     with _Live(json_file) as live:
         origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file), live, confirm)
@@ -159,12 +160,13 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
     return Program("".join(line + "\n" for line in lines()), mark, letters)
 
 
-def _ask(part: Plan, address: str) -> None:
+def _ask(part: Plan, address: str, feed: float | None) -> None:
     """Raises click.Abort unless the person at the machine agrees."""
     from ..duration import duration, spoken
 
+    time = spoken(sum(duration(part, feed).values()))
     click.echo(
-        f"{part.machine.name} on {address} will make {len(part.touches)} touches in about {spoken(sum(duration(part).values()))}. "
+        f"{part.machine.name} on {address} will make {len(part.touches)} touches in about {time}. "
         "Probe in the spindle, switched on, clear of the table; hand on feed hold.",
         err=True,
     )
