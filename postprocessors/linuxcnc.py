@@ -82,11 +82,12 @@ def _touch(job: Job) -> Iterator[str]:
 
 
 def _record(machine: Machine) -> Iterator[str]:
-    """Subroutine: one line for touch #1 with the spindle at #2."""
+    """Subroutine: one line for touch #1 with the spindle at #2, and the sum of its coordinates."""
     yield "O<tango_record> SUB"
     first, *rest = _axes(machine)
+    yield f"#<_tango_sum> = [{' + '.join(f'#<_tango_at_{name.lower()}>' for name in (first, *rest))} + #2]"
     values = f"{first}%.6f#<_tango_at_{first.lower()}> " + " ".join(f"{name}#<_tango_at_{name.lower()}>" for name in rest)
-    yield f"(LOG,P%d#1 H#<_tango_flag> {values} S#2)"
+    yield f"(LOG,P%d#1 H#<_tango_flag> {values} S#2 K#<_tango_sum>)"
     yield "O<tango_record> ENDSUB"
 
 

@@ -200,8 +200,8 @@ class Rehearsal:
         if not self._owed or touch is None:
             raise InputError("a record without a touch")
         names = [axis.name for axis in self.plan.machine.axes]
-        if [name for name in places if name != "K"] != names:
-            raise InputError(f"the record has {' '.join(places)}; allowed: {' '.join(names)}")
+        if [*places] != [*names, "K"]:
+            raise InputError(f"the record has {' '.join(places)}; allowed: {' '.join(names)} K")
         for world in self.worlds:
             said = self.value(world, flag)
             if f"{said:g}" != world.fate:
@@ -215,7 +215,7 @@ class Rehearsal:
                 if abs(off) > PLACE:
                     raise InputError(f"the record has {name} {there + off:.3f}; the machine was at {there:.3f}")
             total = sum(self.value(world, places[name]) for name in names)
-            if "K" in places and abs(self.value(world, places["K"]) - total) > PLACE:
+            if abs(self.value(world, places["K"]) - total) > PLACE:
                 raise InputError("the sum in the record is not that of its coordinates")
         if len(self.worlds) != TOLD:
             raise InputError("the program stops at a miss or an early contact instead of recording it")
