@@ -12,7 +12,13 @@ Get = Callable[[int | str], Value]
 Expression = Callable[[Get], Value]
 
 TOKEN = re.compile(r"\s*(\d+\.?\d*|\.\d+|#<\w+>|\*\*|[A-Z]{2,4}|[-+*/#\[\]])")
-FUNCTIONS: dict[str, Callable[[float], float]] = {"ABS": abs, "SQRT": math.sqrt, "FIX": math.trunc, "POT": lambda a: a * a}
+FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "ABS": abs,
+    "SQRT": math.sqrt,
+    "FIX": math.trunc,
+    "POT": lambda a: a * a,
+    "SIN": lambda a: math.sin(math.radians(a)),
+}
 LEVELS: tuple[dict[str, Callable[[float, float], float]], ...] = (
     {"AND": lambda a, b: float(bool(a) and bool(b)), "OR": lambda a, b: float(bool(a) or bool(b))},
     {
