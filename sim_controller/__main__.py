@@ -12,7 +12,7 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.checked import read_text
 from tango_cnc.records import InputError, TangoError
 
-from . import server
+from . import server, started
 from .faults import KINDS, LINE_KINDS, FaultyLine, faults, line_faults
 from .lines import Line, PtyLine, listen
 from .probing import rig
@@ -24,6 +24,8 @@ from .session import Ledger, Session, Setup
 @click.option("--world", "world_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: world.yaml in the cell.")
 @click.option("--tcp", metavar="HOST:PORT", help="Listen here, as a serial device server would; port 0 takes any free one.")
 @click.option("--pty", is_flag=True, help="Open a pseudo-terminal, as a serial port.")
+@click.option("--start", type=click.Path(path_type=Path), metavar="FILE", help="Run this program as soon as it is there.")
+@click.option("--records", type=click.Path(path_type=Path), metavar="FILE", help="With --start: where the records go.")
 @click.option("--language", default="macro_b", show_default=True, help="What the control understands.")
 @click.option("--protocol", default="dnc", show_default=True, help="How it talks.")
 @click.option(
@@ -48,6 +50,8 @@ def main(
     world_file: Path | None,
     tcp: str | None,
     pty: bool,
+    start: Path | None,
+    records: Path | None,
     language: str,
     protocol: str,
     mode: str,
@@ -68,8 +72,8 @@ def main(
 
     The first line on stdout is the port to connect to (socket://127.0.0.1:8193 or /dev/pts/3).
     """
-    if (tcp is None) == (not pty):
-        raise InputError("found both or neither of --tcp and --pty; allowed: one of them")
+    if [tcp is not None, pty, start is not None].count(True) != 1 or (start is None) != (records is None):
+        raise InputError("found none or several of --tcp, --pty, --start with --records; allowed: one of them")
     cell = read_cell(folder)
     truth = rig(cell.machine, cell.artefact, read_world(world_file or folder / "world.yaml"), seed)
     chosen = dict(_pair(text) for text in settings)
@@ -86,7 +90,11 @@ def main(
         return FaultyLine(line, chances, line_seed) if chances else line
 
     try:
-        if tcp is not None:
+        if start is not None and records is not None:
+            click.echo(records.absolute().as_uri())
+            sys.stdout.flush()
+            started.start(start, records, session)
+        elif tcp is not None:
             listening = listen(tcp)
             host, port = listening.getsockname()[:2]
             click.echo(getattr(talk, "TCP", "socket://{}").format(f"{host}:{port}"))

@@ -21,7 +21,8 @@ DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
 PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")
 # First part of a scheme → the protocol that it stands for and the schemes that may follow it.
-SPOKEN: Mapping[str, tuple[str, ...]] = {"modbus": ("tcp", "rtu"), "grbl": ("serial", "socket"), "linuxcnc": ()}
+SPOKEN: Mapping[str, tuple[str, ...]] = {"modbus": ("tcp", "rtu"), "grbl": ("serial", "socket"), "linuxcnc": (), "file": ()}
+ALONE = {"linuxcnc": "rsh", "file": "file"}  # protocols with one way to travel
 HOST = r"(\[[0-9A-Fa-f:.]+\]|[^:\[\]@/]+):\d{1,5}"
 
 
@@ -30,7 +31,7 @@ class Address:
     """A port's URL taken apart: what to open, the settings of the line, and what the protocol client is told."""
 
     url: str
-    scheme: str  # serial, socket, rfc2217, tcp and rtu (of Modbus), rsh (of LinuxCNC)
+    scheme: str  # serial, socket, rfc2217, tcp and rtu (of Modbus), rsh (of LinuxCNC), file
     target: str  # device, or host:port
     line: Mapping[str, str] = field(default_factory=dict)
     uart: bool = True  # somebody keeps to the settings of the line: a driver, a converter
@@ -60,7 +61,9 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
     if scheme in ("socket", "rfc2217", "tcp", "rsh") and not re.fullmatch(HOST, target):
         raise InputError(f"port {url!r}: found {target!r}; allowed: host:port, e.g. socket://192.168.1.20:8193")
-    uart = scheme not in ("socket", "tcp", "rsh") and not target.startswith(PTY)
+    if scheme == "file" and not target:
+        raise InputError(f"port {url!r}: no file; e.g. file:///mnt/control/TANGO.TXT, on Windows file://Z:/TANGO.TXT")
+    uart = scheme not in ("socket", "tcp", "rsh", "file") and not target.startswith(PTY)
     line: dict[str, str] = {}
     told: dict[str, str] = {}
     known: dict[str, tuple[str, ...]] = {**LINE, **options}
@@ -88,7 +91,7 @@ def _parts(url: str) -> tuple[str, str, str]:
     parts = urlsplit(url)
     first, _, second = parts.scheme.lower().partition("+")
     if first in SPOKEN and second in (SPOKEN[first] or ("",)):
-        scheme = second or "rsh"
+        scheme = second or ALONE[first]
     elif parts.scheme.lower() in SCHEMES:
         scheme = parts.scheme.lower()
     else:
@@ -96,4 +99,4 @@ def _parts(url: str) -> tuple[str, str, str]:
             [f"{name}://" for name in SCHEMES] + [f"{n}{'+' * bool(s)}{s}://" for n, more in SPOKEN.items() for s in more or ("",)]
         )
         raise InputError(f"port {url!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path")
-    return scheme, parts.netloc + (parts.path if scheme in ("serial", "tcp", "rtu") else ""), parts.query
+    return scheme, parts.netloc + (parts.path if scheme in ("serial", "tcp", "rtu", "file") else ""), parts.query

@@ -20,9 +20,13 @@ NUMBER = r"(?P<sign>[+-]?) *(?P<digits>\d+\.\d*|\.\d+|\d+)"
 WORD = re.compile(rf" *(?P<letter>[A-Z]) *{NUMBER}(?![\d.]) *")
 START = re.compile(r" *TANGO +START +(?P<mark>[0-9A-F]+) +(?P<count>\d+) *")
 END = re.compile(r" *TANGO +END +(?P<count>\d+) *")
-
-
 SUM = "K"
+SUMMED = re.compile(r'P[^\n]*\*K#|SPRINT\("P[^\n]* K%|QS1 = QS1 \|\| " K"')  # DPRNT, Siemens, Heidenhain
+
+
+def summed(program: str) -> bool:
+    """text of a program → whether its records end with the sum of the coordinates, which is required of every one then."""
+    return SUMMED.search(program) is not None
 
 
 def words(line: str) -> list[tuple[str, str]]:

@@ -11,17 +11,15 @@ nobody else does. The line has no check sums; what a record is worth is decided 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 
 from ..records import InputError
 from ._client import Begun, Ended, Event, Failed, Job, Refused, Touched
-from ._words import SUM, record
+from ._words import SUM, record, summed
 
 DC1, DC2, DC3, DC4 = 0x11, 0x12, 0x13, 0x14
 NUL, DEL = 0x00, 0x7F
 LINE_LIMIT = 256  # characters; no control prints a longer one, so this is a lost line end
-SUMMED = re.compile(r"DPRNT\[P[^\n]*\*K#")  # the program prints the sum of the coordinates
 EOB = {"lf": "\n", "crlf": "\r\n", "lfcrcr": "\n\r\r"}
 
 HELLO = b""  # a control behind a tape line answers no question
@@ -69,7 +67,7 @@ class Client:
         chosen = {name: options.get(name, allowed[0]) for name, allowed in OPTIONS.items()}
         self._job = job
         self._data = tape(job.program, EOB[chosen["eob"]], chosen["tv"] == "even")
-        self._letters = (*job.letters, SUM) if SUMMED.search(job.program) else job.letters
+        self._letters = (*job.letters, SUM) if summed(job.program) else job.letters
         self._at = 0
         self._mask = 0x7F if chosen["bits"] == "7" else 0xFF
         self._punching = self._punches = False  # now between DC2 and DC4; this control sends them at all

@@ -6,12 +6,17 @@ The dialects differ in what they answer to `set`, and with which line end (2.9~p
 `get` whose answer is waited for, other answers are taken note of only when they refuse, and no command is used that 2.9 lacks.
 linuxcncrsh has no way to send a file or to read one: the transport puts the program at `file` and hands the lines of `log` in,
 with LOG in front. Emergency stop is not released, the machine not switched on and nothing homed from here: people do that.
+
+An end that the user wants is an abort, wherever the machine is then, and in MDI the way back that the plan came: from the
+measuring move to the stand-off, from the approach to where it began. Elsewhere it stands on a way that is clear already.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+import math
+from collections.abc import Generator, Mapping, Sequence
 
+from ..records import Machine, Plan, Touch
 from ._client import Begun, Ended, Identified, Job, Refused, Touched
 from ._dialogue import Dialogue, Stop, Talk
 from ._words import record
@@ -26,6 +31,10 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
 IDLE_POLLS = 3  # answers in a row that say the program does not run, before that is believed
 READY = {"estop": "OFF", "machine": "ON"}
 ADVICE = {"estop": "release emergency stop", "machine": "switch the machine on"}
+PLACES = "XYZABC"  # order of the values of abs_act_pos
+BESIDE, TURNED = 0.5, 0.1  # mm, deg from a move that the machine still is on
+THERE = 0.01  # mm
+LEAVING = 1000.0  # mm/min
 
 
 class Client(Dialogue):
@@ -64,7 +73,9 @@ class Client(Dialogue):
         if "NO" in homed.upper().split()[1 : 1 + joints]:
             raise Stop(f"the control says {homed!r}: home all joints, then run again")
         if "IDLE" not in (yield from self._get("program_status")).upper():
-            raise Stop("another program is running")
+            raise Stop(
+                "a program is running: wait for its end, or abort it at the control and draw the probe clear, then run again"
+            )
         yield from self._set("set mode auto", "mode")
         yield f"put {len(self._job.program)} {self._job.program.encode('ascii').hex()}\r"  # of the transport, answered by it
         self._told = len(self._job.program)
@@ -78,8 +89,7 @@ class Client(Dialogue):
         idle = 0
         while not self._finished:
             if self._stopping:
-                yield from self._set("set abort", "program_status")
-                raise Stop("stopped by the user; the control has been told to abort: the probe stands where it was")
+                yield from self._leave()
             trouble = yield from self._get("error")
             if trouble.upper().split()[-1:] != ["OK"]:
                 raise Stop(f"the control says {trouble!r}")
@@ -87,6 +97,32 @@ class Client(Dialogue):
             idle = 0 if running else idle + 1
             if idle > IDLE_POLLS and not self._finished:
                 raise Stop("the program has ended before its end mark")
+
+    def _leave(self) -> Talk:
+        """Aborts the program, draws the probe clear and ends the conversation."""
+        self._done()
+        yield from self._set("set abort", "program_status")
+        at = yield from self._where()
+        before: dict[str, float] = {}
+        while at != before or "IDLE" not in (yield from self._get("program_status")).upper():
+            at, before = (yield from self._where()), at
+        way = way_back(self._job.plan, self._job.numbers[: self._place + 1], at)
+        if way:
+            yield from self._set("set mode mdi", "mode")
+        for target in way:
+            words = " ".join(f"{name}{value:.4f}" for name, value in target.items())
+            yield from self._set(f"set mdi G21 G90 G94 G53 G1 {words} F{LEAVING:g}", "mode")
+            while max(abs(value - at[name]) for name, value in target.items()) > THERE:
+                trouble = yield from self._get("error")
+                if trouble.upper().split()[-1:] != ["OK"]:
+                    raise Stop(f"stopped by the user; the probe is not drawn clear: the control says {trouble!r}")
+                at = yield from self._where()
+        raise Stop("stopped by the user; the program is aborted and the probe " + ("has been drawn clear" if way else "is clear"))
+
+    def _where(self) -> Generator[str, str, dict[str, float]]:
+        """→ {axis: mm or deg}, machine coordinates."""
+        answer = yield from self._get("abs_act_pos")
+        return dict(zip(PLACES, map(float, answer.split()[1:]), strict=False))
 
     def _set(self, request: str, then: str) -> Generator[str, str, None]:
         yield from self._get(then, f"{request}\r\n")
@@ -117,3 +153,40 @@ class Client(Dialogue):
         self._allowed = self._job.patience[self._place]
         self._done()
         self._events.append(event)
+
+
+def way_back(plan: Plan, numbers: Sequence[int], at: Mapping[str, float]) -> list[dict[str, float]]:
+    """plan, numbers of the touches up to the one that is due, {axis: mm or deg} → places of X Y Z to go to, one after the other.
+
+    Empty when the machine is neither on a measuring move, an approach nor the way up from one: then nothing is near.
+    """
+    machine, touches = plan.machine, {touch.number: touch for touch in plan.touches}
+    for touch in (touches[number] for number in numbers[-2:][::-1]):
+        if not _turned_to(machine, touch, at):
+            continue
+        here = [at[name] for name in machine.linear]
+        stand, end, came, goes = (
+            [place[machine.column(name)] for name in machine.linear]
+            for place in (touch.standoff, touch.end, touch.enter or touch.over, touch.leave or touch.over)
+        )
+        due = touch.number == numbers[-1]
+        up = came if due else goes
+        ways = [stand, up] if _on(here, stand, end) else [up] if _on(here, stand, up) else []
+        if ways:
+            return [dict(zip(machine.linear, place, strict=True)) for place in ways]
+    return []
+
+
+def _turned_to(machine: Machine, touch: Touch, at: Mapping[str, float]) -> bool:
+    apart = (math.degrees(touch.standoff[machine.column(name)]) - at[name] for name in machine.rotary)
+    return all(abs(math.remainder(angle, 360.0)) <= TURNED for angle in apart)
+
+
+def _on(place: Sequence[float], start: Sequence[float], end: Sequence[float]) -> bool:
+    """mm → whether the place lies on the way from start to end."""
+    way, along = [b - a for a, b in zip(start, end, strict=True)], [b - a for a, b in zip(start, place, strict=True)]
+    length = math.hypot(*way)
+    if length == 0.0:
+        return math.dist(place, start) <= BESIDE
+    s = min(max(sum(a * b for a, b in zip(way, along, strict=True)) / length**2, 0.0), 1.0)
+    return math.dist(along, [s * a for a in way]) <= BESIDE

@@ -129,7 +129,8 @@ class Session:
     def _stopped(self, why: str) -> LinkError:
         """why → what the person has to know, after it is in the journal."""
         self._journal.add("end", complete=False, why=why, utc=_stamp(self._now()))
-        warning = "" if self._client.sent[0] == 0 else " The control may still execute what it has received: look at the machine."
+        quiet = self._client.sent[0] == 0 and self._zero is None
+        warning = "" if quiet else " The control may still execute what it has received: look at the machine."
         done, of = self._accepted, len(self._job.numbers)
         due = f", touch {self._job.original[self._place]} was due" if self._place < of else ""
         return LinkError(f"{why}. {done} of {of} touches are recorded{due}.{warning}")
@@ -184,7 +185,8 @@ class Session:
         sent, total = self._client.sent
         if sent == total and self._zero is None and not self._told:
             self._told = True
-            self._watch(Step(0, len(self._job.numbers), 0.0, None, f"the program is sent ({total} bytes): start it at the control"))
+            done = f"the program is sent ({total} bytes): start it at the control"
+            self._watch(Step(0, len(self._job.numbers), 0.0, None, getattr(self._client, "advice", done)))
 
     def _handle(self, events: Sequence[Event]) -> None:
         for event in events:

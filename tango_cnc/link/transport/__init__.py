@@ -5,6 +5,7 @@
     socket://192.168.1.20:8193           TCP, also of a serial-to-Ethernet converter in raw mode
     rfc2217://192.168.1.20:2217?baud=…   a converter that lets the line be set from here
     modbus+tcp://192.168.1.20:502/1      modbus+rtu:///dev/ttyUSB0/1?baud=19200      requests and answers of device 1, in words
+    file:///mnt/control/TANGO.TXT        a file that the control writes, as it grows
 
 Everything after `?` that is not of the line is handed to the protocol client. Behind socket:// and a pty the settings of the
 line are somebody else's; stated all the same, `baud` slows the sending down to that rate and `parity` is added and checked here.
@@ -26,6 +27,7 @@ from ...records import LinkError
 from .._address import Address
 from .._address import parse as parse
 from .._wire import Paced, Parity
+from ._file import File
 from ._line import Lost as Lost
 from ._line import Transport as Transport
 from ._line import reason
@@ -34,7 +36,7 @@ from ._modbus import Modbus
 from ._port import Port
 from ._tcp import Tcp
 
-OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc}
+OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc, "file": File}
 
 
 def ports() -> list[tuple[str, str]]:

@@ -1,0 +1,103 @@
+"""A control that writes its records into a file: the person starts the program there, the growing file is read here.
+
+    waiting ──start mark of the program──▶ running ──end mark──▶ done
+
+For controls that are sent no program over a line and print none: Siemens (`/dev/ext/1` on a share), Heidenhain (`TNC:\\TANGO.TXT`),
+Mach3 and Mach4, LinuxCNC. The file is opened anew at each look, only whole lines are taken, and a file that was replaced is read
+from its beginning (`transport/_file.py`). Records that stand in it already are of another run, however well they fit; where the
+control was started first, `from=last` takes what follows the last start mark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ._client import Begun, Ended, Event, Failed, Identified, Job, Refused, Touched
+from ._words import SUM, record, summed
+
+HELLO = b""  # nothing can be asked
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "from": ("now", "last"),  # of the transport: what is written from now on; or from the last start mark on
+}
+LINE_LIMIT = 256
+
+
+class Client:
+    """Reads the records of one program; sends nothing."""
+
+    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
+        """job, {option: value of `OPTIONS`} → client."""
+        self._job = job
+        self._letters = (*job.letters, SUM) if summed(job.program) else job.letters
+        self._begun = self._over = False
+        self._position = 0  # of the next touch in job.numbers
+        self._silence = 0.0
+        self._line = bytearray()
+        self.advice = "nothing is sent over this link: bring the program to the control and start it there"
+
+    @property
+    def sent(self) -> tuple[int, int]:
+        """→ (0, 0): the program goes to the control by other ways."""
+        return 0, 0
+
+    def bytes_to_send(self, limit: int) -> bytes:
+        """most bytes wanted → none."""
+        return b""
+
+    def receive(self, data: bytes) -> list[Event]:
+        """bytes of the file, cut anywhere → the events they complete."""
+        events: list[Event] = []
+        for byte in data:
+            if byte in b"\r\n":
+                text = self._line.decode("latin-1").strip()
+                self._line.clear()
+                events += self._complete(text) if text and not self._over else []
+            elif byte:
+                self._line.append(byte)
+                del self._line[:-LINE_LIMIT]
+        return events
+
+    def _complete(self, text: str) -> list[Event]:
+        event = record(text, self._letters)
+        if isinstance(event, Refused):
+            return [event] if self._begun else []
+        if isinstance(event, Begun):
+            return self._start(event, text)
+        if not self._begun:
+            return self._fail(f"a record came before the start mark: {text!r}. Was another program running?")
+        self._silence = 0.0
+        if isinstance(event, Touched) and event.number in self._job.numbers:
+            self._position = max(self._position, self._job.numbers.index(event.number) + 1)
+        if isinstance(event, Ended):
+            self._over = True
+        return [event]
+
+    def _start(self, event: Begun, text: str) -> list[Event]:
+        if self._begun:
+            return self._fail("the control began the program a second time; its touches cannot be told from the first ones")
+        if (event.mark, event.count) == (self._job.mark, len(self._job.numbers)):
+            self._begun, self._silence = True, 0.0
+            return [Identified("a control that writes into a file"), event]
+        ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
+        return self._fail(
+            f"the control runs another program: {text!r}, and this run is {ours}: bring the new program to the control"
+        )
+
+    def _fail(self, why: str) -> list[Event]:
+        self._over = True
+        return [Failed(why)]
+
+    def elapsed(self, seconds: float) -> list[Event]:
+        """s since the last call → Failed when nothing was written for longer than the next touch may take."""
+        if self._over:
+            return []
+        self._silence += seconds
+        allowed = self._job.patience[self._position] if self._begun else self._job.start_patience
+        if self._silence <= allowed:
+            return []
+        what = "record" if self._begun else "start mark"
+        return self._fail(f"no {what} was written within {allowed:.0f} s: does the program run, and write into this file?")
+
+    def closed(self) -> list[Event]:
+        """the file cannot be read any more → what was cut off by it."""
+        return [] if self._over else self._fail("the file cannot be read any more")

@@ -1,0 +1,81 @@
+"""A file that another computer writes: read as it grows, in whole lines."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from ...records import LinkError
+from .._address import Address
+from ._line import Lost, reason
+
+LOOK = 0.2  # s between two looks
+REMEMBERED = 64  # bytes before the place that was reached, by which the file is known again
+BOM = b"\xef\xbb\xbf"
+START = b"TANGO START"
+
+
+class File:
+    """The growing file. It is opened anew at each look: over a network only who opens a file is told its size.
+
+    A half line is left where it is until its end has come, and so is everything from a NUL on: where a file has grown before
+    its data has arrived, NULs stand for it. A file in which what was read last is not there any more has been replaced and is
+    read from its beginning; numbers of files are not what they are on a disk where a share is mounted.
+    """
+
+    chunk = 256
+
+    def __init__(self, address: Address) -> None:
+        self._file = Path(address.target)
+        if self._file.is_dir():
+            raise LinkError(f"port {address.url}: that is a folder; name the file that the control writes in it")
+        if not self._file.parent.is_dir():
+            raise LinkError(
+                f"port {address.url}: there is no folder {self._file.parent}. Is the share of the control mounted, the path right?"
+            )
+        self._at, self._before = 0, b""
+        if self._file.exists():
+            try:
+                whole = self._file.read_bytes()
+            except OSError as error:
+                raise LinkError(f"port {address.url}: the file cannot be read: {reason(error)}") from None
+            old = len(whole) if address.options.get("from", "now") == "now" else max(0, whole.rfind(START))
+            self._at, self._before = old, whole[max(0, old - REMEMBERED) : old]
+
+    def read(self, timeout: float) -> bytes:
+        """s → the whole lines that have been added. Raises Lost when the folder is gone."""
+        new = self._new()
+        if not new and timeout > 0:
+            time.sleep(min(timeout, LOOK))
+            new = self._new()
+        return new
+
+    def _new(self) -> bytes:
+        try:
+            with self._file.open("rb") as file:
+                file.seek(self._at - len(self._before))
+                data = file.read()
+                if not data.startswith(self._before):
+                    self._at, self._before = 0, b""
+                    file.seek(0)
+                    data = file.read()
+        except FileNotFoundError:
+            if not self._file.parent.is_dir():
+                raise Lost(f"the folder {self._file.parent} is gone: is the share still mounted?") from None
+            return b""  # it is not there yet, or is being replaced
+        except PermissionError:
+            return b""  # the control has it open for itself
+        except OSError as error:
+            raise Lost(f"{self._file} cannot be read: {reason(error)}") from None
+        added = data[len(self._before) :].partition(b"\0")[0]
+        whole = added[: added.rfind(b"\n") + 1]
+        first, self._at = self._at == 0, self._at + len(whole)
+        self._before = (self._before + whole)[-REMEMBERED:]
+        return whole.removeprefix(BOM) if first else whole
+
+    def write(self, data: bytes) -> int:
+        """bytes → all taken: nothing is sent over this link."""
+        return len(data)
+
+    def close(self) -> None:
+        """Nothing is held open."""
