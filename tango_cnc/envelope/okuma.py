@@ -39,6 +39,7 @@ OPERATORS = {"ABS", "SQRT", "FIX", "EQ", "NE", "GT", "GE", "LT", "LE", "AND", "O
 FRAME = {"G10", "G170", "G53"}  # no rotation, no tool centre point, no tool length: what the first has, the third is G49 elsewhere
 NOT_AGAIN = "IF[VRSTT EQ 128]"
 LOST = "IF[VACOD NE 0]"
+STALE = 66666.0  # in the contact variable after a move that met nothing: a real one may keep what it held before
 STEPS = 500  # lines of a subprogram: more is a circle
 
 
@@ -322,6 +323,8 @@ class _Program:
             if name == "A_PROBE":
                 return world.shared.get(name, 0.0)
             _, kind, axis = name.split("_")
+            if kind == "contact" and not world.hit:
+                return STALE
             return (world.position if kind == "position" else world.skip)[axis]
         for store in (world.local[-1], world.shared):
             if name in store:
