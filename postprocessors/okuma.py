@@ -45,7 +45,7 @@ OPTIONS = (
     Option("skip", "G31", "word of the move that the probe ends", codes=True),
     Option("contact", "VSAP?", "variable of the machine position at the contact, ? is the axis letter"),
     Option("position", "VAPA?", "variable of the machine position of an axis, ? is the axis letter"),
-    Option("wait", "M331", "word after which variables are read with the axes at rest", codes=True),
+    Option("wait", "G4 F0.05", "words after which variables are read with the axes at rest, not ahead", codes=True),
     Option("probe_state", "", "variable that is 0 while the probe is free, e.g. VDIN[1001]; empty: none is asked"),
     Option("machine_frame", "G15 H0", "words that make programmed positions machine positions", codes=True),
     Option("frame_check", True, "VACOD is 0 in machine coordinates; false: it is not asked"),

@@ -97,7 +97,7 @@ def shifted(made: Plan, facet: str, by: float) -> Artefact:
         ({"rollover": "never"}, {"rollover": ()}),
         ({"decimals": 4, "common": 192, "places": 12}, {"tool_lengths": {1: 5.0}}),
         ({"probe_state": "VDIN[1001]"}, {}),
-        ({"frame_check": False, "wait": "G4 F0.1"}, {"wait": False}),
+        ({"frame_check": False, "wait": "M331"}, {}),
     ],
 )
 def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, Any], profile: dict[str, Any]) -> None:
@@ -152,11 +152,12 @@ def test_a_probe_that_stays_deflected_stops_the_next_move(made: Plan) -> None:
     ("profile", "text"),
     [
         ({"miss": "alarm"}, "no contact"),
+        ({"wait": False}, "CONTACT OR FRAME"),
         ({"restart": True}, "START AT THE TOP"),
     ],
 )
 def test_a_control_that_is_another_than_thought_stops_at_once(made: Plan, profile: dict[str, Any], text: str) -> None:
-    ran = run(lines_of(made), made, **profile)
+    ran = run(lines_of(made, wait="M331"), made, **profile)
     assert text in str(ran.alarm)
     assert ran.flags(made) == []
 
