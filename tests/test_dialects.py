@@ -52,6 +52,7 @@ SPOKEN = {
     **dict.fromkeys(("fanuc", "haas", "mitsubishi", "mazak"), G31),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
+    "centroid": Spoken("centroid"),
     "linuxcnc": Spoken("rs274"),
     "mach4": Spoken("mach4", library=beside("mach4")),
     "fagor": Spoken("fagor", {"tool_lengths": {1: 326.674}}),

@@ -121,6 +121,10 @@ class Reader:
             raise self.wrong("]")
         return value
 
+    def whole(self) -> float:
+        """An expression without brackets around it, as some relatives allow."""
+        return self._level(0)
+
     def wrong(self, due: str) -> Alarm:
         """→ the complaint that something else is due here."""
         return Alarm("RS274", "Bad format", f"{due} expected at {self.text[self.at :]!r} of {self.text!r}")

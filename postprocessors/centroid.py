@@ -1,0 +1,236 @@
+"""Centroid CNC11 and CNC12: protected moves of the control's own (M125), M115 with L1 for touches, M223 into a file.
+
+M-Series operator's manual (M115 … M126, M120, M121, M223, M225, G53, formatted strings) and the macros that Centroid ships, which
+use #9011 as P, #24301 … for the place of the contact and #25022 for whether there was one. A program ends with its last line:
+M2 and M30 send Z home and start again.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+from tango_cnc.records import InputError
+
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
+from ._common import fits, steps, switches
+
+FRAME, PLACE, FAR = 29100, 29110, 29130  # #29101 … machine minus work; #29111 … of the touch; #29131 … from the stand-off
+FLAG, MISSES, SUM, SPINDLE, TOUCH, SECONDS = 29110, 29109, 29118, 29119, 29120, 29121
+BIT, ON = 29122, 29123
+WAIT = "IF #50010"  # reading an input stops the look-ahead
+TRIPPED = "#25022"
+ARRIVED = 0.000087  # sine of half of 0.01 deg
+OLD = 1.0  # mm between the place of a contact and where the axes have stopped
+LAST = 9999
+STOPS = (
+    "PROBE MET SOMETHING ON ITS WAY OR UNITS ARE NOT MM",
+    "PLACE OF THE CONTACT IS AN OLD ONE",
+    "NO CONTACT. IS THE PROBE ALIVE",
+    "PROBE IS DEFLECTED",
+    "ROTARY AXIS NOT IN PLACE",
+)
+ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE = range(9001, 9006)
+FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
+
+OPTIONS = (
+    Option("readings", "tango-readings.txt", "file of the records, in the folder of the program; M121 adds to it", verified=True),
+    Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
+    Option("probe_on", "", "words that switch the probe on", codes=True),
+    Option("probe_off", "", "words that switch the probe off", codes=True),
+    Option(
+        "orient",
+        "M19 R",
+        "word before the angle that orients the spindle: a macro of your own; empty: it is not turned",
+        codes=True,
+    ),
+    Option(
+        "axis_numbers",
+        {},
+        "number of each axis in #5021 #5041 #24301, e.g. {X: 1, Y: 2, Z: 3, B: 4}; empty: in the order X Y Z A B C",
+    ),
+    Option(
+        "rollover",
+        "auto",
+        "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned",
+        choices=("auto", "always", "never"),
+    ),
+    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
+    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
+    Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
+    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
+    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+)
+DOUBTS = (
+    "#9011 is the input of the probe with the sign that P of M115 wants",
+    "M125 cancels the job when the probe is on or comes on",
+    "M115 with L1 goes on when nothing is met and #25022 tells",
+    "#24301 holds the machine coordinates of the contact",
+    "#5021 #5041 #24301 come in millimetres after G21",
+    "G53 turns a rotary axis in machine coordinates",
+    "a probe that is off stops nothing: protected moves protect only while it is on",
+)
+
+
+def begin(job: Job) -> Iterator[str]:
+    """Header, modal reset, whether the probe is deflected, the frame, start mark."""
+    plan = job.plan
+    _check(job)
+    yield f"; TANGO {comment(job.machine.name, 40)}"
+    yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
+    yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
+    yield "; START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
+    for doubt in job.unverified:
+        yield f"; UNVERIFIED {comment(doubt, 100)}"
+    yield job.options["reset"]
+    yield WAIT
+    yield f"#{BIT} = ABS[#9011]"
+    yield f"IF [#{BIT} < 1000] THEN #{BIT} = [#{BIT} + 50000]"
+    yield f"#{ON} = 1"
+    yield f"IF [#9011 < 0] THEN #{ON} = 0"
+    yield f"IF [#[#{BIT}] == #{ON}] THEN GOTO {DEFLECTED}"
+    yield "; MACHINE MINUS WORK COORDINATES"
+    for name, axis in _linear(job):
+        yield f"#{FRAME + axis} = [#{5020 + axis} - #{5040 + axis}] ; {name}"
+    yield f"#{MISSES} = 0"
+    yield f"#{SECONDS} = 0"
+    yield f'M121 "{job.options["readings"]}"'
+    yield f'M223 "TANGO START {job.mark} {len(plan.touches)}\\n"'
+
+
+probe_on, probe_off = switches("; %s")
+
+
+def move(job: Job, leg: Leg) -> Iterator[str]:
+    """A protected move: the control cancels the job at a contact; whatever else stops it short is found by its place."""
+    goal = {name: leg.to[name] for name in "XYZ" if name in leg.target}
+    yield f"M125 {_slashed(job, goal)} P#9011 F{number(job.options['positioning_feed'])}"
+    short = _distance(job, goal, 5020)
+    yield f"IF [[{TRIPPED} != 0] || [[{short}] > {number(job.options['tolerance'])}]] THEN GOTO {ON_THE_WAY}"
+
+
+retract = clear = move
+
+
+def index(job: Job, leg: Leg) -> Iterator[str]:
+    """Spindle, then one rotary axis after the other, and whether they have arrived."""
+    options = job.options
+    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
+    yield f"; INDEX {where}"
+    if "S" in leg.target and options["orient"]:
+        yield f"{options['orient']}{number(rolled(degrees(leg.target['S']), 4))}"
+    turned = {name: number(_angle(job, name, leg.target[name])) for name in job.machine.rotary if name in leg.target}
+    for name, angle in turned.items():
+        yield from filter(None, [options["unclamp"].get(name)])
+        yield f"G53 {name}{angle}"
+        yield from filter(None, [options["clamp"].get(name)])
+    if turned:
+        yield WAIT
+    for name, angle in turned.items():
+        yield f"IF [ABS[SIN[[#{5020 + _numbers(job)[name]} - {_signed(angle)}] / 2]] > {ARRIVED:f}] THEN GOTO {NOT_THERE}"
+
+
+def approach(job: Job, leg: Leg) -> Iterator[str]:
+    """Down to the stand-off."""
+    yield f"; TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)}"
+    yield from move(job, leg)
+
+
+def probe(job: Job, leg: Leg) -> Iterator[str]:
+    """The measuring move, flag and machine coordinates."""
+    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    goal = {name: leg.to[name] for name in "XYZ"}
+    yield f"M115 {_slashed(job, goal)} P#9011 F{number(job.plan.strategy.approach.feed)} L1"
+    for axis in _numbers(job).values():
+        yield f"#{PLACE + axis} = #{5020 + axis}"
+    for _, axis in _linear(job):
+        yield f"IF [{TRIPPED} != 0] THEN #{PLACE + axis} = #{24300 + axis}"
+    lag = " + ".join(f"ABS[#{PLACE + axis} - #{5020 + axis}]" for _, axis in _linear(job))
+    yield f"IF [[{lag}] > {number(OLD)}] THEN GOTO {OLD_PLACE}"
+    for i, (name, axis) in enumerate(_linear(job), 1):
+        yield f"#{FAR + i} = [#{PLACE + axis} - {_signed(number(start[name]))}]"
+    way = " + ".join(f"[#{FAR + i} * #{FAR + i}]" for i in (1, 2, 3))
+    yield f"#{FLAG} = 1"
+    yield f"IF [SQRT[{way}] < {number(early_distance(job.plan))}] THEN #{FLAG} = 2"
+    short = _distance(job, goal, PLACE)
+    yield f"IF [[{TRIPPED} == 0] || [[{short}] < {number(job.options['tolerance'])}]] THEN #{FLAG} = 0"
+    yield f"#{MISSES} = [#{MISSES} + 1]"
+    yield f"IF [#{FLAG} != 0] THEN #{MISSES} = 0"
+    yield f"IF [#{MISSES} >= {job.options['misses']}] THEN GOTO {DEAD}"
+
+
+def back(job: Job, leg: Leg) -> Iterator[str]:
+    """Off the facet, where the probe may still be on."""
+    goal = {name: leg.to[name] for name in "XYZ" if name in leg.target}
+    yield f"G1 {_slashed(job, goal).replace('/', '')} F{number(job.options['positioning_feed'])}"
+
+
+def record(job: Job, leg: Leg) -> Iterator[str]:
+    """One line for the reader, with the sum of its numbers."""
+    places = {name: f"#{PLACE + axis}" for name, axis in _numbers(job).items()} | {"S": f"#{SPINDLE}"}
+    yield f"#{TOUCH} = {leg.touch.number}"
+    yield f"#{SPINDLE} = {number(rolled(degrees(leg.to['S']), 4))}"
+    yield f"#{SUM} = [{' + '.join(places.values())}] ; CHECK SUM K"
+    places["K"] = f"#{SUM}"
+    form = " ".join(f"{name}%.4f" for name in places)
+    yield f'M223 "P%.0f H%.0f {form}\\n" #{TOUCH} #{FLAG} {" ".join(places.values())}'
+
+
+def end(job: Job) -> Iterator[str]:
+    """End mark, and what the stops say."""
+    yield f'M223 "TANGO END {len(job.plan.touches)}\\n"'
+    yield f"GOTO {LAST}"
+    for label, text in enumerate(STOPS, 9001):
+        yield f"N{label}"
+        yield f'M225 #{SECONDS} "TANGO STOPPED. {text}"'
+        yield f"GOTO {LAST}"
+    yield f"N{LAST}"
+
+
+def _numbers(job: Job) -> dict[str, int]:
+    names, stated = [name for name in job.machine.names if name != "S"], job.options["axis_numbers"]
+    return {name: int(stated[name]) for name in names} if stated else {name: i for i, name in enumerate(names, 1)}
+
+
+def _linear(job: Job) -> list[tuple[str, int]]:
+    return [(name, axis) for name, axis in _numbers(job).items() if name in "XYZ"]
+
+
+def _slashed(job: Job, goal: Mapping[str, float]) -> str:
+    numbers = _numbers(job)
+    return " ".join(f"/{name}[{number(value)} - #{FRAME + numbers[name]}]" for name, value in goal.items())
+
+
+def _distance(job: Job, goal: Mapping[str, float], base: int) -> str:
+    """→ the expression for the distance in mm, axis by axis, between variables and the goal."""
+    numbers = _numbers(job)
+    return " + ".join(f"ABS[#{base + numbers[name]} - {_signed(number(value))}]" for name, value in goal.items())
+
+
+def _signed(value: str) -> str:
+    return f"[{value}]" if value.startswith("-") else value
+
+
+def _angle(job: Job, name: str, value: float) -> float:
+    angle, rule = degrees(value), job.options["rollover"]
+    turns = (rule == "always" and may_roll(job.machine, name)) or (rule == "auto" and is_endless(job.machine, name))
+    return rolled(angle, 4) if turns else angle
+
+
+def _check(job: Job) -> None:
+    """Raises InputError for options that do not fit the machine or the plan."""
+    if not FILE.fullmatch(job.options["readings"]):
+        raise InputError(
+            f"controller.readings: found {job.options['readings']!r}; allowed: a file name of letters, digits, _ and -"
+        )
+    fits(job, 6)
+
+
+POST = Post(
+    title="Centroid",
+    extension="cnc",
+    options=OPTIONS,
+    doubts=DOUBTS,
+    stem=lambda job: "tango",
+    **steps(globals()),
+)
