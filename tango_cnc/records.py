@@ -237,7 +237,7 @@ class Cell:
 MoveKind = Literal["retract", "clear", "index", "approach", "probe", "back"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Touch:
     """One touch of a plan: axis positions (mm, rad; columns of `Machine.names`) of stand-off, contact and search end.
 
@@ -256,7 +256,7 @@ class Touch:
     leave: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Turn:
     """Where rotary axes and spindle turn before touch `touch`: clear of all that they sweep; linear axes stand still.
 
@@ -273,7 +273,7 @@ class Turn:
     preload: tuple[float, ...] | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Move:
     """One motion: the axes that move and where to (mm, rad); `touch` is the number it serves; `probe` is the measuring move."""
 
@@ -299,14 +299,15 @@ class Plan:
 
     @property
     def moves(self) -> Iterator[Move]:
-        """→ every motion in its order; each names only the axes that move."""
-        turns = {turn.touch: turn for turn in self.turns}
+        """→ every motion in its order; each names only the axes that move. One at a time, however long the plan is."""
+        turns = iter(self.turns)
+        turn = next(turns, None)
         at: tuple[float, ...] | None = None
         for touch in self.touches:
-            if touch.number in turns:
-                turn = turns[touch.number]
+            if turn is not None and turn.touch == touch.number:
                 yield from self._turn(turn, at, touch.number)
                 at = turn.via or turn.after
+                turn = next(turns, None)
             for kind, target in (
                 ("clear", touch.enter or touch.over),
                 ("approach", touch.standoff),
@@ -318,8 +319,8 @@ class Plan:
                     yield Move(kind, changes, touch.number)  # type: ignore[arg-type]
                 at = target
         last = self.touches[-1].number
-        if last + 1 in turns:
-            yield from self._turn(turns[last + 1], at, last)
+        if turn is not None and turn.touch == last + 1:
+            yield from self._turn(turn, at, last)
 
     def _turn(self, turn: Turn, at: tuple[float, ...] | None, touch: int) -> Iterator[Move]:
         turning = (*self.machine.rotary, "S")
@@ -363,6 +364,7 @@ class Readings:
     day: NDArray[np.int64]  # (n,)
     feed: Array | None = None  # (n,) mm/min
     temperatures: Mapping[str, Array] = field(default_factory=dict)  # °C
+    segment: NDArray[np.int64] | None = None  # (n,) 1, and one more after each interruption; None: there was none
 
     def __len__(self) -> int:
         return len(self.touch)
@@ -382,6 +384,7 @@ class Readings:
             self.day[index],
             None if self.feed is None else self.feed[index],
             {name: values[index] for name, values in self.temperatures.items()},
+            None if self.segment is None else self.segment[index],
         )
 
     @property

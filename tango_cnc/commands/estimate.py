@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,9 @@ import click
 from ..estimate import Estimate, estimate, without
 from ..files import blamed_on, read_cell, read_readings, read_terms
 from ..identify import summary
-from ..records import Parameter
+from ..records import Cell, Parameter, Readings, TermItem
 from ..report.units import shown
+from ..segments import offsets
 from ._common import cell_option, json_option, table, write_json
 
 
@@ -22,8 +24,22 @@ from ._common import cell_option, json_option, table, write_json
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @click.option("--exclude-outliers", is_flag=True, help="Fit again without the touches that are flagged as outliers.")
+@click.option(
+    "--segment-offset",
+    "frame",
+    type=click.Choice(["machine", "table"]),
+    help="Of a run that was resumed: estimate how far everything moved in between, as a displacement of machine or table.",
+)
 @json_option
-def command(folder: Path, file: Path | None, terms: str | None, degree: int, exclude_outliers: bool, json_file: str | None) -> None:
+def command(
+    folder: Path,
+    file: Path | None,
+    terms: str | None,
+    degree: int,
+    exclude_outliers: bool,
+    frame: str | None,
+    json_file: str | None,
+) -> None:
     """Estimates the machine's error parameters, the stylus and the table from readings.
 
     Only rows with status ok are used. Touches that do not fit are flagged and kept, unless --exclude-outliers is given.
@@ -32,10 +48,10 @@ def command(folder: Path, file: Path | None, terms: str | None, degree: int, exc
     readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
     items = cell.terms if terms is None else read_terms(terms)
     with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
-        result = estimate(cell.machine, cell.artefact, readings, items, degree)
+        result = _estimated(cell, readings, items, degree, frame)
     excluded = result.outliers
     if exclude_outliers and len(excluded):
-        result = estimate(cell.machine, cell.artefact, without(readings, excluded), items, degree)
+        result = _estimated(cell, without(readings, excluded), items, degree, frame)
     data = as_json(result)
     if exclude_outliers:
         data["excluded"] = [int(i) for i in excluded]
@@ -46,6 +62,11 @@ def command(folder: Path, file: Path | None, terms: str | None, degree: int, exc
     skipped = int((~readings.ok).sum())
     if skipped:
         click.echo(f"{skipped} of {len(readings)} touches made no proper contact (miss or early) and were not used", err=True)
+
+
+def _estimated(cell: Cell, readings: Readings, items: Sequence[TermItem], degree: int, frame: str | None) -> Estimate:
+    more = () if frame is None else offsets(readings, frame)
+    return estimate(cell.machine, cell.artefact, readings, (*items, *more), degree)
 
 
 def as_json(result: Estimate) -> dict[str, Any]:

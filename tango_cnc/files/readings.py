@@ -71,12 +71,13 @@ def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
         whole("day"),
         numbers("feed") if "feed" in cells else None,
         {name[2:]: numbers(name) for name in header if name.startswith("T_")},
+        whole("segment") if "segment" in cells else None,
     )
 
 
 def _check_header(file: Path, header: Sequence[str], machine: Machine) -> None:
     required = ["touch", "time_s", "facet", *machine.linear, *machine.rotary, "status"]
-    optional = ["S", *(f"d{name}" for name in machine.names), "cycle", "day", "feed"]
+    optional = ["S", *(f"d{name}" for name in machine.names), "cycle", "day", "feed", "segment"]
     for name in required:
         if name not in header:
             raise complaint(file, 1, "header", f"no column {name!r}", f"{', '.join(required)} are required")
@@ -121,6 +122,7 @@ def readings_text(readings: Readings, decimals: int | None = 6) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     extra = (["feed"] if readings.feed is not None else []) + [f"T_{name}" for name in readings.temperatures]
+    extra += ["segment"] if readings.segment is not None else []
     writer.writerow(["touch", "time_s", "facet", *axes, *(f"d{name}" for name in axes), "status", "cycle", "day", *extra])
 
     def shown(value: float) -> str:
@@ -132,6 +134,7 @@ def readings_text(readings: Readings, decimals: int | None = 6) -> str:
         signs = [f"{readings.direction[i, column[a]]:.0f}" for a in axes]
         more = [] if readings.feed is None else [f"{readings.feed[i]:g}"]
         more += [f"{temperature[i]:.3f}" for temperature in readings.temperatures.values()]
+        more += [] if readings.segment is None else [str(readings.segment[i])]
         writer.writerow(
             [
                 readings.touch[i],

@@ -17,6 +17,8 @@ def readings_of(entries: Entries, plan: Plan) -> Readings | None:
     found = [entry for entry in entries if entry["kind"] == "reading"]
     if not found:
         return None
+    numbers = [sum(e["kind"] == "begun" for e in entries[:i]) for i, e in enumerate(entries) if e["kind"] == "reading"]
+    segment = np.unique(numbers, return_inverse=True)[1].astype(np.int64) + 1  # a segment without a reading is none
     facet = {touch.number: touch.facet for touch in plan.touches}
     return Readings(
         plan.machine.names,
@@ -29,6 +31,7 @@ def readings_of(entries: Entries, plan: Plan) -> Readings | None:
         np.ones(len(found), dtype=np.int64),
         np.ones(len(found), dtype=np.int64),
         np.full(len(found), plan.strategy.approach.feed),
+        segment=segment if segment.max() > 1 else None,
     )
 
 
