@@ -7,16 +7,18 @@ no touch would move by more than `STEP`, which is far above rounding and far bel
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
+from . import kinematics
 from .identify import Selection, condition_number, select
-from .model import Model, known, linearise
+from .model import Model, errors, known, linearise
 from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, TermItem
+from .terms import causes
 from .touches import from_readings, located
 
 STEP = 1e-11  # mm
@@ -107,7 +109,23 @@ def estimate(machine: Machine, artefact: Artefact, readings: Readings, terms: Se
     touches = from_readings(machine, located(artefact, readings), readings)
     if not len(touches):
         raise TangoError("readings: found no touch with status ok; at least as many touches as unknowns are needed")
-    return fit(select(touches, terms, degree))
+    first = [item for item in terms if not _needs_tip(item)]
+    result = fit(select(touches, first, degree))
+    if len(first) < len(terms):
+        result = fit(select(replace(touches, tip=tips(result)), terms, degree))
+    return result
+
+
+def _needs_tip(item: TermItem) -> bool:
+    name = item if isinstance(item, str) else str(item["cause"])
+    return getattr(causes().get(name), "NEEDS", "") == "tip"
+
+
+def tips(result: Estimate) -> Array:
+    """estimate → (n, 3) mm, table frame, where it puts the stylus tip at every touch."""
+    model = result.model
+    machine, _, _ = model.split(result.values)
+    return np.asarray(kinematics.tip(model.touches.chain, model.touches.position, errors(model, machine)))
 
 
 def fit(selection: Selection) -> Estimate:

@@ -45,6 +45,7 @@ class Touches:
     point: Array  # (n, 3)
     normal: Array  # (n, 3)
     temperatures: dict[str, Array]
+    tip: Array | None = None  # (n, 3) mm, table frame: where a first estimate puts the stylus tip, beside its facet's nominal point
 
     def __len__(self) -> int:
         return len(self.number)

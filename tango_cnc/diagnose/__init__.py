@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from .. import terms as families
-from ..estimate import Estimate, estimate
+from ..estimate import Estimate, estimate, tips
 from ..model import known, linearise
 from ..records import Array, Artefact, Machine, Readings, TermItem
 from ..touches import Touches
@@ -89,7 +89,8 @@ def diagnose(
 
 def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[Explanation, Array, list[_explain.Rough]]:
     """Facets that scatter more than the others get less weight, and everything is looked at again."""
-    touches, n = before.model.touches, len(before.model.touches)
+    touches = replace(before.model.touches, tip=tips(before))
+    n = len(touches)
     every = [
         *named(touches, before.model.names, excluded),
         *outliers(touches),
@@ -154,7 +155,7 @@ def _told(
     excluded: Collection[str],
     seed: int,
 ) -> Diagnosis:
-    touches = before.model.touches
+    touches = replace(before.model.touches, tip=tips(before))
     n = len(touches)
     single = [int(c.candidate.setting["touch"]) for c in found.chosen if c.candidate.cause == "outlier"]
     keep = ~np.isin(np.arange(n), single)

@@ -172,6 +172,7 @@ def _taken(touches: Touches, index: NDArray[np.int64], tail: Array, gap: float) 
         point=touches.point[index],
         normal=touches.normal[index],
         temperatures={k: v[index] for k, v in touches.temperatures.items()},
+        tip=None if touches.tip is None else touches.tip[index],
     )
 
 

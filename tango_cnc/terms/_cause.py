@@ -6,6 +6,7 @@ A cause is a family with, besides `TEXT` and `SOURCE`,
     MISTAKEN   names of the causes that it is taken for
     ADVICE     what a person does about it
     REFINE     its shape parameters that are searched between the values of `variants`: name → log, linear or touch
+    NEEDS      "tip" where it has to know how far a touch missed: a first estimate without it tells (may be left out)
     variants(touches)         → settings (mappings) that are worth trying on these touches
     cause(machine, **setting) → the coefficients that these settings stand for
 
