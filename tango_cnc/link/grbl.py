@@ -268,19 +268,19 @@ class Client(Dialogue):
             self._pressed = False
             return
         machine = self._job.plan.machine
-        named = {name: place[name] for name in (*machine.linear, *machine.rotary)}
+        self._pressed, self._at = flag == 1, place
+        if flag == 0:  # what a miss shows is the contact before on some controls: where it stands counts
+            yield from self._where()
+            away = max(abs(self._at[name] - touch.end[machine.column(name)]) for name in machine.linear)
+            if away > CLOSE:
+                raise Stop(f"touch {touch.number} met nothing and ends at {_shown(self._at)}, {away:.3f} mm from where it was sent")
+        named = {name: self._at[name] for name in (*machine.linear, *machine.rotary)}
         self._events.append(Touched(touch.number, flag, named, text))
-        self._pressed = flag == 1
-        self._misses = 0 if flag else self._misses + 1
-        self._at = place if flag else dict.fromkeys(self._at, math.inf)
         if flag and not self._on_its_line(touch):
             raise Stop(f"{_shown(place)} is not on the line of the measuring move of touch {touch.number}: look at the machine")
-        if not flag:  # a miss says nothing of the place, and an old one at that on some controls
-            yield from self._where()
-            if not self._on_its_line(touch):
-                raise Stop(f"{_shown(self._at)} is not where the measuring move of touch {touch.number} ends: look at the machine")
-            if self._misses >= MISSES:
-                raise Stop(f"{MISSES} touches in a row without contact: is the probe alive?")
+        self._misses = 0 if flag else self._misses + 1
+        if self._misses >= MISSES:
+            raise Stop(f"{MISSES} touches in a row without contact: is the probe alive?")
 
     def _on_its_line(self, touch: Touch) -> bool:
         """touch → whether the axes stand somewhere on its measuring move."""
