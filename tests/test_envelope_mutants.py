@@ -173,9 +173,13 @@ def table(case: Case, count: int, dangers: Mapping[str, int], caught: Mapping[st
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_dangerous_mutants_are_refused(case: Case) -> None:
-    dangers, _, through = judged(case, 8)
-    assert not through
-    assert dangers
+    """Eight of them, and eight more until one is dangerous: a program of many questions has many that are not."""
+    for seed in range(7, 12):
+        dangers, _, through = judged(case, 8, seed)
+        assert not through
+        if dangers:
+            return
+    pytest.fail("none of forty mutants is dangerous: the judge sees nothing")
 
 
 @pytest.mark.long
@@ -185,7 +189,7 @@ def test_every_dangerous_one_of_two_hundred_mutants_is_refused(case: Case, capsy
     with capsys.disabled():
         print(table(case, 200, dangers, caught))
     assert not through
-    assert dangers0, "a judge that finds next to nothing dangerous proves nothing"
+    assert sum(dangers.values()) >= 15, "a judge that finds next to nothing dangerous proves nothing"
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
