@@ -229,14 +229,17 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
         "probe": post.probe,
         "back": post.back,
     }
-    touches = {touch.number: touch for touch in job.plan.touches}
+    touches = iter(job.plan.touches)
+    touch = next(touches)
     to: dict[str, float] = {}
     yield from post.begin(job)
     yield from post.probe_on(job)
     for move in job.plan.moves:
+        while touch.number != move.touch:
+            touch = next(touches)
         came = dict(to)
         to.update(move.target)
-        leg = Leg(move.kind, move.target, dict(to), touches[move.touch], came)
+        leg = Leg(move.kind, move.target, dict(to), touch, came)
         yield from steps[move.kind](job, leg)
         if move.kind == "back":
             yield from post.record(job, leg)

@@ -127,12 +127,17 @@ def _moves(plan: Plan) -> list[str]:
 
 def _result(plan: Plan, post: str, file: Path, csv: Path, mark: str, plan_mark: str, doubts: tuple[str, ...]) -> dict[str, Any]:
     used = {}
+    low, high = dict.fromkeys(plan.machine.names, math.inf), dict.fromkeys(plan.machine.names, -math.inf)
+    kinds: Counter[str] = Counter()
+    for move in plan.moves:
+        kinds[move.kind] += 1
+        for letter, value in move.target.items():
+            low[letter], high[letter] = min(low[letter], value), max(high[letter], value)
     for i, axis in enumerate(plan.machine.axes):
         unit = math.degrees if axis.kind != "linear" else float
-        values = [move.target[axis.name] for move in plan.moves if axis.name in move.target]
         used[axis.name] = {
-            "from": round(unit(min(values)), 6),
-            "to": round(unit(max(values)), 6),
+            "from": round(unit(low[axis.name]), 6),
+            "to": round(unit(high[axis.name]), 6),
             "travel": None if axis.travel is None else [round(unit(v), 6) for v in axis.travel],
             "unit": "mm" if axis.kind == "linear" else "deg",
             "contact": [round(unit(f(t.contact[i] for t in plan.touches)), 6) for f in (min, max)],
@@ -149,7 +154,7 @@ def _result(plan: Plan, post: str, file: Path, csv: Path, mark: str, plan_mark: 
         "facets": len({touch.facet for touch in plan.touches}),
         "left_out": list(plan.left_out),
         "doubtful": list(plan.doubtful),
-        "moves": dict(Counter(move.kind for move in plan.moves)),
+        "moves": dict(kinds),
         "travel_used": used,
         "unverified": list(doubts),
     }
