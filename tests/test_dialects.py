@@ -54,6 +54,7 @@ SPOKEN = {
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
     "centroid": Spoken("centroid"),
     "linuxcnc": Spoken("rs274"),
+    "mach3": Spoken("mach3", library=beside("mach3")),
     "mach4": Spoken("mach4", library=beside("mach4")),
     "fagor": Spoken("fagor", {"tool_lengths": {1: 326.674}}),
     "okuma": Spoken("osp", {"tool_lengths": {1: 326.674}}),

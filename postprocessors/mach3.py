@@ -1,0 +1,162 @@
+"""Mach3: its G-code knows no conditions, so everything that moves is in macros of Basic that travel with the program.
+
+Using Mach3Mill (G31, #2000 to #2005, M codes of one's own as mNNN.m1s in the macros folder of the profile) and public probing
+macros, which look, wait and compare in the same way. The program states targets in variables and calls; all motion is in the
+macros, because Mach3 skips an M code that has none: without them nothing moves.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+from tango_cnc.records import InputError
+
+from . import _mach3_macros as basic
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
+from ._common import fits, steps, switches
+
+FILE = re.compile(r"[A-Z]:\\(?:[A-Za-z0-9_ -]{1,40}\\){0,6}[A-Za-z0-9_-]{1,40}\.[a-z]{1,4}")
+
+OPTIONS = (
+    Option(
+        "readings",
+        "C:\\Mach3\\tango-readings.txt",
+        "file of the records on the control's disk; the macros add to it",
+        verified=True,
+    ),
+    Option("reset", "G17 G21 G40 G49 G50 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
+    Option("probe_on", "", "words that switch the probe on", codes=True),
+    Option("probe_off", "", "words that switch the probe off", codes=True),
+    Option(
+        "orient",
+        "M19 R",
+        "word before the angle that orients the spindle: a macro of your own; empty: it is not turned",
+        codes=True,
+    ),
+    Option(
+        "rollover",
+        "auto",
+        "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned",
+        choices=("auto", "always", "never"),
+    ),
+    Option("positioning_feed", 1500.0, "mm/min of protected moves", verified=True),
+    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
+    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+)
+DOUBTS = (
+    "G31 moves X Y Z at once and stores #2000 #2001 #2002 in work coordinates, which some motion boards do not",
+    "a macro is done before the next line of the program is carried out",
+    "GetOEMDRO 83 to 88 are machine and 800 to 805 work positions in millimetres, GetOEMLED 825 the probe",
+    "DoOEMButton 1003 stops the program",
+    "Format writes a decimal point",
+    "a probe that is off stops nothing: protected moves protect only while it is on",
+)
+
+
+def begin(job: Job) -> Iterator[str]:
+    """Header, modal reset, what the macros have to know, start."""
+    plan, options = job.plan, job.options
+    _check(job)
+    yield f"(TANGO {comment(job.machine.name, 40)})"
+    yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
+    yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
+    yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
+    yield f"(NEEDS ITS MACROS M{basic.START} TO M{basic.END} IN THE MACROS FOLDER OF THE PROFILE)"
+    for doubt in job.unverified:
+        yield f"(UNVERIFIED {comment(doubt, 100)})"
+    yield options["reset"]
+    yield f"#{basic.EARLY}={number(early_distance(plan))}"
+    yield f"#{basic.TOLERANCE}={number(options['tolerance'])}"
+    yield f"#{basic.MISSES}={options['misses']}"
+    yield f"M{basic.START} (TANGO START {job.mark} {len(plan.touches)})"
+
+
+probe_on, probe_off = switches("(%s)")
+
+
+def move(job: Job, leg: Leg) -> Iterator[str]:
+    """A protected move by its macro."""
+    yield _three(basic.TARGET, leg.to)
+    yield " ".join(f"#{basic.MOVES + i}={int(name in leg.target)}" for i, name in enumerate("XYZ"))
+    yield f"#{basic.FEED}={number(job.options['positioning_feed'])}"
+    yield f"M{basic.PROTECTED}"
+
+
+retract = clear = move
+
+
+def index(job: Job, leg: Leg) -> Iterator[str]:
+    """Spindle, then one rotary axis after the other by its macro."""
+    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
+    yield f"(INDEX {where})"
+    if "S" in leg.target and job.options["orient"]:
+        yield f"{job.options['orient']}{number(rolled(degrees(leg.target['S']), 4))}"
+    for name in job.machine.rotary:
+        if name in leg.target:
+            yield f"#{basic.ANGLE}={number(_angle(job, name, leg.target[name]))}"
+            yield f"M{basic.TURN} P{basic.PLACE[name] + 1}"
+
+
+def approach(job: Job, leg: Leg) -> Iterator[str]:
+    """Down to the stand-off."""
+    yield f"(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
+    yield from move(job, leg)
+
+
+def probe(job: Job, leg: Leg) -> Iterator[str]:
+    """The measuring move by its macro."""
+    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    yield _three(basic.TARGET, leg.to)
+    yield _three(basic.STANDOFF, start)
+    yield f"#{basic.FEED}={number(job.plan.strategy.approach.feed)}"
+    yield f"M{basic.MEASURE}"
+
+
+def back(job: Job, leg: Leg) -> Iterator[str]:
+    """Off the facet by its macro, to the stand-off."""
+    yield f"#{basic.FEED}={number(job.options['positioning_feed'])}"
+    yield f"M{basic.BACK}"
+
+
+def record(job: Job, leg: Leg) -> Iterator[str]:
+    """The line of the touch by its macro."""
+    yield f"#{basic.SPINDLE}={number(rolled(degrees(leg.to['S']), 4))}"
+    yield f"M{basic.RECORD} P{leg.touch.number}"
+
+
+def end(job: Job) -> Iterator[str]:
+    """End mark and end of program."""
+    yield f"M{basic.END} (TANGO END {len(job.plan.touches)})"
+    yield "M30"
+
+
+def _three(first: int, place: Mapping[str, float]) -> str:
+    return " ".join(f"#{first + i}={number(place[name])}" for i, name in enumerate("XYZ") if name in place)
+
+
+def _angle(job: Job, name: str, value: float) -> float:
+    angle, rule = degrees(value), job.options["rollover"]
+    turns = (rule == "always" and may_roll(job.machine, name)) or (rule == "auto" and is_endless(job.machine, name))
+    return rolled(angle, 4) if turns else angle
+
+
+def _check(job: Job) -> None:
+    """Raises InputError for options that do not fit the machine or the plan."""
+    if not FILE.fullmatch(job.options["readings"]):
+        raise InputError(
+            f"controller.readings: found {job.options['readings']!r}; allowed: a path such as {OPTIONS[0].default}, "
+            "of letters, digits, blanks, _ and -"
+        )
+    fits(job)
+
+
+POST = Post(
+    title="Mach3",
+    extension="tap",
+    options=OPTIONS,
+    doubts=DOUBTS,
+    stem=lambda job: "tango",
+    companions=lambda job: basic.macros(job.machine, job.options["readings"]),
+    **steps(globals()),
+)

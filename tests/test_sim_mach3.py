@@ -1,0 +1,227 @@
+"""The Mach3 program with its macros in Basic on the simulated control, and the habits of that control."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from postprocessors._base import companions, load, program
+from sim_controller.faults import faults
+from sim_controller.interpreters import Alarm, mach3
+from sim_controller.interpreters._basic import Script
+from sim_controller.motion import Motion
+from sim_controller.probing import rig
+from tango_cnc.files import read_cell
+from tango_cnc.link._client import Ended, Touched
+from tango_cnc.link._words import record
+from tango_cnc.plan import plan, plan_hash
+from tango_cnc.records import InputError, Plan, World
+
+GOLDEN = Path(__file__).parent / "golden" / "cell"
+
+
+@pytest.fixture(scope="module")
+def made() -> Plan:
+    return plan(read_cell(GOLDEN))
+
+
+def lines_of(made: Plan, **options: Any) -> list[str]:
+    return list(program(load("mach3"), made, options, plan_hash(made))[2]())
+
+
+def library(made: Plan, **options: Any) -> list[str]:
+    return [line for name, lines in companions(load("mach3"), made, options).items() for line in (name, *lines)]
+
+
+@dataclass
+class Ran:
+    """What came of a program."""
+
+    out: bytes = b""
+    alarm: str = ""
+    events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
+
+    @property
+    def lines(self) -> list[str]:
+        return self.out.decode("ascii").splitlines()
+
+    @property
+    def moves(self) -> int:
+        return sum(event in ("feed", "rapid", "skip", "contact") for event, _ in self.events)
+
+    def flags(self, made: Plan) -> list[int]:
+        return [event.flag for event in (record(line, made.machine.names) for line in self.lines) if isinstance(event, Touched)]
+
+
+def run(
+    lines: list[str],
+    made: Plan,
+    world: World | None = None,
+    fault: tuple[str, ...] = (),
+    stuck: bool = False,
+    stored: list[str] | None = None,
+    **settings: Any,
+) -> Ran:
+    """program, true machine → what came of it."""
+    ran, out = Ran(), []
+
+    def note(event: str, **data: Any) -> None:
+        ran.events.append((event, data))
+
+    motion = Motion(rig(made.machine, made.artefact, world or World()), note, faults=faults(fault))
+    motion._stuck = stuck
+    try:
+        profile = replace(mach3.default_profile(made.machine), **settings)
+        control = mach3.Control(motion, profile, out.append, note, library(made) if stored is None else stored)
+        control.run(lines, False)
+    except Alarm as alarm:
+        ran.alarm = str(alarm)
+    ran.out = b"".join(out)
+    return ran
+
+
+# The program
+
+
+def test_every_touch_is_recorded_where_it_happened(made: Plan) -> None:
+    ran = run(lines_of(made), made)
+    assert not ran.alarm
+    truly = [data["at"] for event, data in ran.events if event == "contact"]
+    events = [record(line, made.machine.names) for line in ran.lines]
+    for event, touch, there in zip(events[1:-1], made.touches, truly, strict=True):
+        assert isinstance(event, Touched) and (event.number, event.flag) == (touch.number, 1)
+        for name in ("X", "Y", "Z"):
+            assert event.position[name] == pytest.approx(there[name], abs=1e-4)
+    assert events[-1] == Ended(6)
+
+
+def test_records_are_machine_coordinates_whatever_the_offset(made: Plan) -> None:
+    assert run(lines_of(made), made, g54={"X": 11.5, "Y": -3.25, "Z": 100.25}).lines == run(lines_of(made), made).lines
+
+
+def test_a_miss_and_an_early_contact_are_flagged(made: Plan) -> None:
+    assert run(lines_of(made), made, World(facets={"4": -8.0})).flags(made)[-1] == 0
+    assert run(lines_of(made), made, World(facets={"4": 7.0})).flags(made)[-1] == 2
+
+
+def stopped(ran: Ran, text: str, moves: int) -> None:
+    """It stopped with these words, and nothing moved after that although the control went on for some lines."""
+    assert text in ran.alarm
+    said = next(i for i, (event, _) in enumerate(ran.events) if event == "stop")
+    later = ran.events[said:]
+    assert any(event == "block" for event, _ in later), "lines that were read ahead are carried out"
+    assert not any(event in ("feed", "skip", "contact") for event, _ in later)
+    assert ran.moves == moves
+
+
+def test_contact_on_the_way_stops_for_good(made: Plan) -> None:
+    ran = run(lines_of(made), made, World(facets={"top": 40.0}))
+    assert "PROBE MET SOMETHING ON ITS WAY" in ran.alarm and ran.flags(made) == [1]
+    stopped(ran, "PROBE MET SOMETHING", ran.moves)
+
+
+def test_a_dead_probe_stops_it(made: Plan) -> None:
+    ran = run(lines_of(made, misses=2), made, World(facets={facet: -30.0 for facet in ("1", "top", "3", "4", "5")}))
+    assert ran.flags(made) == [0]
+    stopped(ran, "NO CONTACT. IS THE PROBE ALIVE", ran.moves)
+
+
+def test_a_probe_that_is_on_lets_nothing_move(made: Plan) -> None:
+    ran = run(lines_of(made), made, stuck=True)
+    assert "PROBE IS DEFLECTED" in ran.alarm and ran.moves == 0 and not ran.lines
+
+
+def test_a_probe_that_comes_on_between_touches_stops_it(made: Plan) -> None:
+    ran = run(lines_of(made), made, fault=("bounce-after=2",))
+    assert "PROBE MET SOMETHING ON ITS WAY" in ran.alarm and ran.flags(made) == [1, 1]
+
+
+def test_without_its_macros_nothing_moves_but_the_spindle(made: Plan) -> None:
+    """Mach3 skips an M code that has no macro, and says nothing."""
+    ran = run(lines_of(made), made, stored=[])
+    assert not ran.lines and all(data["position"]["X"] == 0 == data["position"]["B"] for e, data in ran.events if e == "rapid")
+    assert not any(event in ("feed", "skip", "contact") for event, _ in ran.events)
+
+
+def test_a_machine_in_inches_is_found_at_the_first_move(made: Plan) -> None:
+    ran = run(lines_of(made), made, inches=True)
+    stopped(ran, "UNITS ARE NOT MM", 1)
+
+
+def test_a_board_that_probes_along_one_axis_only_is_found(made: Plan) -> None:
+    ran = run(lines_of(made), made, one_axis=True)
+    assert "PROBE MET SOMETHING ON ITS WAY OR UNITS ARE NOT MM" in ran.alarm and not ran.flags(made)
+
+
+def test_the_path_of_the_file_goes_nowhere_but_into_a_string(made: Plan) -> None:
+    assert any('Open "D:\\cnc\\mine.txt" For Append As #1' in line for line in library(made, readings="D:\\cnc\\mine.txt"))
+    for bad in ('C:\\a.txt" & Kill("b', "a.txt", "C:\\..\\a.txt"):
+        with pytest.raises(InputError, match=r"controller\.readings"):
+            lines_of(made, readings=bad)
+
+
+# The control
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("O100 IF [#1 EQ 1]", "Unknown word starting with O"),
+        ("G38.3 X1 F100", "Unknown G code"),
+        ("G31 X1", "zero feed rate"),
+        ("G0 A5", "axis is not enabled"),
+        ("#5000=1", "Parameter number out of range"),
+        ("#1=[1 EQ 1]", "Bad format"),
+    ],
+)
+def test_what_it_complains_of(line: str, complaint: str, made: Plan) -> None:
+    assert complaint in run(["G21 G90", line], made).alarm
+
+
+def test_who_does_not_wait_reads_what_was_before(made: Plan) -> None:
+    macro = [
+        "m900.m1s",
+        'Code "G0 X5"',
+        "Call SetVar(1, GetOEMDRO(83))",
+        "While IsMoving()",
+        "Wend",
+        "Call SetVar(2, GetOEMDRO(83))",
+    ]
+    writes = [
+        "m901.m1s",
+        'Open "a.txt" For Append As #1',
+        'Print #1, Format(GetVar(1), "0.0") & " " & Format(GetVar(2), "0.0")',
+        "Close #1",
+    ]
+    assert run(["G21 G90", "M900", "M901"], made, stored=[*macro, *writes]).lines == ["0.0 5.0"]
+
+
+def test_basic() -> None:
+    said: list[str] = []
+    text = """
+' a remark
+Dim A
+A = 2 + 3 * 4 - 6 / 3
+If A > 11 And Not (A = 13) Then
+  B = "yes " & A
+Else
+  B = "no"
+End If
+N = 0
+While N < 3
+  N = N + 1
+  If N = 2 Then
+    Exit Sub
+  End If
+  Message B & "/" & Format(-1.25, "0.0") & Mid("abcdef", InStr("abcdef", "c"), 2) ' and one behind
+Wend
+"""
+    Script(text, {"message": said.append}).run()
+    assert said == ["yes 12/-1.2cd"]
+    for wrong in ("Goto x", "A = Foo(1)", "A = B", "If 1 Then", "A = (1", "While 1 = 1\nWend"):
+        with pytest.raises(Alarm):
+            Script(wrong, {}).run()
