@@ -42,8 +42,23 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "outliers": list(d.outliers),
         "noise_um": d.noise * 1e3,
         "terms": [plain(t) if isinstance(t, Mapping) else t for t in d.terms],
-        "effects": [plain(f.effect) for f in d.findings],
+        "effects": effects(d),
     }
+
+
+def effects(d: Diagnosis) -> list[dict[str, Any]]:
+    """diagnosis → what was found, as entries of `effects` in world.yaml; what the simulated machine does not have is left out."""
+    machine = d.before.model.touches.machine
+    found: list[dict[str, Any]] = []
+    for f in d.findings:
+        if not f.size.values.size and f.cause == "surface_form":
+            spread = np.array([float(f.detail["spread_um"][x]) / 1e3 for x in f.setting["facets"]])
+            found += families.effects(f.cause, machine, f.setting, spread)
+        elif not f.size.values.size:
+            found.append(plain(f.effect))
+        else:
+            found += [plain(e) for e in families.effects(f.cause, machine, f.setting, f.size.values)]
+    return found
 
 
 def _finding(f: Finding) -> dict[str, Any]:

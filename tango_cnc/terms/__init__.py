@@ -68,6 +68,21 @@ def cause(name: str, machine: Machine, setting: Mapping[str, Any]) -> list[Coeff
     return found
 
 
+def effects(name: str, machine: Machine, setting: Mapping[str, Any], values: Array) -> list[dict[str, Any]]:
+    """name of a cause, its settings, values of its coefficients → entries of `effects` in world.yaml that do the same.
+
+    Empty where the simulated machine has no such effect. Raises InputError for settings that the cause does not have.
+    """
+    from . import _world
+
+    module = families()[name]
+    if hasattr(module, "effects"):
+        own: list[dict[str, Any]] = module.effects(machine, setting, values)
+        return own
+    defaults = {k: p.default for k, p in inspect.signature(module.cause).parameters.items() if p.default is not p.empty}
+    return _world.usual(name, {**defaults, **setting}, [c.name for c in cause(name, machine, setting)], values)
+
+
 def find(item: TermItem, machine: Machine) -> list[Coefficient]:
     """name, or cause with its settings → coefficients. Raises InputError with the nearest names when no family knows it."""
     modules = families()

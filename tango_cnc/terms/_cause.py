@@ -6,6 +6,7 @@ A cause is a family with, besides `TEXT` and `SOURCE`,
     MISTAKEN   names of the causes that it is taken for
     ADVICE     what a person does about it
     REFINE     its shape parameters that are searched between the values of `variants`: name → log, linear or touch
+    EXPECTED   True where every machine has it: it is then also tested alone, not only as one of hundreds (may be left out)
     NEEDS      "tip" where it has to know how far a touch missed: a first estimate without it tells (may be left out)
     variants(touches)         → settings (mappings) that are worth trying on these touches
     cause(machine, **setting) → the coefficients that these settings stand for
@@ -99,6 +100,11 @@ def slow(touches: Touches, number: int = 7) -> Variants:
     for sensor, value in touches.temperatures.items():
         if np.ptp(value) > 0.05:
             yield {"sensor": sensor}
+
+
+def turns(touches: Touches) -> bool:
+    """touches → whether the table turns between them; where it does not, table and machine frame are the same."""
+    return not np.allclose(touches.normal, touches.machine_normal, atol=1e-6)
 
 
 def need(cause: str, name: str, value: Any, allowed: Sequence[Any]) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from ..kinematics import Slot, Stage
-from ..records import COMPONENTS, Machine
+from ..records import COMPONENTS, Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, label, need
+from ._world import Effects, toward, wave
 
 ORDERS = (1, 2, 3, 4)
 BASE = {"A": 0, "B": 1, "C": 2}
@@ -60,3 +64,12 @@ def every(touches: Touches, components: dict[str, str]) -> Variants:
                 if len(letters) > 1:
                     for letter in letters:
                         yield {"axis": axis, "order": order, "motion": letter}
+
+
+def waves(cause: str, machine: Machine, setting: Mapping[str, Any], values: Array, components: str) -> Effects:
+    """cause, setting, values (cosine and sine of each component) → effects of the simulated machine, one a component."""
+    axis, letters = str(setting["axis"]), setting.get("motion") or components
+    order, frame = setting.get("order", 2), setting.get("frame", "turning")
+    base = {"cause": cause, "axis": axis, "order": order, "frame": frame}
+    pairs = np.reshape(values, (-1, 2))
+    return [base | wave(pair) | {"direction": toward(machine, axis, x)} for x, pair in zip(letters, pairs, strict=True)]

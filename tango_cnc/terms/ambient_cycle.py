@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, displaced, label
+from ._world import Effects, vector
 
 TEXT = "the machine breathes with a cycle of its surroundings (air conditioning, chiller, day and night)"
 SOURCE = "ISO 230-3:2020 clause 5 (environmental temperature variation error)"
@@ -20,9 +22,9 @@ REFINE = {"period": "log"}
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → periods from a twelfth to twice the run."""
+    """touches → periods from a twelfth of the run to five sixths of it: of a cycle more than one has to be seen."""
     run = max(float(np.ptp(touches.time)), 1.0)
-    frequency = np.arange(0.5, 12.01, 0.45)
+    frequency = np.arange(1.2, 12.01, 0.45)
     for f in frequency:
         yield {"period": float(run / f)}
 
@@ -39,3 +41,14 @@ def cause(
     cosine = displaced(f"{stem}.cos", "machine", lambda t: np.cos(turned(t)), direction)
     sine = displaced(f"{stem}.sin", "machine", lambda t: np.sin(turned(t)), direction)
     return [*cosine, *sine]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → a cosine and a sine, each along its own direction (world.yaml)."""
+    base = {"cause": "ambient_cycle", "period": setting["period"]}
+    turned = float(setting.get("phase") or 0.0)
+    if setting.get("direction") is not None:
+        parts = [{"amplitude": float(v), "direction": list(setting["direction"])} for v in values]
+    else:
+        parts = [vector(values[:3]), vector(values[3:])]
+    return [base | part | {"phase": turned + ahead} for part, ahead in zip(parts, (90.0, 0.0), strict=True)]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from ..kinematics import Slot
-from ..records import Machine
+from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Pattern, Variants, label, moved_axes, need
+from ._world import Effects
 
 TEXT = "the compensation table of an axis has a kink"
 SOURCE = "piecewise linear pitch error compensation; ISO 230-2:2014, annex"
@@ -19,24 +21,48 @@ MISTAKEN = ("error_motion",)
 ADVICE = "measure the axis again at the nodes of its table and write the table anew, or keep the term"
 REFINE = {"at": "linear"}
 NODES = 15
+PLACES = 5  # of a rotary axis, below which nothing can bend between them
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → one kink at 15 places of every linear axis; several nodes equally far apart."""
-    for axis in moved_axes(touches, touches.machine.linear, 50.0):
+    """touches → one kink at 15 places of every axis that moves, at its positions where it stands at few; several nodes equally far
+    apart on linear axes.
+    """
+    machine = touches.machine
+    for axis in moved_axes(touches, machine.linear, 50.0):
         places = touches.axis(axis)
         for at in np.quantile(places, np.linspace(0.08, 0.92, NODES)):
             yield {"axis": axis, "at": float(at)}
         for count in (3, 4, 5, 6, 8):
             yield {"axis": axis, "nodes": tuple(np.linspace(places.min(), places.max(), count)[1:-1].tolist())}
+    for axis in moved_axes(touches, machine.rotary, 0.5):
+        stops = np.unique(np.round(np.degrees(touches.axis(axis)), 2))
+        if len(stops) >= PLACES:
+            inside = stops[1:-1]
+            for at in inside[:: -(-len(inside) // NODES)]:
+                yield {"axis": axis, "at": float(at)}
 
 
 def cause(machine: Machine, axis: str, at: float | None = None, nodes: Sequence[float] = ()) -> list[Coefficient]:
-    """machine, linear axis, places of the kinks in mm → change of slope at each, mm/mm."""
-    need("compensation_kink", "axis", axis, machine.linear)
+    """machine, linear or rotary axis, places of the kinks in mm or deg → change of slope at each, mm/mm or rad/rad."""
+    need("compensation_kink", "axis", axis, (*machine.linear, *machine.rotary))
+    straight = axis in machine.linear
 
     def bent(place: float) -> Pattern:
-        return lambda t: np.maximum(t.axis(axis) - place, 0.0)
+        return lambda t: np.maximum(t.axis(axis) - (place if straight else np.radians(place)), 0.0)
 
     places = [*nodes] if at is None else [at, *nodes]
-    return [Coefficient(label("compensation_kink", axis, p), "mm/mm", Slot(axis, "motion"), bent(float(p))) for p in places]
+    unit = "mm/mm" if straight else "rad/rad"
+    return [Coefficient(label("compensation_kink", axis, p), unit, Slot(axis, "motion"), bent(float(p))) for p in places]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the table of errors at the kinks and the ends of the travel (world.yaml)."""
+    axis = str(setting["axis"])
+    found = setting.get("nodes") or ()
+    places = np.array([*found] if setting.get("at") is None else [setting["at"], *found], dtype=float)
+    unit = 1.0 if axis in machine.linear else np.pi / 180
+    travel = np.array(machine.axis(axis).travel or (places.min() * unit - 1.0, places.max() * unit + 1.0)) / unit
+    nodes = np.unique([*travel, *places])
+    size = np.maximum(nodes[:, None] - places, 0.0) @ (values * unit)
+    return [{"cause": "compensation_kink", "axis": axis, "nodes": nodes.tolist(), "values": size.tolist()}]

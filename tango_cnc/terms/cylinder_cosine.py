@@ -6,7 +6,8 @@ and arrives there. So this term takes the misses from a first estimate without i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, early, label
+from ._world import Effects
 
 TEXT = "a curved facet was taken for a plane and touched beside its nominal point"
 SOURCE = "thesis chapter 5 and its future work (cosine error on a cylindrical table)"
@@ -24,6 +26,7 @@ NEEDS = "tip"  # of a first estimate
 ADVICE = "give the facet its `surface` in artefact.yaml"
 REFINE: dict[str, str] = {}
 LEAST = 0.1  # mm of sideways miss: below it even a radius of 10 mm makes less than half a micrometre
+NOTHING = 1e-3  # mm of sideways miss: on the point
 SQUARE = 0.01  # cosine between a facet's normal and the axis of the cylinder
 ALONG = (0.0, 0.0, 1.0)  # table frame: a round table
 
@@ -62,7 +65,16 @@ def cause(machine: Machine, facets: Sequence[str] = (), axis: Sequence[float] = 
         raise ValueError("axis: three numbers, not all zero")
 
     def pattern(t: Touches) -> Array:
-        return np.where(_flat(t, facets, axis), -(miss(t, axis) ** 2) / 2, 0.0)
+        beside = miss(t, axis)
+        return np.where(_flat(t, facets, axis) & (np.abs(beside) > NOTHING), -(beside**2) / 2, 0.0)
 
     turned = tuple(axis) if tuple(axis) != ALONG else ()
     return [early(label("cylinder_cosine", *facets, *turned), pattern, "1/mm")]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the radius of the facets (world.yaml); nothing for a curvature that none can have."""
+    if values[0] <= 0 or 1 / values[0] <= machine.probe.tip_radius:
+        return []
+    base = {"cause": "cylinder_cosine", "radius": 1 / float(values[0]) - machine.probe.tip_radius}
+    return [base | {k: list(v) for k, v in setting.items() if k in ("facets", "axis") and len(v)}]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..kinematics import Slot
 from ..records import COMPONENTS, Array, InputError, Machine
 from ..touches import Touches
 from . import Coefficient
+from ._world import Effects, full
 
 TEXT = "error motion"
 SOURCE = "ISO 230-1:2012, 3.6; thesis eq. 4-6, 4-8"
@@ -67,3 +68,15 @@ def cause(machine: Machine, name: str) -> list[Coefficient]:
     if found is None:
         raise InputError(f"terms: error_motion: name: found {name!r}; allowed: EYX2 … for axes {' '.join(machine.names)}")
     return [found]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the same power of the way, as large as it is after 100 mm or 1 rad (world.yaml)."""
+    name = str(setting["name"])
+    degree = int(name[3])
+    if not degree:
+        return []
+    own, span = full(machine, name[2])
+    return [
+        {"cause": "error_motion", "name": name[:3], "degree": degree, "amplitude": float(values[0]) * own**degree, "span": span}
+    ]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from ..kinematics import Slot
-from ..records import COMPONENTS, Machine
+from ..records import COMPONENTS, Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, displaced, early, label, need
+from ._world import Effects, toward, vector
 
 TEXT = "the table sags under its own weight as it tilts"
 SOURCE = "ISO 230-1:2012, 3.4.3 (compliance); sine of the tilt as for a beam"
@@ -37,3 +41,18 @@ def cause(machine: Machine, axis: str, component: str = "Y") -> list[Coefficient
         return displaced(stem, "machine", lambda t: np.sin(t.axis(axis)))
     i = COMPONENTS.index(component)
     return [early(stem, lambda t: t.machine_normal[:, i] * np.sin(t.axis(axis)))]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the axis sinks or gives way; a tilt about another axis is a wave of order 1 (world.yaml)."""
+    axis, component = str(setting["axis"]), str(setting.get("component", "Y"))
+    sense = -1.0 if axis in machine.tool_branch else 1.0
+    if component == "XYZ":
+        return [{"cause": "gravity_sag", "axis": axis} | vector(sense * values)]
+    if component in "XYZ":
+        along = [float(c == component) for c in "XYZ"]
+        return [{"cause": "gravity_sag", "axis": axis, "amplitude": sense * float(values[0]), "direction": along}]
+    if component == axis:
+        return [{"cause": "gravity_sag", "axis": axis, "amplitude": 0.0, "direction": [0.0, 0.0, 1.0], "tilt": float(values[0])}]
+    about = {"direction": toward(machine, axis, component), "order": 1, "phase": -90.0, "frame": "fixed"}
+    return [{"cause": "rotary_tilt", "axis": axis, "amplitude": float(values[0]), **about}]

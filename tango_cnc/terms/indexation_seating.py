@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import displaced, label
+from ._world import Effects
 
 TEXT = "the rotary axes do not seat in the same place after every indexation"
 SOURCE = "ISO 230-2:2014 (positioning repeatability); ISO 10791-4"
@@ -37,3 +39,8 @@ def cause(machine: Machine, indexations: int = 0) -> list[Coefficient]:
 def fitted(touches: Touches) -> dict[str, Any]:
     """touches → the settings with which an estimate frees the offsets of these touches."""
     return {"indexations": int(np.max(touches.indexation)) + 1}
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → nothing of the offsets that were freed: seating is a spread, not a set of numbers (world.yaml)."""
+    return [{"cause": "indexation_seating", "amplitude": float(values[0])}] if len(values) == 1 else []

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from ..kinematics import Slot
-from ..records import COMPONENTS, Machine
+from ..records import COMPONENTS, Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, label, moved_axes, need
+from ._world import Effects, full
 
 TEXT = "the weight of a moving axis tilts another one"
 SOURCE = "ISO 230-1:2012, 3.4.3; error motion that depends on two positions"
@@ -34,3 +38,11 @@ def cause(machine: Machine, name: str, by: str) -> list[Coefficient]:
     slot = Slot(name[2], "motion") if name[1] == name[2] else Slot(name[2], "intra", COMPONENTS.index(name[1]))
     unit = "rad/mm" if by in machine.linear else "rad/rad"
     return [Coefficient(label("moving_mass", name, by), unit, slot, lambda t: t.axis(by))]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the angle after 100 mm or 1 rad of the axis that moves (world.yaml)."""
+    own, span = full(machine, str(setting["by"]))
+    return [
+        {"cause": "moving_mass", "name": setting["name"], "by": setting["by"], "amplitude": float(values[0]) * own, "span": span}
+    ]

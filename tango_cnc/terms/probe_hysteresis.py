@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, early, label, need, normals
+from ._world import Effects
 
 TEXT = "the probe remembers the direction of the touch before"
 SOURCE = "ISO 230-10:2022, 6.2 (probing repeatability); kinematic re-seating of the stylus"
@@ -36,3 +40,10 @@ def cause(machine: Machine, frame: str = "spindle") -> list[Coefficient]:
         return result
 
     return [early(label("probe_hysteresis", *(() if frame == "spindle" else (frame,))), pattern)]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the size (world.yaml); the simulated probe remembers in the spindle frame only."""
+    if setting.get("frame", "spindle") != "spindle":
+        return []
+    return [{"cause": "probe_hysteresis", "amplitude": float(values[0])}]

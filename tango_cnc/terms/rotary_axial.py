@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from ..records import Machine
+from collections.abc import Mapping
+from typing import Any
+
+from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, need
 from ._rotary import along, every, harmonics
+from ._world import Effects, wave
 
 TEXT = "a rotary axis moves along its axis as it turns"
 SOURCE = "ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6"
@@ -28,3 +32,8 @@ def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None
     """machine, rotary axis, order, one component or all → cosines and sines, mm; turning with the body, or fixed."""
     need("rotary_axial", "axis", axis, machine.rotary)
     return harmonics("rotary_axial", machine, axis, order, along(axis), motion, frame)
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → a wave along the axis (world.yaml); whether it turns with the body is the same there."""
+    return [{"cause": "rotary_axial", "axis": setting["axis"], "order": setting.get("order", 2)} | wave(values)]

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from ..records import Machine
+from collections.abc import Mapping
+from typing import Any
+
+from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, need
-from ._rotary import across, every, harmonics
+from ._rotary import across, every, harmonics, waves
+from ._world import Effects
 
 TEXT = "a rotary axis moves sideways as it turns"
 SOURCE = "ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6"
@@ -28,3 +32,8 @@ def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None
     """machine, rotary axis, order, one component or all → cosines and sines, mm; turning with the body, or fixed."""
     need("rotary_radial", "axis", axis, machine.rotary)
     return harmonics("rotary_radial", machine, axis, order, across(axis, rotation=False), motion, frame)
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → one wave along every component that was estimated (world.yaml)."""
+    return waves("rotary_radial", machine, setting, values, across(str(setting["axis"]), rotation=False))

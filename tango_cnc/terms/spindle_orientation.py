@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, early, label, need
+from ._world import Effects
 
 TEXT = "the spindle does not orient where it is told and swings the stylus"
 SOURCE = "ISO 230-7:2015; stylus offset × error of S"
@@ -45,3 +49,8 @@ def cause(machine: Machine, S: float | None = None, order: int = 1) -> list[Coef
     stem = label("spindle_orientation", *((S,) if S is not None else (f"order {order}",)))
     weights = ("at",) if S is not None else ("cos", "sin")
     return [part(i, weight) for weight in weights for i in (0, 1)]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → nothing: the simulated spindle turns, and what that does depends on the stylus (world.yaml)."""
+    return []

@@ -9,7 +9,7 @@ import numpy as np
 from ..records import Machine
 from ..touches import Touches
 from . import Coefficient
-from ._cause import Variants, displaced, label
+from ._cause import Variants, displaced, label, turns
 
 TEXT = "something moved at once (restart, re-seated probe, remounted table, knock)"
 SOURCE = "change-point model; thesis section 7.3 (dismount and remount)"
@@ -21,12 +21,12 @@ FEWEST = 6  # touches before and after
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → every fourth touch and the beginning of every indexation, in both frames."""
+    """touches → every fourth touch and the beginning of every indexation, in both frames where the table turns."""
     n = len(touches)
     begins = np.flatnonzero(np.diff(touches.indexation)) + 2
     for at in sorted({*begins.tolist(), *range(FEWEST + 1, n - FEWEST, 4)}):
         if FEWEST < at <= n - FEWEST:
-            for frame in ("machine", "table"):
+            for frame in ("machine", "table") if turns(touches) else ("machine",):
                 yield {"at": int(at), "frame": frame}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
+from ._world import Effects
 
 TEXT = "some facets are rougher than the probe repeats"
 SOURCE = "thesis Table 4-3, section 7.3, procedure III (surface irregularity)"
@@ -27,3 +29,11 @@ def spread(touches: Touches) -> list[tuple[dict[str, Any], Array]]:
 def cause(machine: Machine, facets: tuple[str, ...] = ()) -> list[Coefficient]:
     """machine, rough facets → no coefficient: this is a spread, not a shift."""
     return []
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the roughness of each facet, mm (world.yaml)."""
+    facets = tuple(str(f) for f in setting.get("facets", ()))
+    if len(values) == len(facets):
+        return [{"cause": "surface_form", "amplitude": float(v), "facets": [f]} for f, v in zip(facets, values, strict=True)]
+    return [{"cause": "surface_form", "amplitude": float(v), "facets": list(facets)} for v in values[:1]]

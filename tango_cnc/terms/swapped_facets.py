@@ -11,6 +11,7 @@ from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, early, label
+from ._world import Effects
 
 TEXT = "two facets are exchanged in the readings"
 SOURCE = "clerical error; both are read with the offset of the other"
@@ -47,3 +48,8 @@ def cause(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = 2
         return inside * ((facet == one).astype(float) - (facet == two))
 
     return [early(label("swapped_facets", one, two, at), pattern)]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the two names exchanged: by how much is a matter of the facets (world.yaml)."""
+    return [{"cause": "swapped_facets", **{k: list(v) if k == "facets" else v for k, v in setting.items()}}]

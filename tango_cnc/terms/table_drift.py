@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..records import Machine
 from ..touches import Touches
 from . import Coefficient
-from ._cause import HOUR, Variants, displaced, grown, label, slow
+from ._cause import HOUR, Variants, displaced, grown, label, slow, turns
 
 TEXT = "the table creeps on its turntable"
 SOURCE = "ISO 230-3:2020 clause 5, seen from the table"
@@ -18,8 +18,9 @@ REFINE = {"tau": "log"}
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → time constants, a straight line, every temperature sensor."""
-    yield from slow(touches)
+    """touches → time constants, a straight line, every temperature sensor; nothing where the table never turns."""
+    if turns(touches):
+        yield from slow(touches)
 
 
 def cause(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
-from ..records import Machine
+from ..records import Array, Machine
 from ..touches import Touches
 from . import Coefficient
 from ._cause import Variants, early
+from ._world import Effects
 
 TEXT = "the control reads its position a moment after the probe has triggered"
 SOURCE = "1 µm per ms at 60 mm/min; ISO 230-10:2022, annex A (feed dependence)"
@@ -26,3 +30,8 @@ def variants(touches: Touches) -> Variants:
 def cause(machine: Machine) -> list[Coefficient]:
     """machine → delay in s: a late latch reads too deep, so the surface appears too far inside."""
     return [early("trigger_latency", lambda t: -np.nan_to_num(t.feed) / 60.0, "s")]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the delay (world.yaml)."""
+    return [{"cause": "trigger_latency", "delay": float(values[0])}]
