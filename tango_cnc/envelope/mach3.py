@@ -28,7 +28,7 @@ OWN = {*range(101, 113), 141, 142, 143}
 
 def reads(head: list[str]) -> bool:
     """first lines of a program → whether it is of this family."""
-    return any(line.startswith("M880 (") or line in ("M881", "M882", "M883") for line in head)
+    return any(line.startswith("M880 (") or line in ("M881", "M882") for line in head)
 
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
