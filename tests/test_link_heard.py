@@ -1,14 +1,18 @@
 """`tango link-test` and `tango ports`: what a person sees before the first run."""
 
 import json
+import re
 import socket
 import threading
 
 import pytest
 from test_run import Result
+from test_run_simulated import controller
 
 from tango_cnc.commands.init import write_example
+from tango_cnc.link import grbl, linuxcnc, modbus
 from tango_cnc.link._heard import heard, parity_of
+from tango_cnc.link.session import listen
 
 LETTERS = ("X", "Y", "Z", "B", "C", "S")
 RECORD = "P1 H1 X20.0 Y0.0 Z50.0 B0.0 C0.0 S0.0\r\n"
@@ -75,6 +79,98 @@ def test_a_silent_line_is_exit_status_1(cell):
         result = Result("link-test", "-C", cell, "--port", url, "--seconds", "0.1")
     assert result.code == 1
     assert "nothing came" in result.out
+
+
+GRBL = b"[VER:1.1h.20190825:]\r\nok\r\n$10=1\r\n$13=1\r\nok\r\n<Idle|MPos:0.000,0.000,0.000|FS:0,0|Pn:XP>\r\n"
+
+
+def test_what_grbl_says_of_itself():
+    fine, sentences = grbl.found(GRBL.replace(b"|Pn:XP", b""), {})
+    assert fine
+    assert sentences[0] == "grbl, VER:1.1h.20190825, which does not name its axes"
+    assert "positions come in inches ($13=1)" in sentences
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (b"", b"", "the probe signal is on"),
+        (b"<Idle", b"<Alarm", "nothing will move before that is cleared"),
+        (b"$10=1", b"$10=2", r"set \$10=1"),
+        (b"$13=1\r\n", b"", "have not come"),
+        (b"VER", b"\xd6\xc5\xd2", "no answer of grbl.*115200"),
+    ],
+)
+def test_what_keeps_a_grbl_from_working_is_said(old, new, said):
+    fine, sentences = grbl.found(GRBL.replace(old, new), {})
+    assert not fine
+    assert re.search(said, " ".join(sentences))
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [
+        ("- no answer\n- no answer\n", "device number"),
+        ("43 Siemens%20AG S7\n! 2\n", "calls itself Siemens AG, S7 it refuses to read .* exception 2"),
+        ("! 1\n3 " + " ".join(["7"] * 34) + "\n", "refuses function 43/14.* register 31 holds 0007 hex"),
+    ],
+)
+def test_what_keeps_a_modbus_device_from_working_is_said(answers, said):
+    fine, sentences = modbus.found(answers.encode(), {})
+    assert not fine
+    assert re.search(said, " ".join(sentences))
+
+
+def test_a_modbus_device_says_who_it_is_and_that_its_registers_fit(cell):
+    with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
+        result = Result("link-test", "-C", cell, "--port", url, "--seconds", "5", "--json", "-")
+    assert result.code == 0, result.err
+    found = json.loads(result.out)
+    assert found["recognised"]
+    assert found["found"][0] == "the device calls itself sim_controller, TANGO, 1"
+    assert "big word order" in found["found"][1]
+
+
+def test_what_linuxcnc_says_of_itself():
+    ready = b"HELLO ACK EMCNETSVR 1.1\r\nESTOP OFF\r\nMACHINE ON\r\nPROGRAM_STATUS IDLE\r\n"
+    assert linuxcnc.found(ready, {})[0]
+    fine, sentences = linuxcnc.found(ready.replace(b"ESTOP OFF", b"ESTOP ON"), {})
+    assert not fine
+    assert "release emergency stop before a run" in sentences
+    assert "password" in linuxcnc.found(b"HELLO NAK\r\n", {})[1][0]
+
+
+def test_what_stands_in_a_file(tmp_path):
+    file = tmp_path / "TANGO.TXT"
+    file.write_bytes(b"TANGO START 5AFE0001 1\r\nP1 H1 X1.0\r\nTANGO END 1\r\n")
+    write_example(tmp_path / "cell", "hu40t")
+    result = Result("link-test", "-C", tmp_path / "cell", "--port", f"file://{file}?from=last", "--seconds", "0.3")
+    assert (result.code, "program 5AFE0001, 1 records, its end mark is there" in result.out) == (0, True)
+    result = Result("link-test", "-C", tmp_path / "cell", "--port", f"file://{file}", "--seconds", "0.3")
+    assert (result.code, "from=last" in result.out) == (1, True)
+
+
+def test_a_control_that_was_reset_by_being_opened_is_asked_again():
+    """Opening the port of a board behind USB resets it: what it was asked before its banner it has not heard."""
+
+    class Board:
+        chunk, asked = 256, b""
+
+        def write(self, data):
+            self.asked += data
+            return len(data)
+
+        def read(self, timeout):
+            heard, self.asked = self.asked, b""
+            if heard and not self.awake:
+                self.awake = True
+                return b"\r\nGrbl 1.1h ['$' for help]\r\n"
+            return GRBL if heard else b""
+
+        awake = False
+
+    clock = iter(range(100))
+    assert listen(Board(), b"$I\n", 50, lambda: next(clock), lambda got: b"VER" in got).endswith(GRBL)
 
 
 def test_ports_are_listed(monkeypatch):

@@ -118,8 +118,7 @@ class Control:
         if code.startswith("$"):
             return self._told(self._dollar(code))
         if self.state == "Hold:0":
-            self._note("unsafe", why=f"{text} in hold")
-            return []
+            return []  # it stays in the buffer and nothing moves; nobody here lets it go on
         if self.state != "Idle":
             self._note("unsafe", why=f"{text} in alarm")
             return self._told(["error:9"])

@@ -5,11 +5,12 @@ What the lines mean is `interpreters/grbl.py`; `--language grbl` gives it settin
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import threading
 
 from ..interpreters.grbl import REALTIME, RESET, Control, switched_on
-from ..lines import Line
+from ..lines import Closed, Line
 from ..session import Session
 
 TCP, PTY = "grbl+socket://{}", "grbl+serial://{}"
@@ -29,8 +30,9 @@ def serve(line: Line, session: Session, once: bool) -> None:
             line.send("".join(f"{text}\r\n" for text in texts).encode("ascii"))
 
     def work() -> None:
-        while True:
-            say(control.line(lines.get()))
+        with contextlib.suppress(Closed):
+            while True:
+                say(control.line(lines.get()))
 
     threading.Thread(target=work, daemon=True).start()
     into = Input(control.kind.one_line_end)

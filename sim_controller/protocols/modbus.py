@@ -187,13 +187,17 @@ class _Server:
     async def _listen(self) -> None:
         import pymodbus
         from pymodbus import FramerType
+        from pymodbus.pdu.device import ModbusDeviceIdentification
         from pymodbus.server import ModbusTcpServer
         from pymodbus.simulator import DataType, SimData, SimDevice
 
         pymodbus.pymodbus_apply_logging_config(logging.CRITICAL)
         device = SimDevice(id=1, simdata=[SimData(0, count=SIZE, datatype=DataType.REGISTERS)], action=self._asked)
         framer = FramerType.RTU if self._rtu else FramerType.SOCKET
-        server = ModbusTcpServer(device, framer=framer, address=("127.0.0.1", 0))
+        identity = ModbusDeviceIdentification(
+            info_name={"VendorName": "sim_controller", "ProductCode": "TANGO", "MajorMinorRevision": "1"}
+        )
+        server = ModbusTcpServer(device, framer=framer, address=("127.0.0.1", 0), identity=identity)
         await server.serve_forever(background=True)
         self._address = cast(asyncio.Server, server.transport).sockets[0].getsockname()[:2]
 

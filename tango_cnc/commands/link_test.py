@@ -19,11 +19,11 @@ from .run import dialect
 @click.option("--seconds", type=click.FloatRange(0.1, 3600), default=10.0, show_default=True, help="How long to listen.")
 @json_option
 def command(folder: Path, port: str | None, seconds: float, json_file: str | None) -> int:
-    """Listens to the control: is the line alive, are its settings right, is what it prints a record?
+    """Asks the control what it is, or listens where it cannot be asked: is the line alive, are its settings right?
 
-    Nothing is sent that moves the machine. Exit status 1 when nothing came.
+    Nothing is sent that moves the machine. Exit status 1 when the control was not recognised or cannot be worked with as it is.
     """
-    from ..link._heard import heard
+    from ..link._heard import heard, noise
     from ..link._measure import protocol_of
     from ..link.session import listen
     from ..link.transport import open_port
@@ -36,15 +36,24 @@ def command(folder: Path, port: str | None, seconds: float, json_file: str | Non
         )
     protocol, parsed = protocol_of(address, dialect(cell).link if cell.controller else "dnc")
     line = open_port(parsed)
-    click.echo(f"{address} is open; listening for {seconds:g} s", err=True)
+    hello = protocol.hello(parsed.options) if hasattr(protocol, "hello") else b""
+    click.echo(f"{address} is open; {'asking for up to' if hello else 'listening for'} {seconds:g} s", err=True)
+
+    def judged(data: bytes) -> tuple[bool, list[str]]:
+        if not hasattr(protocol, "found"):
+            return bool(data), heard(data, cell.machine.names)
+        if hello and not data:
+            return False, ["nothing was answered: is the control switched on, the port and its settings the right ones?"]
+        fine, sentences = protocol.found(data, parsed.options)
+        return fine, [*sentences, *([] if fine else noise(data))]
+
     try:
-        data = listen(line, protocol.HELLO, seconds, time.monotonic)
+        data = listen(line, hello, seconds, time.monotonic, lambda got: bool(hello) and judged(got)[0])
     finally:
         line.close()
     shown = data.decode("latin-1").encode("unicode_escape").decode("ascii")
-    found = heard(data, cell.machine.names)
-    if not write_json(
-        json_file, {"format": "tango-link-test/1", "port": address, "bytes": len(data), "data": shown, "found": found}
-    ):
+    fine, found = judged(data)
+    result = {"format": "tango-link-test/1", "port": address, "recognised": fine, "bytes": len(data), "data": shown, "found": found}
+    if not write_json(json_file, result):
         click.echo("\n".join([*([shown] if shown else []), *found]))
-    return 0 if data else 1
+    return 0 if fine else 1

@@ -19,20 +19,25 @@ def parity_of(data: bytes) -> str | None:
     return None
 
 
+def noise(data: bytes) -> list[str]:
+    """bytes → what their eighth bits say of the settings of the line; nothing when they look right."""
+    parity = parity_of(data)
+    high = sum(byte > 0x7F for byte in data)
+    if parity and high:
+        return [f"every character has {parity} parity in its eighth bit: set bits=7&parity={parity}"]
+    if high > len(data) // 4:
+        return [f"{high} of {len(data)} characters are none: the baud rate, or parity and bits, are set wrongly"]
+    return []
+
+
 def heard(data: bytes, letters: Sequence[str]) -> list[str]:
     """bytes, axis letters of the machine → what they are and what to set, one sentence an item."""
     if not data:
         return [
             "nothing came: does the control send (print a variable, press start), are TX and RX crossed, is the port the right one?"
         ]
-    sentences = []
-    parity = parity_of(data)
-    high = sum(byte > 0x7F for byte in data)
-    plain = bytes(byte & 0x7F for byte in data) if parity else data
-    if parity and high:
-        sentences.append(f"every character has {parity} parity in its eighth bit: set bits=7&parity={parity}")
-    elif high > len(data) // 4:
-        sentences.append(f"{high} of {len(data)} characters are none: the baud rate, or parity and bits, are set wrongly")
+    sentences = noise(data)
+    plain = bytes(byte & 0x7F for byte in data) if parity_of(data) else data
     codes = [f"{plain.count(code)} x {name}" for code, name in NAMES.items() if code in plain]
     if codes:
         sentences.append(f"flow and print codes: {', '.join(codes)}")

@@ -22,7 +22,6 @@ NUL, DEL = 0x00, 0x7F
 LINE_LIMIT = 256  # characters; no control prints a longer one, so this is a lost line end
 EOB = {"lf": "\n", "crlf": "\r\n", "lfcrcr": "\n\r\r"}
 
-HELLO = b""  # a control behind a tape line answers no question
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "start": ("now", "xon"),  # send at once, or when the control asks with DC1
     "eob": tuple(EOB),

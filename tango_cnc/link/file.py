@@ -15,11 +15,24 @@ from collections.abc import Mapping
 from ._client import Begun, Ended, Event, Failed, Identified, Job, Refused, Touched
 from ._words import SUM, record, summed
 
-HELLO = b""  # nothing can be asked
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "from": ("now", "last"),  # of the transport: what is written from now on; or from the last start mark on
 }
 LINE_LIMIT = 256
+
+
+def found(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+    """what was written meanwhile → whether that is of a TANGO program, and what it is, a sentence an item."""
+    lines = [line for line in data.decode("latin-1").splitlines() if line.strip()]
+    if not lines:
+        return False, ["nothing was written meanwhile: let the control write into this file, or add from=last to see an old run"]
+    events = [record(line.strip(), ()) for line in lines]
+    marks = [event.mark for event in events if isinstance(event, Begun)]
+    touches = sum(line.lstrip().startswith("P") for line in lines)
+    if not marks:
+        return False, [f"{len(lines)} lines, none of them the start mark of a TANGO program; the last one: {lines[-1]!r}"]
+    whole = "its end mark is there" if any(isinstance(event, Ended) for event in events) else "its end mark is not there"
+    return True, [f"{len(lines)} lines: program {marks[-1]}, {touches} records, {whole}"]
 
 
 class Client:

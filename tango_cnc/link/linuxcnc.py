@@ -21,7 +21,6 @@ from ._client import Begun, Ended, Identified, Job, Refused, Touched
 from ._dialogue import Dialogue, Stop, Talk
 from ._words import record
 
-HELLO = b"hello EMC tango 1.1\r\n"
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "file": (),  # where LinuxCNC finds the program; written by the transport
     "log": (),  # what (LOGOPEN,…) of the program writes
@@ -35,6 +34,28 @@ PLACES = "XYZABC"  # order of the values of abs_act_pos
 BESIDE, TURNED = 0.5, 0.1  # mm, deg from a move that the machine still is on
 THERE = 0.01  # mm
 LEAVING = 1000.0  # mm/min
+
+
+def hello(options: Mapping[str, str]) -> bytes:
+    """{option: value} → a greeting and questions that move nothing."""
+    asked = "".join(f"get {what}\r\n" for what in (*READY, "program_status"))
+    return f"hello {options.get('password', 'EMC')} tango 1.1\r\n{asked}".encode("ascii")
+
+
+def found(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+    """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
+    lines = [line.strip() for line in data.decode("latin-1").splitlines() if line.strip()]
+    greeting = next((line for line in lines if line.upper().startswith("HELLO")), "")
+    if not greeting:
+        return False, ["this is no answer of linuxcncrsh: is it the right port (5007)?"]
+    if "NAK" in greeting.upper():
+        return False, ["linuxcncrsh refuses the connection password: state password=… in the port's URL"]
+    said = {line.split()[0].upper(): line for line in lines if line != greeting}
+    open_ = [
+        f"{ADVICE[what]} before a run" for what, wanted in READY.items() if wanted not in said.get(what.upper(), wanted).upper()
+    ]
+    complete = all(what.upper() in said for what in (*READY, "program_status"))
+    return complete and not open_, [f"LinuxCNC: {greeting}", *said.values(), *open_]
 
 
 class Client(Dialogue):

@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Mapping, Sequence
+from urllib.parse import unquote
 
 from ..records import InputError, Move, Touch
 from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
 from ._dialogue import Dialogue, Stop, low
-from ._layout import ORDER, PATTERN, read_layout
+from ._layout import ORDER, PATTERN, Layout, read_layout
 
-HELLO = b"3 0 34\n"  # reads the registers of the standard layout
 OPTIONS: Mapping[str, tuple[str, ...]] = {"layout": ()}  # a file
 UNANSWERED = 5  # requests in a row
 WRITES = 3  # of one thing, each after a look at what the one before has done
@@ -44,6 +44,57 @@ BAD = {
 
 Words = list[int]
 Talk = Generator[str, str, Words]
+
+
+def hello(options: Mapping[str, str]) -> bytes:
+    """{option: value} → requests that move nothing: who are you (function 43/14), and the block of registers."""
+    layout = read_layout(options.get("layout", ""))
+    return f"43 0\n{layout.functions['read']} {layout.block[0]} {layout.block[1]}\n".encode("ascii")
+
+
+def identified(layout: Layout, block: Words) -> str:
+    """layout, block of registers → what is known of the device. Raises Stop when these are not the registers of the layout."""
+    start = layout.block[0]
+    pattern, version, order = (layout.of(name, block, start)[0] for name in ("pattern", "version", "order"))
+    if pattern != PATTERN:
+        at = layout.registers["pattern"]
+        raise Stop(f"register {at} holds {pattern:04X} hex instead of {PATTERN:04X}: another layout, or counted from 1")
+    if version != layout.version:
+        raise Stop(f"the control has version {version} of the layout, this end {layout.version}")
+    if order != ORDER:
+        swapped = (order & 0xFFFF) << 16 | order >> 16 & 0xFFFF
+        other = "little" if layout.big else "big"
+        advice = f"set word_order: {other} in the layout" if swapped == ORDER else "32-bit values are coded otherwise"
+        raise Stop(f"word order: found {order & 0xFFFFFFFF:08X} hex instead of {ORDER:08X}: {advice}")
+    return f"Modbus, register layout {version}, {'big' if layout.big else 'little'} word order"
+
+
+def found(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+    """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
+    layout = read_layout(options.get("layout", ""))
+    answers = data.decode("latin-1").split("\n")[:-1]
+    if not answers:
+        return False, ["nothing has been asked yet"]
+    names = [unquote(text) for text in answers[0].split()[1:]] if answers[0].startswith("43") else []
+    refused = answers[0].startswith("!")
+    sentences = [f"the device calls itself {', '.join(names)}"] if names else []
+    sentences += ["the device does not say what it is (it refuses function 43/14, as many do)"] if refused else []
+    if len(answers) < 2 or answers[1].startswith("-"):
+        said = "" if refused or names else ": address, device number, on a serial line baud rate and parity?"
+        return False, [*sentences, f"the registers were not answered{said}"]
+    words = answers[1].split()
+    if words[0] == "!":
+        why = EXCEPTIONS.get(int(words[1]), "not a standard one")
+        return False, [*sentences, f"it refuses to read the registers of the layout: exception {words[1]} ({why})"]
+    block = [int(word) for word in words[1:]]
+    try:
+        sentences.append(identified(layout, block))
+    except Stop as stop:
+        return False, [*sentences, str(stop)]
+    status = layout.of("status", block, layout.block[0])[0]
+    state = next((name for name, code in layout.statuses.items() if code == status), f"unknown state {status}")
+    probe = "on" if layout.of("probe", block, layout.block[0])[0] else "off"
+    return True, [*sentences, f"its status is {state.replace('_', ' ')}, the probe signal is {probe}"]
 
 
 class Client(Dialogue):
@@ -76,7 +127,7 @@ class Client(Dialogue):
 
     def _conversation(self) -> Generator[str, str, None]:
         block = yield from self._read(self._layout.block)
-        self._identify(block)
+        self._events.append(Identified(identified(self._layout, block)))
         block = yield from self._settled()
         self._free(block)
         self._sequence = self._said("acknowledged", block)
@@ -91,22 +142,6 @@ class Client(Dialogue):
         self._allowed = self._job.patience[-1]
         yield from self._command("end", self._allowed)
         self._events.append(Ended(len(self._job.numbers)))
-
-    def _identify(self, block: Words) -> None:
-        """Raises Stop when the registers are not those of the layout."""
-        pattern, version = self._said("pattern", block), self._said("version", block)
-        if pattern != PATTERN:
-            at = self._layout.registers["pattern"]
-            raise Stop(f"register {at} holds {pattern:04X} hex instead of {PATTERN:04X}: another layout, or counted from 1")
-        if version != self._layout.version:
-            raise Stop(f"the control has version {version} of the layout, this end {self._layout.version}")
-        order = self._said("order", block)
-        if order != ORDER:
-            swapped = (order & 0xFFFF) << 16 | order >> 16 & 0xFFFF
-            other = "little" if self._layout.big else "big"
-            advice = f"set word_order: {other} in the layout" if swapped == ORDER else "32-bit values are coded otherwise"
-            raise Stop(f"word order: found {order & 0xFFFFFFFF:08X} hex instead of {ORDER:08X}: {advice}")
-        self._events.append(Identified(f"Modbus, register layout {version}, {'big' if self._layout.big else 'little'} word order"))
 
     def _said(self, name: str, block: Words) -> int:
         return self._layout.of(name, block, self._layout.block[0])[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,6 +19,7 @@ from .transport import Lost, Transport
 
 POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the control are noticed this soon
 BLOCKED = 0.01  # s between attempts while the line takes no bytes
+BANNER = re.compile(rb"\bGrbl\w* ", re.IGNORECASE)
 REFUSALS = 10  # records in a row that are not believed
 
 
@@ -60,13 +62,25 @@ class Transcript:
         self._out.write(f"{mark} {data.decode('latin-1').encode('unicode_escape').decode('ascii')}\n")
 
 
-def listen(transport: Transport, hello: bytes, seconds: float, clock: Callable[[], float]) -> bytes:
-    """open transport, what to say first, s, monotonic clock → all that came in that time. Raises Lost."""
+def listen(
+    transport: Transport,
+    hello: bytes,
+    seconds: float,
+    clock: Callable[[], float],
+    enough: Callable[[bytes], bool] = lambda got: False,
+) -> bytes:
+    """open transport, what to say first, s, monotonic clock, when it is enough → all that came in that time. Raises Lost.
+
+    What has been reset by being opened (grbl behind USB) did not hear: after its banner everything is said once more.
+    """
     until = clock() + seconds
-    got = b""
-    while (left := until - clock()) > 0:
-        hello = hello[transport.write(hello) :] if hello else b""
-        got += transport.read(min(left, BLOCKED if hello else POLL))
+    got, left_to_say = b"", hello
+    while (left := until - clock()) > 0 and not enough(got):
+        left_to_say = left_to_say[transport.write(left_to_say) :] if left_to_say else b""
+        new = transport.read(min(left, BLOCKED if left_to_say else POLL))
+        if hello and BANNER.search(new):
+            left_to_say = hello
+        got += new
     return got
 
 

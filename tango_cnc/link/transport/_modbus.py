@@ -8,7 +8,7 @@ import os
 import select
 import time
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from .._address import DEFAULTS, Address
 from ._line import REST, Lost, reason
@@ -84,6 +84,7 @@ class Modbus:
             3: lambda: self._client.read_holding_registers(address, count=words[0], device_id=self._unit),
             4: lambda: self._client.read_input_registers(address, count=words[0], device_id=self._unit),
             16: lambda: self._client.write_registers(address, list(words), device_id=self._unit),
+            43: lambda: self._client.read_device_information(read_code=1, object_id=address, device_id=self._unit),
         }
         try:
             reply = calls[code]()
@@ -94,6 +95,9 @@ class Modbus:
             return f"- {' '.join(str(error).split())}" if isinstance(error, ModbusException) else "- no answer"
         if reply.isError() and reply.function_code & 0x7F == code:
             return f"! {reply.exception_code}"
+        if code == 43 and reply.function_code == code:
+            texts = (value.decode("latin-1") for value in reply.information.values() if isinstance(value, bytes))
+            return f"43 {' '.join(quote(text) for text in texts)}"
         said = list(reply.registers) if code != 16 else [reply.address, reply.count]
         fits = reply.function_code == code and (len(said) == words[0] if code != 16 else said == [address, len(words)])
         if fits:
