@@ -14,7 +14,7 @@ from tango_cnc.records import InputError, TangoError
 
 from . import server, started
 from .faults import KINDS, LINE_KINDS, FaultyLine, faults, line_faults
-from .lines import Line, PtyLine, listen
+from .lines import Line, PacedLine, PtyLine, listen
 from .probing import rig
 from .session import Ledger, Session, Setup
 
@@ -38,6 +38,7 @@ from .session import Ledger, Session, Setup
 @click.option("--g54", metavar="X,Y,Z", help="Work offset, mm.")
 @click.option("--stored", type=click.Path(path_type=Path), metavar="FILE", help="Programs or files that the control has.")
 @click.option("--parity", is_flag=True, help="7 data bits, even parity.")
+@click.option("--baud", type=click.IntRange(110), help="Send no faster than this; default: as fast as it goes.")
 @click.option("--buffer", type=click.IntRange(64), default=4096, show_default=True, help="Bytes taken in ahead of execution.")
 @click.option("--seed", type=click.IntRange(0), help="Of noise and effects; default: the world's.")
 @click.option("--fault", "fault_texts", multiple=True, metavar="NAME=N", help=f"{', '.join(KINDS)}: after N touches.")
@@ -60,6 +61,7 @@ def main(
     g54: str | None,
     stored: Path | None,
     parity: bool,
+    baud: int | None,
     buffer: int,
     seed: int | None,
     fault_texts: tuple[str, ...],
@@ -87,7 +89,8 @@ def main(
     chances = line_faults(line_texts)
 
     def disturbed(line: Line) -> Line:
-        return FaultyLine(line, chances, line_seed) if chances else line
+        paced = PacedLine(line, baud) if baud else line
+        return FaultyLine(paced, chances, line_seed) if chances else paced
 
     try:
         if start is not None and records is not None:

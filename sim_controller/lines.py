@@ -126,6 +126,30 @@ class ParityLine:
         self._line.close()
 
 
+class PacedLine:
+    """A line that sends no faster than a UART of this rate: ten bits a character, 7 and parity or 8."""
+
+    def __init__(self, line: Line, baud: int) -> None:
+        self._line, self._seconds = line, 10 / baud
+        self._free = 0.0  # when the last character will have left
+
+    def receive(self, timeout: float) -> bytes:
+        """s → what has come."""
+        return self._line.receive(timeout)
+
+    def send(self, data: bytes) -> None:
+        """bytes → sent one by one, each when the one before has left. Raises Closed."""
+        for byte in data:
+            self._free = max(self._free, time.monotonic()) + self._seconds
+            if (ahead := self._free - time.monotonic()) > 0.005:
+                time.sleep(ahead)
+            self._line.send(bytes([byte]))
+
+    def close(self) -> None:
+        """Hangs up."""
+        self._line.close()
+
+
 def even(data: bytes) -> bytes:
     """7-bit bytes → the same with the eighth bit making the number of ones even."""
     return bytes((byte & 0x7F) | (((byte & 0x7F).bit_count() % 2) << 7) for byte in data)

@@ -30,11 +30,13 @@ def estimate(folder, name):
 
 @pytest.mark.parametrize("link", LINKS)
 def test_the_same_parameters_over_every_link(tmp_path, link):
-    folder = tmp_path / "cell"
+    the_same_parameters(tmp_path / "cell", link, *LINKS[link])
+
+
+def the_same_parameters(folder, link, options, port):
     write_example(folder, "hu40t")
     world = (folder / "world.yaml").read_text()
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
-    options, port = LINKS[link]
     with controller(folder, *options) as url:
         result = Result("run", "-C", folder, "--port", port.format(url), "--timeout", "60")
     assert result.code == 0, result.err
