@@ -4,7 +4,8 @@ A cause is a family with, besides `TEXT` and `SOURCE`,
 
     FRAME      in which frame it acts: machine, table, spindle, axis, probe, log
     MISTAKEN   names of the causes that it is taken for
-    ADVICE     what a person does about it
+    MEANING    what it does to parts, for a person at the machine
+    ADVICE     what that person does about it
     REFINE     its shape parameters that are searched between the values of `variants`: name → log, linear or touch
     EXPECTED   True where every machine has it: it is then also tested alone, not only as one of hundreds (may be left out)
     NEEDS      "tip" where it has to know how far a touch missed: a first estimate without it tells (may be left out)

@@ -19,6 +19,7 @@ MISTAKEN = (
     "rotary_radial",
     "rotary_tilt",
 )
+MEANING = "surfaces that are turned or milled around this axis rise and fall by this within a turn"
 ADVICE = "check the bearing and its preload, or keep the term"
 REFINE: dict[str, str] = {}
 

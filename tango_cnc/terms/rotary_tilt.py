@@ -19,6 +19,7 @@ MISTAKEN = (
     "rotary_radial",
     "rotary_axial",
 )
+MEANING = "features around this axis are tilted, depending on its angle; the error grows with the distance from the axis"
 ADVICE = "check the bearing and its preload, or keep the term"
 REFINE: dict[str, str] = {}
 

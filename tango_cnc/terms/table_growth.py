@@ -13,6 +13,9 @@ TEXT = "the table grows as it warms up"
 SOURCE = "ISO 230-3:2020 clause 5; steel grows 12 µm/m/K"
 FRAME = "table"
 MISTAKEN = ("scale_drift",)
+MEANING = (
+    "the artefact and the parts grow with the coolant and the room; diameters and distances are off in proportion to their size"
+)
 ADVICE = "let table and coolant settle, measure the scale bar at the beginning and at the end, or keep the term"
 REFINE = {"tau": "log"}
 
