@@ -12,6 +12,7 @@ from test_run_simulated import controller
 from tango_cnc.commands.init import write_example
 from tango_cnc.link import grbl, linuxcnc, modbus
 from tango_cnc.link._heard import heard, parity_of
+from tango_cnc.link._punched import compared
 from tango_cnc.link.session import listen
 
 LETTERS = ("X", "Y", "Z", "B", "C", "S")
@@ -171,6 +172,50 @@ def test_a_control_that_was_reset_by_being_opened_is_asked_again():
 
     clock = iter(range(100))
     assert listen(Board(), b"$I\n", 50, lambda: next(clock), lambda got: b"VER" in got).endswith(GRBL)
+
+
+PROGRAM = "%\nO8700 (TANGO)\nG31 X25. F180.\nIF[#1GT0.02]THEN#3000=81(PROBE)\nM30\n%\n"
+
+
+def punched(text, parity=False):
+    """The same as many controls punch it: leader, no blanks, LF CR CR, codes, a colon for O."""
+    tape = "\0\0\x12" + text.replace(" ", "").replace("O8700", ":8700").replace("\n", "\n\r\r") + "\x14\0"
+    return even(tape) if parity else tape.encode()
+
+
+@pytest.mark.parametrize("parity", [False, True])
+def test_a_program_that_the_control_punches_out_is_compared_with_the_file(parity):
+    assert compared(PROGRAM, punched(PROGRAM, parity)) == (True, ["4 blocks, all of them as in the file"])
+
+
+def test_two_lost_characters_that_no_parity_finds_are_found():
+    fine, sentences = compared(PROGRAM, punched(PROGRAM.replace("X25.", "X5")))
+    assert not fine
+    assert "block 2 of 4 differs: the file has 'G31X25.F180.', the control 'G31X5F180.'" in sentences[0]
+
+
+def test_a_program_of_which_a_part_is_missing_is_not_the_same():
+    assert "the control 3" in compared(PROGRAM, punched(PROGRAM.replace("M30\n", "")))[1][0]
+    assert "stopped punching" in compared(PROGRAM, punched(PROGRAM)[:-12])[1][0]
+    assert "READ/PUNCH" in compared(PROGRAM, b"")[1][0]
+
+
+def test_the_command_waits_for_the_end_of_what_the_control_punches(cell):
+    (cell / "O8700.nc").write_text(PROGRAM)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve():
+            connection, _ = server.accept()
+            tape = punched(PROGRAM)
+            for at in range(0, len(tape), 20):
+                connection.sendall(tape[at : at + 20])
+            connection.recv(1)
+
+        threading.Thread(target=serve, daemon=True).start()
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        result = Result("link-test", "-C", cell, "--port", url, "--program", cell / "O8700.nc", "--seconds", "5")
+    assert (result.code, result.out) == (0, "4 blocks, all of them as in the file\n")
+    assert Result("link-test", "-C", cell, "--port", "grbl+socket://127.0.0.1:1", "--program", cell / "O8700.nc").code == 2
 
 
 def test_ports_are_listed(monkeypatch):

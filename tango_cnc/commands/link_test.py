@@ -4,27 +4,40 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from ..files import read_cell
+from ..files.checked import read_text
 from ..records import InputError
 from ._common import cell_option, json_option, write_json
 from .run import dialect
+
+if TYPE_CHECKING:
+    from ..link.transport import Transport
 
 
 @click.command()
 @cell_option
 @click.option("--port", metavar="URL", help="Instead of controller.port.")
 @click.option("--seconds", type=click.FloatRange(0.1, 3600), default=10.0, show_default=True, help="How long to listen.")
+@click.option(
+    "--program",
+    "program_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Compare what the control punches out now with this program of 'tango plan'.",
+)
 @json_option
-def command(folder: Path, port: str | None, seconds: float, json_file: str | None) -> int:
+def command(folder: Path, port: str | None, seconds: float, program_file: Path | None, json_file: str | None) -> int:
     """Asks the control what it is, or listens where it cannot be asked: is the line alive, are its settings right?
 
     Nothing is sent that moves the machine. Exit status 1 when the control was not recognised or cannot be worked with as it is.
     """
     from ..link._heard import heard, noise
     from ..link._measure import protocol_of
+    from ..link._punched import compared
     from ..link.session import listen
     from ..link.transport import open_port
 
@@ -35,11 +48,17 @@ def command(folder: Path, port: str | None, seconds: float, json_file: str | Non
             f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
         )
     protocol, parsed = protocol_of(address, dialect(cell).link if cell.controller else "dnc")
+    program = None if program_file is None else read_text(program_file)
+    if program is not None and hasattr(protocol, "found"):
+        raise InputError("--program: found a link over which no program is sent; allowed: dnc, whose controls punch programs out")
     line = open_port(parsed)
     hello = protocol.hello(parsed.options) if hasattr(protocol, "hello") else b""
-    click.echo(f"{address} is open; {'asking for up to' if hello else 'listening for'} {seconds:g} s", err=True)
+    doing = f"{'asking for up to' if hello else 'listening for'} {seconds:g} s"
+    click.echo(f"{address} is open; {doing if program is None else 'let the control punch the program out now'}", err=True)
 
     def judged(data: bytes) -> tuple[bool, list[str]]:
+        if program is not None:
+            return compared(program, data)
         if not hasattr(protocol, "found"):
             return bool(data), heard(data, cell.machine.names)
         if hello and not data:
@@ -48,12 +67,28 @@ def command(folder: Path, port: str | None, seconds: float, json_file: str | Non
         return fine, [*sentences, *([] if fine else noise(data))]
 
     try:
-        data = listen(line, hello, seconds, time.monotonic, lambda got: bool(hello) and judged(got)[0])
+        if program is None:
+            data = listen(line, hello, seconds, time.monotonic, lambda got: bool(hello) and judged(got)[0])
+        else:
+            data = _tape(line, seconds)
     finally:
         line.close()
-    shown = data.decode("latin-1").encode("unicode_escape").decode("ascii")
+    shown = data.decode("latin-1").encode("unicode_escape").decode("ascii") if program is None else ""
     fine, found = judged(data)
     result = {"format": "tango-link-test/1", "port": address, "recognised": fine, "bytes": len(data), "data": shown, "found": found}
     if not write_json(json_file, result):
         click.echo("\n".join([*([shown] if shown else []), *found]))
     return 0 if fine else 1
+
+
+def _tape(line: Transport, seconds: float) -> bytes:
+    """open line, s of silence that end it → a tape from its leader to its closing %."""
+    from ..link._punched import PERCENT, complete
+    from ..link.session import listen
+
+    pieces: list[bytes] = []
+    while piece := listen(line, b"", seconds, time.monotonic, bool):
+        pieces.append(piece)
+        if any(mark in piece for mark in PERCENT) and complete(b"".join(pieces)):
+            break
+    return b"".join(pieces)
