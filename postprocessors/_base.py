@@ -52,6 +52,7 @@ class Job:
     plan_mark: str
     mark: str  # hash of the program's own text
     unverified: tuple[str, ...]
+    part: tuple[int, int] = (1, 1)  # of a split plan: which, of how many
 
     @property
     def machine(self) -> Machine:
@@ -178,22 +179,49 @@ def reach(plan: Plan) -> tuple[str, ...]:
     return (f"{many} touches are on facets that face away from the spindle",) if many else ()
 
 
-def program(post: Post, plan: Plan, given: Mapping[str, Any], plan_mark: str) -> tuple[str, str, Callable[[], Iterator[str]]]:
+def of_part(post: Post, given: Mapping[str, Any], part: tuple[int, int]) -> dict[str, Any]:
+    """post, `controller` keys, (which part, of how many) → the keys for it: a program that has a number gets one of its own.
+
+    Numbers go up by five, as up to four macros follow a program.
+    """
+    first = {option.name: option.default for option in post.options}.get("program_number")
+    if first is None or part[1] == 1:
+        return dict(given)
+    return {**given, "program_number": given.get("program_number", first) + 5 * (part[0] - 1)}
+
+
+def program(
+    post: Post, plan: Plan, given: Mapping[str, Any], plan_mark: str, part: tuple[int, int] = (1, 1)
+) -> tuple[str, str, Callable[[], Iterator[str]]]:
     """post, plan, `controller` keys, hash of the plan → file name, mark of the program, its lines (from the start at each call).
 
-    The mark is the sha256 of the program's text with zeros in its own place. Raises InputError for options and numbers
+    The mark is the sha256 of the program's text with zeros in its own place. `part`: which of how many programs of the plan
+    with this hash it is; its header says so, and `given` are the keys of `of_part`. Raises InputError for options and numbers
     that cannot be written.
     """
     options, doubts = settings(post, given), (*unverified(post, given), *reach(plan))
+    if part[1] > 1:
+        plan_mark = f"{plan_mark} PART {part[0]} OF {part[1]}"
 
     def job(mark: str) -> Job:
-        return Job(plan, options, plan_mark, mark, doubts)
+        return Job(plan, options, plan_mark, mark, doubts, part)
 
     digest = hashlib.sha256()
     for line in _lines(post, job(BLANK)):
         digest.update(line.encode("ascii") + b"\n")
     mark = digest.hexdigest()[: len(BLANK)].upper()
-    return f"{post.stem(job(mark))}.{post.extension}", mark, lambda: _lines(post, job(mark))
+    stem = post.stem(job(mark))
+    return (
+        f"{stem if 'program_number' in options else named(job(mark), stem)}.{post.extension}",
+        mark,
+        lambda: _lines(post, job(mark)),
+    )
+
+
+def named(job: Job, name: str) -> str:
+    """job, name of its program → the same with the number of the part that it is."""
+    end = f"_{job.part[0]}" if job.part[1] > 1 else ""
+    return name if name.endswith(end) else name + end
 
 
 def companions(post: Post, plan: Plan, given: Mapping[str, Any]) -> dict[str, list[str]]:
@@ -261,9 +289,9 @@ def number(value: float, decimals: int = 4) -> str:
 
 
 def comment(text: object, length: int = 60) -> str:
-    """any text, from any file → what may stand in a comment or message: capitals, digits, blanks and . - +, nothing else."""
+    """any text, from any file → what may stand in a comment or message: capitals, digits, blanks and . - +, no mark."""
     plain = "".join(c if c.isascii() and (c.isalnum() or c in " .-+") else " " for c in str(text).upper())
-    return " ".join(plain.split())[:length].rstrip()
+    return MARK.sub(r"PROGRAM-\1", " ".join(plain.split()))[:length].rstrip()
 
 
 def degrees(value: float) -> float:
