@@ -23,7 +23,7 @@ from tango_cnc.records import InputError, Plan, Turn
 
 GOLDEN = Path(__file__).parent / "golden"
 MACRO_B = ("fanuc", "haas", "mitsubishi", "mazak", "brother")
-READ = (*MACRO_B, "linuxcnc", "siemens", "heidenhain", "okuma", "fagor")
+READ = (*MACRO_B, "linuxcnc", "siemens", "heidenhain", "okuma", "fagor", "grbl", "mach3", "mach4", "centroid")
 
 
 @cache
