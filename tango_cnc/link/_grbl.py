@@ -1,0 +1,46 @@
+"""What grbl says of itself, and what its numbers mean (report.c, errors.h, alarms.h of grbl 1.1 and grblHAL)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+ALARMS = {
+    "1": "hard limit",
+    "2": "target outside the travel",
+    "3": "reset while moving",
+    "4": "the probe was on before the search",
+    "5": "no contact",
+    "6": "reset while homing",
+    "13": "the probe tripped outside a probing move",
+}
+ERRORS = {"9": "it is locked, in alarm", "20": "unsupported word", "33": "invalid target", "24": "two axis commands in a line"}
+
+
+def hello(options: Mapping[str, str]) -> bytes:
+    """→ questions that move nothing: what are you, your settings, your state."""
+    return b"$I\n$$\n?"
+
+
+def found(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+    """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
+    lines = [line.strip("\r\0 ") for line in data.decode("latin-1").split("\n")[:-1]]
+    version = [line for line in lines if line.startswith("[VER:")]
+    if not version:
+        return False, ["this is no answer of grbl: is it the right port, and the right baud rate (grbl: baud=115200)?"]
+    axes = next((line.strip("[]").split(":")[-1] for line in lines if line.startswith("[AXS:")), "")
+    sentences = [f"grbl, {version[-1].strip('[]:')}" + (f", axes {' '.join(axes)}" if axes else ", which does not name its axes")]
+    settings = dict(line[1:].split("=", 1) for line in lines if re.fullmatch(r"\$\d+=.*", line))
+    report = next((line for line in reversed(lines) if re.fullmatch(r"<[^<>]+>", line)), "")
+    if "13" not in settings or not report:
+        return False, [*sentences, "its settings and its state have not come"]
+    sentences.append(f"positions come in {'inches' if settings['13'] == '1' else 'mm'} ($13={settings['13']})")
+    fine = not settings.get("10", "1").isdecimal() or int(settings.get("10", "1")) & 1 == 1
+    if not fine:
+        sentences.append("it reports work positions: set $10=1, so that it reports machine positions")
+    state, *fields = report.strip("<>").split("|")
+    pin = next((field[3:] for field in fields if field.startswith("Pn:")), "")
+    ready = state.partition(":")[0] in ("Idle", "Run", "Jog")
+    sentences.append(f"its state is {state}" + ("" if ready else ": nothing will move before that is cleared"))
+    sentences.append(f"the probe signal is {'on: is it free, and its polarity right ($6)?' if 'P' in pin else 'off'}")
+    return fine and ready and "P" not in pin, sentences
