@@ -86,7 +86,7 @@ GRBL = b"[VER:1.1h.20190825:]\r\nok\r\n$10=1\r\n$13=1\r\nok\r\n<Idle|MPos:0.000,
 
 
 def test_what_grbl_says_of_itself():
-    fine, sentences = grbl.found(GRBL.replace(b"|Pn:XP", b""), {})
+    fine, sentences = grbl.told(GRBL.replace(b"|Pn:XP", b""), {})
     assert fine
     assert sentences[0] == "grbl, VER:1.1h.20190825, which does not name its axes"
     assert "positions come in inches ($13=1)" in sentences
@@ -103,7 +103,7 @@ def test_what_grbl_says_of_itself():
     ],
 )
 def test_what_keeps_a_grbl_from_working_is_said(old, new, said):
-    fine, sentences = grbl.found(GRBL.replace(old, new), {})
+    fine, sentences = grbl.told(GRBL.replace(old, new), {})
     assert not fine
     assert re.search(said, " ".join(sentences))
 
@@ -117,7 +117,7 @@ def test_what_keeps_a_grbl_from_working_is_said(old, new, said):
     ],
 )
 def test_what_keeps_a_modbus_device_from_working_is_said(answers, said):
-    fine, sentences = modbus.found(answers.encode(), {})
+    fine, sentences = modbus.told(answers.encode(), {})
     assert not fine
     assert re.search(said, " ".join(sentences))
 
@@ -134,11 +134,11 @@ def test_a_modbus_device_says_who_it_is_and_that_its_registers_fit(cell):
 
 def test_what_linuxcnc_says_of_itself():
     ready = b"HELLO ACK EMCNETSVR 1.1\r\nESTOP OFF\r\nMACHINE ON\r\nPROGRAM_STATUS IDLE\r\n"
-    assert linuxcnc.found(ready, {})[0]
-    fine, sentences = linuxcnc.found(ready.replace(b"ESTOP OFF", b"ESTOP ON"), {})
+    assert linuxcnc.told(ready, {})[0]
+    fine, sentences = linuxcnc.told(ready.replace(b"ESTOP OFF", b"ESTOP ON"), {})
     assert not fine
     assert "release emergency stop before a run" in sentences
-    assert "password" in linuxcnc.found(b"HELLO NAK\r\n", {})[1][0]
+    assert "password" in linuxcnc.told(b"HELLO NAK\r\n", {})[1][0]
 
 
 def test_what_stands_in_a_file(tmp_path):

@@ -49,7 +49,7 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
         )
     protocol, parsed = protocol_of(address, dialect(cell).link if cell.controller else "dnc")
     program = None if program_file is None else read_text(program_file)
-    if program is not None and hasattr(protocol, "found"):
+    if program is not None and hasattr(protocol, "told"):
         raise InputError("--program: found a link over which no program is sent; allowed: dnc, whose controls punch programs out")
     line = open_port(parsed)
     hello = protocol.hello(parsed.options) if hasattr(protocol, "hello") else b""
@@ -59,11 +59,11 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
     def judged(data: bytes) -> tuple[bool, list[str]]:
         if program is not None:
             return compared(program, data)
-        if not hasattr(protocol, "found"):
+        if not hasattr(protocol, "told"):
             return bool(data), heard(data, cell.machine.names)
         if hello and not data:
             return False, ["nothing was answered: is the control switched on, the port and its settings the right ones?"]
-        fine, sentences = protocol.found(data, parsed.options)
+        fine, sentences = protocol.told(data, parsed.options)
         return fine, [*sentences, *([] if fine else noise(data))]
 
     try:

@@ -1,7 +1,7 @@
 """What a protocol client is: it talks in bytes and answers in events, and never waits, opens, writes or asks the time.
 
 A client is a file of this folder with a class `Client(job, options)`, a table `OPTIONS` of what the port's URL may say to it,
-and, where a control can be asked what it is, `hello(options)`, bytes that ask and move nothing, and `found(data, options)`, what
+and, where a control can be asked what it is, `hello(options)`, bytes that ask and move nothing, and `told(data, options)`, what
 the answer says: whether it can be worked with, and sentences for `tango link-test`. The session gives the client the bytes that
 came (`receive`), the seconds that passed (`elapsed`) and the news that the line is gone (`closed`); it asks for bytes when the
 line takes some (`bytes_to_send`). Whatever the events carry is on disk before the client is asked for bytes again, so that an

@@ -22,7 +22,7 @@ def hello(options: Mapping[str, str]) -> bytes:
     return b"$I\n$$\n?"
 
 
-def found(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
     """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
     lines = [line.strip("\r\0 ") for line in data.decode("latin-1").split("\n")[:-1]]
     version = [line for line in lines if line.startswith("[VER:")]

@@ -21,7 +21,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
 LINE_LIMIT = 256
 
 
-def found(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
     """what was written meanwhile → whether that is of a TANGO program, and what it is, a sentence an item."""
     lines = [line for line in data.decode("latin-1").splitlines() if line.strip()]
     if not lines:

@@ -23,8 +23,8 @@ from ..records import InputError, Move, Touch
 from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
 from ._dialogue import Dialogue, Stop, Talk, low
 from ._grbl import ALARMS, ERRORS
-from ._grbl import found as found
 from ._grbl import hello as hello
+from ._grbl import told as told
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "feed": (),  # mm/min of guarded moves

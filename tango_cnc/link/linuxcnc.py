@@ -42,7 +42,7 @@ def hello(options: Mapping[str, str]) -> bytes:
     return f"hello {options.get('password', 'EMC')} tango 1.1\r\n{asked}".encode("ascii")
 
 
-def found(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
     """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
     lines = [line.strip() for line in data.decode("latin-1").splitlines() if line.strip()]
     greeting = next((line for line in lines if line.upper().startswith("HELLO")), "")

@@ -69,7 +69,7 @@ def identified(layout: Layout, block: Words) -> str:
     return f"Modbus, register layout {version}, {'big' if layout.big else 'little'} word order"
 
 
-def found(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
     """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
     layout = read_layout(options.get("layout", ""))
     answers = data.decode("latin-1").split("\n")[:-1]
