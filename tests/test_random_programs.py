@@ -24,7 +24,7 @@ from sim_controller.interpreters import Alarm
 from sim_controller.motion import Motion, MotionStop
 from sim_controller.probing import Rig, home, rig
 from sim_controller.session import language
-from sim_controller.world import nominal_machine, place
+from sim_controller.world import TrueMachine, nominal_machine, place
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Ended
 from tango_cnc.plan import plan, plan_hash
@@ -32,7 +32,7 @@ from tango_cnc.records import Array, Cell, Indexation, InputError, Machine, Plan
 
 EXAMPLES = ("hu40t", "huron", "trunnion", "fork_head", "split", "three_axis")
 AIR = 1.0  # mm that must be left between the probe and every facet's plane, or ball, while something turns
-HEIGHTS = np.arange(0.0, 400.0, 25.0)  # mm above the tip at which what carries it is looked at
+HEIGHTS = tuple(range(0, 401, 25))  # mm above the tip at which what carries it is looked at
 STEP = math.radians(5.0)
 COMMENTS = re.compile(r"\([^)]*\)|;.*")
 
@@ -43,11 +43,11 @@ def example(name: str) -> Cell:
 
 
 def random_plans(seed: int, count: int) -> Iterator[Plan]:
-    """seed → plans of one to four touches at one or two indexations."""
+    """seed → plans of one to four touches at one or two indexations, mostly of few: what a thousand of them cost is waited for."""
     rng = np.random.default_rng(seed)
     while count:
         cell = example(str(rng.choice(EXAMPLES)))
-        facets = tuple(str(f) for f in rng.choice(list(cell.artefact.facets), rng.integers(1, 3), replace=False))
+        facets = tuple(str(f) for f in rng.choice(list(cell.artefact.facets), 1 + int(rng.random() < 0.3), replace=False))
         poses = tuple(Indexation(random_pose(cell.machine, rng), facets) for _ in range(rng.integers(1, 3)))
         approach = replace(
             cell.strategy.approach,
@@ -121,12 +121,8 @@ def watched(made: Plan) -> Watched:
 def gap(true: Rig, path: Array) -> float:
     """(n, k) mm rad → mm between the line that carries the probe, thickened to its body, and the facets' planes and balls."""
     machine, artefact = true.machine, true.artefact
-    directions = np.ones_like(path)
-    points = []
-    for height in HEIGHTS:
-        longer = replace(machine, probe=replace(machine.probe, length=machine.probe.length - float(height)))
-        points.append(place(nominal_machine(longer), path, directions).tip)
-    at = np.concatenate(points)
+    tip, far = (place(drawn, path, np.ones_like(path)).tip for drawn in drawings(machine))
+    at = np.concatenate([tip + (far - tip) * h / HEIGHTS[-1] for h in HEIGHTS])
     stem = machine.probe.length - machine.probe.body_length
     radius = np.repeat([machine.probe.tip_radius if h <= stem else machine.probe.body_radius for h in HEIGHTS], len(path))
     flat = [f for f in artefact.facets.values() if f.ball is None]
@@ -139,8 +135,18 @@ def gap(true: Rig, path: Array) -> float:
     return free
 
 
+@cache
+def drawings(machine: Machine) -> tuple[TrueMachine, TrueMachine]:
+    """→ the machine without errors, and the same with a probe that ends at the uppermost of HEIGHTS."""
+    shorter = replace(machine, probe=replace(machine.probe, length=machine.probe.length - HEIGHTS[-1]))
+    return nominal_machine(machine), nominal_machine(shorter)
+
+
+posts = cache(load)
+
+
 def text_of(name: str, made: Plan) -> list[str]:
-    return list(program(load(name), made, {}, plan_hash(made))[2]())
+    return list(program(posts(name), made, {}, plan_hash(made))[2]())
 
 
 def carried_out(name: str, lines: list[str], made: Plan) -> Watched:
