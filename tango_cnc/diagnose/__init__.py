@@ -31,7 +31,7 @@ from ._volume import Volume, volume
 
 __all__ = ["Diagnosis", "Finding", "Remainder", "Test", "diagnose", "kernels"]
 Verdict = Literal["adequate", "explained", "unexplained"]
-ROUNDS = 2  # of weighting rough facets and searching again
+ROUNDS = 3  # of weighting rough facets and searching again
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,12 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
     offsets = {name: p.value for name, p in before.facets.items()}
     modules = families.causes()
 
+    awaited = {
+        name: (*module.MISTAKEN, *(n for n, other in modules.items() if name in other.MISTAKEN))
+        for name, module in modules.items()
+        if getattr(module, "EXPECTED", False)
+    }
+
     def plausible(c: Candidate, values: Array) -> bool:
         check = getattr(modules.get(c.cause), "plausible", None)
         return check is None or bool(check(values, c.setting, offsets))
@@ -106,7 +112,8 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
     gaps, jacobian = linearise(before.model, before.values)
     distances, rows, uncertainty = known(before.model, before.values)
     wandering, seating = kernels(touches)
-    weight, rough = np.ones(n), []
+    weight = np.ones(n)
+    rough: list[_explain.Rough] = []
     for turn in range(ROUNDS):
         certain = before.sigma / uncertainty
 
@@ -122,15 +129,18 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
             {name: module.REFINE for name, module in modules.items()},
             lambda cause, setting, w=weighed: w(candidate(touches, cause, setting)),  # type: ignore[misc]
             plausible,
+            expected=awaited,
             seed=seed,
         )
-        if "surface_form" in excluded or turn == ROUNDS - 1:
+        if "surface_form" in excluded:
             break
-        rough = _explain.rough(found, touches.facet)
-        if not rough:
+        spread = _explain.rough(found, touches.facet, weight)
+        settled = {r.key for r in spread} == {r.key for r in rough}
+        rough = spread
+        if settled or turn == ROUNDS - 1:
             break
-        extra = {r.key: r.extra for r in rough}
-        weight = np.array([1 / np.hypot(1.0, extra.get(f, 0.0) / found.sigma) for f in touches.facet])
+        lighter = {r.key: r.weight for r in rough}
+        weight = np.array([lighter.get(f, 1.0) for f in touches.facet])
     return found, weight, rough
 
 

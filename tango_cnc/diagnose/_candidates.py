@@ -96,7 +96,7 @@ def shapes(touches: Touches, causes: Collection[str]) -> Iterator[Candidate]:
     """touches, causes in the catalogue → smooth functions of every covariate, in every frame and direction, and of what happened
     before; steps and periods as well, unless the catalogue has a name for them.
     """
-    for covariate, frame, kind, columns in (*_places(touches), *_probing(touches), *_sudden(touches, causes)):
+    for covariate, frame, kind, columns in (*_places(touches), *_probing(touches), *_plain(touches, causes)):
         yield Candidate("", {"covariate": covariate, "frame": frame, "shape": kind}, columns)
 
 
@@ -169,6 +169,53 @@ def _probing(touches: Touches) -> Iterator[Shape]:
         yield f"way of {axis}", f"axis {axis}", "memory", _times(smooth("line", way, 3), touches.lever(axis))
 
 
+def _plain(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
+    """Simple shapes with few coefficients: each only where the catalogue has no name for it."""
+    yield from _slow(touches, causes)
+    yield from _bent(touches, causes)
+    yield from _sudden(touches, causes)
+
+
+def _slow(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
+    """What begins with the test and settles, or goes on."""
+    moved = {
+        "thermal_drift": [("machine", "settling", touches.machine_normal)],
+        "table_drift": [("table", "settling", touches.normal)],
+        "table_growth": [("table", "growth", np.sum(touches.normal * touches.point, axis=1))],
+        "scale_drift": [(f"axis {a}", "growth", touches.lever(a) * touches.axis(a)) for a in touches.machine.linear],
+    }
+    since = _unit(touches.warm)
+    functions = [*(1 - np.exp(-since / tau) for tau in np.geomspace(1 / 15, 2.5, 6)), since]
+    for cause, places in moved.items():
+        if cause not in causes:
+            for frame, kind, weights in places:
+                for function in functions:
+                    yield "time", frame, kind, _times(function[:, None], weights)
+
+
+def _bent(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
+    """Kinks and powers of the position of an axis, in the axis and in the tilts of every other."""
+    for name in touches.machine.linear:
+        values = touches.axis(name)
+        if np.ptp(values) < 1.0:
+            continue
+        if "compensation_kink" not in causes:
+            for place in np.quantile(values, np.linspace(0.1, 0.9, 13)):
+                yield name, f"axis {name}", "kink", _times(np.maximum(values - place, 0.0)[:, None], touches.lever(name))
+        for other in (*touches.machine.linear, *touches.machine.rotary):
+            if ("error_motion" if other == name else "moving_mass") in causes:
+                continue
+            for turn in range(6) if other == name else range(3, 6):
+                if (lever := touches.seen.slots.get(Slot(other, "intra", turn))) is not None:
+                    for degree in (1, 2, 3) if other == name else (1,):
+                        yield (
+                            name,
+                            f"{'tilt' if turn > 2 else 'shift'} of {other}",
+                            "power",
+                            _times((values**degree)[:, None], lever),
+                        )
+
+
 def _sudden(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
     machine, table, time = touches.machine_normal, touches.normal, _unit(touches.time)
     if "step" not in causes:
@@ -177,7 +224,7 @@ def _sudden(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
             yield "time", "machine", "step", _times(after, machine)
             yield "time", "table", "step", _times(after, table)
     if "ambient_cycle" not in causes:
-        for cycles in np.arange(0.5, 12, 0.5):
+        for cycles in np.arange(0.5, 12, 0.25):
             wave = np.column_stack([np.cos(2 * np.pi * cycles * time), np.sin(2 * np.pi * cycles * time)])
             yield "time", "machine", "periodic", _times(wave, machine)
     if "cyclic_error" not in causes:

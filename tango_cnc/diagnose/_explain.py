@@ -12,6 +12,7 @@ from ..records import Array
 from ._candidates import VISIBLE, Candidate
 from ._search import (
     CLOSE,
+    FEW,
     Catalogue,
     Chosen,
     Compatible,
@@ -29,10 +30,13 @@ from ._search import (
     select,
     total,
 )
-from ._space import Space, below, best_noise, fine_noise, level, space
+from ._space import Space, below, best_noise, fine_noise, level, orthonormal, space
 
 SHARE = 0.25  # of what a nameless shape explains: named companions that explain less only mop up behind it
 DECISIVE = 10.0  # difference of scores above which the better of two names stands alone (Kass & Raftery 1995: very strong)
+SUSPECT = 0.05  # probability by chance below which a group of rows gets less weight
+ROUGH = 0.001  # and below which it is called rough: what a named pattern leaves of its own is not
+LIGHTEST = 0.1  # weight of a row
 RANDOM = 10.0  # twice the log likelihood ratio above which wandering or seating is more than white noise (p < 0.001)
 
 
@@ -63,6 +67,7 @@ def explain(
     plausible: Plausible = lambda candidate, values: True,
     compatible: Compatible = lambda candidate, others: True,
     steady: bool = False,
+    expected: Mapping[str, tuple[str, ...]] | None = None,
     seed: int = 0,
 ) -> Explanation:
     """residuals (n + known,), Jacobian (n + known, p), candidates, noise kernels (n, n) → explanation.
@@ -70,7 +75,7 @@ def explain(
     The rows are weighted so that white noise is equal on all of them; the first n are touches, on which candidates act.
     """
     place = space(residual, jacobian, n, kernels)
-    cat, seen = catalogue(place, candidates, refine, rebuild, VISIBLE, plausible, compatible, steady)
+    cat, seen = catalogue(place, candidates, refine, rebuild, VISIBLE, plausible, compatible, steady, expected)
     visibility: dict[str, float] = {}
     for c, value in zip(candidates, seen, strict=True):
         if c.named:
@@ -107,7 +112,13 @@ def _random(place: Space, selected: Array) -> tuple[float, ...]:
 def significance(e: Explanation, one: Chosen) -> float:
     """explanation, one of the chosen → probability that noise alone does as much anywhere in the catalogue."""
     cause = one.candidate.cause
-    return p_value(e.limits, float(e.usual[e.catalogue.causes.index(cause)]), cause, gain(e.place, e.chosen, one))
+    return p_value(
+        e.limits,
+        float(e.usual[e.catalogue.causes.index(cause)]),
+        cause,
+        gain(e.place, e.chosen, one),
+        cause in e.catalogue.expected,
+    )
 
 
 def alternatives(e: Explanation, one: Chosen) -> list[tuple[Chosen, float]]:
@@ -147,35 +158,69 @@ def values(e: Explanation, tangents: Mapping[int, Array]) -> tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Rough:
-    """Rows that scatter more than the others: their key, standard deviation that is added, and the probability of it by chance."""
+    """Rows that scatter more than the others: their key, standard deviation that is added, the probability of it by chance, and
+    the weight that makes them as white as the others.
+    """
 
     key: str
     extra: float
     p_value: float
+    weight: float
 
 
-def rough(e: Explanation, keys: Sequence[str]) -> list[Rough]:
-    """explanation, group (n,) of every row → groups that scatter more than the rest (chi-squared, 1 % over all groups)."""
-    root = e.place.setting(e.ratios).root
-    white = root @ e.place.y
-    basis = np.linalg.qr(root @ columns_of(e.place, e.chosen))[0] if e.chosen else np.empty((e.place.m, 0))
-    white = white - basis @ (basis.T @ white)
-    # What is left of every row, and how much of its own noise is in it.
-    back = e.place.basis @ root.T
-    left = back @ white
-    own = np.sum(back**2, axis=1) - np.sum((back @ basis) ** 2, axis=1)
+def rough(e: Explanation, keys: Sequence[str], weight: Array) -> list[Rough]:
+    """explanation, group (n,) and weight (n,) of every row → groups that may scatter more (chi-squared, 5 % over all).
+
+    A few outliers of a group, or a chip, may have followed its scatter: likelihoods with their prices decide which it is.
+    """
     label = np.array(keys)
-    middle = float(np.median(left**2 / np.maximum(own, 1e-3))) / 0.455
-    scale = min(middle, e.sigma**2) or e.sigma**2
-    groups = [k for k in dict.fromkeys(keys) if own[label == k].sum() > 2.5]
+    groups = dict.fromkeys(keys)
+    left, own = _rest(e, e.chosen, weight)
+    free_rows = own > 0.2  # a row that nothing else checks has no residual, and would make the usual scatter look small
+    middle = float(np.median(left[free_rows] ** 2 / own[free_rows])) / 0.455 if free_rows.any() else np.inf
+    scale = min(middle, e.sigma**2)
+    plain, free = _rest(e, [c for c in e.chosen if not _narrow(c)], weight)
+    price = float(np.log(e.place.m) + 2 * np.log(len(groups)))
+    for k in groups:
+        on = label == k
+        patterns = sum(c.price for c in e.chosen if _narrow(c) and np.abs(c.candidate.columns[on]).sum() > 0)
+        if not patterns:
+            continue
+        rest = float(np.sum(left[on] ** 2)) / scale, float(np.sum(plain[on] ** 2)) / scale
+        scatter = [_scattered(r, float(d[on].sum())) - price for r, d in zip(rest, (own, free), strict=True)]
+        if scatter[1] > rest[1] - rest[0] - patterns + max(scatter[0], 0.0):
+            left[on], own[on] = plain[on], free[on]
     found = []
     for k in groups:
         dof = float(own[label == k].sum())
+        if dof < 2.5:
+            continue
         ratio = float(np.sum(left[label == k] ** 2)) / dof / scale
         p = float(stats.chi2.sf(dof * ratio, dof)) * len(groups)
-        if p < 0.01 and ratio > 1.8:
-            found.append(Rough(k, float(np.sqrt(scale * (ratio - 1))), p))
+        if p < SUSPECT and ratio > 1.8:
+            found.append(Rough(k, float(np.sqrt(scale * (ratio - 1))), p, float(max(1 / np.sqrt(ratio), LIGHTEST))))
     return found
+
+
+def _scattered(rest: float, dof: float) -> float:
+    """sum of squares over the usual variance, degrees of freedom → twice the log likelihood that a variance of its own adds."""
+    ratio = rest / max(dof, 1e-9)
+    return dof * (ratio - 1 - float(np.log(ratio))) if ratio > 1 else 0.0
+
+
+def _narrow(c: Chosen) -> bool:
+    return bool(c.candidate.cause) and int(np.any(c.candidate.columns != 0, axis=1).sum()) <= FEW
+
+
+def _rest(e: Explanation, chosen: Sequence[Chosen], weight: Array) -> tuple[Array, Array]:
+    """explanation, patterns, weights → what is left of every row, its weight undone, and how much of its own noise is in it."""
+    root = e.place.setting(e.ratios).root
+    white = root @ e.place.y
+    basis = orthonormal(root @ columns_of(e.place, chosen))
+    white = white - basis @ (basis.T @ white)
+    back = e.place.basis @ root.T
+    own = np.sum(back**2, axis=1) - np.sum((back @ basis) ** 2, axis=1)
+    return np.asarray(back @ white) / weight, np.asarray(own)
 
 
 __all__ = [

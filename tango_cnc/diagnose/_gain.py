@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array
+from ._space import UNSEEN
 
 PLACEBOS = 40
 
@@ -44,7 +45,7 @@ def add(maker: Array, columns: Array) -> Array:
     """(n, n) I − H, columns (n, k) → I − H of the fit with them."""
     left = maker @ columns
     norm = np.linalg.norm(left, axis=0)
-    keep = norm > 1e-6 * np.linalg.norm(columns, axis=0)
+    keep = norm > UNSEEN * np.linalg.norm(columns, axis=0)
     if not keep.any():
         return maker
     q = np.linalg.qr(left[:, keep] / norm[keep])[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from ._candidates import Candidate
 from ._space import Library, Space, below, best_noise, level, library, scan
 
 LEVEL = 0.02  # of a false name anywhere in the catalogue, at every step: 5 % over the few steps that a search takes
+EXPECTED_LEVEL = 0.01  # of a false name, for a cause that every machine has: it is not one of hundreds
 SHAPE_LEVEL = 0.01  # of a false "something is there", outliers likewise
 TRIALS = 200
 MOST = 30  # candidates selected, single outliers included
@@ -59,6 +60,7 @@ class Catalogue:
     compatible: Compatible = lambda candidate, others: True
     steady: bool = False  # patterns are preferred to a wandering noise that would do as well
     nameless: bool = True  # whether shapes without a name are allowed
+    expected: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # causes that every machine has: rivals of each
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ def catalogue(
     plausible: Plausible = lambda candidate, values: True,
     compatible: Compatible = lambda candidate, others: True,
     steady: bool = False,
+    expected: Mapping[str, tuple[str, ...]] | None = None,
 ) -> tuple[Catalogue, Array]:
     """space, candidates, parameters to refine → catalogue of those that can be seen, and the visibility (all candidates,)."""
     size = np.cumsum([c.columns.shape[1] for c in candidates])
@@ -91,8 +94,9 @@ def catalogue(
     price = np.array([cost(c, tried[c.cause], place.m) for c in kept])
     group = np.array([names.index(c.cause) for c in kept])
     length = [np.maximum(np.linalg.norm(projected[i], axis=0), 1e-300) for i in keep]
+    blocks = library([projected[i] for i in keep])
     return Catalogue(
-        kept, library([projected[i] for i in keep]), length, price, group, names, refine, rebuild, plausible, compatible, steady
+        kept, blocks, length, price, group, names, refine, rebuild, plausible, compatible, steady, expected=expected or {}
     ), seen
 
 
@@ -133,10 +137,14 @@ def calibrate(place: Space, cat: Catalogue, seed: int = 0, trials: int = TRIALS)
     return Limits(typical, limit), usual
 
 
-def p_value(limits: Limits, usual: float, cause: str, score: float) -> float:
-    """score of a cause → probability that noise alone reaches as much anywhere in the catalogue (an upper tail: ≤ 0.1)."""
-    beyond = score - usual - limits.usual[kind(cause)]
-    return float(min(1.0, 0.1 * np.exp(-0.5 * beyond)))
+def p_value(limits: Limits, usual: float, cause: str, score: float, expected: bool = False) -> float:
+    """score of a cause → probability that noise alone reaches as much anywhere in the catalogue (an upper tail: ≤ 0.1).
+
+    An expected cause has a share of the level for itself (weighted Bonferroni, Genovese, Roeder & Wasserman 2006).
+    """
+    anywhere = 0.1 * np.exp(-0.5 * (score - usual - limits.usual[kind(cause)]))
+    own = LEVEL / EXPECTED_LEVEL * 0.1 * np.exp(-0.5 * (score - usual)) if expected else 1.0
+    return float(min(1.0, anywhere, own))
 
 
 def columns_of(place: Space, chosen: Sequence[Chosen]) -> Array:
@@ -159,6 +167,8 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
     """candidate, selected others (m, s) → it with its shape parameters where the likelihood is highest near by."""
     tried = int((cat.group == cat.causes.index(start.cause)).sum())
 
+    inside = _searched_range(cat, start.cause)
+
     def value(c: Candidate) -> float:
         return likelihood(place, np.hstack([others, place.project(c.columns)]), settings)
 
@@ -173,6 +183,8 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
             for sign in (-1, 1):
                 at = float(best.setting[name])
                 new = at * np.exp(sign * step) if way in ("log", "wave") else at + sign * step
+                if not inside[name][0] <= new <= inside[name][1]:
+                    continue
                 try:
                     c = cat.rebuild(best.cause, {**best.setting, name: int(new) if way in ("touch", "order") else float(new)})
                 except (ValueError, IndexError):
@@ -193,6 +205,17 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
             if value(other.candidate) > score - STRAIGHT:
                 return other
     return Chosen(best, place.project(best.columns), cost(best, tried, place.m))
+
+
+def _searched_range(cat: Catalogue, cause: str) -> dict[str, tuple[float, float]]:
+    """→ least and largest value of every number in the settings of a cause: beyond them it is another cause that looks alike."""
+    found: dict[str, list[float]] = {}
+    for c in cat.candidates:
+        if c.cause == cause:
+            for name, value in c.setting.items():
+                if isinstance(value, (int, float)):
+                    found.setdefault(name, []).append(float(value))
+    return {name: (min(v), max(v)) for name, v in found.items()}
 
 
 def _bends(c: Candidate, line: Candidate) -> bool:
@@ -275,7 +298,34 @@ def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[C
         names = searched(place, replace(cat, nameless=False), limits, usual, [])
         if names and total(place, names) > total(place, chosen):
             chosen = names
-    return chosen
+    return [*chosen, *awaited(place, cat, chosen, usual)]
+
+
+def awaited(place: Space, cat: Catalogue, chosen: Sequence[Chosen], usual: Array) -> list[Chosen]:
+    """chosen → what is expected of every machine and significant by itself, beside them, and better than its rivals.
+
+    A drift of a few micrometres in a noise that wanders is not significant among hundreds of patterns; alone it is.
+    """
+    found: list[Chosen] = []
+    if any(not c.candidate.cause for c in chosen):
+        return found
+    for cause, rivals in cat.expected.items():
+        if cause not in cat.causes or cause in [c.candidate.cause for c in chosen]:
+            continue
+        selected = columns_of(place, [*chosen, *found])
+        settings = below(best_noise(place, selected)[0])
+        ratio, base = scan(place, cat.library, selected, settings)
+        score = 2 * ratio[:, 0] - cat.price
+        best = [
+            int(np.argmax(np.where(cat.group == cat.causes.index(c), score, -np.inf))) for c in (cause, *rivals) if c in cat.causes
+        ]
+        if max(score[b] for b in best) > score[best[0]]:
+            continue
+        new = refined(place, cat, cat.candidates[best[0]], selected, settings)
+        beyond = 2 * (likelihood(place, np.hstack([selected, new.columns]), settings) - float(base[0])) - new.price
+        if beyond - usual[cat.causes.index(cause)] > 2 * float(np.log(0.1 / EXPECTED_LEVEL)):
+            found.append(new)
+    return found
 
 
 def searched(place: Space, cat: Catalogue, limits: Limits, usual: Array, start: list[Chosen]) -> list[Chosen]:

@@ -19,6 +19,7 @@ from scipy import linalg, optimize
 from ..records import Array
 
 RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 40.0)  # variance of a kernel over that of the white noise
+UNSEEN = 1e-3  # part of a column outside the model that is as good as none
 RIDGE = 1e-5  # of a pattern's own length: less than this is left of it when it repeats what is selected
 
 
@@ -57,8 +58,12 @@ class Space:
         return len(self.y)
 
     def project(self, columns: Array) -> Array:
-        """(n, k) patterns → (m, k), what the model cannot absorb of them."""
-        return self.basis.T @ columns
+        """(n, k) patterns → (m, k), what the model cannot absorb of them; 0 where that is next to nothing.
+
+        A thousandth that is left of a pattern would have to be a thousand times as large as what it explains.
+        """
+        left: Array = self.basis.T @ columns
+        return left * (np.linalg.norm(left, axis=0) > UNSEEN * np.linalg.norm(columns, axis=0))
 
     def setting(self, ratios: tuple[float, ...]) -> Setting:
         """ratios → factorised noise."""
@@ -132,11 +137,17 @@ def whitened(place: Space, lib: Library, ratios: tuple[float, ...]) -> _White:
     return place._white[ratios]
 
 
+def orthonormal(columns: Array) -> Array:
+    """(m, s) → (m, r) basis of the columns that are not zero."""
+    some = columns[:, np.any(columns != 0, axis=0)]
+    return np.linalg.qr(some)[0] if some.shape[1] else some
+
+
 def level(place: Space, ratios: tuple[float, ...], y: Array, selected: Array) -> tuple[Array, Array, Array]:
     """ratios, data (m,) or (m, B), selected (m, s) → whitened data outside the selected, their basis, log likelihoods (B,)."""
     setting = place.setting(ratios)
     white = setting.root @ (y if y.ndim == 2 else y[:, None])
-    basis = np.linalg.qr(setting.root @ selected)[0] if selected.shape[1] else np.empty((place.m, 0))
+    basis = orthonormal(setting.root @ selected)
     white = white - basis @ (basis.T @ white)
     return white, basis, -0.5 * setting.logdet - 0.5 * place.m * np.log(np.sum(white**2, axis=0))
 

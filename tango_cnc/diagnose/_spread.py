@@ -10,7 +10,7 @@ from scipy import stats
 
 from ..records import Array
 from ..touches import Touches
-from ._explain import RANDOM, Explanation, Rough
+from ._explain import RANDOM, ROUGH, SHARE, Explanation, Rough, gain
 from ._records import Finding, Remainder, Size
 from ._search import columns_of
 from ._space import level
@@ -19,9 +19,14 @@ LOUDER = 1.1  # times the stated repeatability: less than this nobody asks about
 
 
 def findings(e: Explanation, touches: Touches, rough: Sequence[Rough], excluded: Collection[str]) -> list[Finding]:
-    """explanation, rough facets → causes that show in the spread of the touches."""
+    """explanation, rough facets → causes that show in the spread of the touches.
+
+    What a shape without a name leaves of the unknown looks like a spread: beside it a spread must show as clearly as a name.
+    """
     result = []
-    if e.random[1] > RANDOM and "indexation_seating" not in excluded:
+    unknown = SHARE * max((gain(e.place, e.chosen, c) for c in e.chosen if c.candidate.cause == ""), default=0.0)
+    rough = [r for r in rough if r.p_value < ROUGH and -2 * np.log(max(r.p_value, 1e-300)) > unknown]
+    if e.random[1] > max(RANDOM, unknown) and "indexation_seating" not in excluded:
         amplitude, std = _amplitude(e, 1)
         number = int(touches.indexation.max()) + 1
         p = float(0.5 * stats.chi2.sf(e.random[1], 1))
@@ -39,7 +44,7 @@ def findings(e: Explanation, touches: Touches, rough: Sequence[Rough], excluded:
         result.append(_finding("surface_form", {"facets": facets}, detail, largest.extra, std, p, len(touches)))
     stated = touches.machine.probe.repeatability
     dof = e.place.m - columns_of(e.place, e.chosen).shape[1]
-    if "noise_level" not in excluded and not rough and stated > 0 and e.sigma > LOUDER * stated:
+    if "noise_level" not in excluded and not rough and not unknown and stated > 0 and e.sigma > LOUDER * stated:
         p = float(stats.chi2.sf(dof * (e.sigma / stated) ** 2, dof))
         if p < 0.001:
             extra = float(np.sqrt(e.sigma**2 - stated**2))
