@@ -12,9 +12,10 @@ from collections.abc import Iterator
 
 from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, number, rolled, search_distance
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, named, number, rolled, search_distance
 from ._common import fits, steps, switches
 
+NAME = "TANGO"
 FILE = re.compile(r"TNC:\\([A-Za-z0-9_]{1,16}\\){0,4}[A-Za-z0-9_]{1,16}\.[A-Za-z]{1,3}")
 ARRIVED = 0.01  # deg
 ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
@@ -74,7 +75,7 @@ def begin(job: Job) -> Iterator[str]:
     """Header, modal reset, start mark."""
     plan, options = job.plan, job.options
     _check(job)
-    yield "BEGIN PGM TANGO MM"
+    yield f"BEGIN PGM {named(job, NAME)} MM"
     yield f"; TANGO {comment(job.machine.name, 40)}"
     yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
     yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
@@ -176,7 +177,7 @@ def end(job: Job) -> Iterator[str]:
         yield f"STOP ; {text}"
         yield "M30"
         yield "LBL 0"
-    yield "END PGM TANGO MM"
+    yield f"END PGM {named(job, NAME)} MM"
 
 
 def numbered(lines: Iterator[str]) -> Iterator[str]:
@@ -303,7 +304,7 @@ POST = Post(
     extension="H",
     options=OPTIONS,
     doubts=DOUBTS,
-    stem=lambda job: "TANGO",
+    stem=lambda job: named(job, NAME),
     **steps(globals()),
     finish=numbered,
 )

@@ -252,10 +252,10 @@ class Bus:
             self._device.execute()  # the control finishes what it was told, whatever becomes of the line
 
 
-def post(part) -> Program:
+def post(part) -> list[Program]:
     cell, _, _ = scene()
     _, mark, lines = posts.program(posts.load("fanuc"), part, {}, plan_hash(part))
-    return Program("".join(line + "\n" for line in lines()), mark, cell.machine.names)
+    return [Program("".join(line + "\n" for line in lines()), mark, cell.machine.names, part)]
 
 
 def patched(monkeypatch, clock: FakeClock) -> None:

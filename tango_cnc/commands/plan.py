@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,10 +17,16 @@ from ..capability.programs import KINDS, Kind
 from ..capability.programs import program as capability_program
 from ..files import artefact_text, read_cell, strategy_text
 from ..files.plan import plan_lines, write_together
+from ..plan import plan_hash
 from ..records import InputError, Plan
 from ._common import cell_option, json_option, table, write_json
 
+if TYPE_CHECKING:
+    from postprocessors._base import Post
+
 NAMED = 3  # touches that a warning names
+PROGRAM = re.compile(rb"\bPROGRAM [0-9A-F]{12}\b")
+HEAD = 2000  # bytes of a program within which its mark stands
 
 
 @click.command()
@@ -38,6 +45,13 @@ NAMED = 3  # touches that a warning names
     type=click.Choice(KINDS),
     help="Plan the touches that measure the probe instead, into capability/KIND/ with their artefact and strategy.",
 )
+@click.option(
+    "--split",
+    "most",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Write several programs of at most N touches, cut between indexations; 'tango run --split N' runs them in turn.",
+)
 @click.option("--dry-run", is_flag=True, help="Print the moves instead of writing anything.")
 @json_option
 def command(
@@ -46,6 +60,7 @@ def command(
     out: Path | None,
     obstructed: str,
     capability: Kind | None,
+    most: int | None,
     dry_run: bool,
     json_file: str | None,
 ) -> None:
@@ -74,12 +89,11 @@ def command(
     dialect = posts.load(name if post or not name.endswith(".py") else str(folder / name))
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
     options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
-    mark = planner.plan_hash(made)
-    file_name, program_mark, lines = posts.program(dialect, made, options, mark)
-    settings = posts.settings(dialect, options)
-    doubts = (*posts.unverified(dialect, options), *posts.reach(made), *proven(dialect.title, lines, made, settings))
     target = out or (folder / "program" if capability is None else folder / "capability" / capability)
-    files: dict[Path, Callable[[], Iterator[str]]] = {target / file_name: lines, target / "plan.csv": lambda: plan_lines(made)}
+    written = programs(dialect, made, options, most)
+    doubts = (*posts.unverified(dialect, options), *posts.reach(made), *dict.fromkeys(d for w in written for d in w.doubts))
+    files: dict[Path, Callable[[], Iterator[str]]] = {target / w.name: w.lines for w in written}
+    files[target / "plan.csv"] = lambda: plan_lines(made)
     beside = posts.companions(dialect, made, options)
     for name_beside, texts in beside.items():
         files[target / name_beside] = partial(iter, texts)
@@ -87,10 +101,51 @@ def command(
         files[target / "artefact.yaml"] = lambda: iter(artefact_text(cell.artefact).splitlines())
         files[target / "strategy.yaml"] = lambda: iter(strategy_text(cell.strategy).splitlines())
     write_together(files)
-    result = _result(made, name, target / file_name, target / "plan.csv", program_mark, mark, doubts)
+    result = _result(made, name, target, written, doubts)
     result["companions"] = [str(target / name_beside) for name_beside in beside]
     if not write_json(json_file, result):
         click.echo(_text(made, result))
+    for file in stale(target, set(files)):
+        click.echo(f"{file} is of an earlier plan and stays as it is: delete it, so that nobody runs it", err=True)
+
+
+@dataclass(frozen=True)
+class Written:
+    """A program on its way into a file; `part` is (which, of how many) programs of the plan."""
+
+    name: str
+    mark: str
+    lines: Callable[[], Iterator[str]]
+    plan: Plan
+    part: tuple[int, int]
+    doubts: tuple[str, ...]
+
+
+def programs(dialect: Post, whole: Plan, options: Mapping[str, Any], most: int | None = None) -> list[Written]:
+    """post, plan, `controller` keys, touches a program may make → its programs in their order, each read back.
+
+    Raises InputError for options and numbers that cannot be written, and naming the line that must not reach a machine.
+    """
+    from postprocessors import _base as posts
+
+    from .. import plan as planner
+
+    plans = (whole,) if most is None else planner.split(whole, most)
+    mark, found = planner.plan_hash(whole), []
+    for number, plan in enumerate(plans, 1):
+        part = number, len(plans)
+        given = posts.of_part(dialect, options, part)
+        name, program_mark, lines = posts.program(dialect, plan, given, mark, part)
+        doubts = proven(dialect.title, lines, plan, posts.settings(dialect, given))
+        found.append(Written(name, program_mark, lines, plan, part, doubts))
+    return found
+
+
+def stale(folder: Path, written: Collection[Path]) -> list[Path]:
+    """folder, files just written → programs there of an earlier plan: same ending, with a mark, but not written now."""
+    endings = {file.suffix for file in written} - {".csv", ".yaml"}
+    others = [file for file in sorted(folder.iterdir()) if file.suffix in endings and file.is_file() and file not in written]
+    return [file for file in others if PROGRAM.search(file.read_bytes()[:HEAD])]
 
 
 def proven(title: str, lines: Callable[[], Iterator[str]], plan: Plan, settings: Mapping[str, Any]) -> tuple[str, ...]:
@@ -125,7 +180,7 @@ def _moves(plan: Plan) -> list[str]:
     return table(rows, "><<").splitlines()
 
 
-def _result(plan: Plan, post: str, file: Path, csv: Path, mark: str, plan_mark: str, doubts: tuple[str, ...]) -> dict[str, Any]:
+def _result(plan: Plan, post: str, folder: Path, written: Sequence[Written], doubts: tuple[str, ...]) -> dict[str, Any]:
     used = {}
     low, high = dict.fromkeys(plan.machine.names, math.inf), dict.fromkeys(plan.machine.names, -math.inf)
     kinds: Counter[str] = Counter()
@@ -145,10 +200,20 @@ def _result(plan: Plan, post: str, file: Path, csv: Path, mark: str, plan_mark: 
     return {
         "format": "tango-plan/1",
         "post": post,
-        "program": str(file),
-        "plan": str(csv),
-        "program_hash": mark,
-        "plan_hash": plan_mark,
+        "program": str(folder / written[0].name),
+        "plan": str(folder / "plan.csv"),
+        "program_hash": written[0].mark,
+        "plan_hash": plan_hash(plan),
+        "programs": [
+            {
+                "program": str(folder / w.name),
+                "program_hash": w.mark,
+                "touches": len(w.plan.touches),
+                "first": w.plan.touches[0].number,
+                "last": w.plan.touches[-1].number,
+            }
+            for w in written
+        ],
         "touches": len(plan.touches),
         "indexations": len(plan.turns) - 1,
         "facets": len({touch.facet for touch in plan.touches}),
@@ -158,6 +223,12 @@ def _result(plan: Plan, post: str, file: Path, csv: Path, mark: str, plan_mark: 
         "travel_used": used,
         "unverified": list(doubts),
     }
+
+
+def _range(program: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    """→ which touches one of several programs makes."""
+    many = len(result["programs"]) > 1
+    return f" touches {program['first']} … {program['last']}, {program['touches']} of them" if many else ""
 
 
 def _text(plan: Plan, result: dict[str, Any]) -> str:
@@ -170,8 +241,8 @@ def _text(plan: Plan, result: dict[str, Any]) -> str:
     return (
         f"{result['touches']} touches on {result['facets']} facets at {result['indexations']} indexations{missing}\n"
         f"{table(rows, '<>>><')}\n"
-        f"program {result['program']} (hash {result['program_hash']})\n"
-        f"plan    {result['plan']} (hash {result['plan_hash']})\n"
+        + "".join(f"program {p['program']} (hash {p['program_hash']}){_range(p, result)}\n" for p in result["programs"])
+        + f"plan    {result['plan']} (hash {result['plan_hash']})\n"
         + "".join(f"beside  {file}: put it on the control too, see docs/dialects.md\n" for file in result["companions"])
         + (f"unverified: confirm on your control and state it under controller: in tango.yaml{doubts}" if doubts else "")
     ).rstrip()

@@ -6,6 +6,7 @@ import json
 import re
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,12 +25,20 @@ if TYPE_CHECKING:
 
 PAUSE = 0.3  # s between two looks at the journal of another program
 PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
+PART = re.compile(r"\bPLAN [0-9A-F]{12} PART (\d+) OF (\d+)\b")
 
 
 @click.command()
 @cell_option
 @click.option(
     "--program", "program_file", type=click.Path(path_type=Path), metavar="FILE", help="Send this program of 'tango plan'."
+)
+@click.option(
+    "--split",
+    "most",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Run several programs of at most N touches one after the other, as 'tango plan --split N' writes them.",
 )
 @click.option("--port", metavar="URL", help="Instead of controller.port, e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff.")
 @click.option(
@@ -57,6 +66,7 @@ PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
 def command(
     folder: Path,
     program_file: Path | None,
+    most: int | None,
     port: str | None,
     readings_file: Path | None,
     resume: bool,
@@ -94,6 +104,8 @@ def command(
         )
     if resume and program_file is not None:
         raise InputError("--program and --resume: a run goes on with a program of the remaining touches; leave --program out")
+    if most is not None and program_file is not None:
+        raise InputError("--program and --split: the parts are written anew from the cell; leave --program out")
     made = plan(cell, obstructed)
     if made.doubtful:
         click.echo(warning(made), err=True)
@@ -106,7 +118,7 @@ def command(
             _ask(part, address, positioning_feed(cell))
 
     with _Live(json_file) as live:
-        origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file), live, confirm)
+        origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file, most), live, confirm)
         result = {"readings": str(target), **origin}
         if not live.add("end", result):
             bad = "".join(
@@ -125,14 +137,14 @@ def dialect(cell: Cell) -> Post:
     return posts.load(str(cell.folder / name) if name.endswith(".py") else name)
 
 
-def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path | None) -> Program:
-    """cell, its post and plan, the part of it that is run now, a file → what is sent, and written into program/."""
+def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path | None, most: int | None) -> list[Program]:
+    """cell, its post and plan, the part of it that is run now, a file or touches a program → what is sent, and is in program/."""
     from postprocessors import _base as posts
 
     from ..files.plan import plan_lines, write_together
     from ..link._measure import Program
     from ..plan import plan_hash
-    from .plan import proven
+    from .plan import programs, proven
 
     assert cell.controller is not None
     letters = post.record_letters(part.machine)
@@ -146,18 +158,23 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
                 f"{program_file}: found plan {other}; the cell makes plan {plan_hash(whole)}. "
                 "The files of the cell have changed since: write the program again with 'tango plan'"
             )
+        if several := PART.search(text):
+            raise InputError(
+                f"{program_file}: found part {several[1]} of {several[2]}; a part alone is no whole plan: "
+                "'tango run --split N' with the N of 'tango plan' runs all parts in their order"
+            )
         try:
             doubts = proven(post.title, lambda: iter(text.splitlines()), whole, posts.settings(post, cell.controller.options))
         except InputError as error:
             raise InputError(f"{program_file}: {error}; nothing was sent") from None
         for doubt in doubts:
             click.echo(f"{program_file}: {doubt}", err=True)
-        return Program(text, mark, letters)
-    file_name, mark, lines = posts.program(post, part, cell.controller.options, plan_hash(part))
-    proven(post.title, lines, part, posts.settings(post, cell.controller.options))
+        return [Program(text, mark, letters, whole)]
+    written = programs(post, part, cell.controller.options, most)
     target = cell.folder / "program" / ("" if part is whole else "rest")
-    write_together({target / file_name: lines, target / "plan.csv": lambda: plan_lines(part)})
-    return Program("".join(line + "\n" for line in lines()), mark, letters)
+    files: dict[Path, Callable[[], Iterator[str]]] = {target / w.name: w.lines for w in written}
+    write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
+    return [Program("".join(line + "\n" for line in w.lines()), w.mark, letters, w.plan) for w in written]
 
 
 def _ask(part: Plan, address: str, feed: float | None) -> None:

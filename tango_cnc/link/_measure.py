@@ -46,6 +46,7 @@ class Program:
     text: str
     mark: str  # in its start record
     letters: tuple[str, ...]  # axis letters of its records
+    plan: Plan
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,14 @@ def measure(
     cell: Cell,
     plan: Plan,
     wanted: Wanted,
-    post: Callable[[Plan], Program],
+    post: Callable[[Plan], Sequence[Program]],
     watch: Callable[[Step], None],
     confirm: Callable[[Plan, Program], None],
 ) -> dict[str, Any]:
     """cell, its plan, what is wanted, how to post a plan → provenance of the readings that are on disk now.
 
-    `confirm` is asked before the first byte is sent; it raises what stops the run. Raises InputError before anything is
+    A plan that is posted as several programs is run one after the other, over the same port, into the same readings.
+    `confirm` is asked before the first byte of each is sent; it raises what stops the run. Raises InputError before anything is
     opened, LinkError when the port does not open or the run does not end; then what is measured is in the partial files.
     """
     file = wanted.readings.with_suffix(".journal")
@@ -84,23 +86,28 @@ def measure(
         return _finish(before, plan, wanted.readings)
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before else plan
-    program = post(part)
+    programs = post(part)
     protocol, address = protocol_of(wanted.port, wanted.protocol)
-    job = _job(part, program, again, left, wanted)
-    client = protocol.Client(job, address.options)
-    confirm(part, program)
+    jobs = _jobs(programs, again, left, wanted)
+    client = protocol.Client(jobs[0], address.options)
+    confirm(jobs[0].plan, programs[0])
     transport = open_port(address)
     try:
         if not before:
             _set_aside(file)
         journal = Journal(file, resume=bool(before))
         try:
-            journal.add("segment", **_segment(plan, program, left, wanted))
             try:
-                with _signals() as stop:
-                    Session(job, client, journal, watch, clock=time.monotonic, transcript=wanted.transcript, stop=stop).run(
-                        transport
-                    )
+                for number, (program, job) in enumerate(zip(programs, jobs, strict=True), 1):
+                    if number > 1:
+                        watch(Step(0, len(job.numbers), 0.0, None, f"part {number} of {len(jobs)}: {len(job.numbers)} touches"))
+                        confirm(job.plan, program)
+                        client = protocol.Client(job, address.options)
+                    journal.add("segment", **_segment(plan, program, job, wanted), part=[number, len(jobs)])
+                    with _signals() as stop:
+                        Session(job, client, journal, watch, clock=time.monotonic, transcript=wanted.transcript, stop=stop).run(
+                            transport
+                        )
             except LinkError as error:
                 advice = "" if isinstance(error, Moved) else "; 'tango run --resume' makes the missing touches"
                 raise LinkError(f"{error} {_keep(journal.entries, plan, wanted.readings, advice)}".rstrip()) from None
@@ -135,19 +142,22 @@ def follow(file: Path, watch: Callable[[Step], None], pause: Callable[[], None])
     """
     shown = done = total = 0
     ended: bool | None = None
+    part = [1, 1]
     while ended is None:
         entries, _ = read_journal(file)
         for entry in entries[shown:]:
             if entry["kind"] == "segment":
-                total, ended = max(total, done + len(entry["touches"])), None
+                total, ended, part = max(total, done + len(entry["touches"])), None, entry.get("part", [1, 1])
             elif entry["kind"] == "reading":
                 done += 1
                 watch(step_of(entry, done, total))
             elif entry["kind"] == "refused":
                 watch(Step(done, total, entry["time_s"], None, f"not believed: {entry['record']!r}: {entry['why']}"))
             elif entry["kind"] == "end":
-                ended = bool(entry["complete"])
-                watch(Step(done, total, 0.0, None, f"the run has ended: {entry['why']}"))
+                more = entry["complete"] and part[0] < part[1]
+                ended = None if more else bool(entry["complete"])
+                what = f"part {part[0]} of {part[1]}" if part[1] > 1 else "the run"
+                watch(Step(done, total, 0.0, None, f"{what} has ended: {entry['why']}"))
         shown = len(entries)
         if ended is None:
             pause()
@@ -224,17 +234,28 @@ def protocol_of(port: str, default: str) -> tuple[Any, Address]:
     return module, parse(port, {**module.OPTIONS, "link": tuple(protocols())})
 
 
-def _job(part: Plan, program: Program, again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted) -> Job:
+def _jobs(programs: Sequence[Program], again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted) -> list[Job]:
+    """programs of one plan, numbers in the run of its touches: repeated ones, then those left → a job for each program."""
+    numbers, jobs, done = (*again, *left), [], 0
+    for program in programs:
+        ahead = done + len(program.plan.touches)
+        jobs.append(_job(program, numbers[done:ahead], max(len(again) - done, 0), wanted))
+        done = ahead
+    return jobs
+
+
+def _job(program: Program, original: tuple[int, ...], again: int, wanted: Wanted) -> Job:
+    part = program.plan
     seconds = durations(part)
     patience = [FLOOR + TIMES * seconds[touch.number] for touch in part.touches]
     patience.append(FLOOR + TIMES * max(seconds.values()))  # the parting retract
     if wanted.timeout is not None:
         patience = [wanted.timeout] * len(patience)
     start = wanted.start_timeout if wanted.timeout is None else wanted.timeout
-    return Job(part, program.text, program.mark, program.letters, tuple(patience), (*again, *left), len(again), start)
+    return Job(part, program.text, program.mark, program.letters, tuple(patience), original, min(again, len(original)), start)
 
 
-def _segment(plan: Plan, program: Program, left: tuple[int, ...], wanted: Wanted) -> dict[str, Any]:
+def _segment(plan: Plan, program: Program, job: Job, wanted: Wanted) -> dict[str, Any]:
     return {
         "utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "tool_version": __version__,
@@ -242,7 +263,7 @@ def _segment(plan: Plan, program: Program, left: tuple[int, ...], wanted: Wanted
         "controller": {"post": wanted.post, "port": wanted.port},
         "plan_hash": plan_hash(plan),
         "program_hash": program.mark,
-        "touches": list(left),
+        "touches": list(job.original[job.again :]),
     }
 
 

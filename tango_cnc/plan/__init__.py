@@ -3,5 +3,6 @@
 from .build import OBSTRUCTED, part, plan
 from .digest import plan_hash
 from .motion import last_motion
+from .split import split
 
-__all__ = ["OBSTRUCTED", "last_motion", "part", "plan", "plan_hash"]
+__all__ = ["OBSTRUCTED", "last_motion", "part", "plan", "plan_hash", "split"]

@@ -110,7 +110,11 @@ def part(whole: Plan, numbers: Sequence[int]) -> Plan:
     if unknown or not wanted:
         found = f"touch {min(unknown)}" if unknown else "no touch"
         raise InputError(f"part of a plan: found {found}; allowed: touches 1 … {whole.touches[-1].number} of the plan")
-    touches = tuple(touch for touch in whole.touches if touch.number in wanted)
+    return of_touches(whole, [touch for touch in whole.touches if touch.number in wanted])
+
+
+def of_touches(whole: Plan, touches: Sequence[Touch]) -> Plan:
+    """plan, some of its touches in their order → the plan of these, with a safe way between them."""
     machine, chain, solid = whole.machine, kinematics.chain(whole.machine), check.solid(whole.artefact)
     station = np.array([[i.position.get(name, 0.0) for name in machine.names] for i in whole.strategy.indexations])
     spindle = kinematics.spindle_axis(chain, station)

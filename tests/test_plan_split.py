@@ -1,0 +1,135 @@
+"""Long plans as several programs: each whole and safe of itself, and run one after the other into the same readings."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_run import STRATEGY, Result
+from test_run_simulated import agree, controller
+
+from postprocessors._base import load, mark_of, names, of_part, program, settings
+from tango_cnc.commands.init import write_example
+from tango_cnc.envelope import check
+from tango_cnc.files import read_cell
+from tango_cnc.plan import plan, plan_hash, split
+from tango_cnc.records import InputError, Plan
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+@cache
+def golden() -> Plan:
+    """Three indexations of 3, 2 and 1 touches."""
+    return plan(read_cell(GOLDEN / "cell"))
+
+
+@pytest.mark.parametrize(
+    ("most", "parts"),
+    [
+        (1, [[1, 2, 3], [4, 5], [6]]),  # an indexation is never cut
+        (3, [[1, 2, 3], [4, 5, 6]]),
+        (4, [[1, 2, 3], [4, 5, 6]]),
+        (5, [[1, 2, 3, 4, 5], [6]]),
+        (6, [[1, 2, 3, 4, 5, 6]]),
+    ],
+)
+def test_a_plan_is_cut_between_indexations_only(most: int, parts: list[list[int]]) -> None:
+    assert [[touch.number for touch in part.touches] for part in split(golden(), most)] == parts
+
+
+def test_two_indexations_with_the_table_as_it_was_are_not_cut_apart() -> None:
+    cell = read_cell(GOLDEN / "cell")
+    first, *others = cell.strategy.indexations
+    twice = plan(replace(cell, strategy=replace(cell.strategy, indexations=(first, first, *others))))
+    assert [len(part.touches) for part in split(twice, 3)] == [6, 3]
+
+
+def test_nothing_is_no_program() -> None:
+    with pytest.raises(InputError, match="split: found 0; allowed: 1 touch a program or more"):
+        split(golden(), 0)
+
+
+def test_every_part_begins_with_one_axis_upwards_and_ends_where_it_may_turn() -> None:
+    turning = np.array([turn.before for turn in golden().turns])
+    for part in split(golden(), 3):
+        first, *_ = moves = list(part.moves)
+        assert first.kind == "retract" and list(first.target) == ["Z"]
+        assert moves[-1].kind == "retract"
+        assert moves[-1].target["Z"] >= turning[:, 2].min() - 1e-6
+
+
+@pytest.mark.parametrize("post", names())
+def test_every_part_is_a_program_of_its_own_that_is_read_back(post: str) -> None:
+    dialect, whole = load(post), golden()
+    parts = split(whole, 3)
+    found = []
+    for number, part in enumerate(parts, 1):
+        given = of_part(dialect, {}, (number, len(parts)))
+        name, mark, lines = program(dialect, part, given, plan_hash(whole), (number, len(parts)))
+        text = "\n".join(lines()) + "\n"
+        assert f"PLAN {plan_hash(whole)} PART {number} OF 2" in text
+        assert mark_of(text) == mark
+        check(lines, part, settings(dialect, given))
+        found.append((name, mark))
+    assert len({name for name, _ in found}) == len({mark for _, mark in found}) == 2
+
+
+def test_plan_writes_all_parts_and_one_plan_csv(tmp_path: Path) -> None:
+    shutil.copytree(GOLDEN / "cell", tmp_path / "cell")
+    result = Result("plan", "-C", tmp_path / "cell", "--split", 3, "--json", "-")
+    assert result.code == 0, result.err
+    programs = json.loads(result.out)["programs"]
+    assert [(p["first"], p["last"], p["touches"]) for p in programs] == [(1, 3, 3), (4, 6, 3)]
+    folder = tmp_path / "cell" / "program"
+    assert sorted(file.name for file in folder.iterdir()) == ["O8700.nc", "O8705.nc", "plan.csv"]
+    assert (folder / "plan.csv").read_text() == (GOLDEN / "plan.csv").read_text()
+    whole = Result("plan", "-C", tmp_path / "cell")
+    assert "O8705.nc is of an earlier plan and stays as it is: delete it" in whole.err
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    write_example(tmp_path / "cell", "hu40t")
+    (tmp_path / "cell" / "strategy.yaml").write_text(STRATEGY)
+    world = (tmp_path / "cell" / "world.yaml").read_text()
+    (tmp_path / "cell" / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
+    return tmp_path / "cell"
+
+
+def test_parts_are_run_one_after_the_other_into_the_same_readings(cell: Path) -> None:
+    with controller(cell, "--tcp", "127.0.0.1:0", once=False) as url:
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "10", "--split", "3")
+    assert result.code == 0, result.err
+    assert "part 2 of 3: 2 touches" in result.err and "part 3 of 3: 2 touches" in result.err
+    assert agree(cell)
+    told = json.loads((cell / "readings.json").read_text())
+    assert [segment["touches"] for segment in told["segments"]] == [3, 2, 2]
+    assert len({segment["program_hash"] for segment in told["segments"]}) == 3
+    followed = Result("run", "-C", cell, "--watch")
+    assert followed.code == 0 and "part 3 of 3 has ended: end mark" in followed.err
+
+
+@pytest.mark.long
+def test_a_run_in_parts_that_stops_is_resumed_in_parts(cell: Path) -> None:
+    with controller(cell, "--tcp", "127.0.0.1:0", "--fault", "stop-after=4", once=False) as url:
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "1", "--split", "3")
+    assert result.code == 3
+    assert Result("run", "-C", cell, "--watch").code == 3
+    with controller(cell, "--tcp", "127.0.0.1:0", once=False) as url:
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "10", "--split", "3", "--resume")
+    assert result.code == 0, result.err
+    assert agree(cell)
+
+
+def test_a_part_alone_is_not_sent_as_if_it_were_the_plan(cell: Path) -> None:
+    assert Result("plan", "-C", cell, "--split", 3).code == 0
+    result = Result("run", "-C", cell, "--program", cell / "program" / "O8705.nc", "--port", "socket://127.0.0.1:1")
+    assert result.code == 2
+    assert "found part 2 of 3; a part alone is no whole plan: 'tango run --split N'" in result.err
