@@ -143,7 +143,7 @@ def approach(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
-    """The measuring move, then flag and machine coordinates in P4 and P6 …"""
+    """The measuring move, then the flag in P4 and machine coordinates in P6 and so on."""
     start = _words(job, dict(zip(job.machine.names, leg.touch.standoff, strict=True)))
     place, found = _words(job, leg.to), _found(job)
     yield from _at_rest(job)

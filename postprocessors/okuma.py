@@ -43,7 +43,9 @@ ROLLOVER = "angles of 0 to 360 for rotary axes without limits (auto) or for all 
 
 OPTIONS = (
     Option("skip", "G31", "word of the move that the probe ends", codes=True),
-    Option("contact", "VSAP?", "variable of the machine position at the contact, ? is the axis letter"),
+    Option(
+        "contact", "VSAP?", "variable of the machine position at the contact, ? is the axis letter; some want an index: VSAP?[1]"
+    ),
     Option("position", "VAPA?", "variable of the machine position of an axis, ? is the axis letter"),
     Option("wait", "G4 F0.05", "words after which variables are read with the axes at rest, not ahead", codes=True),
     Option("probe_state", "", "variable that is 0 while the probe is free, e.g. VDIN[1001]; empty: none is asked"),
