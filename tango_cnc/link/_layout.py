@@ -26,10 +26,12 @@ CONTROL = (
     "order",
 )
 STATE = ("command", "sequence", "acknowledged", "status", "point", "flag", "alarm", "probe")
+RESIDENT = ("record", "count", "mark", "taken")  # of a control that runs the program of the post and hands its records over
 TARGET = ("mask", "number", "feed", "target")
 COMMANDS = ("begin", "move", "turn", "probe", "end")
+RUN = "run"
 STATUSES = ("idle", "busy", "alarm", "door", "emergency_stop", "hold", "battery_low")
-WIDE = {"order": 2, "feed": 2}  # registers of a 32-bit value
+WIDE = {"order": 2, "feed": 2, "mark": 3}  # registers of a 32-bit value, and of the twelve digits of a mark
 ALLOWED = {"read": (3, 4), "write": (16,)}
 MOST = 120  # registers in one request; the standard allows 125 to be read and 123 to be written
 
@@ -51,6 +53,16 @@ class Layout:
     def block(self) -> tuple[int, int]:
         """→ (address, count) of everything that the control says and of the command it was given, read in one request."""
         return self._range(CONTROL)
+
+    @property
+    def resident(self) -> bool:
+        """→ whether the control can be told to run the program that it has."""
+        return RUN in self.commands and all(name in self.registers for name in RESIDENT)
+
+    @property
+    def whole(self) -> tuple[int, int]:
+        """→ (address, count) of the block and of what a running program writes beside it."""
+        return self._range((*CONTROL, *(name for name in RESIDENT[:-1] if name in self.registers)))
 
     @property
     def state(self) -> tuple[int, int]:
@@ -98,7 +110,7 @@ class Layout:
         """name, registers read from `start` on → its numbers: one register each, or two for 32 bits."""
         at, width = self.registers[name] - start, self.width(name)
         part = list(words[at : at + width])
-        return self.numbers(part) if width > 1 else part
+        return self.numbers(part) if width > 1 and name != "mark" else part
 
 
 def read_layout(file: str = "") -> Layout:
@@ -118,10 +130,10 @@ def read_layout(file: str = "") -> Layout:
         keys["layout"].integer(0),
         keys["word_order"].text(("big", "little")) == "big",
         functions,
-        _numbers(keys["registers"], (*CONTROL, *TARGET)),
+        _numbers(keys["registers"], (*CONTROL, *TARGET), RESIDENT),
         axes,
         scale,
-        _numbers(keys["commands"], COMMANDS),
+        _numbers(keys["commands"], COMMANDS, (RUN,)),
         _numbers(keys["statuses"], STATUSES),
     )
     taken: dict[int, str] = {}
@@ -132,7 +144,7 @@ def read_layout(file: str = "") -> Layout:
             taken[register] = name
     if abs(layout.registers["sequence"] - layout.registers["command"]) != 1:
         raise keys["registers"].wrong("command and sequence side by side, to be written in one request")
-    if max(layout.block[1], layout.targets[1]) > MOST:
+    if max(layout.whole[1], layout.targets[1]) > MOST:
         raise keys["registers"].wrong(f"registers that one request can carry: at most {MOST} from the first to the last")
     for name in ("commands", "statuses"):
         codes: Mapping[str, int] = getattr(layout, name)
@@ -141,5 +153,5 @@ def read_layout(file: str = "") -> Layout:
     return layout
 
 
-def _numbers(node: Node, names: Sequence[str]) -> dict[str, int]:
-    return {name: value.integer(0) for name, value in node.fields(names).items()}
+def _numbers(node: Node, names: Sequence[str], optional: Sequence[str] = ()) -> dict[str, int]:
+    return {name: value.integer(0) for name, value in node.fields(names, optional).items()}

@@ -19,90 +19,33 @@ The lines between this client and the transport are requests and answers in word
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping, Sequence
-from urllib.parse import unquote
+from collections.abc import Generator, Mapping
 
 from ..records import InputError, Move, Touch
 from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
-from ._dialogue import Dialogue, Stop, low
-from ._layout import ORDER, PATTERN, Layout, read_layout
+from ._dialogue import Stop, low
+from ._layout import RESIDENT, RUN, read_layout
+from ._registers import READS, WRITES, Registers, Talk, Words, identified
+from ._registers import hello as hello
+from ._registers import told as told
 
-OPTIONS: Mapping[str, tuple[str, ...]] = {"layout": ()}  # a file
-UNANSWERED = 5  # requests in a row
-WRITES = 3  # of one thing, each after a look at what the one before has done
-READS = 4  # of the block until two agree
-CLOSE = 0.01  # mm or deg between target and the place that was reached
-EXCEPTIONS = {1: "it does not know the function", 2: "no such register", 3: "a value it does not allow", 4: "it failed"}
-LATER = (5, 6)  # exceptions that say "ask again"
-BAD = {
-    "alarm": "it is in alarm",
-    "door": "its door is open",
-    "emergency_stop": "emergency stop",
-    "hold": "it is in feed hold",
-    "battery_low": "the battery of the probe is low",
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "layout": (),  # a file
+    "run": ("touches", "program"),  # each move is asked for; or the control runs the program of the post
 }
-
-Words = list[int]
-Talk = Generator[str, str, Words]
-
-
-def hello(options: Mapping[str, str]) -> bytes:
-    """{option: value} → requests that move nothing: who are you (function 43/14), and the block of registers."""
-    layout = read_layout(options.get("layout", ""))
-    return f"43 0\n{layout.functions['read']} {layout.block[0]} {layout.block[1]}\n".encode("ascii")
+END = 0xFFFF  # point of the end mark
+CLOSE = 0.01  # mm or deg between target and the place that was reached
 
 
-def identified(layout: Layout, block: Words) -> str:
-    """layout, block of registers → what is known of the device. Raises Stop when these are not the registers of the layout."""
-    start = layout.block[0]
-    pattern, version, order = (layout.of(name, block, start)[0] for name in ("pattern", "version", "order"))
-    if pattern != PATTERN:
-        at = layout.registers["pattern"]
-        raise Stop(f"register {at} holds {pattern:04X} hex instead of {PATTERN:04X}: another layout, or counted from 1")
-    if version != layout.version:
-        raise Stop(f"the control has version {version} of the layout, this end {layout.version}")
-    if order != ORDER:
-        swapped = (order & 0xFFFF) << 16 | order >> 16 & 0xFFFF
-        other = "little" if layout.big else "big"
-        advice = f"set word_order: {other} in the layout" if swapped == ORDER else "32-bit values are coded otherwise"
-        raise Stop(f"word order: found {order & 0xFFFFFFFF:08X} hex instead of {ORDER:08X}: {advice}")
-    return f"Modbus, register layout {version}, {'big' if layout.big else 'little'} word order"
-
-
-def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
-    """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
-    layout = read_layout(options.get("layout", ""))
-    answers = data.decode("latin-1").split("\n")[:-1]
-    if not answers:
-        return False, ["nothing has been asked yet"]
-    names = [unquote(text) for text in answers[0].split()[1:]] if answers[0].startswith("43") else []
-    refused = answers[0].startswith("!")
-    sentences = [f"the device calls itself {', '.join(names)}"] if names else []
-    sentences += ["the device does not say what it is (it refuses function 43/14, as many do)"] if refused else []
-    if len(answers) < 2 or answers[1].startswith("-"):
-        said = "" if refused or names else ": address, device number, on a serial line baud rate and parity?"
-        return False, [*sentences, f"the registers were not answered{said}"]
-    words = answers[1].split()
-    if words[0] == "!":
-        why = EXCEPTIONS.get(int(words[1]), "not a standard one")
-        return False, [*sentences, f"it refuses to read the registers of the layout: exception {words[1]} ({why})"]
-    block = [int(word) for word in words[1:]]
-    try:
-        sentences.append(identified(layout, block))
-    except Stop as stop:
-        return False, [*sentences, str(stop)]
-    status = layout.of("status", block, layout.block[0])[0]
-    state = next((name for name, code in layout.statuses.items() if code == status), f"unknown state {status}")
-    probe = "on" if layout.of("probe", block, layout.block[0])[0] else "off"
-    return True, [*sentences, f"its status is {state.replace('_', ' ')}, the probe signal is {probe}"]
-
-
-class Client(Dialogue):
-    """Drives one plan and collects its readings."""
+class Client(Registers):
+    """Drives one plan, or lets the control run its program, and collects the readings."""
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a layout that cannot carry the plan."""
         self._job, self._layout = job, read_layout(options.get("layout", ""))
+        self._program = options.get("run", "touches") == "program"
+        if self._program and not self._layout.resident:
+            raise InputError(f"run=program: the layout has no registers {', '.join(RESIDENT)}, or no command {RUN}")
         moves = [move for move in job.plan.moves if move.kind != "back"]
         for letter in sorted({name for move in moves for name in move.target}):
             if letter not in self._layout.axes:
@@ -112,18 +55,14 @@ class Client(Dialogue):
         self._moves = moves
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._order = {number: i for i, number in enumerate(job.numbers)}
-        self._given = self._sequence = 0
         self._low: int | None = None  # touch at which the probe is down among the bodies of the table
         self._last: Words = []  # the block after the last command
-        super().__init__(job.start_patience)
+        super().__init__(job, self._layout)
 
     @property
     def sent(self) -> tuple[int, int]:
         """→ (commands given, commands in all)."""
-        return self._given, len(self._moves) + 2
-
-    def _late(self) -> str:
-        return f"done command {self._sequence}"
+        return self._given, len(self._job.numbers) + 2 if self._program else len(self._moves) + 2
 
     def _conversation(self) -> Generator[str, str, None]:
         block = yield from self._read(self._layout.block)
@@ -131,6 +70,10 @@ class Client(Dialogue):
         block = yield from self._settled()
         self._free(block)
         self._sequence = self._said("acknowledged", block)
+        yield from self._follow() if self._program else self._drive()
+
+    def _drive(self) -> Generator[str, str, None]:
+        """Move by move: the control's resident program makes each of them."""
         yield from self._command("begin", self._job.start_patience)
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))
         for move in self._moves:
@@ -143,80 +86,74 @@ class Client(Dialogue):
         yield from self._command("end", self._allowed)
         self._events.append(Ended(len(self._job.numbers)))
 
-    def _said(self, name: str, block: Words) -> int:
-        return self._layout.of(name, block, self._layout.block[0])[0]
-
-    def _read(self, where: tuple[int, int]) -> Talk:
-        """(address, count) → the registers; a request without answer is put again, as reading changes nothing."""
-        code = self._layout.functions["read"]
-        why = ""
-        for _ in range(UNANSWERED):
-            reply = (yield f"{code} {where[0]} {where[1]}").split()
-            if reply[:1] == [str(code)] and len(reply) == where[1] + 1 and all(_is_word(word) for word in reply[1:]):
-                return [int(word) for word in reply[1:]]
-            why = self._refusal(reply) or why
-        raise Stop(f"{UNANSWERED} requests for registers {where[0]}… were not answered{why}")
-
-    def _refusal(self, reply: Sequence[str]) -> str:
-        """answer that is none → what is known of the reason. Raises Stop when the control will never do it."""
-        if reply[:1] != ["!"] or len(reply) < 2 or not reply[1].isdecimal():
-            return f": {' '.join(reply[1:])}" if reply[:1] == ["-"] else ""
-        code = int(reply[1])
-        if code in LATER:
-            return ": it is busy"
-        raise Stop(f"the control refuses a request with exception {code} ({EXCEPTIONS.get(code, 'not a standard one')})")
-
-    def _write(self, address: int, words: Words) -> Generator[str, str, None]:
-        """Writes once; whether it was done is for the caller to read."""
-        reply = yield f"{self._layout.functions['write']} {address} {' '.join(map(str, words))}"
-        self._refusal(reply.split())
-
-    def _settled(self) -> Talk:
-        """→ the block when nothing moves and no command is open, be it of a run that was cut off."""
-        while True:
-            block = yield from self._read(self._layout.block)
-            if self._idle(block) and self._said("acknowledged", block) == self._said("sequence", block):
-                return block
-
-    def _idle(self, block: Words) -> bool:
-        """block → whether the control waits for a command. Raises Stop when it cannot take any."""
-        status = self._said("status", block)
-        name = next((name for name, code in self._layout.statuses.items() if code == status), None)
-        if name in BAD or name is None:
-            number = self._said("alarm", block)
-            state = BAD[name] if name else f"it is in the unknown state {status}"
-            raise Stop(f"the control cannot move: {state}{f', number {number}' if number else ''}")
-        return name != "busy"
-
     def _command(self, name: str, patience: float) -> Talk:
         """command → the block when it is done, of a measuring move read twice; empty when no two readings of it agree."""
         self._allowed = patience
-        self._done()
-        self._sequence = self._sequence % 0xFFFF + 1
-        self._given += 1
-        registers = self._layout.registers
-        pair = {registers["command"]: self._layout.commands[name], registers["sequence"]: self._sequence}
-        words = [pair[address] for address in sorted(pair)]
-        yield from self._write(min(pair), words)
-        writes = 1
-        while True:
+        block = yield from self._tell(name)
+        while not (self._idle(block) and self._said("acknowledged", block) == self._sequence):
             block = yield from self._read(self._layout.state)
-            idle = self._idle(block)
-            if self._said("sequence", block) != self._sequence:
-                if writes == WRITES:
-                    raise Stop(f"the control does not take commands: {WRITES} times written, and the registers have not changed")
-                writes += 1
-                yield from self._write(min(pair), words)
-            elif idle and self._said("acknowledged", block) == self._sequence:
-                break
         self._done()
-        block = yield from self._read(self._layout.block)
-        for _ in range(READS - 1):
-            again = block if name != "probe" else (yield from self._read(self._layout.block))
-            if again == block:
-                return block
-            block = again
-        return []
+        return (yield from self._steady(self._layout.block, 1 + (name == "probe")))
+
+    def _follow(self) -> Generator[str, str, None]:
+        """Record by record: the control runs the program of the post and waits after each until it has been taken.
+
+        The first record is the start mark: nothing moves before that has been taken, and it is taken only when it is the one
+        of this program. Point 0 is the start mark, `END` the end mark.
+        """
+        yield from self._tell(RUN)
+        taken = 0
+        while True:
+            block = yield from self._read(self._layout.whole)
+            idle, number = self._idle(block), self._said("record", block)
+            if number == taken:
+                if idle and self._said("acknowledged", block) == self._sequence:
+                    raise Stop("the program has ended before its end mark")
+                continue
+            if number != taken + 1:
+                raise Stop(
+                    f"record {number} came where record {taken + 1} was due: somebody else takes them, or the program ran before"
+                )
+            block = yield from self._steady(self._layout.whole, 2)
+            if not block:
+                raise Stop(f"the registers keep changing although record {number} has not been taken")
+            if self._stopping:
+                raise Stop("stopped by the user; the control waits for its last record to be taken and moves no further: reset it")
+            self._handed_over(block)
+            taken = number
+            self._given += 1
+            self._done()
+            self._allowed = self._job.patience[min(taken - 1, len(self._job.patience) - 1)]
+            yield from self._take(taken)  # goes out when what the record said is on disk
+            if self._said("point", block) == END:
+                self._events.append(Ended(self._said("count", block)))
+                return
+
+    def _handed_over(self, block: Words) -> None:
+        """One record → its event. Raises Stop for the start mark of another program."""
+        point, count = self._said("point", block), self._said("count", block)
+        mark = "".join(f"{word:04X}" for word in self._layout.of("mark", block, self._layout.whole[0]))
+        if (mark, count) != (self._job.mark.rjust(12, "0"), len(self._job.numbers)):
+            ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
+            raise Stop(
+                f"the control runs program {mark} with {count} touches, this run is {ours}: bring the new program to the control"
+            )
+        if point == 0:
+            self._events.append(Begun(self._job.mark, count))
+        elif point != END:
+            place, flag = self._position(block), self._said("flag", block)
+            text = f"P{point} H{flag} " + " ".join(f"{letter}{value:.4f}" for letter, value in place.items())
+            known = flag in (0, 1, 2)
+            self._events.append(Touched(point, flag, place, text) if known else Refused(f"flag {flag}; it is 0, 1 or 2", text))
+
+    def _take(self, number: int) -> Generator[str, str, None]:
+        """Writes that a record has been taken, until it stands there."""
+        at = self._layout.registers["taken"]
+        for _ in range(WRITES):
+            yield from self._write(at, [number])
+            if (yield from self._read((at, 1))) == [number]:
+                return
+        raise Stop("what is written as taken does not stand in the registers afterwards: does the layout fit the control?")
 
     def _make(self, move: Move) -> Generator[str, str, None]:
         """One move of the plan; a measuring move becomes a record."""
@@ -265,18 +202,6 @@ class Client(Dialogue):
             return Refused(f"flag {flag}; it is 0 (no contact), 1 (contact) or 2 (early contact)", text)
         return Touched(number, flag, place, text)
 
-    def _position(self, block: Words) -> dict[str, float]:
-        counts = self._layout.of("position", block, self._layout.block[0])
-        names = self._job.plan.machine.names
-        return {
-            letter: self._layout.value(letter, n) for letter, n in zip(self._layout.axes, counts, strict=True) if letter in names
-        }
-
-    def _free(self, block: Words) -> None:
-        """Raises Stop when the probe signal is on: nobody knows what the probe touches, or whether it would feel anything."""
-        if self._said("probe", block) != 0:
-            raise Stop("the probe signal is on although nothing is measured: is the probe free and alive?")
-
     def _arrived(self, target: Mapping[str, int], block: Words) -> None:
         """Raises Stop when the axes do not stand where they were sent."""
         place = self._position(block)
@@ -301,7 +226,3 @@ def _linear(touch: Touch, job: Job) -> dict[str, float]:
     """touch → where the linear axes stand above it, mm."""
     machine = job.plan.machine
     return {name: touch.over[machine.column(name)] for name in machine.linear}
-
-
-def _is_word(text: str) -> bool:
-    return text.isdecimal() and int(text) <= 0xFFFF
