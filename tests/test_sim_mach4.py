@@ -13,6 +13,7 @@ from postprocessors._base import companions, load, program
 from sim_controller.interpreters import Alarm, mach4
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
+from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Touched
 from tango_cnc.link._words import record
@@ -103,3 +104,11 @@ def test_the_name_of_the_file_goes_nowhere_but_into_a_string(made: Plan) -> None
     with pytest.raises(InputError, match=r"controller\.readings"):
         lines_of(made, readings='a" os.remove("b')
     assert "folder" in library(made, readings="mine.txt")[1] and '"mine.txt"' in library(made, readings="mine.txt")[5]
+
+
+def test_tango_plan_writes_the_scripts_beside_the_program(tmp_path: Path, capsys: pytest.CaptureFixture[str], made: Plan) -> None:
+    arguments = ["plan", "-C", str(GOLDEN), "--post", "mach4", "--out", str(tmp_path)]
+    assert guarded(tango.main, arguments, prog_name="tango", standalone_mode=False) == 0
+    assert "beside  m880.mcs, m881.mcs, m882.mcs, m883.mcs: have to be on the control too" in capsys.readouterr().out
+    for name, lines in companions(load("mach4"), made, {}).items():
+        assert (tmp_path / name).read_text() == "".join(f"{line}\n" for line in lines)

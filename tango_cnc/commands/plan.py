@@ -231,11 +231,16 @@ def _range(program: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     return f" touches {program['first']} … {program['last']}, {program['touches']} of them" if many else ""
 
 
+def _name(file: str) -> str:
+    return Path(file).name
+
+
 def _text(plan: Plan, result: dict[str, Any]) -> str:
     rows = [["axis", "used from", "to", "travel", ""]]
     for name, used in result["travel_used"].items():
         travel = "" if used["travel"] is None else f"{used['travel'][0]:g} … {used['travel'][1]:g}"
         rows.append([name, f"{used['from']:.3f}", f"{used['to']:.3f}", travel, used["unit"]])
+    beside = bool(result["companions"])
     missing = f", {len(plan.left_out)} touches of the strategy left out" if plan.left_out else ""
     doubts = "".join(f"\n  {text}" for text in result["unverified"])
     return (
@@ -243,6 +248,6 @@ def _text(plan: Plan, result: dict[str, Any]) -> str:
         f"{table(rows, '<>>><')}\n"
         + "".join(f"program {p['program']} (hash {p['program_hash']}){_range(p, result)}\n" for p in result["programs"])
         + f"plan    {result['plan']} (hash {result['plan_hash']})\n"
-        + "".join(f"beside  {file}: put it on the control too, see docs/dialects.md\n" for file in result["companions"])
+        + (f"beside  {', '.join(map(_name, result['companions']))}: have to be on the control too, see docs/dialects.md\n" * beside)
         + (f"unverified: confirm on your control and state it under controller: in tango.yaml{doubts}" if doubts else "")
     ).rstrip()
