@@ -7,10 +7,12 @@ is that part of the ball which is nearer to it than to the ball's other facets; 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from tango_cnc.records import Array, Artefact, Facet, Id, InputError, Obstacle, World
 
@@ -109,8 +111,17 @@ def gaps(s: Surfaces, tip: Array) -> Array:
     return np.hstack([result, *solids])
 
 
+@lru_cache(maxsize=64)
+def _planes(obstacle: Obstacle) -> Array:
+    """solid with corners → (f, 4) normal and offset of its faces, normal @ x + offset <= 0 within."""
+    return np.asarray(ConvexHull(np.array(obstacle.points)).equations)
+
+
 def _outside(obstacle: Obstacle, tip: Array) -> Array:
     """solid, (n, 3) mm → (n,) mm from its surface, negative inside."""
+    if obstacle.kind == "hull":
+        planes = _planes(obstacle)
+        return np.asarray((tip @ planes[:, :3].T + planes[:, 3]).max(axis=1))  # less than the distance before edges and corners
     if obstacle.kind == "box":
         low, high = np.array(obstacle.low), np.array(obstacle.high)
         beyond = np.abs(tip - (low + high) / 2) - (high - low) / 2

@@ -150,15 +150,25 @@ class ScaleBar:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A solid that the probe must not hit, table frame: a box (`corners`) or a cylinder (`base`, `axis`, `radius`, `height`)."""
+    """A solid that the probe must not hit, table frame.
 
-    kind: Literal["box", "cylinder"]
+    A box (`low`, `high`), a cylinder (`base`, `axis`, `radius`, `height`), or the convex hull of `points`, maybe out of a `file`.
+    """
+
+    kind: Literal["box", "cylinder", "hull"]
     low: Vector | None = None
     high: Vector | None = None
     base: Vector | None = None
     axis: Vector | None = None
     radius: float | None = None
     height: float | None = None
+    points: tuple[Vector, ...] | None = None
+    file: str | None = None  # as written in artefact.yaml, to speak of it
+
+    @property
+    def name(self) -> str:
+        """→ what it is called in complaints beside its number; empty when there is nothing to call it."""
+        return f" ({self.file})" if self.file else ""
 
 
 @dataclass(frozen=True)

@@ -102,10 +102,11 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
         yield ball & hit, "the tip would hit the table", "tip"
     point = pose.tip - probe.tip_radius * pose.normal
     for number, body in enumerate(solid.obstacles, 1):
+        name = f"obstacle {number}{artefact.obstacles[number - 1].name}"
         own = np.abs((point @ body.normal.T - body.offset).max(axis=1)) <= LEVEL
         for part in parts:
-            yield from ((own & hit, why, "shank") for hit, why in _touched(body, f"obstacle {number}", part, pose, probe, approach))
-        for hit, why, kind in _obstacle(body, f"obstacle {number}", parts, pose, probe, way):
+            yield from ((own & hit, why, "shank") for hit, why in _touched(body, name, part, pose, probe, approach))
+        for hit, why, kind in _obstacle(body, name, parts, pose, probe, way):
             yield ~own & hit, why, kind
     for name, centre, size in zip(artefact.balls, solid.centre, solid.radius, strict=True):
         own = np.array([f.ball == name for f in facets], dtype=bool)

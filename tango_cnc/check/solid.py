@@ -13,11 +13,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-from scipy.spatial import HalfspaceIntersection
+from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from ..records import Array, Artefact, Facet, Id, Obstacle
 
 SIDES = 16  # of the prism around a cylinder
+FACES = 150  # of a hull
+THIN = 0.01  # mm: nothing is thinner
 LEVEL = 0.5  # mm: as unevenly may facets of one plane be entered, or lie on the surface of an obstacle
 OVERHANG = 50.0  # mm that the table may go on beyond its facets, for clearances
 
@@ -101,9 +103,27 @@ def _corners(planes: Array) -> Array:
     return corners
 
 
+def _hull(points: Array) -> Body:
+    """(n, 3) mm → their convex hull; of a round one a body with fewer faces around it, a little larger and never smaller."""
+    hull = ConvexHull(points)
+    planes = np.unique(np.round(hull.equations, 9), axis=0)
+    corner = points[hull.vertices]
+    if len(planes) > FACES:
+        turn = np.arange(FACES - 6) * np.pi * (3 - np.sqrt(5))  # a spiral: directions evenly spread over the sphere
+        height = np.linspace(1, -1, FACES - 6)
+        across = np.sqrt(1 - height**2)
+        normal = np.vstack([np.column_stack([across * np.cos(turn), across * np.sin(turn), height]), np.eye(3), -np.eye(3)])
+        planes = np.column_stack([normal, -(corner @ normal.T).max(axis=0)])
+        corner = HalfspaceIntersection(planes, points[hull.vertices].mean(axis=0)).intersections
+    return Body(planes[:, :3], -planes[:, 3], corner)
+
+
 def _obstacle(obstacle: Obstacle) -> Body:
+    if obstacle.points is not None:
+        return _hull(np.array(obstacle.points))
     if obstacle.kind == "box":
         low, high = np.minimum(obstacle.low, obstacle.high), np.maximum(obstacle.low, obstacle.high)  # type: ignore[arg-type]
+        high = np.maximum(high, low + THIN)
         normal = np.vstack([np.eye(3), -np.eye(3)])
         corner = np.array(
             [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]

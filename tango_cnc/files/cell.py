@@ -6,6 +6,8 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
+
 from ..records import (
     LINEAR,
     ROTARY,
@@ -18,6 +20,7 @@ from ..records import (
     Facet,
     Id,
     Indexation,
+    InputError,
     Machine,
     Obstacle,
     Probe,
@@ -28,6 +31,7 @@ from ..records import (
     World,
 )
 from .checked import Node, complaint, load, suggestion
+from .hull import corners, read_hull
 
 TOPOLOGY = re.compile(r"w(?P<workpiece>[XYZABC]*)[fb](?P<tool>[XYZABC]*)\(S\)t")
 
@@ -191,7 +195,9 @@ def _scale_bar(node: Node, balls: dict[Id, Ball]) -> ScaleBar:
 
 
 def _obstacle(node: Node) -> Obstacle:
-    kind = dict(node.items()).get("kind", node).text(["box", "cylinder"])
+    kind = dict(node.items()).get("kind", node).text(["box", "cylinder", "hull"])
+    if kind == "hull":
+        return _hull(node)
     if kind == "box":
         fields = node.fields(["kind", "low", "high"])
         return Obstacle("box", low=fields["low"].vector(), high=fields["high"].vector())
@@ -203,6 +209,23 @@ def _obstacle(node: Node) -> Obstacle:
         radius=fields["radius"].number(above=0),
         height=fields["height"].number(above=0),
     )
+
+
+def _hull(node: Node) -> Obstacle:
+    fields = node.fields(["kind"], ["file", "shift", "points"])
+    if ("file" in fields) == ("points" in fields) or ("shift" in fields and "points" in fields):
+        raise node.wrong("a 'file', with a 'shift' if need be, or 'points'", " and ".join(fields))
+    try:
+        if "points" in fields:
+            points = np.array([item.vector() for item in fields["points"].list()]).reshape(-1, 3)
+            return Obstacle("hull", points=corners("points", points))
+        name = fields["file"].text()
+        shift = fields["shift"].vector() if "shift" in fields else (0.0, 0.0, 0.0)
+        return Obstacle("hull", points=read_hull(node.file.parent / name, shift), file=name)
+    except InputError as error:
+        raise (
+            error if str(error).startswith(f"{node.file}:") else InputError(f"{node.file}:{node.line}: {node.path}: {error}")
+        ) from None
 
 
 def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:

@@ -99,6 +99,8 @@ def _facet(facet: Facet) -> dict[str, Any]:
 
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
+    if obstacle.points is not None:  # the file stays where it is: what is written here can be read from anywhere
+        return {"kind": "hull", "points": [list(point) for point in obstacle.points]}
     return {key: list(value) if isinstance(value, tuple) else value for key, value in vars(obstacle).items() if value is not None}
 
 
