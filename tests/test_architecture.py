@@ -54,6 +54,7 @@ LIBRARIES = {
     "yaml": ("tango_cnc.files", "tango_cnc.link.modbus", "tango_cnc.commands", "tango_cnc.reproduce"),
     "click": ("tango_cnc.commands", "tango_cnc.cli", "sim_controller.__main__"),
     "serial": ("tango_cnc.link.transport", "sim_controller"),
+    "trimesh": ("tango_cnc.files.hull",),
     "lupa": ("sim_controller.interpreters.mach4",),
     "pymodbus": ("tango_cnc.link.transport", "sim_controller"),
     "matplotlib": ("tango_cnc.report", "tango_cnc.reproduce", "tango_cnc.commands", "tango_cnc.web"),

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -231,8 +232,9 @@ def test_the_examples_in_the_documentation_are_read(root: Path, tmp_path: Path) 
     blocks = re.findall(r"```yaml\n(.*?)```", (root / "docs" / "formats.md").read_text(encoding="utf-8"), re.DOTALL)
     for name, text in zip(["tango", "machine", "artefact", "strategy", "world"], blocks, strict=True):
         (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+    trimesh.creation.box().export(tmp_path / "fixture.stl")
     cell = files.read_cell(tmp_path)
-    assert cell.controller is not None and cell.artefact.facets["30"].surface is not None and len(cell.artefact.obstacles) == 2
+    assert cell.controller is not None and cell.artefact.facets["30"].surface is not None and len(cell.artefact.obstacles) == 3
     assert files.read_world(tmp_path / "world.yaml").effects[0]["tau"] == 2400
 
 
