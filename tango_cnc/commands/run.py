@@ -7,6 +7,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -173,6 +174,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
     written = programs(post, part, cell.controller.options, most)
     target = cell.folder / "program" / ("" if part is whole else "rest")
     files: dict[Path, Callable[[], Iterator[str]]] = {target / w.name: w.lines for w in written}
+    files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, part, cell.controller.options).items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
     return [Program("".join(line + "\n" for line in w.lines()), w.mark, letters, w.plan) for w in written]
 
