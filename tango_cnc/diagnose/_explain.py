@@ -13,6 +13,7 @@ from ._candidates import VISIBLE, Candidate
 from ._search import (
     CLOSE,
     FEW,
+    UNDECIDED,
     Catalogue,
     Chosen,
     Compatible,
@@ -27,6 +28,7 @@ from ._search import (
     p_value,
     ranked,
     refined,
+    rival,
     select,
     total,
 )
@@ -138,6 +140,14 @@ def alternatives(e: Explanation, one: Chosen) -> list[tuple[Chosen, float]]:
         behind = best - total(e.place, [*others, other])
         if behind < DECISIVE:
             result.append((other, behind))
+    listed = {one.candidate.cause, *(o.candidate.cause for o, _ in result)}
+    for cause in dict.fromkeys(e.catalogue.expected.get(one.candidate.cause, ())):
+        # What was named because it is expected may stand where a rival does as well without being significant itself.
+        if cause in e.catalogue.causes and cause not in listed:
+            other = rival(e.place, e.catalogue, cause, selected, settings[-1])[1]
+            behind = best - total(e.place, [*others, other])
+            if behind < UNDECIDED:
+                result.append((other, behind))
     return sorted(result, key=lambda pair: pair[1])
 
 

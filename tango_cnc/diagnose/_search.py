@@ -27,6 +27,7 @@ MOST = 30  # candidates selected, single outliers included
 MOST_NAMED = 6
 FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
 TOP = 8  # variants of a cause that are looked at when the best one has an impossible size
+UNDECIDED = 3.0  # score by which a rival must beat what is expected of every machine
 STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
 SHAPELESS = 10.0  # score by which a shape without a name must beat every name (very strong evidence)
 FEW = 20  # rows of a cause that might be a few outliers instead
@@ -302,7 +303,7 @@ def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[C
 
 
 def awaited(place: Space, cat: Catalogue, chosen: Sequence[Chosen], usual: Array) -> list[Chosen]:
-    """chosen → what is expected of every machine and significant by itself, beside them, and better than its rivals.
+    """chosen → what is expected of every machine and significant by itself, beside them, its rivals not clearly better.
 
     A drift of a few micrometres in a noise that wanders is not significant among hundreds of patterns; alone it is.
     """
@@ -313,19 +314,23 @@ def awaited(place: Space, cat: Catalogue, chosen: Sequence[Chosen], usual: Array
         if cause not in cat.causes or cause in [c.candidate.cause for c in chosen]:
             continue
         selected = columns_of(place, [*chosen, *found])
-        settings = below(best_noise(place, selected)[0])
-        ratio, base = scan(place, cat.library, selected, settings)
-        score = 2 * ratio[:, 0] - cat.price
-        best = [
-            int(np.argmax(np.where(cat.group == cat.causes.index(c), score, -np.inf))) for c in (cause, *rivals) if c in cat.causes
-        ]
-        if max(score[b] for b in best) > score[best[0]]:
+        ratios, base = best_noise(place, selected)
+        mine, *others = [rival(place, cat, c, selected, ratios) for c in dict.fromkeys((cause, *rivals)) if c in cat.causes]
+        if max((score for score, _ in others), default=-np.inf) > mine[0] + UNDECIDED:
             continue
-        new = refined(place, cat, cat.candidates[best[0]], selected, settings)
-        beyond = 2 * (likelihood(place, np.hstack([selected, new.columns]), settings) - float(base[0])) - new.price
-        if beyond - usual[cat.causes.index(cause)] > 2 * float(np.log(0.1 / EXPECTED_LEVEL)):
-            found.append(new)
+        if mine[0] - 2 * base - usual[cat.causes.index(cause)] > 2 * float(np.log(0.1 / EXPECTED_LEVEL)):
+            found.append(mine[1])
     return found
+
+
+def rival(place: Space, cat: Catalogue, cause: str, selected: Array, ratios: tuple[float, ...]) -> tuple[float, Chosen]:
+    """cause, selected (m, s), their noise → twice its best log likelihood less its price, and it; any smaller noise is tried."""
+    near = below(ratios)
+    ratio, _ = scan(place, cat.library, selected, near)
+    score = np.where(cat.group == cat.causes.index(cause), 2 * ratio[:, 0] - cat.price, -np.inf)
+    best = refined(place, cat, cat.candidates[int(np.argmax(score))], selected, near)
+    smaller = [r for r in place.grid() if all(a <= b for a, b in zip(r, ratios, strict=True))]
+    return 2 * likelihood(place, np.hstack([selected, best.columns]), smaller) - best.price, best
 
 
 def searched(place: Space, cat: Catalogue, limits: Limits, usual: Array, start: list[Chosen]) -> list[Chosen]:

@@ -26,6 +26,7 @@ from ._search import Chosen
 KINDS = ("time", "order", "position", "angle", "category")
 MOST_ROWS = 2500
 RESOLVED = 2.0  # cycles over the record between two periods
+BEAT = 0.1  # part of a frequency within which a second line is the beat of the first, which is not steady
 REFINE = {
     "drift": {"tau": "log"},
     "step": {"at": "order"},
@@ -187,12 +188,12 @@ def search(t: Table, seed: int = 0) -> tuple[_explain.Explanation, Array, Array,
     walk: Array = np.asarray(np.kron(np.eye(q), np.minimum(order[:, None], order[None, :])), dtype=float)
 
     def compatible(c: Candidate, others: Sequence[Candidate]) -> bool:
-        """Two periods closer than the record can resolve are one line that is not steady."""
+        """Two periods closer than the record can resolve, or a tenth of their frequency, are one line that is not steady."""
         if c.cause != "periodic":
             return True
         span = float(np.ptp(t.covariates[c.setting["covariate"]][1]))
         taken = [o.setting["period"] for o in others if o.cause == "periodic" and o.setting["covariate"] == c.setting["covariate"]]
-        return all(abs(span / c.setting["period"] - span / p) > RESOLVED for p in taken)
+        return all(abs(span / c.setting["period"] - span / p) > max(RESOLVED, BEAT * span / p) for p in taken)
 
     found = _explain.explain(data, design, n * q, every, [walk], REFINE, candidate, compatible=compatible, steady=True, seed=seed)
     return found, design, data, scale
