@@ -24,7 +24,12 @@ from .session import Ledger, Session, Setup
 @click.option("--world", "world_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: world.yaml in the cell.")
 @click.option("--tcp", metavar="HOST:PORT", help="Listen here, as a serial device server would; port 0 takes any free one.")
 @click.option("--pty", is_flag=True, help="Open a pseudo-terminal, as a serial port.")
-@click.option("--start", type=click.Path(path_type=Path), metavar="FILE", help="Run this program as soon as it is there.")
+@click.option(
+    "--start",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Run this program as soon as it is there; with --tcp or --pty: when told to.",
+)
 @click.option("--records", type=click.Path(path_type=Path), metavar="FILE", help="With --start: where the records go.")
 @click.option("--language", default="macro_b", show_default=True, help="What the control understands.")
 @click.option("--protocol", default="dnc", show_default=True, help="How it talks.")
@@ -74,7 +79,7 @@ def main(
 
     The first line on stdout is the port to connect to (socket://127.0.0.1:8193 or /dev/pts/3).
     """
-    if [tcp is not None, pty, start is not None].count(True) != 1 or (start is None) != (records is None):
+    if [tcp is not None, pty, records is not None].count(True) != 1 or (start is None and records is not None):
         raise InputError("found none or several of --tcp, --pty, --start with --records; allowed: one of them")
     cell = read_cell(folder)
     truth = rig(cell.machine, cell.artefact, read_world(world_file or folder / "world.yaml"), seed)
@@ -93,6 +98,8 @@ def main(
         return FaultyLine(paced, chances, line_seed) if chances else paced
 
     try:
+        if start is not None:
+            session.keep(start)
         if start is not None and records is not None:
             click.echo(records.absolute().as_uri())
             sys.stdout.flush()

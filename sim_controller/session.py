@@ -70,6 +70,7 @@ class Session:
         self.family, self._language = setup.family, language(setup.family)
         self._profile = profile(self._language, rig.machine, setup.settings)
         self.buffer = setup.buffer
+        self.resident: Callable[[Motion, Callable[[bytes], None]], None] | None = None  # what a command starts
         self.device: Any = None  # of a protocol whose control outlives a connection
         self.serial = False  # the line is one of characters, not of packets
 
@@ -82,6 +83,15 @@ class Session:
     def control(self, punch: Callable[[bytes], None]) -> Any:
         """where its output goes → a control that has just been switched on, the machine at its reference position."""
         return self._language.Control(self.motion(), self._profile, punch, self.note, self._setup.library)
+
+    def keep(self, program: Path) -> None:
+        """file of a program → the control has it, and a protocol may have it started; it is read then, as it is then."""
+
+        def started(motion: Motion, punch: Callable[[bytes], None]) -> None:
+            control = self._language.Control(motion, self._profile, punch, self.note, self._setup.library)
+            self.run(control, iter(line for line in program.read_text(encoding="ascii").splitlines() if line.strip() != "%"))
+
+        self.resident = started
 
     def run(self, control: Any, lines: Iterator[str]) -> None:
         """control, lines of one tape → executed. Raises Alarm and Silence."""

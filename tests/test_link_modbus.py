@@ -118,6 +118,38 @@ def test_a_run_is_resumed_after_an_alarm(cell):
     assert agree(cell)
 
 
+def test_a_control_that_runs_the_program_hands_its_records_over(cell):
+    """The program is at the control; the command starts it, and it waits after each record until that is on disk here."""
+    start = ["--start", str(cell / "program" / "O8700.nc")]
+    with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0", "--ledger", str(cell / "ledger"), *start) as url:
+        result = Result("run", "-C", cell, "--port", f"{url}?run=program", "--timeout", "20")
+    assert result.code == 0, result.err
+    assert agree(cell)
+    assert (cell / "ledger").read_text().count('"event": "command"') == 1
+
+
+@posix
+def test_a_control_that_runs_the_program_is_resumed_with_the_rest_of_it(cell):
+    start = ["--start", str(cell / "program" / "O8700.nc")]
+    with controller(cell, "--protocol", "modbus", "--pty", "--fault", "alarm-after=6", *start) as url:
+        result = Result("run", "-C", cell, "--port", f"{url}?run=program", "--timeout", "20")
+    assert (result.code, "cannot move: it is in alarm" in result.err) == (3, True), result.err
+    assert len(readings(cell, "readings.partial.csv")) == 5
+    with controller(cell, "--protocol", "modbus", "--pty", *start) as url:  # nobody has brought the rest to the control
+        result = Result("run", "-C", cell, "--port", f"{url}?run=program", "--timeout", "20", "--resume")
+    assert (result.code, "bring the new program to the control" in result.err) == (3, True), result.err
+    rest = str(next((cell / "program" / "rest").glob("*.nc")))
+    with controller(cell, "--protocol", "modbus", "--pty", "--start", rest) as url:
+        result = Result("run", "-C", cell, "--port", f"{url}?run=program", "--timeout", "20", "--resume")
+    assert result.code == 0, result.err
+    assert agree(cell)
+
+
+def test_a_layout_without_these_registers_cannot_hand_over_records(tmp_path):
+    with pytest.raises(InputError, match="no registers record, count, mark, taken"):
+        Client(job(), {"run": "program", "layout": edited(tmp_path, ", run: 6}", "}")})
+
+
 def crc(data):
     value = 0xFFFF
     for byte in data:

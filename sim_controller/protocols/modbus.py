@@ -10,10 +10,14 @@ import asyncio
 import contextlib
 import logging
 import math
+import re
 import socket
 import threading
+import time
+from collections.abc import Callable
 from typing import Any, cast
 
+from ..interpreters import Alarm, Silence
 from ..lines import Closed, Line
 from ..motion import Motion, MotionStop, Note
 from ..session import Session
@@ -25,18 +29,33 @@ VERSION, PATTERN, ORDER, MASK, NUMBER, FEED, TARGET = 30, 31, 32, 40, 41, 42, 44
 LETTERS = "XYZABCS"
 COUNT = 1e-4  # mm, deg
 FEED_COUNT = 0.1  # mm/min
-BEGIN, MOVE, TURN, PROBE, END = 1, 2, 3, 4, 5
+RECORD, COUNT_OF, MARK, TAKEN = 8, 9, 34, 60  # of a program that hands its records over
+BEGIN, MOVE, TURN, PROBE, END, RUN = 1, 2, 3, 4, 5, 6
+LAST = 0xFFFF  # point of the end mark
 IDLE, BUSY, IN_ALARM = 0, 1, 2
 STATES = {"alarm": 2, "reset": 2, "door": 3, "estop": 4, "hold": 5, "battery": 6}
 ALARMS = {"collision": 101, "overtravel": 102, "fault": 103}
 POLL = 0.05  # s
+WAIT = 0.001  # s between two looks whether a record has been taken
+START_MARK = re.compile(r"TANGO START ([0-9A-F]{12}) +(\d+)\.?")
+VALUE = re.compile(r"([A-Z]) *(-? *[\d.]+)")
+Program = Callable[[Motion, Callable[[bytes], None]], None]  # runs on this machine, prints there
 
 
 class Registers:
     """The control as the wire sees it. A write that brings a new sequence leaves a command `pending`; `execute` does it."""
 
-    def __init__(self, motion: Motion, note: Note = lambda event, **data: None, *, big: bool = True) -> None:
+    def __init__(
+        self,
+        motion: Motion,
+        note: Note = lambda event, **data: None,
+        *,
+        big: bool = True,
+        program: Program | None = None,
+        waited: Callable[[], None] = lambda: time.sleep(WAIT),
+    ) -> None:
         self.words = [0] * SIZE
+        self._program, self._waited = program, waited
         self.motion, self._note, self._big = motion, note, big
         self.pending = False
         self.silent = False  # its power is gone
@@ -88,9 +107,35 @@ class Registers:
             self.motion.rapid(self._target())
         elif command == PROBE:
             return self._touch()
+        elif command == RUN and self._program is not None:
+            self.words[RECORD] = self.words[TAKEN] = 0
+            try:
+                self._program(self.motion, self._printed)
+            except Silence:
+                raise MotionStop("fault", "silence") from None
+            except Alarm:
+                raise MotionStop("fault", "alarm") from None
         elif command not in (BEGIN, END):
             raise MotionStop("fault", "alarm")
         return None
+
+    def _printed(self, data: bytes) -> None:
+        """One printed line → the registers, and the program waits until the other side has taken it: what a PLC has to do."""
+        text = data.translate(None, b"\x00\x11\x12\x13\x14\x7f").decode("ascii").strip()
+        if found := START_MARK.fullmatch(text):
+            self.words[MARK : MARK + 3] = [int(found[1][i : i + 4], 16) for i in (0, 4, 8)]
+            self.words[COUNT_OF], self.words[POINT] = int(found[2]), 0
+        elif text.startswith("TANGO END"):
+            self.words[POINT] = LAST
+        elif text:
+            values = {letter: float(number.replace(" ", "")) for letter, number in VALUE.findall(text)}
+            self.words[POINT], self.words[FLAG] = int(values["P"]), int(values["H"])
+            self._put(POSITION, [round(values.get(letter, 0.0) / COUNT) for letter in LETTERS])
+        else:
+            return
+        self.words[RECORD] += 1
+        while self.words[TAKEN] != self.words[RECORD]:
+            self._waited()
 
     def _touch(self) -> list[int]:
         """The resident measuring macro: search, latch, back to where it began."""
@@ -134,7 +179,7 @@ class Registers:
 def serve(line: Line, session: Session, once: bool) -> None:
     """line, session → served until the line closes; with a new connection the control is the same, and still switched on."""
     if session.device is None:
-        session.device = Registers(session.motion(), session.note)
+        session.device = Registers(session.motion(), session.note, program=session.resident)
     server = _Server(session.device, rtu=session.serial)
     inner = socket.create_connection(server.start())
     back = threading.Thread(target=_answers, args=(inner, line), daemon=True)
