@@ -129,6 +129,7 @@ def test_a_control_that_runs_the_program_hands_its_records_over(cell):
 
 
 @posix
+@pytest.mark.long
 def test_a_control_that_runs_the_program_is_resumed_with_the_rest_of_it(cell):
     start = ["--start", str(cell / "program" / "O8700.nc")]
     with controller(cell, "--protocol", "modbus", "--pty", "--fault", "alarm-after=6", *start) as url:
