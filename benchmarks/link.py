@@ -79,8 +79,6 @@ def served(how: str, cell, made) -> str:
     still = Still(cell, made)
     nothing = {"device": None, "serial": False, "resident": None, "received": lambda n: None}
     session = SimpleNamespace(motion=lambda: still, note=lambda *a, **d: None, **nothing)
-        device=None, motion=lambda: still, note=lambda *a, **d: None, received=lambda n: None, serial=False, resident=None
-    )
     if how == "modbus+rtu":
         line = PtyLine()
         session.serial = True
