@@ -1,171 +1,214 @@
-"""The LinuxCNC program on the whole control: its real planner, its real axes, a probe input that trips on a table in HAL."""
+"""The LinuxCNC program on the whole control: its real planner, its real axes, a probe that trips on the simulated table."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import shutil
-import socket
 import subprocess
-import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
+from realcontrol import PERIOD, Control, linuxcnc
 
-from postprocessors._base import load, program
-from tango_cnc.files import read_cell
-from tango_cnc.plan import plan, plan_hash
-from tango_cnc.records import Plan
+from tango_cnc.files import read_cell, read_readings, read_world
+from tango_cnc.plan import last_motion, plan
+from tango_cnc.records import Array
 
-pytestmark = [pytest.mark.long, pytest.mark.system("linuxcnc", "linuxcncrsh"), pytest.mark.xdist_group("linuxcnc")]
+pytestmark = [pytest.mark.system("linuxcnc", "linuxcncrsh"), pytest.mark.xdist_group("linuxcnc")]
 HERE = Path(__file__).parent
-LIMITS = {"X": (-400, 400), "Y": (-350, 350), "Z": (-100, 800), "B": (-95, 95), "C": (-36000, 36000)}
+EXAMPLE = HERE.parent / "examples" / "hu40t"
+# (B, C, S, which of the indexations like that, facets or all of the strategy): every parameter of S3 can be seen.
+PART: tuple[tuple[float, float, float, int, Sequence[object] | None], ...] = (
+    (30, -90, 0, 0, None),
+    (60, -180, 0, 0, None),
+    (-45, 135, 0, 0, None),
+    (-75, 225, 0, 0, None),
+    (15, -45, 0, 0, None),
+    (0, 0, 0, 1, (101, 102, 103, 104, 105, 201, 202, 203, 204, 205, 3, 5, 7, 12, 15, 17, 19, 21, 24, 26)),
+    (0, 180, 0, 0, (3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27)),
+    (0, 0, 90, 0, None),
+    (0, 0, 180, 0, None),
+    (0, 0, 270, 0, None),
+)
+OPTIONS = "controller: {post: linuxcnc, log: log.txt, positioning_feed: 30000}\n"
 
 
-@dataclass
-class Control:
-    """A running LinuxCNC and the line to its linuxcncrsh."""
-
-    folder: Path
-    line: socket.socket
-
-    def say(self, text: str, wait: float = 0.2) -> str:
-        """command → its answer."""
-        self.line.sendall(f"{text}\r\n".encode())
-        time.sleep(wait)
-        try:
-            return self.line.recv(65536).decode()
-        except TimeoutError:
-            return ""
-
-    def run(self, made: Plan) -> tuple[list[str], str]:
-        """plan → lines of the log, last error of the control."""
-        lines = program(load("linuxcnc"), made, {"positioning_feed": 20000.0, "log": "log.txt"}, plan_hash(made))[2]()
-        (self.folder / "tango.ngc").write_text("".join(f"{line}\n" for line in lines), encoding="ascii")
-        for text in ("set mode mdi", "set mdi G53 G0 Z300", "set mode auto", f"set open {self.folder / 'tango.ngc'}", "set run"):
-            self.say(text, 1.0)
-        error, end, idle = "", time.monotonic() + 120, False
-        while not idle and time.monotonic() < end:
-            idle = "IDLE" in self.say("get program_status", 0.5)
-            # Asked after the state: what ended the program is told only once, and may come between the two questions.
-            found = re.search(r"ERROR (?!OK)(.*)", self.say("get error"))
-            error = found[1].strip() if found else error
-        if not idle:
-            pytest.fail("the program did not end within two minutes")
-        time.sleep(0.5)
-        return (self.folder / "log.txt").read_text().splitlines(), error
+def tango(*arguments: object, code: int = 0) -> str:
+    """Arguments of the command → what it prints. Fails when it ends with another status."""
+    done = subprocess.run(
+        [sys.executable, "-m", "tango_cnc", *map(str, arguments)], capture_output=True, text=True, check=False, timeout=5400
+    )
+    assert done.returncode == code, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
 
 
-@contextmanager
-def linuxcnc(made: Plan, moved: dict[str, float]) -> Iterator[Control]:
-    """plan, mm by which facets really lie farther out → the control with this table, switched on."""
-    folder = Path(tempfile.mkdtemp(prefix="tango-linuxcnc-"))
-    folder.chmod(0o777)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    for file in (HERE / "linuxcnc").iterdir():
-        (folder / file.name).write_text(file.read_text().replace("@PORT@", str(port)))
-    with (folder / "machine.ini").open("a") as ini:
-        for i, (name, (low, high)) in enumerate(LIMITS.items()):
-            common = f"MIN_LIMIT = {low}\nMAX_LIMIT = {high}\nMAX_VELOCITY = 400\nMAX_ACCELERATION = 2000\n"
-            kind = "LINEAR" if name in "XYZ" else "ANGULAR"
-            ini.write(f"[AXIS_{name}]\n{common}[JOINT_{i}]\nTYPE = {kind}\n{common}HOME = 0\nHOME_SEQUENCE = 0\n")
-    (folder / "machine.tbl").touch()
-    facets = [f for f in made.artefact.facets.values() if f.ball is None]
-    points = [[p + moved.get(f.id, 0.0) * n for p, n in zip(f.point, f.normal, strict=True)] for f in facets]
-    table = {
-        "length": made.machine.probe.length,
-        "radius": made.machine.probe.tip_radius,
-        "facets": [[point, f.normal] for point, f in zip(points, facets, strict=True)],
-        "balls": [[b.centre, b.radius] for b in made.artefact.balls.values()],
-    }
-    (folder / "table.json").write_text(json.dumps(table))
-    variables = {**os.environ, "HOME": str(folder), "RTAPI_FIFO_PATH": str(folder / ".rtapi_fifo")}
-    if os.geteuid() == 0:
-        variables["RTAPI_UID"] = "65534"
-    with (folder / "out.log").open("w") as out:
-        process = subprocess.Popen(["linuxcnc", "machine.ini"], cwd=folder, env=variables, stdout=out, stderr=out)
-        try:
-            yield _switched_on(folder, port, process)
-        finally:
-            _shut_down(port, process)
-            shutil.rmtree(folder, ignore_errors=True)
+def result(*arguments: object) -> dict[str, object]:
+    """Arguments of the command → its JSON."""
+    found: dict[str, object] = json.loads(tango(*arguments, "--json", "-"))
+    return found
 
 
-def _switched_on(folder: Path, port: int, process: subprocess.Popen[bytes]) -> Control:
-    for _ in range(120):
-        try:
-            line = socket.create_connection(("127.0.0.1", port), timeout=0.4)
-            break
-        except OSError:
-            if process.poll() is not None:
-                pytest.fail((folder / "linuxcnc_debug.txt").read_text()[-2000:])
-            time.sleep(0.25)
-    else:
-        pytest.fail("linuxcncrsh does not answer")
-    control = Control(folder, line)
-    for text in ("hello EMC tango 1.1", "set enable EMCTOO", "set echo off", "set verbose on", "set estop off", "set machine on"):
-        control.say(text)
-    for joint in range(5):
-        control.say(f"set home {joint}", 0.5)
-    return control
+def hu40t(folder: Path, part: bool) -> Path:
+    """The example on LinuxCNC, all of it or 111 touches at ten indexations; at 180 mm/min, from 3 mm, as time here is real time."""
+    shutil.copytree(EXAMPLE, folder)
+    (folder / "tango.yaml").write_text(
+        f"tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\nterms: S3\n{OPTIONS}"
+    )
+    (folder / "uncertainty.yaml").write_text(
+        f"contributions:\n  - {{source: repeatability}}\n  - {{source: probe_latch, period: {PERIOD}}}\n"
+    )
+    machine = yaml.safe_load((folder / "machine.yaml").read_text())
+    for axis in machine["axes"].values():
+        if axis["kind"] != "spindle":
+            axis.update(rapid=30_000, acceleration=5.0)
+            axis.pop("clamp_time", None)
+    (folder / "machine.yaml").write_text(yaml.safe_dump(machine, sort_keys=False))
+    strategy = yaml.safe_load((folder / "strategy.yaml").read_text())
+    strategy["approach"] = {"standoff": 3.0, "search": 2.0, "feed": 180.0}
+    if part:
+        chosen = []
+        for b, c, s, which, facets in PART:
+            like = [i for i in strategy["indexations"] if (i["B"], i["C"], i["S"]) == (b, c, s)][which]
+            chosen.append({**like, "facets": list(facets or like["facets"])})
+        strategy.update(name="part of thesis Table 4-2", indexations=chosen)
+    (folder / "strategy.yaml").write_text(yaml.safe_dump(strategy, sort_keys=False))
+    return folder
 
 
-def _shut_down(port: int, process: subprocess.Popen[bytes]) -> None:
-    try:
-        with socket.create_connection(("127.0.0.1", port), timeout=0.5) as line:
-            for text in ("hello EMC tango 1.1", "set enable EMCTOO", "shutdown"):
-                line.sendall(f"{text}\r\n".encode())
-                time.sleep(0.3)
-    except OSError:
-        process.terminate()
-    try:
-        process.wait(20)
-    except subprocess.TimeoutExpired:
-        process.kill()
+def measured(folder: Path) -> None:
+    """The whole flow of the product on the real control, and what it has to give. Prints what the control does to the readings."""
+    tango("plan", "-C", folder, "--post", "linuxcnc")
+    with linuxcnc(folder) as control:
+        tango("run", "-C", folder, "--port", control.url, "--yes")
+        contacts = control.contacts()
+    cell, world = read_cell(folder), read_world(folder / "world.yaml")
+    readings = read_readings(folder / "readings.csv", cell.machine, cell.artefact)
+    made = plan(cell)
+    assert set(readings.status) == {"ok"} and len(readings) == len(made.touches) == len(contacts)
+    assert [contact["surface"] for contact in contacts] == [touch.facet for touch in made.touches]
+
+    # The position is taken at the first look at the probe that finds it on: after the contact, by less than a period's way.
+    way = cell.strategy.approach.feed / 60 * PERIOD
+    late = lateness(cell.machine.names, made.touches, readings.position, np.array([contact["at"] for contact in contacts]))
+    assert late.min() > -1e-4 and late.max() < way + 1e-4
+
+    # Beside the simulation, which draws the same repeatability. It goes straight from touch to touch: backlash may differ.
+    tango("simulate", "-C", folder, "-o", folder / "simulated.csv")
+    beside = ("compare", "-C", folder, "--with", folder / "simulated.csv", "--period", PERIOD)
+    print("\n" + tango(*beside))
+    found = result(*beside)
+    count, latch = found["touches"], found["latch"]
+    assert isinstance(count, int) and isinstance(latch, dict) and count == len(readings)
+    backlash = 1e3 * sum(abs(value) for name, value in world.errors.items() if name in ("EXXb", "EYYb"))
+    assert abs(found["mean_um"] - latch["mean_um"]) < 4 * latch["std_um"] / math.sqrt(count) + backlash  # type: ignore[operator]
+    assert found["std_um"] == pytest.approx(latch["std_um"], rel=0.25)
+
+    # Every parameter within the interval in which all are together with p = 0.95, by a budget that knows of the looks at the probe.
+    estimate = result("estimate", "-C", folder)
+    budget = result("uncertainty", "-C", folder)
+    parameters, joint = budget["parameters"], budget["joint"]
+    assert isinstance(parameters, dict) and isinstance(joint, dict) and set(parameters) >= set(world.errors)
+    size = {n: abs(p["value"] - world.errors.get(n, 0.0)) / p["std"] for n, p in parameters.items()}
+    print("error over u:", {name: round(value, 2) for name, value in size.items()}, "k_q", round(joint["k_q"], 2))
+    assert max(size.values()) < joint["k_q"], size
+    expected = math.hypot(cell.machine.probe.repeatability, way / math.sqrt(12)) * 1e3
+    residual = estimate["residual"]
+    assert isinstance(residual, dict)
+    assert residual["std_um"] == pytest.approx(expected, rel=4 / math.sqrt(2 * residual["dof"]))
+
+    # What the model without the control lacks is scatter, and nothing that would have the name of another cause.
+    print(tango("diagnose", "-C", folder))
+    named = {finding["cause"] for finding in result("diagnose", "-C", folder)["findings"]}  # type: ignore[attr-defined]
+    assert named == {"noise_level"}
+
+
+def lateness(names: Sequence[str], touches: Sequence[object], positions: Array, contacts: Array) -> Array:
+    """Axes, touches, (n, k) readings and true contacts → (n,) mm, how far behind the contact along the approach."""
+    linear = [names.index(name) for name in "XYZ"]
+    way = np.array([np.subtract(touch.contact, touch.standoff) for touch in touches])[:, linear]  # type: ignore[attr-defined]
+    away = (positions - contacts)[:, linear]
+    result: Array = np.einsum("ij,ij->i", away, way / np.linalg.norm(way, axis=1, keepdims=True))
+    return result
+
+
+@pytest.mark.long
+def test_a_hundred_touches_give_the_parameters_within_their_uncertainties(tmp_path: Path) -> None:
+    measured(hu40t(tmp_path / "cell", part=True))
+
+
+@pytest.mark.campaign
+def test_the_whole_strategy_on_the_real_control(tmp_path: Path) -> None:
+    measured(hu40t(tmp_path / "cell", part=False))
+
+
+# What a program does when the table is not where it is expected: six touches, read from the log of the control
 
 
 def words(line: str) -> dict[str, float]:
     return {letter: float(value) for letter, value in re.findall(r"([A-Z])(-?[\d.]+)", line)}
 
 
-@pytest.fixture(scope="module")
-def made() -> Plan:
-    return plan(read_cell(HERE / "golden" / "cell"))
+def small(
+    folder: Path, moved: Mapping[str, float], obstacle: Mapping[str, object] | None = None, **options: object
+) -> tuple[Path, Path]:
+    """Folder, mm by which facets lie farther out, what nobody planned for → cell to plan with, cell as the table really is."""
+    for name in ("planned", "true"):
+        shutil.copytree(HERE / "golden" / "cell", folder / name)
+        more = "".join(f", {key}: {json.dumps(value)}" for key, value in options.items())
+        (folder / name / "tango.yaml").write_text(
+            "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\nterms: S1\n"
+            f"controller: {{post: linuxcnc, log: log.txt, positioning_feed: 30000{more}}}\n"
+        )
+        (folder / name / "world.yaml").write_text(f"facets: {json.dumps(moved)}\n")
+    if obstacle is not None:
+        with (folder / "true" / "artefact.yaml").open("a") as artefact:
+            artefact.write(f"obstacles: [{json.dumps(obstacle)}]\n")
+    return folder / "planned", folder / "true"
 
 
-def test_every_touch_is_made_where_it_is_planned(made: Plan) -> None:
-    """The probe input is asked every 0.3 ms and read every 1 ms; at 3 mm/s and on a busy computer that is some micrometres."""
-    with linuxcnc(made, {}) as control:
-        lines, error = control.run(made)
-    assert not error
-    assert re.fullmatch(r"TANGO START [0-9A-F]{12} 6", lines[0]) and lines[-1] == "TANGO END 6"
-    for line, touch in zip(lines[1:-1], made.touches, strict=True):
-        found = words(line)
-        assert (found["P"], found["H"]) == (touch.number, 1)
-        for name, value in zip(made.machine.names, touch.contact, strict=True):
-            if name in made.machine.linear:
-                assert found[name] == pytest.approx(value, abs=0.2), (touch.number, name)
-            else:
-                assert math.remainder(found[name] - math.degrees(value), 360) == pytest.approx(0, abs=1e-6)
+def said(control: Control, cell: Path) -> tuple[list[str], str]:
+    lines, error = control.run(cell)
+    assert lines and lines[0].startswith("TANGO START")
+    return lines[1:], error
 
 
-def test_a_miss_and_an_early_contact_are_told_apart(made: Plan) -> None:
-    with linuxcnc(made, {"top": 7.0, "3": -8.0}) as control:
-        lines, error = control.run(made)
-    assert not error
-    assert [words(line)["H"] for line in lines[1:-1]] == [1, 2, 1, 2, 0, 1]
+@pytest.mark.long
+def test_a_miss_and_an_early_contact_are_told_apart(tmp_path: Path) -> None:
+    planned, true = small(tmp_path, {"top": 7.0, "3": -8.0})
+    with linuxcnc(true) as control:
+        lines, error = said(control, planned)
+    assert not error and lines[-1] == "TANGO END 6"
+    assert [words(line)["H"] for line in lines[:-1]] == [1, 2, 1, 2, 0, 1]
 
 
-def test_a_contact_on_the_way_ends_the_program_before_its_record(made: Plan) -> None:
-    with linuxcnc(made, {"top": 40.0}) as control:
-        lines, error = control.run(made)
+@pytest.mark.long
+def test_a_contact_on_the_way_ends_the_program_before_its_record(tmp_path: Path) -> None:
+    """Something lies on the table where touch 2 goes down to its stand-off."""
+    planned, true = small(tmp_path, {}, {"kind": "box", "low": [10, 20, 5], "high": [30, 40, 45]})
+    with linuxcnc(true) as control:
+        lines, error = said(control, planned)
+        contacts = control.contacts()
     assert "Probe tripped during non-probe move" in error
-    assert [line[:5] for line in lines] == ["TANGO", "P1 H1"]
+    assert [line[:5] for line in lines] == ["P1 H1"]
+    assert [contact["surface"] for contact in contacts] == ["1", "obstacle"]
+
+
+@pytest.mark.long
+def test_wrapped_axes_come_to_every_touch_as_the_plan_says(tmp_path: Path) -> None:
+    """WRAPPED_ROTARY of the control: the sense of the last motion is what backlash depends on."""
+    planned, true = small(tmp_path, {}, wrapped=True)
+    with linuxcnc(true, wrapped="C") as control:
+        lines, error = said(control, planned)
+        contacts = control.contacts()
+    assert not error and lines[-1] == "TANGO END 6"
+    made = plan(read_cell(planned))
+    column = made.machine.column("C")
+    assert [contact["sense"][column] for contact in contacts] == last_motion(made)[:, column].tolist()  # type: ignore[index]
+    for line, touch in zip(lines[:-1], made.touches, strict=True):
+        assert math.remainder(words(line)["C"] - math.degrees(touch.contact[column]), 360) == pytest.approx(0, abs=1e-6)

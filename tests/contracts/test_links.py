@@ -1,6 +1,7 @@
 """What every protocol client must do, whatever its protocol; the conversations are the files of tests/transcripts/<protocol>/.
 
-`->` the client sends exactly this, `<-` it receives this, `..` seconds pass, `!!` the line is gone, `=>` what it made of it.
+`->` the client sends exactly this, `<-` it receives this, `..` seconds pass, `!!` the line is gone, `^C` the user
+wants an end, `=>` what it made of it.
 """
 
 import importlib
@@ -76,6 +77,8 @@ def replay(protocol, file, pieces):
             events += one.elapsed(float(text))
         elif mark == "!!":
             events += one.closed()
+        elif mark == "^C":
+            one.stop()
         elif mark == "=>":
             expected.append(text)
         else:

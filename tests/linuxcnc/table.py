@@ -1,39 +1,58 @@
-"""A HAL component of LinuxCNC (its python, its `hal`): the table of a wCBXfZY machine, and a probe that trips on it.
+"""A HAL component of LinuxCNC (its python, its `hal`): the pipe between the pins and `contact.py`, which knows the table.
 
-table.json: {"length": mm, "radius": mm, "facets": [[point, normal], …], "balls": [[centre, radius], …]}
+Out: time in s, X Y Z in mm, B C S in deg, whether the probe is on or was since. In: nothing, or a plane: slopes per mm and deg,
+and its offset.
+The HAL module belongs to the system's python, the simulated machine to the project's; they need not be of one version.
 """
 
-import json
-import math
+import subprocess
+import sys
 import time
 
 import hal
 
-with open("table.json", encoding="utf-8") as file:
-    TABLE = json.load(file)
+GAINS = ("plane.xy.gain0", "plane.xy.gain1", "plane.zb.gain0", "plane.zb.gain1", "plane.gap.gain1", "plane.xy.offset")
 
 component = hal.component("table")
-for name in "XYZBC":
+for name in "XYZBCS":
     component.newpin(name, hal.HAL_FLOAT, hal.HAL_IN)
-component.newpin("probe", hal.HAL_BIT, hal.HAL_OUT)
+component.newpin("echo", hal.HAL_FLOAT, hal.HAL_IN)
+component.newpin("serial", hal.HAL_FLOAT, hal.HAL_OUT)
+for name in ("probe", "was"):
+    component.newpin(name, hal.HAL_BIT, hal.HAL_IN)
+for name in ("arm", "disarm", "forget", "alive"):
+    component.newpin(name, hal.HAL_BIT, hal.HAL_OUT)
 component.ready()
 
 
-def touching(x, y, z, b, c):
-    """Axis positions → whether the ball is in contact: patches of 15 mm around the facets' points, and whole balls."""
-    p = [-x, y, z - TABLE["length"]]
-    p[0], p[2] = math.cos(b) * p[0] - math.sin(b) * p[2], math.sin(b) * p[0] + math.cos(b) * p[2]
-    p[0], p[1] = math.cos(c) * p[0] + math.sin(c) * p[1], -math.sin(c) * p[0] + math.cos(c) * p[1]
-    for point, normal in TABLE["facets"]:
-        way = [i - j for i, j in zip(p, point, strict=True)]
-        gap = sum(i * j for i, j in zip(way, normal, strict=True))
-        aside = math.sqrt(max(sum(i * i for i in way) - gap * gap, 0.0))
-        if -6.0 < gap <= TABLE["radius"] and aside < 15.0:
-            return True
-    return any(math.dist(p, centre) <= size + TABLE["radius"] for centre, size in TABLE["balls"])
+def periods(count):
+    """Waits: the echo is the last thing in a period."""
+    for _ in range(count):
+        component["serial"] += 1.0
+        while component["echo"] != component["serial"]:
+            time.sleep(0.0002)
 
 
-while True:
-    at = [component[name] for name in "XYZBC"]
-    component["probe"] = touching(*at[:3], math.radians(at[3]), math.radians(at[4]))
-    time.sleep(0.0003)
+with open("contact.err", "w", encoding="utf-8") as err:
+    judge = subprocess.Popen(
+        ["@PYTHON@", "@CONTACT@", "."], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=err, text=True, bufsize=1
+    )
+    while judge.poll() is None:
+        values = [component[name] for name in "XYZBCS"]
+        was, on = component["was"], component["probe"]  # after the position: a contact before that must not be missed
+        judge.stdin.write(" ".join(map(repr, (time.monotonic(), *values, int(was or on)))) + "\n")
+        component["forget"] = was and not on  # a contact may be over before anybody here has looked
+        answer = judge.stdout.readline().split()
+        if answer:
+            component["disarm"] = component["forget"] = True  # no plane is half the old and half the new one
+            for gain, value in zip(GAINS, answer, strict=True):
+                hal.set_p(gain, value)
+            periods(2)  # one of them whole, with the new plane
+            component["disarm"] = component["forget"] = False
+            component["arm"] = True
+            periods(2)
+            component["arm"] = False
+        else:
+            time.sleep(0.004)
+        component["alive"] = not component["alive"]
+sys.exit("contact.py has ended")
