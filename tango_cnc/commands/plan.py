@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 NAMED = 3  # touches that a warning names
 PROGRAM = re.compile(rb"\bPROGRAM [0-9A-F]{12}\b")
+DRAWN = (".png", ".svg", ".pdf")
 HEAD = 2000  # bytes of a program within which its mark stands
 
 
@@ -53,6 +54,13 @@ HEAD = 2000  # bytes of a program within which its mark stands
     help="Write several programs of at most N touches, cut between indexations; 'tango run --split N' runs them in turn.",
 )
 @click.option("--dry-run", is_flag=True, help="Print the moves instead of writing anything.")
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Also draw the way of the stylus tip: .png, .svg or .pdf (pip install 'tango-cnc[report]').",
+)
+@click.option("--indexation", type=click.IntRange(1), metavar="N", help="Draw this indexation only: the N-th of the strategy.")
 @json_option
 def command(
     folder: Path,
@@ -62,13 +70,22 @@ def command(
     capability: Kind | None,
     most: int | None,
     dry_run: bool,
+    picture: Path | None,
+    indexation: int | None,
     json_file: str | None,
 ) -> None:
     """Writes the NC program and plan.csv: where every touch happens and how the probe gets there."""
     from postprocessors import _base as posts
 
     from .. import plan as planner
+    from ..report import path, pictures
 
+    if indexation is not None and picture is None:
+        raise InputError("--indexation: it says what --picture draws; give --picture FILE too")
+    if picture is not None:
+        if picture.suffix.lower() not in DRAWN:
+            raise InputError(f"--picture: found {str(picture)!r}; allowed: a name that ends with {', '.join(DRAWN)}")
+        pictures.needed()
     cell = read_cell(folder)
     name = post or (cell.controller.post if cell.controller else None)
     if name is None and not dry_run:
@@ -81,6 +98,8 @@ def command(
         click.echo(f"left out: {text}", err=True)
     if made.doubtful:
         click.echo(warning(made), err=True)
+    if picture is not None:
+        pictures.write(path.picture(made, indexation), picture)
     if dry_run:
         for line in _moves(made):
             click.echo(line)

@@ -196,6 +196,13 @@ class Clearance:
         return _sphere(self._machine, self._machine.tool_branch, position, reach)
 
 
+def swept(machine: Machine, solid: check.Solid) -> tuple[Array, float] | None:
+    """machine, bodies → centre (table frame, all axes at zero) and radius mm of what the table sweeps; None when it never turns."""
+    if not any(machine.axis(name).kind == "rotary" for name in machine.workpiece_branch):
+        return None
+    return _sphere(machine, machine.workpiece_branch, np.zeros(len(machine.names)), solid.reach)
+
+
 def _tuple(position: Array) -> tuple[float, ...]:
     return tuple(position.tolist())
 
