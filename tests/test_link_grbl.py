@@ -4,8 +4,11 @@ import re
 import socket
 import sys
 
+import numpy as np
 import pytest
 import yaml
+from blockcell import NORMALS, block, machine
+from blockcell import cell as block_cell
 from linkparts import job
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
@@ -191,6 +194,19 @@ def test_a_control_that_does_not_name_its_axes_has_as_many_as_it_lists(cell, fir
         result = Result("run", "-C", cell, "--port", f"{url}?orient=m19", "--timeout", "20")
     assert result.code == 3
     assert f"the control has the axes {axes or 'X Y Z A B'}; the plan moves" in result.err
+
+
+def test_grbl_1_1_measures_where_three_axes_suffice():
+    """The post for it takes the machine without rotary axes, its lines fit, and its driver has every touch."""
+    places = {name: np.zeros(3) for name in NORMALS}
+    made = plan(block_cell(machine("wXYfZ(S)t"), block((0.0, 0.0, 0.0), places), [{"S": 0.0}]), "leave-out")
+    lines = list(program(load("grbl"), made, {"control": "grbl"}, plan_hash(made))[2]())
+    one = switched_on(Motion(rig(made.machine, made.artefact, World())), firmware="grbl")
+    assert len(made.touches) >= 3
+    assert {one.line(line)[-1] for line in lines if not line.startswith("M19")} == {"ok"}
+    with pytest.raises(InputError, match="grbl, which has X Y Z only"):
+        turned = plan(block_cell(machine("wCXYfZ(S)t"), block((0.0, 0.0, 0.0), places), [{"S": 0.0, "C": 0.0}]), "leave-out")
+        program(load("grbl"), turned, {"control": "grbl"}, "P")
 
 
 # The program is what the driver sends

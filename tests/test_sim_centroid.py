@@ -14,6 +14,7 @@ from sim_controller.faults import faults
 from sim_controller.interpreters import Alarm, centroid
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
+from sim_controller.session import language, profile
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Ended, Touched
 from tango_cnc.link._words import record
@@ -68,8 +69,8 @@ def run(
     motion = Motion(rig(made.machine, made.artefact, world or World()), note, faults=faults(fault))
     motion._stuck = stuck
     try:
-        profile = replace(centroid.default_profile(made.machine), **settings)
-        centroid.Control(motion, profile, out.append, note).run(lines, False)
+        set_up = replace(centroid.default_profile(made.machine), **settings)
+        centroid.Control(motion, set_up, out.append, note).run(lines, False)
     except Alarm as alarm:
         ran.alarm = str(alarm)
     ran.out = b"".join(out)
@@ -192,3 +193,10 @@ def test_conditions_jumps_and_numbers(made: Plan) -> None:
         'M223 "%.0f %.0f %.2f\\n" #100 #101 #102',
     ]
     assert run(program, made).lines == ["4 1 0.50"]
+
+
+def test_its_settings_come_as_text_too(made: Plan) -> None:
+    said = {"probe": "P:-15", "macros": "M19 M77", "inches": "true", "g54": "X:1.5", "axes": "X Y Z C B"}
+    told = profile(language("centroid"), made.machine, said)
+    assert told.probe == {"P": -15.0} and told.axes[3:] == ("C", "B")
+    assert "M77" not in run(["M77"], made, macros=told.macros).alarm

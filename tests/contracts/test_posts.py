@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from postprocessors._base import Job, Leg, Post, comment, load, mark_of, names, program, settings, unverified
+from postprocessors._base import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import plan_lines
 from tango_cnc.plan import part, plan, plan_hash
@@ -66,6 +66,11 @@ def compare(file: Path, text: str) -> None:
 
 def test_the_program_is_the_golden_one(name: str, post: Post, made: Plan) -> None:
     compare(GOLDEN / name / program(post, made, {}, plan_hash(made))[0], text_of(post, made))
+
+
+def test_the_files_beside_the_program_are_the_golden_ones(name: str, post: Post, made: Plan) -> None:
+    for file, lines in companions(post, made, {}).items():
+        compare(GOLDEN / name / file, "".join(f"{line}\n" for line in lines))
 
 
 def test_the_plan_is_the_golden_one(made: Plan) -> None:
