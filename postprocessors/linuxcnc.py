@@ -1,15 +1,16 @@
 """LinuxCNC 2.9 and later (g-code.adoc, o-code.adoc, tried with rs274 and the whole control).
 
-A move that is no probing move is aborted by the control itself when the probe trips, so positioning is plain G53 G1. Probing is
-G38.3, which does not stop the program when it misses; #5070 tells. Previews never trip the probe, so whatever ends a program
-looks at #<_task> first.
+A move that is no probing move is aborted by the control itself when the probe trips, so positioning is plain G53 G1. But only the
+moment of tripping is noticed (control.c): a probe that is on already guards nothing. So every retract, the first move of all
+among them, is a search (G38.3), which the control does not begin with the probe on. Probing is G38.3 too, which does not stop
+the program when it misses; #5070 tells. Previews never trip the probe, so whatever ends a program looks at #<_task> first.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from tango_cnc.records import InputError, Machine
 
@@ -45,6 +46,7 @@ def begin(job: Job) -> Iterator[str]:
         yield f"(UNVERIFIED {comment(doubt, 100)})"
     yield from _touch(job)
     yield from _record(job.machine)
+    yield from _free()
     yield RESET
     yield "(MACHINE MINUS WORK COORDINATES)"
     for name in _axes(job.machine):
@@ -85,10 +87,18 @@ def _record(machine: Machine) -> Iterator[str]:
     """Subroutine: one line for touch #1 with the spindle at #2, and the sum of its coordinates."""
     yield "O<tango_record> SUB"
     first, *rest = _axes(machine)
-    yield f"#<_tango_sum> = [{' + '.join(f'#<_tango_at_{name.lower()}>' for name in (first, *rest))} + #2]"
+    yield f"#<_tango_k> = [{' + '.join(f'#<_tango_at_{name.lower()}>' for name in (first, *rest))} + #2]"
     values = f"{first}%.6f#<_tango_at_{first.lower()}> " + " ".join(f"{name}#<_tango_at_{name.lower()}>" for name in rest)
-    yield f"(LOG,P%d#1 H#<_tango_flag> {values} S#2 K#<_tango_sum>)"
+    yield f"(LOG,P%d#1 H#<_tango_flag> {values} S#2 K#<_tango_k>)"
     yield "O<tango_record> ENDSUB"
+
+
+def _free() -> Iterator[str]:
+    """Subroutine: searches to #1 #2 #3 (machine coordinates) at #4 and is to find nothing."""
+    yield "O<tango_free> SUB"
+    yield f"G38.3 {' '.join(f'{name}[#{i} - #<_tango_{name.lower()}>]' for i, name in enumerate('XYZ', 1))} F#4"
+    yield from _abort("O150", "#5070 NE 0", "PROBE MET SOMETHING ON ITS WAY")
+    yield "O<tango_free> ENDSUB"
 
 
 def _abort(label: str, condition: str, message: str) -> Iterator[str]:
@@ -101,12 +111,23 @@ def _abort(label: str, condition: str, message: str) -> Iterator[str]:
 probe_on, probe_off = switches("(%s)")
 
 
+def retract(job: Job, leg: Leg) -> Iterator[str]:
+    """A search that is to find nothing, from where the machine stands; a way of no length is none, which newer versions refuse."""
+    there = _numbers(leg.to)
+    if there == _numbers(leg.came):
+        yield from move(job, leg)
+        return
+    values = [there.get(name, f"#<_abs_{name.lower()}>") for name in "XYZ"]
+    yield "O<tango_free> CALL " + " ".join(f"[{v}]" for v in (*values, number(job.options["positioning_feed"])))
+
+
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """A straight move in machine coordinates, which the control aborts when the probe trips."""
-    yield f"G53 G1 {_words(leg)} F{number(job.options['positioning_feed'])}"
+    words = " ".join(name + value for name, value in _numbers(leg.to).items())
+    yield f"G53 G1 {words} F{number(job.options['positioning_feed'])}"
 
 
-retract = clear = back = move
+clear = back = move
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
@@ -158,8 +179,9 @@ def _axes(machine: Machine) -> list[str]:
     return [name for name in machine.names if name != "S"]
 
 
-def _words(leg: Leg) -> str:
-    return " ".join(f"{name}{number(leg.to[name])}" for name in "XYZ" if name in leg.target)
+def _numbers(place: Mapping[str, float]) -> dict[str, str]:
+    """positions → {linear axis: number as text} of those that are known."""
+    return {name: number(place[name]) for name in "XYZ" if name in place}
 
 
 def _check(job: Job) -> None:

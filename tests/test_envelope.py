@@ -179,8 +179,11 @@ def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("G53 G1 Z383. F3000.\n(TOUCH 1", "G0 Z383.\n(TOUCH 1", "no line that a program of this kind"),
-        ("G53 G1 Z318. F3000.\nG53 G1 X-20.", "G53 G1 X-20.", "found X -20.000 mm; the plan goes to X -113.000 mm"),
+        ("G53 G1 X-113. Y-10. Z383. F3000.\n(TOUCH 1", "G0 Z383.\n(TOUCH 1", "no line that a program of this kind"),
+        ("O<tango_free> CALL [-113.] [-10.] [318.] [3000.]\n", "", "the plan has a protected move .retract. here"),
+        ("O<tango_free> CALL [-113.] [-10.] [318.] [3000.]", "G53 G1 Z318. F3000.", "the plan has a protected move .retract. here"),
+        ("O<tango_free> CALL [-113.] [-10.] [318.]", "O<tango_free> CALL [-113.] [-10.] [-318.]", "found Z -318.000 mm"),
+        ("(ABORT,PROBE MET SOMETHING ON ITS WAY)\n", "", "although a protected move has been stopped short in Z"),
         ("[-98.]", "[98.]", "found X 98.000 mm"),
         ("(ABORT,WORK OFFSET CHANGED)\n", "", "the work offset of X has changed"),
         ("(ABORT,THE WORK FRAME IS ROTATED)\n", "", "the work frame is rotated"),
@@ -189,7 +192,7 @@ def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
         ("#<_tango_flag> = 0", "#<_tango_flag> = 1", "the flag is 1 where nothing was touched has happened"),
         ("G53 G0 C265.", "G53 G0 C-265.", "found C -265 deg; the plan turns to C 265 deg"),
         ("G90 G94", "G91 G94", "found the word G91"),
-        ("G53 G1 Z473.9967 F3000.\n(INDEX B-30.", "(INDEX B-30.", "the plan has the retract move"),
+        ("O<tango_free> CALL [60.] [-40.] [473.9967] [3000.]\n", "", "the plan has the retract move"),
         ("M2", "M2\nG53 G0 Z0.", "behind the end of the program"),
     ],
 )

@@ -131,6 +131,13 @@ def test_contact_on_the_way_ends_it(made: Plan) -> None:
     assert ran.alarm is not None and ran.alarm.text == "Probe tripped during non-probe move."
 
 
+def test_a_probe_that_stays_on_ends_it_before_the_way_up(made: Plan) -> None:
+    """No other move would notice: LinuxCNC looks for the moment of tripping."""
+    ran = run(lines_of(made), made, fault=("probe-stuck-after=1",))
+    assert ran.alarm is not None and "already tripped" in ran.alarm.text
+    assert ran.flags(made) == [1] and ran.places[-1]["Z"] < 300
+
+
 def test_a_probe_that_is_on_before_the_search_ends_it(made: Plan) -> None:
     ran = run(lines_of(made), made, fault=("bounce-after=2",))
     assert ran.alarm is not None and "already tripped" in ran.alarm.text

@@ -1,4 +1,4 @@
-"""Programs for LinuxCNC: the control itself aborts a move that is no probing move when the probe trips.
+"""Programs for LinuxCNC: the control itself aborts a move that is no probing move when the probe trips, not when it is on before.
 
 Facts (g-code.adoc, o-code.adoc): #<_abs_x> machine and #<_x> work position; #5061 … #5066 the probed position of X Y Z A B C in
 the work frame, #5070 whether there was contact; G38.3 goes on when there was none; G53 works with G0 and G1 only;
@@ -25,7 +25,7 @@ TURN = re.compile(rf"G53 G0 ([ABC])({NUMBER})")
 ORIENT = re.compile(rf"M19 R({NUMBER}) Q\d+")
 PROBE = re.compile(r"G38\.3 X(\[[^\]]+\]) Y(\[[^\]]+\]) Z(\[[^\]]+\]) F(#\d+)")
 SUB = re.compile(r"O<([a-z_]+)> (SUB|ENDSUB)")
-CALL = re.compile(rf"O<([a-z_]+)> CALL((?: \[(?:{NUMBER}|\d+)\])+)")
+CALL = re.compile(rf"O<([a-z_]+)> CALL((?: \[(?:{NUMBER}|\d+|#<_abs_[xyz]>)\])+)")
 ASSIGN = re.compile(r"#<(_tango_[a-z_]+)> = (.+)")
 IF = re.compile(r"O(\d+) IF (\[.+\])")
 ABORT = re.compile(r"\(ABORT,[A-Z0-9 .]+\)")
@@ -33,12 +33,13 @@ OPEN = re.compile(r"\(LOGOPEN,[A-Za-z0-9._/-]+\)")
 START = re.compile(r"\(LOG,TANGO START ([0-9A-F]{12}) (\d+)\)")
 END = re.compile(r"\(LOG,TANGO END (\d+)\)")
 RECORD = re.compile(r"\(LOG,P%d(#\d+) H(#<\w+>) ([A-Z])%\.[4-9]f(#<\w+>)((?: [A-Z](?:#<\w+>|#\d+))+)\)")
+STILL = 1e-4  # mm
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 
 
 def reads(head: list[str]) -> bool:
     """first lines of a program → whether it is of this family."""
-    return any(line.startswith(("G38.", "O<", "(LOGOPEN,", "G53 G1 ")) for line in head)
+    return any(line.startswith(("O<", "(LOGOPEN,")) for line in head)
 
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
@@ -103,16 +104,17 @@ class _Program:
         if match := MOVE.fullmatch(line):
             words = {word[0]: float(word[1:]) for word in match[1].split()}
             target = {name: machine.base.position[name] for name in "XYZ"} | words
-            machine.moves(target, (*PROTECTED, "back"), float(match[2]))
+            stays = all(abs(target[name] - machine.base.position[name]) < STILL for name in words)
+            machine.moves(target, (*PROTECTED, "back") if stays else ("clear", "approach", "back"), float(match[2]))
         elif match := TURN.fullmatch(line):
             machine.turns(match[1], self._place(match[1], float(match[2])), False)
         elif match := ORIENT.fullmatch(line):
             machine.turns("S", float(match[1]), False)
         elif match := PROBE.fullmatch(line):
             target = {n: machine.same(text) + machine.base.offset[n] for n, text in zip("XYZ", match.groups()[:3], strict=True)}
-            machine.measures(target, machine.same(match[4]))
+            (machine.measures if machine.walk.measures else machine.guarded)(target, machine.same(match[4]))
         elif match := CALL.fullmatch(line):
-            self._call(match[1], [float(text.strip("[]")) for text in match[2].split()])
+            self._call(match[1], [machine.same(text) for text in match[2].split()])
         elif re.fullmatch(r"G[\d.]+(?: G[\d.]+)*", line):
             machine.reset(line)
         else:

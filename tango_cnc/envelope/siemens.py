@@ -39,7 +39,7 @@ MADE_SURE = ("G49", "G80")  # D0 stands in every move; the control has no modal 
 
 def reads(head: list[str]) -> bool:
     """first lines of a program → whether it is of this family."""
-    return any("TG_ERROR" in line or line.startswith("SUPA ") for line in head)
+    return any("TG_ERROR" in line for line in head)
 
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:

@@ -1,0 +1,75 @@
+"""The post on the page that shows how to write one: copied by a stranger, it works as those of this project do."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from postprocessors._base import load, mark_of, unverified
+from tango_cnc.cli import guarded, tango
+from tango_cnc.files import read_cell
+from tango_cnc.plan import plan
+
+ROOT = Path(__file__).parent.parent
+PAGE = (ROOT / "docs" / "dialects.md").read_text(encoding="utf-8").partition("## Writing one")[2]
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    """A cell with the file from the page in it."""
+    shutil.copytree(ROOT / "tests" / "golden" / "cell", tmp_path / "cell")
+    found = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert len(found) == 1
+    (tmp_path / "cell" / "acme.py").write_text(found[0], encoding="utf-8")
+    return tmp_path / "cell"
+
+
+def call(*arguments: object) -> int:
+    return guarded(tango.main, [str(a) for a in arguments], prog_name="tango", standalone_mode=False)
+
+
+def test_its_program_has_every_touch_between_two_marks(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("plan", "-C", cell, "--post", cell / "acme.py") == 0
+    said = capsys.readouterr().out
+    assert "has not been read back" in said and "a probe that is off stops nothing" in said
+    text = (cell / "program" / "TANGO.nc").read_text()
+    made, mark = plan(read_cell(cell)), mark_of(text)
+    printed = [line for line in text.splitlines() if line.startswith("PRINT")]
+    assert printed[0] == f'PRINT "TANGO START {mark} 6"' and printed[-1] == 'PRINT "TANGO END 6"'
+    assert [re.match(r'PRINT "P(\d+) H#1 X#X', line)[1] for line in printed[1:-1]] == list("123456")  # type: ignore[index]
+    moves = [line.split()[0] for line in text.splitlines() if line.startswith(("G131", "G130", "G53 G1"))]
+    wanted = {"probe": "G130", "back": "G53"}
+    assert moves == [wanted.get(move.kind, "G131") for move in made.moves if move.kind != "index"]
+
+
+def test_its_options_are_those_of_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (cell / "tango.yaml").write_text(
+        (cell / "tango.yaml").read_text().replace("post: fanuc", "post: ./acme.py, clamp: {B: M10}, probe_on: M80")
+    )
+    assert call("plan", "-C", cell) == 0
+    text = (cell / "program" / "TANGO.nc").read_text()
+    assert "M80\n" in text and "B-30.\nM10\n" in text
+    post = load(str(cell / "acme.py"))
+    assert len(unverified(post, {"clamp": {}, "probe_on": ""})) == len(unverified(post, {})) - 2
+    (cell / "tango.yaml").write_text((cell / "tango.yaml").read_text().replace("clamp: {B", "clamp: {A"))
+    assert call("plan", "-C", cell) == 2
+    assert "allowed: a word such as M10 for B, C" in capsys.readouterr().err
+
+
+def test_a_step_that_is_forgotten_is_named(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = cell / "acme.py"
+    file.write_text(file.read_text(encoding="utf-8").replace("def record(", "def recorded("), encoding="utf-8")
+    assert call("plan", "-C", cell, "--post", file) == 2
+    assert "missing 1 required keyword-only argument: 'record'" in capsys.readouterr().err
+
+
+def test_nasty_names_do_not_reach_its_program(cell: Path) -> None:
+    machine = cell / "machine.yaml"
+    machine.write_text(re.sub(r"(?m)^name:.*$", 'name: "mill) M30 (G0 Z-9 PROGRAM 012345678901"', machine.read_text()))
+    assert call("plan", "-C", cell, "--post", cell / "acme.py") == 0
+    text = (cell / "program" / "TANGO.nc").read_text()
+    assert text.splitlines()[0] == "(TANGO MILL M30 G0 Z-9 PROGRAM-012345678901)"
+    mark_of(text)
