@@ -175,14 +175,14 @@ def test_the_command_writes_json_words_and_a_page_with_pictures(cell: Path) -> N
     assert run.exit_code == 0, run.output
     assert json.loads((cell / "d.json").read_text())["findings"][0]["cause"] == "thermal_drift"
     page = (cell / "d.html").read_text()
-    assert page.count("data:image/png;base64,") == 3 and "warms up" in page
+    assert page.count("data:image/png;base64,") == 4 and "warms up" in page
 
 
 def test_design_tells_which_touches_would_separate_two_causes(cell: Path) -> None:
     run = CliRunner().invoke(tango, ["design", "-C", str(cell), "--separate", "thermal_drift", "table_drift", "--json", "-"])
     assert run.exit_code == 0, run.output
     data = json.loads(run.output)
-    assert data["append"][0]["apart"] > 1.05 * data["apart"]
+    assert data["together"] >= data["append"][0]["evidence"] > 1.2 * data["evidence"]
     assert data["append"][0]["facets"]
 
 

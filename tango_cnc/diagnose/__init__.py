@@ -217,7 +217,7 @@ def _told(
         )
     findings += _spread.findings(found, touches, rough, excluded)
     remains = [
-        _remainder(c, raw[id(c)] @ sizes[id(c)].values, gains[id(c)])
+        _remainder(c, _outside(found, raw[id(c)] @ sizes[id(c)].values, weight), gains[id(c)])
         for c in found.chosen
         if c.candidate.cause == "" and gains[id(c)].real
     ]
@@ -249,6 +249,12 @@ def _shift(before: Estimate, after: Estimate) -> dict[str, tuple[float, float, f
         if name in new
     }
     return dict(sorted(moved.items(), key=lambda item: -abs(item[1][2])))
+
+
+def _outside(found: Explanation, pattern: Array, weight: Array) -> Array:
+    """→ (n,) mm, the part of a pattern that the present model cannot absorb: of a smooth shape the rest is anything."""
+    basis = found.place.basis
+    return np.asarray((basis @ (basis.T @ (pattern * weight))) / weight)
 
 
 def _remainder(c: Chosen, pattern: Array, g: _gain.Gain) -> Remainder:

@@ -53,4 +53,4 @@ class Remainder:
     shape: str
     amplitude: float
     heldout_r2: float
-    pattern: Array  # (n,)
+    pattern: Array  # (n,) what the present model cannot absorb of it

@@ -29,7 +29,7 @@ class Test:
     variance_share: float  # of the residuals' variance that the bins take, beyond what chance takes
     p_value: float
     centre: Array  # (b,) of each bin
-    mean: Array  # (b,) mm
+    mean: Array  # (b,) mm; of a shift: by how much
     band: Array  # (b,) mm, two standard deviations of such a mean when the model is right
 
 
@@ -53,6 +53,20 @@ def axes_of(touches: Touches) -> dict[str, Array]:
     return result
 
 
+def seen_over(touches: Touches) -> dict[str, tuple[Array, Array]]:
+    """touches → covariate: its values (n,) and how a touch sees what is looked for (n,): 1, or the normal for a shift.
+
+    A drift of the table moves a touch by its normal: over time it is looked for as a shift in each direction of both frames.
+    """
+    one = np.ones(len(touches))
+    result = {name: (values, one) for name, values in axes_of(touches).items()}
+    for frame, normal in (("machine", touches.machine_normal), ("table", touches.normal)):
+        for i, letter in enumerate("xyz"):
+            if np.ptp(normal[:, i]) > 0.5:
+                result[f"shift {letter}, {frame}"] = touches.time, np.where(np.abs(normal[:, i]) > 0.1, normal[:, i], 0.0)
+    return result
+
+
 def bins(values: Array, count: int = BINS) -> NDArray[np.int64]:
     """(n,) → (n,) number of the bin: each value its own where there are few, equal counts otherwise."""
     distinct = np.unique(np.round(values, 9))
@@ -70,11 +84,11 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
     free = float(np.trace(maker))
     whole = float(left @ left)
     result = []
-    for name, values in axes_of(touches).items():
+    for name, (values, weight) in seen_over(touches).items():
         member = bins(values)
         used = np.unique(member)
         columns = np.zeros((len(design), len(used)))
-        columns[:n] = member[:, None] == used[None, :]
+        columns[:n] = (member[:, None] == used[None, :]) * weight[:, None]
         inside = maker @ columns
         u, s, _ = np.linalg.svd(inside, full_matrices=False)
         u = u[:, s > 1e-6 * np.sqrt(n)]
@@ -85,10 +99,13 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
         rest = max(whole - taken, 1e-30)
         p = float(stats.f.sf(taken / k / (rest / (free - k)), k, free - k))
         share = max(0.0, 1 - rest / (free - k) / (whole / free))
-        rows = [np.flatnonzero(keep & (member == b)) for b in used]
-        mean = np.array([left[r].mean() if len(r) else 0.0 for r in rows])
+        rows = [np.flatnonzero(keep & (member == b) & (weight != 0)) for b in used]
+        parts = [weight[r] / float(weight[r] @ weight[r]) if len(r) else weight[r] for r in rows]
+        mean = np.array([float(w @ left[r]) for w, r in zip(parts, rows, strict=True)])
         sigma = np.sqrt(whole / free)
-        band = np.array([2 * sigma * np.sqrt(max(maker[np.ix_(r, r)].sum(), 0.0)) / len(r) if len(r) else 0.0 for r in rows])
+        band = np.array(
+            [2 * sigma * np.sqrt(max(float(w @ maker[np.ix_(r, r)] @ w), 0.0)) for w, r in zip(parts, rows, strict=True)]
+        )
         centre = np.array([values[member == b].mean() for b in used])
         result.append(Test(name, share, p, centre, mean, band))
     return tuple(sorted(result, key=lambda t: t.p_value))
@@ -193,4 +210,4 @@ def separate(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Cho
     return tuple(result)
 
 
-__all__ = ["Extra", "Test", "axes_of", "bins", "columns_of", "extras", "separate", "tests"]
+__all__ = ["Extra", "Test", "axes_of", "bins", "columns_of", "extras", "seen_over", "separate", "tests"]

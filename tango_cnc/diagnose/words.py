@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,8 +10,13 @@ import numpy as np
 
 from .. import terms as families
 from ..records import Array
-from . import Diagnosis, Finding, Remainder
+from . import Diagnosis, Finding, Test
 from ._size import plain
+from .sentences import advice, covariate, gain, meaning, said, unexplained
+
+HIDDEN = 0.1  # visibility
+SHOWN = 8  # covariates on the terminal
+__all__ = ["as_json", "as_text", "effects", "sentence", "telling", "unexplained"]
 
 
 def as_json(d: Diagnosis) -> dict[str, Any]:
@@ -91,100 +97,85 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def sentence(f: Finding) -> str:
-    """finding → what a person at the machine reads."""
-    module = families.causes()[f.cause]
-    size = f"{f.size.amplitude * 1e3:.1f} ± {f.size.amplitude_std * 1e3:.1f} µm"
-    return f"{module.TEXT}: {size}{_how(f)}. What to do: {module.ADVICE}."
-
-
-def _how(f: Finding) -> str:
-    d = f.detail
-    said = []
-    if "axis" in d:
-        said.append(f"axis {d['axis']}")
-    if "name" in d:
-        said.append(str(d["name"]))
-    if "direction" in d:
-        said.append(f"{_towards(np.array(d['direction']))} ({d.get('frame', 'machine')} frame)")
-    if "tau_s" in d and d.get("shape") == "exponential":
-        said.append(f"two thirds of it after {float(d['tau_s']) / 60:.0f} min, then it settles")
-    if d.get("shape") == "linear" and "tau_s" in d:
-        said.append("an hour, steadily")
-    if "order" in d:
-        said.append(f"order {d['order']}")
-    if "period_s" in d:
-        said.append(f"every {float(d['period_s']) / 60:.1f} min")
-    if "period_mm" in d:
-        said.append(f"every {float(d['period_mm']):.2f} mm")
-    if "at" in d and "time_s" in d:
-        said.append(f"from touch {d['at']} on ({float(d['time_s']) / 60:.0f} min)")
-    if "facet" in d:
-        said.append(f"facet {d['facet']}")
-    if "facets" in d:
-        said.append("facets " + ", ".join(str(x) for x in d["facets"]))
-    return (", " if said else "") + ", ".join(said)
-
-
-def _towards(v: Array) -> str:
-    """unit vector → its main direction in words."""
-    strong = [f"{'+' if x > 0 else '−'}{c}" for c, x in zip("XYZ", v, strict=True) if abs(x) > 0.35]
-    return "towards " + " ".join(strong)
+    """finding → what a person at the machine reads: what, what it means, what to do."""
+    return f"{said(f)}. It means: {meaning(f)}. What to do: {advice(f)}."
 
 
 def as_text(d: Diagnosis) -> str:
     """diagnosis → what a person reads on the terminal."""
     lines = [_headline(d), ""]
-    shown = [t for t in d.tests if t.p_value < 0.01][:6]
+    shown = telling(d)
     if shown:
-        lines.append("The residuals are not random. They follow")
-        for t in shown:
-            lines.append(
-                f"  {t.covariate:22} {100 * t.variance_share:4.0f} % of their variance   p {t.p_value:.1g}  {_spark(t.mean)}"
-            )
+        lines.append("What is left of the touches is not random. It follows")
+        lines += [
+            f"  {covariate(t.covariate):52} {100 * t.variance_share:3.0f} % of the variance  {_spark(t.mean)}"
+            for t in shown[:SHOWN]
+        ]
         lines.append("")
     for i, f in enumerate(d.findings, 1):
-        lines.append(f"{i}. {f.cause}: {sentence(f)}")
-        if f.gain is not None:
-            g = f.gain
-            lines.append(
-                f"   gain: rms {g.before * 1e3:.2f} → {g.after * 1e3:.2f} µm; on held-out {g.scheme} "
-                f"{g.heldout_before * 1e3:.2f} → {g.heldout_after * 1e3:.2f} µm (chance of a coincidence {f.p_value:.1g})"
-            )
-        moved = [(n, s) for n, (_, _, s) in f.shift.items() if abs(s) > 1][:5]
-        if moved:
-            lines.append("   it moves " + ", ".join(f"{n} by {s:+.1f} of its standard deviations" for n, s in moved))
+        lines += _wrapped(f"{i}. {f.cause}: {said(f)}.", "   ")
+        lines += _wrapped(f"   It means: {meaning(f)}.", "   ")
+        lines += _wrapped(f"   What to do: {advice(f)}.", "   ")
+        if (brought := gain(f)) is not None:
+            lines += _wrapped(f"   Gain: {brought}.", "   ")
         if f.alternatives:
-            lines.append("   cannot be told from: " + ", ".join(dict.fromkeys(a for a, _, _ in f.alternatives)))
-            lines += [f"   to tell: {s}" for s in f.separate_with]
-    lines += [f"? {unexplained(r)}" for r in d.unexplained]
+            lines += _wrapped(
+                f"   This plan cannot tell it from: {', '.join(dict.fromkeys(a for a, _, _ in f.alternatives))}.", "   "
+            )
+            lines += [line for s in f.separate_with for line in _wrapped(f"   To tell: {s}.", "     ")]
+        lines.append("")
+    for r in d.unexplained:
+        lines += [*_wrapped(f"? {unexplained(r)}.", "  "), ""]
     if d.outliers:
-        lines.append(f"{len(d.outliers)} single touches fit nothing: {', '.join(map(str, d.outliers[:12]))}")
-    if d.findings:
-        v = d.volume
-        lines.append(
-            f"predicted error of the tool tip in the touched volume: rms {v.before * 1e3:.1f} → {v.after * 1e3:.1f} µm; "
-            f"the two predictions differ by {v.moved * 1e3:.1f} µm rms, {v.moved_most * 1e3:.1f} µm at most"
-        )
-        lines += ["", f"terms of the extended model: {d.terms_text}"]
-    hidden = [name for name, value in d.visibility.items() if value < 0.1]
+        lines += [
+            *_wrapped(f"{_count(len(d.outliers), 'single touch', 'es')} fit nothing: {', '.join(map(str, d.outliers))}", "  "),
+            "",
+        ]
+    if d.after is not d.before:
+        lines += _wrapped(_consequences(d), "  ")
+        lines += ["", f"Terms of the extended model: {d.terms_text}"]
+    hidden = [name for name, value in d.visibility.items() if value < HIDDEN]
     if hidden:
-        lines.append(f"hardly visible to this plan: {', '.join(hidden)}")
+        lines += _wrapped(f"This plan would hardly see: {', '.join(hidden)}.", "  ")
     return "\n".join(lines)
 
 
-def unexplained(r: Remainder) -> str:
-    """remainder → a sentence."""
-    where = f", {r.frame}" if r.frame not in ("", "none") else ""
-    return f"nothing in the catalogue explains what follows {r.covariate}{where} ({r.shape}): {r.amplitude * 1e3:.1f} µm"
+def telling(d: Diagnosis) -> list[Test]:
+    """diagnosis → covariates that the residuals follow, most telling first: 5 % over all of them (Bonferroni)."""
+    return [t for t in d.tests if t.p_value < 0.05 / max(len(d.tests), 1)]
+
+
+def _wrapped(text: str, indent: str) -> list[str]:
+    lead = text[: len(text) - len(text.lstrip())]
+    return textwrap.wrap(text.strip(), 118, initial_indent=lead, subsequent_indent=indent, break_on_hyphens=False)
+
+
+def _consequences(d: Diagnosis) -> str:
+    v = d.volume
+    shift = d.findings[0].shift if d.findings else {}
+    moved = [f"{n} ({s:+.1f})" for n, (_, _, s) in shift.items() if abs(s) > 1][:6]
+    text = (
+        f"With all of it in the model the tool tip is predicted elsewhere by {v.moved * 1e3:.1f} µm rms in the touched volume, "
+        f"{v.moved_most * 1e3:.1f} µm at most"
+    )
+    return text + (f". Parameters that move, in their standard deviations: {', '.join(moved)}." if moved else ".")
+
+
+def _count(n: int, one: str, plural: str = "s") -> str:
+    return f"{n} {one}{plural if n != 1 else ''}"
 
 
 def _headline(d: Diagnosis) -> str:
     rms = [float(np.sqrt(np.mean(e.residuals**2))) * 1e3 for e in (d.before, d.after)]
+    fall = f"what is left of a touch falls from {rms[0]:.2f} to {rms[1]:.2f} µm rms"
     if d.verdict == "adequate":
         return f"adequate: the model explains the touches down to their noise ({d.noise * 1e3:.2f} µm)"
+    if d.after is d.before:
+        fall = f"{rms[0]:.2f} µm rms are left of a touch"
     if d.verdict == "explained":
-        return f"explained: {len(d.findings)} cause(s); residual rms {rms[0]:.2f} → {rms[1]:.2f} µm, noise {d.noise * 1e3:.2f} µm"
-    return f"unexplained: structure remains that no cause explains; residual rms {rms[0]:.2f} → {rms[1]:.2f} µm"
+        return f"explained: {_count(len(d.findings), 'cause')}; {fall}, noise {d.noise * 1e3:.2f} µm"
+    named = f"{_count(len(d.findings), 'cause')} found, but " if d.findings else ""
+    return f"unexplained: {named}structure remains that no cause explains; {fall}, noise {d.noise * 1e3:.2f} µm"
 
 
 def _spark(values: Array) -> str:

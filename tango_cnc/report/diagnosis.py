@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..diagnose import Diagnosis, Finding, Test
-from ..diagnose.words import as_text, sentence, unexplained
+from ..diagnose.sentences import advice, covariate, meaning, said, towards, unexplained
+from ..diagnose.words import as_text, telling
 from ..records import Array
 from .pictures import BAD, GOOD, INK, PALE, embedded, figure, styled
 
-UNITS = {"time": "min", "order": "touch", "indexation": "indexation", "facet": "facet (order of the artefact)"}
+COLUMNS = 3  # of small pictures side by side
+FIRST = 6  # covariates that are drawn large; the others follow at the end
 
 HEAD = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Diagnosis</title><style>
 body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#1f2933}
@@ -28,13 +31,11 @@ def page(d: Diagnosis) -> str:
     parts = [HEAD, f"<h1>Diagnosis of {machine}</h1>", f'<p class="verdict {d.verdict}">{html.escape(_short(d))}</p>']
     parts += ["<h2>What is left of the model, touch by touch</h2>", _image(course(d))]
     if d.tests:
-        parts += [
-            "<h2>What it depends on</h2>",
-            "<p>Means of groups of touches; the grey band holds them when the model is right.</p>",
-        ]
-        parts.append(_image(dependence(d)))
+        parts += ["<h2>What it depends on</h2>", f"<p>{html.escape(_dependence_words(d))}</p>"]
+        parts.append(_image(dependence(d, d.tests[:FIRST])))
     for i, f in enumerate(d.findings, 1):
-        parts += [f"<h2>{i}. {html.escape(f.cause.replace('_', ' '))}</h2>", f"<p>{html.escape(sentence(f))}</p>"]
+        parts += [f"<h2>{i}. {html.escape(f.cause.replace('_', ' '))}</h2>", f"<p><b>{html.escape(said(f))}.</b></p>"]
+        parts += [f"<p>It means: {html.escape(meaning(f))}.</p>", f"<p>What to do: {html.escape(advice(f))}.</p>"]
         if f.pattern.any():
             parts.append(_image(seen(d, f)))
         if f.gain is not None:
@@ -42,11 +43,35 @@ def page(d: Diagnosis) -> str:
         if f.alternatives:
             names = ", ".join(dict.fromkeys(a for a, _, _ in f.alternatives))
             parts.append(f"<p>This plan cannot tell it from {html.escape(names)}.</p>")
-            parts += [f"<p>{html.escape(s)}</p>" for s in f.separate_with]
+            parts += [f"<p>To tell: {html.escape(s)}.</p>" for s in f.separate_with]
     for r in d.unexplained:
         parts.append(f"<h2>Not explained</h2><p>{html.escape(unexplained(r))}.</p>")
-    parts += ["<h2>The same in words</h2>", f"<pre>{html.escape(as_text(d))}</pre>", "</body></html>\n"]
-    return "\n".join(parts)
+    parts += ["<h2>The same in words</h2>", f"<pre>{html.escape(as_text(d))}</pre>"]
+    if len(d.tests) > FIRST:
+        parts += ["<h2>Every covariate</h2>", _tests(d), _image(dependence(d, d.tests[FIRST:]))]
+    return "\n".join([*parts, "</body></html>\n"])
+
+
+def _dependence_words(d: Diagnosis) -> str:
+    count = len(telling(d))
+    what = "None of them matters" if not count else "One of them matters" if count == 1 else f"{count} of them matter"
+    return (
+        "Means of groups of touches; the grey band holds 95 % of them when the model is right and the noise white. A shift is "
+        f"what the table would have to move by. {len(d.tests)} covariates were looked at. {what} by more than chance (5 % over all "
+        "of them)."
+    )
+
+
+def _tests(d: Diagnosis) -> str:
+    after = {t.covariate: t for t in d.tests_after}
+    rows = ""
+    for t in d.tests:
+        late = after.get(t.covariate)
+        shares = f"<td>{100 * t.variance_share:.0f}</td><td>{'–' if late is None else f'{100 * late.variance_share:.0f}'}</td>"
+        rows += f"<tr><td>{html.escape(covariate(t.covariate))}</td>{shares}<td>{t.p_value:.1g}</td></tr>"
+    return (
+        f"<table><tr><th>covariate</th><th>% of the variance</th><th>with the causes</th><th>p, lack of fit</th></tr>{rows}</table>"
+    )
 
 
 def _short(d: Diagnosis) -> str:
@@ -86,52 +111,79 @@ def course(d: Diagnosis) -> Any:
     return drawn
 
 
-def dependence(d: Diagnosis) -> Any:
-    """diagnosis → means over the six covariates that matter most, before and after."""
-    tests = d.tests[:6]
+def dependence(d: Diagnosis, tests: Sequence[Test]) -> Any:
+    """diagnosis, some of its tests → means over their covariates, before and after, with the band of a right model."""
     after = {t.covariate: t for t in d.tests_after}
+    rows = -(-len(tests) // COLUMNS)
     with styled():
-        drawn = figure(9.5, 5.2)
-        grid = drawn.subplots(2, 3).ravel()
+        drawn = figure(9.5, 2.6 * rows)
+        grid = drawn.subplots(rows, COLUMNS, squeeze=False).ravel()
         for ax, t in zip(grid, tests, strict=False):
-            x, label = _shown(t)
+            x, label = _shown(d, t)
             order = np.argsort(x)
             ax.fill_between(x[order], -1e3 * t.band[order], 1e3 * t.band[order], color=PALE, alpha=0.5, lw=0)
             ax.plot(x[order], 1e3 * t.mean[order], "o-", color=BAD, ms=3, lw=1, label="present model")
-            if (b := after.get(t.covariate)) is not None:
+            if d.after is not d.before and (b := after.get(t.covariate)) is not None:
                 ax.plot(x[order], 1e3 * b.mean[order], "o-", color=GOOD, ms=2, lw=1, label="with the causes")
             ax.axhline(0, color=INK, lw=0.6)
-            ax.set_title(f"{t.covariate}: {100 * t.variance_share:.0f} % of the variance", loc="left")
+            ax.set_title(f"{covariate(t.covariate)}: {100 * t.variance_share:.0f} %", loc="left", fontsize=8)
             ax.set_xlabel(label)
             ax.set_ylabel("µm")
         for ax in grid[len(tests) :]:
             ax.set_visible(False)
-        grid[0].legend(fontsize=7)
+        if len(tests):
+            grid[0].legend(fontsize=7)
     return drawn
 
 
-def _shown(t: Test) -> tuple[Array, str]:
-    if t.covariate == "time":
+def _shown(d: Diagnosis, t: Test) -> tuple[Array, str]:
+    """→ places of the groups in the unit of people, and that unit."""
+    machine = d.before.model.touches.machine
+    name = t.covariate
+    axis = name[-1] if name.startswith("way of ") else name
+    if name == "time" or name.startswith("shift "):
         return t.centre / 60, "min"
-    if t.covariate in ("A", "B", "C", "S"):
+    if name == "indexation":
+        return t.centre + 1, "number of the indexation"
+    if axis in machine.linear:
+        return t.centre, "mm"
+    if axis in machine.names:
         return np.degrees(t.centre), "deg"
-    return t.centre, UNITS.get(t.covariate, "mm" if t.covariate in ("X", "Y", "Z") else t.covariate)
+    if name.startswith("normal "):
+        return t.centre, "cosine"
+    units = {"order": "touch", "facet": "facet, in the order of the artefact file", "feed": "mm/min"}
+    return t.centre, units.get(name, "°C" if name.startswith("T_") else "direction of the last motion")
 
 
 def seen(d: Diagnosis, f: Finding) -> Any:
-    """diagnosis, finding → its pattern beside what the model without it leaves, over the covariate that it belongs to."""
+    """diagnosis, finding → what it does over the covariate that it belongs to, with what is measured of it; and the part of it
+    that the model without it cannot absorb.
+    """
     touches = d.before.model.touches
-    covariate, x, label = _covariate(d, f)
+    about, x, label = _covariate(d, f)
     maker = d.explanation.place.basis @ d.explanation.place.basis.T
     visible = maker @ f.pattern
     rest = maker @ (d.before.residuals - sum((o.pattern for o in d.findings if o is not f), np.zeros(len(touches))))
+    whole, what, rows = f.pattern, "read too early when positive", np.ones(len(touches), dtype=bool)
+    if "direction" in f.detail and f.detail.get("frame") in ("machine", "table"):
+        normal = touches.machine_normal if f.detail["frame"] == "machine" else touches.normal
+        along = normal @ np.array(f.detail["direction"])
+        rows = np.abs(along) > 0.4
+        what = towards(np.array(f.detail["direction"]))
+        whole = f.pattern / np.where(rows, along, 1.0)
+        left_over = d.after.residuals / np.where(rows, along, 1.0)
+    else:
+        left_over = d.after.residuals
     with styled():
         drawn = figure(9.5, 3.2)
         left, right = drawn.subplots(1, 2)
-        left.plot(x, 1e3 * f.pattern, ".", color=BAD, ms=4)
-        left.set_title("what it does to each touch", loc="left")
-        left.set_xlabel(f"{covariate}, {label}" if label != covariate else covariate)
-        left.set_ylabel("µm, + = read too early")
+        order = np.flatnonzero(rows)
+        left.plot(x[order], 1e3 * (whole + left_over)[order], ".", color=PALE, ms=4, label="measured")
+        left.plot(x[order], 1e3 * whole[order], ".", color=BAD, ms=4, label="explained")
+        left.legend(fontsize=7)
+        left.set_title("what it does", loc="left")
+        left.set_xlabel(f"{about}, {label}" if label != about else about)
+        left.set_ylabel(f"µm, {what}")
         right.plot(1e3 * visible, 1e3 * rest, ".", color=GOOD, ms=4)
         span = 1e3 * float(np.max(np.abs(visible))) or 1.0
         right.plot([-span, span], [-span, span], color=INK, lw=0.8)

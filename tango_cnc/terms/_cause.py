@@ -4,6 +4,7 @@ A cause is a family with, besides `TEXT` and `SOURCE`,
 
     FRAME      in which frame it acts: machine, table, spindle, axis, probe, log
     MISTAKEN   names of the causes that it is taken for
+    SAYS       the finding as a sentence; the words in braces come from tango_cnc/diagnose/sentences.py
     MEANING    what it does to parts, for a person at the machine
     ADVICE     what that person does about it
     REFINE     its shape parameters that are searched between the values of `variants`: name → log, linear or touch

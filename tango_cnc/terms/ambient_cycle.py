@@ -17,6 +17,7 @@ TEXT = "the machine breathes with a cycle of its surroundings (air conditioning,
 SOURCE = "ISO 230-3:2020 clause 5 (environmental temperature variation error)"
 FRAME = "machine"
 MISTAKEN = ("thermal_drift", "encoder_harmonic")
+SAYS = "the machine breathes {size} {towards} and back, once every {period}"
 MEANING = "parts made at different moments of the cycle differ by up to twice this"
 ADVICE = "find what switches with this period, shield the machine, or keep the term"
 REFINE = {"period": "log"}

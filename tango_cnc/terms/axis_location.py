@@ -11,6 +11,7 @@ TEXT = "an axis stands in the wrong place or at the wrong angle"
 SOURCE = "ISO 230-1:2012, 3.9.4; thesis eq. 4-5"
 FRAME = "axis"
 MISTAKEN = ("encoder_harmonic",)
+SAYS = "the model lacks {name}; the touch that feels it most is off by {size}"
 MEANING = "every five-axis part is off by this wherever that axis takes part"
 ADVICE = "put the coefficient into the terms of the model and compensate it"
 REFINE: dict[str, str] = {}

@@ -15,6 +15,7 @@ TEXT = "backlash"
 SOURCE = "ISO 230-1:2012, 3.5.6 (half of the reversal value); thesis section 4.4"
 FRAME = "axis"
 MISTAKEN = ("probe_lobing",)
+SAYS = "{axis} stops {size} short on either side (half of its reversal value)"
 MEANING = "a contour that reverses this axis has a step of twice this size at the reversal"
 ADVICE = "compensate the reversal value, or put the coefficient into the terms of the model"
 REFINE: dict[str, str] = {}

@@ -16,6 +16,7 @@ TEXT = "something lies on a facet (chip, dirt) from some touch on"
 SOURCE = "thesis section 4.6 (wet and dirty surfaces)"
 FRAME = "log"
 MISTAKEN = ("step",)
+SAYS = "something lies on facet {facet} from touch {at} on, {clock} after the start: it reads {size} early"
 MEANING = "the facet is not where it was: its touches from then on pull the estimate and say nothing about the machine"
 ADVICE = "clean the facet and measure it again"
 REFINE = {"at": "touch"}

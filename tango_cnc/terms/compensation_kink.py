@@ -18,6 +18,7 @@ TEXT = "the compensation table of an axis has a kink"
 SOURCE = "piecewise linear pitch error compensation; ISO 230-2:2014, annex"
 FRAME = "axis"
 MISTAKEN = ("error_motion",)
+SAYS = "the error of {axis} bends at {place}; the touch that feels it most is off by {size}"
 MEANING = "positions beyond the kink are off in proportion to their distance from it"
 ADVICE = "measure the axis again at the nodes of its table and write the table anew, or keep the term"
 REFINE = {"at": "linear"}

@@ -14,6 +14,7 @@ TEXT = "a linear axis has a periodic error (screw pitch, scale period)"
 SOURCE = "ISO 230-2:2014; ISO 230-1:2012, 3.5.4 (periodic error motion)"
 FRAME = "axis"
 MISTAKEN = ("cyclic_error",)
+SAYS = "{axis} errs by {size} to either side, once every {period}"
 MEANING = "steps and waves of this size on surfaces that the axis cuts along its way"
 ADVICE = "check the screw's bearing and the scale's interpolation; several periods can look alike to few touches"
 REFINE = {"period": "wave"}

@@ -23,6 +23,7 @@ SOURCE = "thesis chapter 5 and its future work (cosine error on a cylindrical ta
 FRAME = "table"
 MISTAKEN = ("surface_form",)
 NEEDS = "tip"  # of a first estimate
+SAYS = "curved facets were taken for planes; the touch that misses its point most is off by {size}"
 MEANING = "the machine is sound; the artefact file says flat where the table is round, and the estimate is pulled by it"
 ADVICE = "give the facet its `surface` in artefact.yaml"
 REFINE: dict[str, str] = {}

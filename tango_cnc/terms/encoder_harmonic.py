@@ -14,6 +14,7 @@ TEXT = "the angle encoder of a rotary axis has a periodic error"
 SOURCE = "ISO 230-2:2014; ISO 230-7:2015, 3.2 (orders)"
 FRAME = "axis"
 MISTAKEN = ("axis_location", "rotary_backlash")
+SAYS = "the angle of {axis} errs in {waves}; the touch that feels it most is off by {size}"
 MEANING = "every angle of this axis is off by a wave around the turn; the error of a part grows with its distance from the axis"
 ADVICE = "have the encoder centred or compensated by a table of the control, or keep the term"
 REFINE: dict[str, str] = {}

@@ -18,6 +18,7 @@ TEXT = "error motion"
 SOURCE = "ISO 230-1:2012, 3.6; thesis eq. 4-6, 4-8"
 FRAME = "axis"
 MISTAKEN = ("compensation_kink", "moving_mass")
+SAYS = "the model lacks {name}; the touch that feels it most is off by {size}"
 MEANING = "the tool leaves its straight line or its plane by this within the travel"
 ADVICE = "put the coefficient into the terms of the model (S4 has them all) and compensate it"
 REFINE: dict[str, str] = {}

@@ -13,6 +13,7 @@ TEXT = "the first touch after an indexation or a pause reads differently"
 SOURCE = "probe wake-up and settling of clamps; ISO 230-10:2022, 5.4 (warm-up touches)"
 FRAME = "probe"
 MISTAKEN = ("indexation_seating",)
+SAYS = "the first touch after every {after} reads {size} {early}"
 MEANING = "a habit of the probe or the clamps, not an error of parts; single touches that are used for setting work up have it too"
 ADVICE = "make one touch that does not count after every indexation, or keep the term"
 REFINE: dict[str, str] = {}

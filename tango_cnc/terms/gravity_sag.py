@@ -18,6 +18,7 @@ TEXT = "the table sags under its own weight as it tilts"
 SOURCE = "ISO 230-1:2012, 3.4.3 (compliance); sine of the tilt as for a beam"
 FRAME = "machine"
 MISTAKEN = ("encoder_harmonic", "rotary_tilt")
+SAYS = "the table sags as {axis} tilts, by {size}{toward}"
 MEANING = "parts that are machined tilted are off by this against parts that are machined level"
 ADVICE = "calibrate with the load that is machined, or keep the term"
 REFINE: dict[str, str] = {}

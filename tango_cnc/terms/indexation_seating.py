@@ -17,6 +17,7 @@ TEXT = "the rotary axes do not seat in the same place after every indexation"
 SOURCE = "ISO 230-2:2014 (positioning repeatability); ISO 10791-4"
 FRAME = "machine"
 MISTAKEN = ("step", "noise_level")
+SAYS = "the table sits elsewhere after every indexation, by {size} (one standard deviation)"
 MEANING = "two parts, or two sides of a part, that are machined in separate indexations differ by this at random"
 ADVICE = "check the clamping; repeat indexations, because more touches of one indexation do not average this out"
 REFINE: dict[str, str] = {}

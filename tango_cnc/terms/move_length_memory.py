@@ -14,6 +14,7 @@ TEXT = "where an axis stops depends on the length of its last move"
 SOURCE = "servo settling and guide friction; ISO 230-1:2012, 3.5.7"
 FRAME = "axis"
 MISTAKEN = ("backlash",)
+SAYS = "where {axis} stops depends on how far it came, by {size}"
 MEANING = "positions that are reached by long moves are off against those reached by short ones"
 ADVICE = "approach every touch from the same distance, add a dwell after long moves, or keep the term"
 REFINE = {"length": "log"}

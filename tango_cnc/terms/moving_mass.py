@@ -16,6 +16,7 @@ TEXT = "the weight of a moving axis tilts another one"
 SOURCE = "ISO 230-1:2012, 3.4.3; error motion that depends on two positions"
 FRAME = "machine"
 MISTAKEN = ("error_motion",)
+SAYS = "{name} grows with the position of {by}; the touch that feels it most is off by {size}"
 MEANING = "squareness depends on where the other axis stands: large parts suffer, small ones hardly"
 ADVICE = "check levelling and foundation, or keep the term"
 REFINE: dict[str, str] = {}

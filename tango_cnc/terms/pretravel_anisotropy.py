@@ -11,6 +11,7 @@ TEXT = "the probe's pre-travel along its axis differs from that across"
 SOURCE = "ISO 230-10:2022, 6.5 (3D probing error)"
 FRAME = "spindle"
 MISTAKEN = ("axis_location",)
+SAYS = "the probe reads {size} {early} along its axis, against across it"
 MEANING = "a matter of the probe, not of parts; heights and widths measured with it disagree by this"
 ADVICE = "calibrate the probe on a sphere in every direction that is used, or keep the term"
 REFINE: dict[str, str] = {}

@@ -17,6 +17,7 @@ TEXT = "the probe remembers the direction of the touch before"
 SOURCE = "ISO 230-10:2022, 6.2 (probing repeatability); kinematic re-seating of the stylus"
 FRAME = "spindle"
 MISTAKEN = ("backlash",)
+SAYS = "the tip rests {size} to the side of the touch before"
 MEANING = "a matter of the probe, not of parts; measured positions depend on what was touched before"
 ADVICE = "touch twice and use the second touch, have the probe serviced, or keep the term"
 REFINE: dict[str, str] = {}

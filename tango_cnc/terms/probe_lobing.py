@@ -13,6 +13,7 @@ TEXT = "the probe's pre-travel depends on the direction around its axis"
 SOURCE = "ISO 230-10:2022, 6.4 (2D probing error); thesis section 7.3"
 FRAME = "spindle"
 MISTAKEN = ("backlash",)
+SAYS = "the probe reads with {order} lobes around its axis, {size} early on a lobe and as much late between"
 MEANING = "a matter of the probe, not of parts; bores and bosses measured with it are out of round by twice this"
 ADVICE = "orient the spindle so that the probe always touches on the same side, use a strain-gauge probe, or keep the term"
 REFINE: dict[str, str] = {}

@@ -19,6 +19,7 @@ MISTAKEN = (
     "rotary_radial",
     "rotary_tilt",
 )
+SAYS = "the body of {axis} moves along its axis in {waves}, by {size}"
 MEANING = "surfaces that are turned or milled around this axis rise and fall by this within a turn"
 ADVICE = "check the bearing and its preload, or keep the term"
 REFINE: dict[str, str] = {}

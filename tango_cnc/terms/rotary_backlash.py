@@ -12,6 +12,7 @@ TEXT = "a rotary axis has lost motion"
 SOURCE = "ISO 230-1:2012, 3.5.6; ISO 230-2:2014"
 FRAME = "axis"
 MISTAKEN = ("encoder_harmonic",)
+SAYS = "{axis} stops short on either side; the touch that feels it most is off by {size}"
 MEANING = "an angle that is reached from the other side is off by twice this; the error grows with the distance from the axis"
 ADVICE = "always index from the same side, adjust the drive, or compensate the reversal value"
 REFINE: dict[str, str] = {}

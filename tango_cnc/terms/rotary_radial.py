@@ -19,6 +19,7 @@ MISTAKEN = (
     "rotary_axial",
     "rotary_tilt",
 )
+SAYS = "the body of {axis} moves sideways in {waves}, by {size}"
 MEANING = "features around this axis are off sideways by this, depending on its angle"
 ADVICE = "check the bearing and its preload, or keep the term"
 REFINE: dict[str, str] = {}

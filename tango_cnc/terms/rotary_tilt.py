@@ -19,6 +19,7 @@ MISTAKEN = (
     "rotary_radial",
     "rotary_axial",
 )
+SAYS = "the body of {axis} tilts in {waves}; the touch that feels it most is off by {size}"
 MEANING = "features around this axis are tilted, depending on its angle; the error grows with the distance from the axis"
 ADVICE = "check the bearing and its preload, or keep the term"
 REFINE: dict[str, str] = {}

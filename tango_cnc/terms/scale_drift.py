@@ -12,6 +12,7 @@ TEXT = "the scale of an axis grows as it warms up"
 SOURCE = "ISO 230-3:2020 clause 7; steel and glass scales grow 8 to 12 µm/m/K"
 FRAME = "axis"
 MISTAKEN = ("table_growth",)
+SAYS = "the scale of {axis} grows{course}; the touch that feels it most is off by {size}"
 MEANING = "a part made cold and one made warm differ along this axis in proportion to their length"
 ADVICE = "warm the axis up by moving it, check the compensation of its scale temperature, or keep the term"
 REFINE = {"tau": "log"}

@@ -17,6 +17,7 @@ TEXT = "the spindle does not orient where it is told and swings the stylus"
 SOURCE = "ISO 230-7:2015; stylus offset × error of S"
 FRAME = "spindle"
 MISTAKEN = ("probe_lobing",)
+SAYS = "the spindle does not orient where it is told{where} and swings the stylus by {size}"
 MEANING = "a matter of the probe's stylus, not of parts, as long as nothing is bored or probed with an oriented spindle"
 ADVICE = "orient the spindle always from the same side, centre the stylus, or keep the term"
 REFINE: dict[str, str] = {}

@@ -15,6 +15,7 @@ TEXT = "something moved at once (restart, re-seated probe, remounted table, knoc
 SOURCE = "change-point model; thesis section 7.3 (dismount and remount)"
 FRAME = "machine or table"
 MISTAKEN = ("thermal_drift", "table_drift")
+SAYS = "everything moved {size} {towards} at touch {at}, {clock} after the start"
 MEANING = "parts before and after that moment do not fit together; a calibration across it describes neither machine"
 ADVICE = "find out what happened at that moment and measure again; keep the term only if it cannot be repeated"
 REFINE = {"at": "touch"}

@@ -16,6 +16,7 @@ TEXT = "some facets are rougher than the probe repeats"
 SOURCE = "thesis Table 4-3, section 7.3, procedure III (surface irregularity)"
 FRAME = "table"
 MISTAKEN = ("noise_level",)
+SAYS = "facets {facets} scatter more than the others, the worst by {size} (one standard deviation)"
 MEANING = "a matter of the artefact, not of parts: touches on these facets are worth less"
 ADVICE = "clean or regrind these facets, touch others, or weight them less"
 REFINE: dict[str, str] = {}

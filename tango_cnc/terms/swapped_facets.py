@@ -17,6 +17,7 @@ TEXT = "two facets are exchanged in the readings"
 SOURCE = "clerical error; both are read with the offset of the other"
 FRAME = "log"
 MISTAKEN = ("chip",)
+SAYS = "facets {facets} are exchanged in the readings from touch {at} on; each reads off by {size}"
 MEANING = "a clerical matter; the two touches pull the estimate as if the machine were wrong"
 ADVICE = "exchange the two facets in the readings, or measure this indexation again"
 REFINE: dict[str, str] = {}

@@ -13,6 +13,7 @@ TEXT = "the table creeps on its turntable"
 SOURCE = "ISO 230-3:2020 clause 5, seen from the table"
 FRAME = "table"
 MISTAKEN = ("thermal_drift",)
+SAYS = "the table creeps {size} {towards}{course}"
 MEANING = "parts on the table move with it between operations by this"
 ADVICE = "check the table's clamping and coolant temperature, or keep the term"
 REFINE = {"tau": "log"}

@@ -13,6 +13,7 @@ TEXT = "the table grows as it warms up"
 SOURCE = "ISO 230-3:2020 clause 5; steel grows 12 µm/m/K"
 FRAME = "table"
 MISTAKEN = ("scale_drift",)
+SAYS = "the table grows{course}; the touch that feels it most is off by {size}"
 MEANING = (
     "the artefact and the parts grow with the coolant and the room; diameters and distances are off in proportion to their size"
 )

@@ -13,8 +13,11 @@ TEXT = "the machine drifts as it warms up"
 SOURCE = "ISO 230-3:2020 clause 5; thesis section 7.3, procedure I"
 FRAME = "machine"
 MISTAKEN = ("table_drift", "step")
+SAYS = "the machine drifts {size} {towards}{course}"
+MEANING = "parts made in the first hour differ by this from parts made later"
 ADVICE = "warm the machine up before calibrating, mix the order of indexations, or keep the term"
 REFINE = {"tau": "log"}
+EXPECTED = True  # every machine does it (ISO 230-3 is about nothing else): it may be tested for itself
 
 
 def variants(touches: Touches) -> Variants:

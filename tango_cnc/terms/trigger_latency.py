@@ -17,6 +17,7 @@ TEXT = "the control reads its position a moment after the probe has triggered"
 SOURCE = "1 µm per ms at 60 mm/min; ISO 230-10:2022, annex A (feed dependence)"
 FRAME = "probe"
 MISTAKEN = ("pretravel_anisotropy",)
+SAYS = "the control reads its position {delay} ms late, which is {size}"
 MEANING = "a matter of probe and control, not of parts; sizes change with the measuring feed"
 ADVICE = "always measure with the feed at which the probe was calibrated, or keep the term"
 REFINE: dict[str, str] = {}

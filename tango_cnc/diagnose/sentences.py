@@ -1,0 +1,163 @@
+"""What was found, in the words of a person at the machine: µm, minutes, axes; a chance instead of a p-value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .. import terms as families
+from ..records import Array
+from ._records import Finding, Remainder
+
+SETTLED = 2.3  # time constants after which a tenth is left
+STRONG = 0.35  # component of a direction that is worth a word
+
+
+def said(f: Finding) -> str:
+    """finding → what was found, how large, where and since when; without what to do."""
+    module = families.causes()[f.cause]
+    try:
+        return str(module.SAYS).format_map(_words(f))
+    except KeyError:  # a setting that the sentence has no word for
+        return f"{module.TEXT}: {size(f)}"
+
+
+def meaning(f: Finding) -> str:
+    """finding → what it means for parts."""
+    return str(families.causes()[f.cause].MEANING)
+
+
+def advice(f: Finding) -> str:
+    """finding → what to do about it, with the time after which a drift has settled."""
+    text = str(families.causes()[f.cause].ADVICE)
+    tau = f.detail.get("tau_s")
+    if tau is not None and f.detail.get("shape") == "exponential":
+        text += f" (a tenth of it is left after {minutes(SETTLED * float(tau))})"
+    return text
+
+
+def gain(f: Finding) -> str | None:
+    """finding → what keeping its term brings on touches that were not fitted; None for a spread, which no term takes away."""
+    if f.gain is None:
+        return None
+    g = f.gain
+    held = {"time": "held-out blocks of time", "scattered": "held-out touches"}.get(g.scheme, f"held-out {g.scheme}")
+    return (
+        f"with the term, {held} are predicted to {g.heldout_after * 1e3:.2f} µm instead of {g.heldout_before * 1e3:.2f} µm; noise "
+        f"alone would look like this {chance(f.p_value)}"
+    )
+
+
+def size(f: Finding) -> str:
+    """finding → 9.1 ± 0.4 µm."""
+    return f"{f.size.amplitude * 1e3:.1f} ± {max(f.size.amplitude_std * 1e3, 0.05):.1f} µm"
+
+
+def chance(p: float) -> str:
+    """probability → once in so many."""
+    if p < 1e-6:
+        return "less than once in a million times"
+    if p > 0.3:
+        return f"in {100 * p:.0f} % of all cases"
+    return f"once in {float(f'{1 / p:.1g}'):,.0f} times"
+
+
+def minutes(seconds: float) -> str:
+    """s → 40 s, 14 min or 2.5 h."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 2 * 3600 else f"{seconds / 3600:.1f} h"
+
+
+def towards(v: Array) -> str:
+    """vector → its main directions: towards +Y −Z."""
+    unit = v / (np.linalg.norm(v) or 1.0)
+    return "towards " + " ".join(f"{'+' if x > 0 else '−'}{c}" for c, x in zip("XYZ", unit, strict=True) if abs(x) > STRONG)
+
+
+def covariate(name: str) -> str:
+    """name of a covariate → what it is."""
+    kind, _, rest = name.partition(" ")
+    if kind == "normal":
+        letter, _, frame = rest.partition(", ")
+        return f"touch direction {letter.upper()}, {frame} frame"
+    if kind == "way":
+        return f"length of {name[-1]}'s last move"
+    if kind == "shift":
+        letter, _, frame = rest.partition(", ")
+        return f"time, shift along {letter.upper()}, {frame} frame"
+    if len(name) == 2 and name[0] == "d":
+        return f"side from which {name[1]} came"
+    if len(name) == 1:
+        return f"position of {name}"
+    return {"order": "order of the touches", "feed": "measuring feed"}.get(name, name)
+
+
+def unexplained(r: Remainder) -> str:
+    """remainder → a sentence."""
+    where = f", {r.frame}" if r.frame not in ("", "none") else ""
+    if r.shape == "random walk":
+        return (
+            f"the machine wanders without a pattern, by about {r.amplitude * 1e3:.1f} µm over the test. That costs accuracy and "
+            "has no name: warm up, measure faster, or repeat the first indexations at the end to see it"
+        )
+    return (
+        f"nothing in the catalogue explains what follows {covariate(r.covariate)}{where} ({r.shape}): "
+        f"{r.amplitude * 1e3:.1f} µm at most of what the model cannot absorb"
+    )
+
+
+class _Known(dict[str, str]):
+    """Words of one finding."""
+
+
+def _words(f: Finding) -> Mapping[str, str]:
+    d = f.detail
+    known = _Known(size=size(f), course=_course(d), toward="", where="")
+    for key in ("axis", "name", "by", "after", "order"):
+        if key in d:
+            known[key] = str(d[key])
+    if "order" in d:
+        known["waves"] = "one wave a turn" if d["order"] == 1 else f"{d['order']} waves a turn"
+    if "S" in d:
+        known["where"] = f" (at S {float(d['S']):g}°)"
+    if "direction" in d:
+        known["towards"] = f"{towards(np.array(d['direction']))} ({d.get('frame', 'machine')} frame)"
+        known["toward"] = " " + known["towards"]
+    elif f.cause == "ambient_cycle" and f.size.values.size == 6:
+        known["towards"] = f"mostly {towards(np.linalg.svd(f.size.values.reshape(2, 3))[2][0])}"
+    elif d.get("component") in ("X", "Y", "Z"):
+        known["toward"] = f" along {d['component']}"
+    if "period_s" in d:
+        known["period"] = minutes(float(d["period_s"]))
+    if "period_mm" in d:
+        known["period"] = f"{float(d['period_mm']):.2f} mm"
+    if "at" in d:
+        known["at"] = f"{d['at']:g}" if isinstance(d["at"], float) else str(d["at"])
+    if "time_s" in d:
+        known["clock"] = minutes(float(d["time_s"]))
+    if f.cause == "compensation_kink":
+        places = [d["at"]] if d.get("at") is not None else list(d.get("nodes", ()))
+        unit = "mm" if d.get("axis") in ("X", "Y", "Z") else "deg"
+        known["place"] = ", ".join(f"{float(p):.0f}" for p in places) + f" {unit}"
+    if "facet" in d:
+        known["facet"] = str(d["facet"])
+    if "facets" in d:
+        known["facets"] = ", ".join(str(x) for x in d["facets"])
+    for key in ("found_um", "stated_um"):
+        if key in d:
+            known[key[:-3]] = f"{float(d[key]):.2f}"
+    if f.size.values.size == 1:
+        known["early"] = "early" if f.size.values[0] > 0 else "late"
+        known["delay"] = f"{1e3 * float(f.size.values[0]):.2f}"
+    return known
+
+
+def _course(d: Mapping[str, Any]) -> str:
+    if d.get("sensor"):
+        return f" with the temperature {d['sensor']}"
+    if d.get("shape") == "exponential" and "tau_s" in d:
+        return f" as it warms up, two thirds of it within {minutes(float(d['tau_s']))}, then it settles"
+    return " per hour, steadily" if d.get("shape") == "linear" and "tau_s" in d else ""

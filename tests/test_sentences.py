@@ -1,0 +1,107 @@
+"""What a diagnosis says to a person at the machine: every cause has its sentence, and every picture its band."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import blind
+import numpy as np
+import pytest
+
+from sim_controller.simulate import simulate
+from tango_cnc import terms
+from tango_cnc.diagnose import Finding, _seen, diagnose
+from tango_cnc.diagnose._candidates import candidate
+from tango_cnc.diagnose._search import Chosen
+from tango_cnc.diagnose._size import _one
+from tango_cnc.diagnose.sentences import advice, chance, covariate, meaning, minutes, said
+from tango_cnc.diagnose.words import telling
+from tango_cnc.estimate import Estimate, estimate
+from tango_cnc.model import known, linearise
+
+PATTERNS = sorted(name for name, module in terms.causes().items() if hasattr(module, "variants"))
+OFFERED = {"trigger_latency": [{}], "cylinder_cosine": [{}]}  # this plan has one feed and flat facets
+
+
+@pytest.fixture(scope="module")
+def bench() -> blind.Bench:
+    return blind.bench()
+
+
+@pytest.fixture(scope="module")
+def fitted(bench: blind.Bench) -> Estimate:
+    return estimate(bench.cell.machine, bench.cell.artefact, bench.clean, bench.cell.terms)
+
+
+def finding(fitted: Estimate, cause: str, setting: dict[str, Any]) -> Finding:
+    touches = fitted.model.touches
+    c = candidate(touches, cause, setting)
+    k = c.columns.shape[1]
+    s = _one(Chosen(c, c.columns, 0.0), np.linspace(1e-3, 2e-3, k), np.eye(k) * 1e-8, touches, np.ones(len(touches)))
+    return Finding(cause, setting, s.detail, s, 1e-7, None, {}, (), (), s.effect, c.columns[:, 0])
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_every_cause_has_a_sentence_of_its_own_for_every_variant(name: str, fitted: Estimate) -> None:
+    module = terms.causes()[name]
+    for setting in OFFERED.get(name) or list(module.variants(fitted.model.touches))[::5]:
+        f = finding(fitted, name, setting)
+        text = said(f)
+        assert "{" not in text and "µm" in text
+        assert text != f"{module.TEXT}: {f.size.amplitude * 1e3:.1f} ± {f.size.amplitude_std * 1e3:.1f} µm", "a word is missing"
+        assert meaning(f) and advice(f)
+
+
+def test_a_warm_up_is_told_as_one(fitted: Estimate) -> None:
+    f = finding(fitted, "thermal_drift", {"shape": "exponential", "tau": 900.0, "direction": (0, 1, 0)})
+    text = said(replace(f, detail=f.detail | {"frame": "machine", "direction": [0.0, 1.0, 0.0]}))
+    assert text == (
+        "the machine drifts 1.0 ± 0.1 µm towards +Y (machine frame) as it warms up, two thirds of it within 15 min, then it settles"
+    )
+    assert "a tenth of it is left after 34 min" in advice(f)
+
+
+def test_chances_and_times_are_told_in_words() -> None:
+    assert chance(1e-40) == "less than once in a million times"
+    assert chance(0.0009) == "once in 1,000 times"
+    assert chance(0.5) == "in 50 % of all cases"
+    assert [minutes(s) for s in (40, 840, 9000)] == ["40 s", "14 min", "2.5 h"]
+
+
+def test_every_covariate_has_a_name_for_people(fitted: Estimate) -> None:
+    names = _seen.seen_over(fitted.model.touches)
+    told = [covariate(n) for n in names]
+    assert len(set(told)) == len(names)
+    assert {"position of X", "touch direction Z, spindle frame", "side from which B came", "length of C's last move"} <= set(told)
+    assert {"time", "indexation", "facet", "order of the touches", "time, shift along Y, machine frame"} <= set(told)
+
+
+def test_the_band_of_a_picture_is_what_simulated_noise_does(bench: blind.Bench, fitted: Estimate) -> None:
+    """40 sets of white noise through the same fit: 95 % of the group means lie within the band that is drawn."""
+    _, jacobian = linearise(fitted.model, fitted.values)
+    _, rows, uncertainty = known(fitted.model, fitted.values)
+    design = np.vstack([jacobian, rows * (blind.NOISE / uncertainty)[:, None]])
+    touches, n = fitted.model.touches, len(fitted.model.touches)
+    rng = np.random.default_rng(6)
+    inside: dict[str, list[np.ndarray]] = {}
+    for _ in range(40):
+        data = rng.normal(scale=blind.NOISE, size=len(design))
+        for t in _seen.tests(design, data, touches, np.ones(n, dtype=bool)):
+            inside.setdefault(t.covariate, []).append(np.abs(t.mean) <= t.band + 1e-12)
+    share = {name: float(np.mean(np.concatenate(found))) for name, found in inside.items()}
+    assert 0.93 < np.mean(list(share.values())) < 0.98
+    assert min(share.values()) > 0.85
+    assert {"time", "order", "indexation", "facet", "X", "Y", "Z", "B", "C", "normal x, machine", "dX", "way of X"} <= set(share)
+
+
+def test_a_drift_shows_as_a_shift_over_time_before_it_is_named(bench: blind.Bench) -> None:
+    effect = {"cause": "thermal_drift", "amplitude": 0.009, "tau": 900, "direction": [0, 1, 0]}
+    world = replace(bench.world, effects=(effect,), noise=blind.NOISE)
+    read = simulate(bench.cell.machine, bench.cell.artefact, bench.cell.strategy, world, seed=3)
+    read = replace(read, temperatures={"bed": 20 + 3 * (1 - np.exp(-read.time / 900))})
+    d = diagnose(bench.cell.machine, bench.cell.artefact, read, bench.cell.terms)
+    assert telling(d)[0].covariate == "shift y, machine"
+    assert telling(d)[0].variance_share > 0.4
+    assert "T_bed" in {t.covariate for t in d.tests}
+    assert not any(t.covariate.startswith("shift") and t.p_value < 1e-3 for t in d.tests_after)
