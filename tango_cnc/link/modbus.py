@@ -101,12 +101,15 @@ class Client(Registers):
         The first record is the start mark: nothing moves before that has been taken, and it is taken only when it is the one
         of this program. Point 0 is the start mark, `END` the end mark.
         """
+        block = yield from self._read(self._layout.whole)
+        taken, left_over = 0, self._said("record", block)  # of the run before, until the control has begun this one
+        yield from self._take(taken)
         yield from self._tell(RUN)
-        taken = 0
         while True:
             block = yield from self._read(self._layout.whole)
             idle, number = self._idle(block), self._said("record", block)
-            if number == taken:
+            left_over = left_over if number == left_over else 0
+            if number == (left_over or taken):
                 if idle and self._said("acknowledged", block) == self._sequence:
                     raise Stop("the program has ended before its end mark")
                 continue
