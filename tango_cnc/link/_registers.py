@@ -87,7 +87,7 @@ class Registers(Dialogue):
         super().__init__(job.start_patience)
 
     def _late(self) -> str:
-        return f"done command {self._sequence}"
+        return f"done command {self._sequence}" if self._sequence else "come to rest: is a command still open, of a run before?"
 
     def _said(self, name: str, block: Words) -> int:
         return self._layout.of(name, block, self._layout.block[0])[0]
