@@ -1,0 +1,142 @@
+"""How far the probe goes up between two touches: never too low, by distances of a probe that is walked along; never too high, by
+a linear program that asks the same of each body."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from blockcell import block, cell, machine, positions
+from scipy.optimize import linprog
+
+from tango_cnc import duration, kinematics
+from tango_cnc.check import Solid, solid
+from tango_cnc.check.solid import Body
+from tango_cnc.plan import plan
+from tango_cnc.plan.travel import DROP, MARGIN, Roof, Travels, parts
+from tango_cnc.records import Array, Artefact, Obstacle, Probe
+
+PROBE = Probe(150.0, 3.0, 0.0005, stylus_radius=1.5, body_radius=20.0, body_length=60.0, nose_radius=45.0)
+FAR = 1e6  # mm: as high as anybody wants
+
+
+def boxes(rng: np.random.Generator, count: int) -> list[Obstacle]:
+    low = rng.uniform(-100, 60, (count, 3))
+    return [Obstacle("box", low=tuple(a), high=tuple(a + rng.uniform(5, 80, 3))) for a in low]
+
+
+def things(rng: np.random.Generator) -> Artefact:
+    """Two boxes, a cylinder and a hull, no table and no ball."""
+    axis = rng.normal(size=3)
+    post = Obstacle(
+        "cylinder", base=tuple(rng.uniform(-80, 80, 3)), axis=tuple(axis / np.linalg.norm(axis)), radius=9.0, height=70.0
+    )
+    hull = Obstacle("hull", points=tuple(map(tuple, rng.uniform(-60, 60, (9, 3)))))
+    return Artefact("things", {}, obstacles=(*boxes(rng, 2), post, hull))
+
+
+def travels(rng: np.random.Generator, count: int) -> Travels:
+    up = rng.normal(size=(count, 3))
+    start, end = rng.uniform(-150, 150, (2, count, 3))
+    end[0] = start[0]  # one that goes nowhere
+    end[1] = start[1] + 40 * up[1]  # and one that goes up only
+    return Travels(start, end, up / np.linalg.norm(up, axis=1)[:, None])
+
+
+def under(body: Body, travel: tuple[Array, Array, Array], wide: float, slope: float) -> float:
+    """→ mm, the highest point of a body under a strip, less the rise of the travel up to there: by linear programming."""
+    start, end, up = travel
+    way = end - start - ((end - start) @ up) * up
+    length = float(np.linalg.norm(way))
+    along = way / length
+    across = np.cross(up, along)
+    strip = np.vstack([along, -along, across, -across])
+    room = np.array([length + wide + along @ start, wide - along @ start, wide + across @ start, wide - across @ start])
+    found = linprog(
+        -(up - slope * along), np.vstack([body.normal, strip]), np.concatenate([body.offset, room]), bounds=(None, None)
+    )
+    return -found.fun + slope * (along @ start) if found.status == 0 else -np.inf
+
+
+def wanted(bodies: Solid, travel: tuple[Array, Array, Array]) -> tuple[float, float]:
+    """→ lifts at both ends: the smaller sum of a slanted and a level travel."""
+    start, end, up = travel
+    low, high = start @ up, end @ up
+    length = np.linalg.norm(end - start - ((end - start) @ up) * up)
+    need = []
+    for slope in ((high - low) / length, 0.0):
+        heights = [
+            under(body, travel, radius + MARGIN, slope) + abs(slope) * (radius + MARGIN) - begin + MARGIN
+            for body in bodies.obstacles
+            for begin, radius in parts(PROBE)
+        ]
+        need.append(max(heights))
+    slanted = max(need[0] - low, DROP)
+    level = max(need[1], max(low, high) + DROP)
+    return (slanted, slanted) if 2 * slanted < 2 * level - low - high else (level - low, level - high)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_retract_is_the_lowest_that_keeps_the_margin(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    bodies, many = solid(things(rng)), travels(rng, 12)
+    up, down = Roof(bodies, PROBE).lifts(many, np.full(12, FAR))
+    for row in range(2, 12):
+        expected = wanted(bodies, (many.start[row], many.end[row], many.spindle[row]))
+        assert (up[row], down[row]) == pytest.approx(expected, abs=1e-6), row
+
+
+def _gap(obstacle: Obstacle, points: Array) -> Array:
+    low, high = np.array(obstacle.low), np.array(obstacle.high)
+    beyond = np.abs(points - (low + high) / 2) - (high - low) / 2
+    return np.asarray(np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_part_of_the_probe_comes_within_the_margin(seed: int) -> None:
+    """Stylus, body and nose as rings of points, walked along every travel and up and down at its ends."""
+    rng = np.random.default_rng(100 + seed)
+    things, many = boxes(rng, 3), travels(rng, 12)
+    up, down = Roof(solid(Artefact("boxes", {}, obstacles=tuple(things))), PROBE).lifts(many, np.full(12, FAR))
+    start, end = many.start + up[:, None] * many.spindle, many.end + down[:, None] * many.spindle
+    assert (up >= DROP - 1e-9).all() and (down >= DROP - 1e-9).all()
+    turn = np.linspace(0, 2 * np.pi, 13)[:-1]
+    for row in range(12):
+        spindle = many.spindle[row]
+        one = np.cross(spindle, np.eye(3)[np.argmin(np.abs(spindle))])
+        one /= np.linalg.norm(one)
+        around = np.cos(turn)[:, None] * one + np.sin(turn)[:, None] * np.cross(spindle, one)
+        rings = []
+        for begin, radius in parts(PROBE):
+            heights = begin + np.linspace(0, 240, 17)
+            rings += [h * spindle + r * around for h in heights for r in (0.0, radius)]
+        probe = np.vstack(rings)
+        way = start[row] + np.linspace(0, 1, 30)[:, None] * (end[row] - start[row])
+        places = way[:, None, :] + probe[None, :, :]
+        assert min(_gap(thing, places).min() for thing in things) >= MARGIN - 1e-6, row
+
+
+def test_between_touches_the_way_up_is_between_a_least_drop_and_the_clear_level() -> None:
+    made = plan(cell(machine("wCBXfZY(S)t"), block(), [{}, {"B": 30, "C": 40}]), "leave-out")
+    chain = kinematics.chain(made.machine)
+    for touch in made.touches:
+        assert touch.enter is not None and touch.leave is not None
+        low, high, enter, leave = kinematics.tip(chain, np.array([touch.standoff, touch.over, touch.enter, touch.leave]))
+        spindle = kinematics.spindle_axis(chain, np.array([touch.over]))[0]
+        for place in (enter, leave):
+            assert np.linalg.norm(np.cross(place - low, spindle)) < 1e-9, "not straight above the touch"
+            assert (place - low) @ spindle >= DROP - 1e-9
+        assert (enter - high) @ spindle <= 1e-9
+    full = replace(made, touches=tuple(replace(t, enter=None, leave=None) for t in made.touches))
+    assert sum(duration.duration(made, 3000.0).values()) < 0.9 * sum(duration.duration(full, 3000.0).values())
+
+
+def test_every_touch_is_come_down_to_along_the_tool() -> None:
+    """So that the last motion of the axis that carries the tool has the same sense at every touch that does not move it."""
+    made = plan(cell(machine("wCBXfZY(S)t"), block(), [{}]), "leave-out")
+    moves = positions(made)
+    down = [end - start for kind, _, start, end in moves if kind == "approach"]
+    assert len(down) == len(made.touches)
+    z = made.machine.column("Z")
+    assert all(change[z] <= -DROP + 1e-9 and np.abs(np.delete(change, z)).max() < 1e-9 for change in down)
