@@ -1,12 +1,12 @@
 """grbl: the simulated control keeps to the facts of its sources, and whole runs over TCP and over a serial line."""
 
 import re
-import socket
 import sys
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import yaml
 from blockcell import NORMALS, block, machine
 from blockcell import cell as block_cell
 from linkparts import job
@@ -15,11 +15,13 @@ from test_run_simulated import agree, controller
 
 from postprocessors._base import load, program
 from sim_controller.interpreters.grbl import switched_on
+from sim_controller.lines import Closed
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
+from sim_controller.protocols.grbl import serve
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link._client import Ended, Failed, Job
+from tango_cnc.link._client import Ended, Failed, Job, Touched
 from tango_cnc.link.grbl import Client
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError, World
@@ -102,13 +104,31 @@ def test_the_same_place_is_no_target(control):
     assert one.line("G38.3 X1") == ["[PRB:1.000,0.000,800.000,0.000,0.000:0]", "ok"], "F stays"
 
 
+def driven(made, one):
+    """plan, simulated control → what the driver makes of the conversation, and every line that it sent."""
+    numbers = tuple(touch.number for touch in made.touches)
+    client = Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19"})
+    events, sent = [], []
+    while not any(isinstance(event, Ended | Failed) for event in events):
+        asked = client.bytes_to_send(1 << 16).decode("ascii")
+        sent.append(asked.strip())
+        answer = one.report() if asked == "?" else one.line(asked.strip())
+        events += client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii"))
+    return events, sent
+
+
 def test_three_touches_in_a_row_without_contact_end_the_run(cell):
-    world = yaml.safe_load((cell / "world.yaml").read_text())
-    world["facets"] = dict.fromkeys(read_cell(cell).artefact.facets, -30.0)
-    (cell / "world.yaml").write_text(yaml.safe_dump(world))
-    with controller(cell, "--protocol", "grbl", "--tcp", "127.0.0.1:0") as url:
-        result = Result("run", "-C", cell, "--port", f"{url}?orient=m19", "--timeout", "20")
-    assert (result.code, "3 touches in a row without contact" in result.err) == (3, True), result.err
+    parts = read_cell(cell)
+    made = plan(parts)
+    world = World(facets=dict.fromkeys(parts.artefact.facets, -30.0))
+    events, _ = driven(made, switched_on(Motion(rig(parts.machine, parts.artefact, world))))
+    assert [event.flag for event in events if isinstance(event, Touched)] == [0, 0, 0]
+    assert "3 touches in a row without contact" in events[-1].why
+
+
+def test_a_control_that_does_not_report_contacts_is_told_which_setting_does(cell, control):
+    events, _ = driven(plan(read_cell(cell)), control(probe_reports=False))
+    assert "$10 lacks the 128" in events[-1].why
 
 
 # What the firmwares do differently: gnea/grbl 1.1h, grblHAL core of 2026, FluidNC
@@ -172,28 +192,37 @@ def test_what_is_refused_with_which_number(control, line, answer):
     assert control().line(line)[-1] == answer
 
 
-def test_cr_lf_is_one_end_of_a_line_for_grblhal_only(cell):
+class Typed:
+    """A line on which somebody types, and reads until the answer to $I is complete."""
+
+    def __init__(self, typed):
+        self.typed, self.said = [typed], b""
+
+    def receive(self, timeout):
+        if b"[OPT" in self.said:
+            raise Closed
+        time.sleep(0.001)
+        return self.typed.pop() if self.typed else b""
+
+    def send(self, data):
+        self.said += data
+
+
+@pytest.mark.parametrize(("firmware", "wanted"), [("grblHAL", 1), ("FluidNC", 2), ("grbl", 2)])
+def test_cr_lf_is_one_end_of_a_line_for_grblhal_only(control, firmware, wanted):
     """Two answers to one line are what a host counts wrongly."""
-    for firmware, wanted in (("grblHAL", 1), ("FluidNC", 2)):
-        options = ("--protocol", "grbl", "--language", "grbl", "--set", f"firmware={firmware}", "--tcp", "127.0.0.1:0")
-        with controller(cell, *options) as url:
-            host, port = url.removeprefix("grbl+socket://").split(":")
-            with socket.create_connection((host, int(port)), timeout=5) as line:
-                line.sendall(b"G21\r\n$I\n")
-                said = b""
-                while b"[OPT" not in said:
-                    said += line.recv(4096)
-        assert said.partition(b"[VER")[0].count(b"ok") == wanted
+    line = Typed(b"G21\r\n$I\n")
+    session = SimpleNamespace(device=control(firmware=firmware), received=lambda count: None)
+    with pytest.raises(Closed):
+        serve(line, session, True)
+    assert line.said.partition(b"[VER")[0].count(b"ok") == wanted
 
 
 @pytest.mark.parametrize(("firmware", "axes"), [("grbl", "X Y Z"), ("FluidNC", None)])
-def test_a_control_that_does_not_name_its_axes_has_as_many_as_it_lists(cell, firmware, axes):
+def test_a_control_that_does_not_name_its_axes_has_as_many_as_it_lists(cell, control, firmware, axes):
     """FluidNC lists X Y Z A B C in this order: five numbers are X Y Z A B, and the plan turns C."""
-    options = ("--protocol", "grbl", "--language", "grbl", "--set", f"firmware={firmware}", "--tcp", "127.0.0.1:0")
-    with controller(cell, *options) as url:
-        result = Result("run", "-C", cell, "--port", f"{url}?orient=m19", "--timeout", "20")
-    assert result.code == 3
-    assert f"the control has the axes {axes or 'X Y Z A B'}; the plan moves" in result.err
+    events, _ = driven(plan(read_cell(cell)), control(firmware=firmware))
+    assert f"the control has the axes {axes or 'X Y Z A B'}; the plan moves" in events[-1].why
 
 
 def test_grbl_1_1_measures_where_three_axes_suffice():
@@ -221,16 +250,7 @@ def test_the_driver_sends_the_lines_of_the_program(cell):
     lines = list(program(load("grbl"), made, {}, plan_hash(made))[2]())
     motion = Motion(rig(made.machine, made.artefact, World()))
     motion.rapid({"X": 1.0, "Y": 1.0, "B": 0.1, "C": 0.1, "S": 0.1})
-    one, sent = switched_on(motion), []
-    numbers = tuple(touch.number for touch in made.touches)
-    client = Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19"})
-    while not any(isinstance(event, Ended | Failed) for event in client.receive(b"")):
-        asked = client.bytes_to_send(1 << 16).decode("ascii")
-        if not asked:
-            break
-        sent.append(asked.strip())
-        answer = one.report() if asked == "?" else one.line(asked.strip())
-        client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii"))
+    _, sent = driven(made, switched_on(motion))
     told = [words(line) for line in sent if line[0] not in "$?" and not line.startswith("G4")][1:]
     written = [words(line) for line in lines if not line.startswith("(")][1:]
     assert [[letter for letter, _ in line] for line in told] == [[letter for letter, _ in line] for line in written]

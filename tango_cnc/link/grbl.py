@@ -245,7 +245,8 @@ class Client(Dialogue):
         values, _, flag = found[0].strip("[]")[4:].rpartition(":") if len(found) == 1 else ("", "", "")
         if flag not in ("0", "1"):
             raise Stop(
-                f"a probing move was answered with {' '.join([*lines, 'ok'])!r}, without one [PRB:…]: an ok too many, or lost"
+                f"a probing move was answered with {' '.join([*lines, 'ok'])!r}, without one [PRB:…]: an ok too many, "
+                "or lost, or a grblHAL whose $10 lacks the 128 that reports probe coordinates"
             )
         return int(flag), self._numbers(values)
 
