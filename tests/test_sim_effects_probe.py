@@ -102,6 +102,30 @@ def test_surface_form_is_white_and_only_where_it_is_said_to_be() -> None:
     assert everywhere.std() == pytest.approx(0.002, rel=0.12)
 
 
+def test_a_rough_surface_reads_alike_where_it_is_touched_again() -> None:
+    """Two cycles meet the same spots; another indexation meets another one, as errors of the machine carry the ball beside it."""
+    n = len(TOUCHES)
+    twice = replace(
+        TOUCHES,
+        **{
+            name: np.concatenate([value, value])
+            for name in ("time", "warm", "day", "indexation", "position", "direction", "move", "feed", "point")
+            if (value := getattr(TOUCHES, name)) is not None
+        },
+        **{
+            name: np.concatenate([v := getattr(TOUCHES, name), v]) for name in ("normal_table", "normal", "normal_spindle", "table")
+        },
+        facet=TOUCHES.facet * 2,
+    )
+    gap = effects.disturbance(effects.checked(world("surface_form").effects), twice, 3).gap
+    assert gap is not None
+    assert np.array_equal(gap[:n], gap[n:])
+    beside = replace(twice, point=twice.point + np.where(np.arange(2 * n) < n, 0.0, 3.0)[:, None])
+    other = effects.disturbance(effects.checked(world("surface_form").effects), beside, 3).gap
+    assert other is not None
+    assert not np.isin(other[n:], other[:n]).any()
+
+
 def test_more_noise_is_white() -> None:
     early = read_early("noise_level")
     assert early.std() == pytest.approx(0.001, rel=0.12)  # about 370 touches: one standard deviation is 4 %
