@@ -8,7 +8,11 @@ from test_run import Control, Result, readings, run
 from test_run import cell as seven_touches  # noqa: F401  a fixture
 
 from tango_cnc.commands.init import write_example
+from tango_cnc.files import read_cell
+from tango_cnc.link._readings import readings_of
+from tango_cnc.plan import plan
 
+READING = {"time_s": 0.0, "position": [0.0] * 6, "direction": [0] * 6, "status": "ok"}
 MOVED = (0.008, -0.005, 0.003)  # mm, machine frame, towards which everything sits after the pause
 
 
@@ -66,3 +70,13 @@ def test_a_resumed_run_numbers_its_readings_and_one_without_interruption_does_no
     assert readings(seven_touches, "readings.partial.csv").segment is None
     assert run(seven_touches, Control(seven_touches), "--resume").code == 0
     assert readings(seven_touches).segment.tolist() == [1, 1, 1, 1, 2, 2, 2]
+
+
+def test_several_programs_of_one_run_are_one_segment(seven_touches):  # noqa: F811
+    entries = [
+        {"kind": "segment", "part": part} if part else {"kind": "reading", "touch": touch, **READING}
+        for part, touch in [([1, 2], 0), (None, 1), ([2, 2], 0), (None, 2), ([1, 1], 0), (None, 3)]
+    ]
+    made = plan(read_cell(seven_touches))
+    assert readings_of(entries[:4], made).segment is None
+    assert readings_of(entries, made).segment.tolist() == [1, 1, 2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,9 @@ def readings_of(entries: Entries, plan: Plan) -> Readings | None:
     found = [entry for entry in entries if entry["kind"] == "reading"]
     if not found:
         return None
-    numbers = [sum(e["kind"] == "begun" for e in entries[:i]) for i, e in enumerate(entries) if e["kind"] == "reading"]
+    # The parts of a run are one segment.
+    begun = accumulate(entry["kind"] == "segment" and entry.get("part", [1])[0] == 1 for entry in entries)
+    numbers = [number for number, entry in zip(begun, entries, strict=True) if entry["kind"] == "reading"]
     segment = np.unique(numbers, return_inverse=True)[1].astype(np.int64) + 1  # a segment without a reading is none
     facet = {touch.number: touch.facet for touch in plan.touches}
     return Readings(
