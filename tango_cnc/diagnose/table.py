@@ -208,7 +208,11 @@ def diagnose_table(
     seed: int = 0,
 ) -> dict[str, Any]:
     """CSV file with its columns → plain data of the format tango-diagnosis/1; lengths are in the unit of the response."""
-    t = read_table(file, response, model, covariates, group)
+    return told(read_table(file, response, model, covariates, group), group, seed)
+
+
+def told(t: Table, group: str | None, seed: int = 0) -> dict[str, Any]:
+    """table, name of what its rows are held out by → plain data of the format tango-diagnosis/1."""
     found, design, data, scale = search(t, seed)
     n, q = t.response.shape
     single = [int(c.candidate.setting["touch"]) for c in found.chosen if c.candidate.cause == "outlier"]
