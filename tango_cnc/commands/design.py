@@ -8,7 +8,7 @@ from typing import Any
 import click
 import numpy as np
 
-from ..diagnose.separate import Separation, separation
+from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
 from ..files import read_cell, read_terms
 from ..plan import last_motion, plan
@@ -56,22 +56,27 @@ def as_json(found: Separation) -> dict[str, Any]:
         "causes": list(found.causes),
         "settings": [{k: list(v) if isinstance(v, tuple) else v for k, v in s.items()} for s in found.settings],
         "apart": found.apart,
-        "append": [{**_indexation(a.position, a.facets), "apart": a.apart} for a in found.additions],
+        "evidence": found.evidence,
+        "together": found.together,
+        "append": [{**_indexation(a.position, a.facets), "apart": a.apart, "evidence": a.evidence} for a in found.additions],
     }
 
 
 def as_text(found: Separation) -> str:
     """separation → what a person reads, with lines to append to strategy.yaml."""
     one, other = found.causes
-    lines = [f"Of the {one} that looks most like {other}, this plan sees {100 * found.apart:.1f} % that {other} cannot imitate."]
-    if not found.additions or found.additions[0].apart < 1.05 * found.apart + 1e-4:
-        return (
-            f"{lines[0]}\nNo indexation of this plan, made again at its end, changes that: touch other facets or at other angles."
-        )
-    lines.append("Each of these, appended to the indexations of strategy.yaml, makes that")
+    lines = [
+        f"Of the {one} that looks most like {other}, this plan sees {100 * found.apart:.1f} % that {other} cannot imitate.",
+        f"An effect of {USUAL * 1e3:g} µm is told apart with a score of {found.evidence:.1f} (10: very strong evidence; 2: none).",
+    ]
+    if found.together < found.evidence + 1.0:
+        again = "No indexation of this plan, made again at its end, changes that: touch other facets or at other angles."
+        return "\n".join([*lines, again])
+    lines.append("Appended to the indexations of strategy.yaml, each of these makes that score")
     for a in found.additions:
         entry = _indexation(a.position, a.facets)
         facets = ", ".join(entry.pop("facets"))
         place = ", ".join(f"{k}: {v:g}" for k, v in entry.items())
-        lines.append(f"  {100 * a.apart:5.1f} %   - {{{place}, facets: [{facets}]}}")
+        lines.append(f"  {a.evidence:6.1f}   - {{{place}, facets: [{facets}]}}")
+    lines.append(f"and all together {found.together:.1f}.")
     return "\n".join(lines)

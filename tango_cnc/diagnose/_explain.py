@@ -185,20 +185,20 @@ def rough(e: Explanation, keys: Sequence[str], weight: Array) -> list[Rough]:
     """
     label = np.array(keys)
     groups = dict.fromkeys(keys)
-    left, own = _rest(e, e.chosen, weight)
+    left, own = rest(e, e.chosen, weight)
     free_rows = own > 0.2  # a row that nothing else checks has no residual, and would make the usual scatter look small
     middle = float(np.median(left[free_rows] ** 2 / own[free_rows])) / 0.455 if free_rows.any() else np.inf
     scale = min(middle, e.sigma**2)
-    plain, free = _rest(e, [c for c in e.chosen if not _narrow(c)], weight)
+    plain, free = rest(e, [c for c in e.chosen if not _narrow(c)], weight)
     price = float(np.log(e.place.m) + 2 * np.log(len(groups)))
     for k in groups:
         on = label == k
         patterns = sum(c.price for c in e.chosen if _narrow(c) and np.abs(c.candidate.columns[on]).sum() > 0)
         if not patterns:
             continue
-        rest = float(np.sum(left[on] ** 2)) / scale, float(np.sum(plain[on] ** 2)) / scale
-        scatter = [_scattered(r, float(d[on].sum())) - price for r, d in zip(rest, (own, free), strict=True)]
-        if scatter[1] > rest[1] - rest[0] - patterns + max(scatter[0], 0.0):
+        squares = float(np.sum(left[on] ** 2)) / scale, float(np.sum(plain[on] ** 2)) / scale
+        scatter = [_scattered(r, float(d[on].sum())) - price for r, d in zip(squares, (own, free), strict=True)]
+        if scatter[1] > squares[1] - squares[0] - patterns + max(scatter[0], 0.0):
             left[on], own[on] = plain[on], free[on]
     found = []
     for k in groups:
@@ -222,7 +222,7 @@ def _narrow(c: Chosen) -> bool:
     return bool(c.candidate.cause) and int(np.any(c.candidate.columns != 0, axis=1).sum()) <= FEW
 
 
-def _rest(e: Explanation, chosen: Sequence[Chosen], weight: Array) -> tuple[Array, Array]:
+def rest(e: Explanation, chosen: Sequence[Chosen], weight: Array) -> tuple[Array, Array]:
     """explanation, patterns, weights → what is left of every row, its weight undone, and how much of its own noise is in it."""
     root = e.place.setting(e.ratios).root
     white = root @ e.place.y
@@ -242,6 +242,7 @@ __all__ = [
     "gain",
     "honest",
     "kind",
+    "rest",
     "rough",
     "significance",
     "values",

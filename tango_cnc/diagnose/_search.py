@@ -21,6 +21,7 @@ from ._space import Library, Space, below, best_noise, level, library, scan
 
 LEVEL = 0.02  # of a false name anywhere in the catalogue, at every step: 5 % over the few steps that a search takes
 EXPECTED_LEVEL = 0.01  # of a false name, for a cause that every machine has: it is not one of hundreds
+TOLD = 0.05  # of a steady pattern that a wandering noise would explain as well, where patterns are preferred
 SHAPE_LEVEL = 0.01  # of a false "something is there", outliers likewise
 TRIALS = 200
 MOST = 30  # candidates selected, single outliers included
@@ -289,6 +290,8 @@ def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[C
                 for c in (other, chosen)
             ]
             better = plain[0] > plain[1] + limits.limit.get("names", 0.0)
+            if better:
+                other = proven(place, cat, other, limits, usual, TOLD)
         else:
             other = searched(place, cat, limits, usual, proven(place, cat, other, limits, usual))
             better = total(place, other) > total(place, chosen) + limits.limit.get("names", 0.0)
@@ -369,8 +372,10 @@ def loosened(place: Space, cat: Catalogue, chosen: list[Chosen]) -> list[Chosen]
     return chosen
 
 
-def proven(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, usual: Array) -> list[Chosen]:
-    """chosen → those that are significant beside the others, the noise free to wander."""
+def proven(
+    place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, usual: Array, chance: float | None = None
+) -> list[Chosen]:
+    """chosen → those that are significant beside the others, the noise free to wander: at the limit, or at a probability."""
     chosen = list(chosen)
     while chosen:
         value = total(place, chosen)
@@ -378,7 +383,8 @@ def proven(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, u
         for old in chosen:
             cause = old.candidate.cause
             gain = value - total(place, [c for c in chosen if c is not old])
-            beyond.append(gain - usual[cat.causes.index(cause)] - limits.limit[kind(cause)])
+            least = limits.limit[kind(cause)] if chance is None else limits.usual[kind(cause)] + 2 * float(np.log(0.1 / chance))
+            beyond.append(gain - usual[cat.causes.index(cause)] - least)
         if min(beyond) > 0:
             break
         del chosen[int(np.argmin(beyond))]

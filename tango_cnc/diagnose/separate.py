@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import terms as families
 from ..identify import select
@@ -16,6 +17,7 @@ from ._candidates import Candidate, candidate
 from ._seen import _taken
 from ._space import Space, space
 
+USUAL = 0.005  # mm: size of the largest effect on a touch for which evidence is counted
 PAIRS = 40  # variants of each cause that are compared
 
 
@@ -26,6 +28,7 @@ class Addition:
     position: dict[str, float]  # rotary axes and S, rad
     facets: tuple[str, ...]
     apart: float  # part of one pattern that the other cannot imitate, with these touches
+    evidence: float  # expected score between the two, with these touches
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,9 @@ class Separation:
     causes: tuple[str, str]
     settings: tuple[dict[str, object], dict[str, object]]  # the variants that look most alike
     apart: float  # part of the one that the other cannot imitate, 0 the same … 1 nothing in common
-    additions: tuple[Addition, ...]
+    evidence: float  # expected score between the two when one of them is there with its usual size
+    additions: tuple[Addition, ...]  # most evidence first
+    together: float  # evidence with all of them
 
 
 def separation(touches: Touches, terms: Sequence[TermItem], one: str, other: str, most: int = 3) -> Separation:
@@ -51,23 +56,50 @@ def separation(touches: Touches, terms: Sequence[TermItem], one: str, other: str
     if not alike:
         raise InputError(f"--separate: this plan sees nothing of {one} or {other}; it cannot tell what it cannot see")
     apart, a, b = alike[0]
-    additions = []
     spindle = sorted({round(float(s), 6) for s in touches.axis("S")} | {0.0, round(float(np.pi), 6)})
     column = touches.machine.column("S")
     gap = float(np.median(np.diff(touches.time))) if len(touches) > 1 else 5.0
+
+    def with_these(tries: Sequence[tuple[NDArray[np.int64], float]]) -> tuple[float, float]:
+        """rows repeated at the end, each with an angle of the spindle → apart and evidence of the longer test."""
+        tails = [touches.position[rows] for rows, _ in tries]
+        for tail, (_, angle) in zip(tails, tries, strict=True):
+            tail[:, column] = angle
+        index = np.concatenate([np.arange(len(touches)), *(rows for rows, _ in tries)])
+        longer = _taken(touches, index, np.vstack(tails), gap)
+        wider = _space(longer, terms)
+        patterns = [candidate(longer, c.cause, c.setting).columns for c in (a, b)]
+        mine, theirs = (wider.project(x) for x in patterns)
+        return _apart(mine, theirs), _evidence(mine, theirs, patterns[0], longer)
+
+    found = []
     for number in np.unique(touches.indexation):
         rows = np.flatnonzero(touches.indexation == number)
         for angle in spindle:
-            position = touches.position[rows].copy()
-            position[:, column] = angle
-            longer = _taken(touches, np.concatenate([np.arange(len(touches)), rows]), position, gap)
-            wider = _space(longer, terms)
-            columns = [wider.project(candidate(longer, c.cause, c.setting).columns) for c in (a, b)]
-            names = (*touches.machine.rotary, "S")
-            where = {name: float(position[0, touches.machine.column(name)]) for name in names}
-            additions.append(Addition(where, tuple(touches.facet[r] for r in rows), _apart(*columns)))
-    additions.sort(key=lambda x: -x.apart)
-    return Separation((one, other), (dict(a.setting), dict(b.setting)), apart, tuple(additions[:most]))
+            where = {n: float(touches.position[rows[0], touches.machine.column(n)]) for n in touches.machine.rotary} | {"S": angle}
+            addition = Addition(where, tuple(touches.facet[r] for r in rows), *with_these([(rows, angle)]))
+            found.append((addition, (rows, angle)))
+    found.sort(key=lambda x: -x[0].evidence)
+    chosen: list[tuple[Addition, tuple[NDArray[np.int64], float]]] = []
+    for one_more in found:
+        # The same place with another angle of the spindle says nearly the same again.
+        if len(chosen) < most and all(one_more[1][0][0] != c[1][0][0] for c in chosen):
+            chosen.append(one_more)
+    before = _evidence(place.project(a.columns), place.project(b.columns), a.columns, touches)
+    together = with_these([rows for _, rows in chosen])[1]
+    return Separation((one, other), (dict(a.setting), dict(b.setting)), apart, before, tuple(x for x, _ in chosen), together)
+
+
+def _evidence(a: Array, b: Array, pattern: Array, touches: Touches) -> float:
+    """projected columns (m, k) and (m, l), columns (n, k) → twice the log likelihood ratio of the true one to the other, expected.
+
+    The effect is as large as usual and has any direction: the mean over them.
+    """
+    q = np.linalg.qr(b[:, np.any(b != 0, axis=0)])[0]
+    rest = a - q @ (q.T @ a)
+    peak = np.abs(pattern).max(axis=0)
+    sigma = touches.machine.probe.repeatability or 1e-4
+    return float(np.mean(np.sum(rest**2, axis=0) / np.where(peak > 0, peak, np.inf) ** 2)) * (USUAL / sigma) ** 2
 
 
 def _variants(touches: Touches, name: str, present: set[str]) -> list[Candidate]:

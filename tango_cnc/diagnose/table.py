@@ -290,11 +290,7 @@ def _finding(
 
 def _spread(t: Table, found: _explain.Explanation) -> list[dict[str, Any]]:
     """→ `noise_change` where the size of what is left depends on a covariate (Spearman or Kruskal–Wallis, 1 % over all)."""
-    from ._search import columns_of
-
-    maker = _gain.residual_maker(columns_of(found.place, found.chosen)) if found.chosen else np.eye(found.place.m)
-    left = found.place.basis @ (maker @ found.place.y)
-    own = np.sum((found.place.basis @ maker) ** 2, axis=1)
+    left, own = _explain.rest(found, found.chosen, np.ones(len(found.place.basis)))
     size = np.abs(left) / np.sqrt(np.maximum(own, 0.05))
     q = len(t.names)
     result = []
