@@ -4,20 +4,22 @@
 
 Public macros do it the same way: G31 by Code, waiting for IsMoving, GetVar(2000 …), GetOEMDRO for positions, GetOEMLED(825) for
 the probe. Variables: #101 #102 #103 target, #104 feed, #105 angle of an axis, #106 #107 #108 stand-off (machine coordinates, mm),
-#109 early, #110 tolerance, #111 misses allowed, #112 angle of the spindle, #141 #142 #143 which of X Y Z a protected move moves.
+#109 early, #110 tolerance, #111 misses allowed, #112 angle of the spindle, #113 number of the set of macros that the program was
+written for, #141 #142 #143 which of X Y Z a protected move moves.
 The macros keep #120 … (flag and place of the touch), #131 … (machine minus work), #150 (not 0: stopped, and every macro refuses)
 and #151 (misses).
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 
 from tango_cnc.records import Machine
 
 START, PROTECTED, MEASURE, BACK, TURN, RECORD, END = range(880, 887)
 PLACE = {name: i for i, name in enumerate("XYZABC")}
-TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE, MOVES = 101, 104, 105, 106, 109, 110, 111, 112, 141
+TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE, SET, MOVES = 101, 104, 105, 106, 109, 110, 111, 112, 113, 141
 _FLAG, _AT, _FRAME, _STOPPED, _MISSED = 120, 121, 131, 150, 151
 _MACHINE, _WORK, _PROBE, _STOP = 83, 800, 825, 1003
 _WAIT = ["While IsMoving()", "  Sleep 20", "Wend"]
@@ -35,14 +37,27 @@ def macros(machine: Machine, readings: str) -> dict[str, list[str]]:
         RECORD: ("writes touch P", _record(machine, readings)),
         END: ("writes the end mark", _end(readings)),
     }
+    number = _number(texts)
     return {
-        f"m{code}.m1s": [f"' M{code} of tango: {what}", *(_awake() if code != START else []), *_WAIT, *body]
+        f"m{code}.m1s": [f"' M{code} of tango, set {number}: {what}", *_belongs(number, code), *_WAIT, *body]
         for code, (what, body) in texts.items()
     }
 
 
-def _awake() -> list[str]:
-    return [f"If GetVar({_STOPPED}) <> 0 Then", "  Exit Sub", "End If"]
+def set_number(machine: Machine, readings: str) -> int:
+    """machine, file of the records → number of the set of macros, which program and macros have to agree on."""
+    return int(macros(machine, readings)[f"m{START}.m1s"][0].split(",")[1].split()[1].rstrip(":"))
+
+
+def _number(texts: Mapping[int, tuple[str, list[str]]]) -> int:
+    whole = "\n".join(line for _, body in texts.values() for line in body)
+    return int(hashlib.sha256(whole.encode("ascii")).hexdigest(), 16) % 900_000 + 100_000
+
+
+def _belongs(number: int, code: int) -> list[str]:
+    """What every macro asks first: stopped before, or of another set than the program?"""
+    awake = [f"If GetVar({_STOPPED}) <> 0 Then", "  Exit Sub", "End If"] if code != START else []
+    return [*awake, *_stop(f"GetVar({SET}) <> {number}", "MACROS ARE NOT THOSE OF THIS PROGRAM")]
 
 
 def _stop(condition: str, text: str) -> list[str]:

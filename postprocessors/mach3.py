@@ -69,6 +69,7 @@ def begin(job: Job) -> Iterator[str]:
     yield f"#{basic.EARLY}={number(early_distance(plan))}"
     yield f"#{basic.TOLERANCE}={number(options['tolerance'])}"
     yield f"#{basic.MISSES}={options['misses']}"
+    yield f"#{basic.SET}={basic.set_number(job.machine, options['readings'])}"
     yield f"M{basic.START} (TANGO START {job.mark} {len(plan.touches)})"
 
 

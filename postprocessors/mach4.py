@@ -7,6 +7,7 @@ The scripts travel with the program as companion files. They decide nothing: the
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -20,7 +21,7 @@ from ._macro_b import steps
 from ._macro_b_text import FLAG, Words
 
 START, RECORD, END, WAIT = 880, 881, 882, 883  # M codes
-SUM, SPINDLE, TOUCH = 118, 119, 120  # common variables that the record is made of
+SET, SUM, SPINDLE, TOUCH = 117, 118, 119, 120  # common variables: number of the set of scripts; what the record is made of
 PLACE = {name: i for i, name in enumerate("XYZABC", 1)}  # of an axis in #5021 …
 FIXED: Mapping[str, Any] = {"macros": "inline", "print_format": "44"}
 FILE = "tango-readings.txt"
@@ -61,6 +62,8 @@ def begin(job: Job) -> Iterator[str]:
             f"controller.readings: found {job.options['readings']!r}; allowed: a file name of letters, digits, _ and -"
         )
     for line in FAMILY["begin"](_stated(job)):
+        if line == f"M{WAIT}":
+            yield f"#{SET}={_set(_scripts(job))}"
         if line.startswith("DPRNT["):
             yield f"M{START}(TANGO START {job.mark} {len(job.plan.touches)})"
         elif not line.startswith(f"#{FLAG}="):
@@ -84,7 +87,18 @@ def end(job: Job) -> Iterator[str]:
 
 
 def scripts(job: Job) -> dict[str, list[str]]:
-    """→ the four M codes for the Macros folder of the profile."""
+    """→ the four M codes for the Macros folder of the profile; each stops unless the program was written for this set."""
+    found = _scripts(job)
+    number = _set(found)
+    return {name: [line.replace("SETNUMBER", str(number)) for line in lines] for name, lines in found.items()}
+
+
+def _set(found: Mapping[str, list[str]]) -> int:
+    whole = "\n".join(line for lines in found.values() for line in lines)
+    return int(hashlib.sha256(whole.encode("ascii")).hexdigest(), 16) % 900_000 + 100_000
+
+
+def _scripts(job: Job) -> dict[str, list[str]]:
     variables = {name: FLAG + PLACE[name] for name in job.machine.names if name != "S"} | {"S": SPINDLE, "K": SUM}
     form = " ".join(["P%.0f H%.0f", *(f"{name}%.4f" for name in variables)])
     values = ", ".join(f"value({number})" for number in (TOUCH, FLAG, *variables.values()))
@@ -100,7 +114,7 @@ def scripts(job: Job) -> dict[str, list[str]]:
         ),
         f"m{RECORD}.mcs": _script(
             RECORD,
-            "writes one touch of the loaded program",
+            "writes one touch",
             [
                 "local function value(number) return (mc.mcCntlGetPoundVar(inst, number)) end",
                 f'say(string.format("{form}", {values}))',
@@ -113,45 +127,46 @@ def scripts(job: Job) -> dict[str, list[str]]:
             ['local mark = text():match("TANGO END %d+")', 'if mark then say(mark) else stop("NO END MARK IN THE PROGRAM") end'],
             job,
         ),
-        f"m{WAIT}.mcs": [
-            f"-- M{WAIT} of tango: nothing. An M code is carried out when the axes stand, and so is what follows it.",
-            f"function m{WAIT}()",
-            "end",
-        ],
+        f"m{WAIT}.mcs": _script(
+            WAIT,
+            "does nothing: an M code is carried out when the axes stand, and so is what follows it, in the loaded program",
+            [],
+            job,
+        ),
     }
 
 
 def _script(code: int, what: str, body: list[str], job: Job) -> list[str]:
-    return [
-        f"-- M{code} of tango: {what}, into {job.options['readings']} in its folder.",
+    head = [
+        f"-- M{code} of tango, set SETNUMBER: {what}",
         f"function m{code}()",
         "    local inst = mc.mcGetInstance()",
-        "    local program = (mc.mcCntlGetGcodeFileName(inst))",
-        f'    local file = (program:match("^(.*[/\\\\])") or "") .. "{job.options["readings"]}"',
         "    local function stop(why)",
         f'        mc.mcCntlMacroAlarm(inst, {code}, "TANGO " .. why)',
         "    end",
-        *(
-            [
-                "    local function text()",
-                '        local f = io.open(program, "r")',
-                '        local all = f and f:read("*a") or ""',
-                "        if f then f:close() end",
-                "        return all",
-                "    end",
-            ]
-            if any("text()" in line for line in body)
-            else []
-        ),
+        "    local function value(number) return (mc.mcCntlGetPoundVar(inst, number)) end",
+        f'    if value({SET}) ~= SETNUMBER then stop("SCRIPTS ARE NOT THOSE OF THIS PROGRAM") return end',
+    ]
+    files = [
+        "    local program = (mc.mcCntlGetGcodeFileName(inst))",
+        f'    local file = (program:match("^(.*[/\\\\])") or "") .. "{job.options["readings"]}"',
         "    local function say(line)",
         '        local f = io.open(file, "a")',
         '        if f == nil then stop("CANNOT WRITE " .. file) return end',
         '        f:write(line, "\\n")',
         "        f:close()",
         "    end",
-        *(f"    {line}" for line in body),
-        "end",
     ]
+    reads = [
+        "    local function text()",
+        '        local f = io.open(program, "r")',
+        '        local all = f and f:read("*a") or ""',
+        "        if f then f:close() end",
+        "        return all",
+        "    end",
+    ]
+    needs = [*(files if body else []), *(reads if any("text()" in line for line in body) else [])]
+    return [*head, *needs, *(f"    {line}" for line in body), "end"]
 
 
 POST = Post(

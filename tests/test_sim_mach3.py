@@ -147,6 +147,21 @@ def test_without_its_macros_nothing_moves_but_the_spindle(made: Plan) -> None:
     assert not any(event in ("feed", "skip", "contact") for event, _ in ran.events)
 
 
+def test_a_macro_of_another_set_refuses(made: Plan) -> None:
+    """One old file in the folder is enough to stop, whichever it is."""
+    other, own = library(made, readings="C:\\other.txt"), library(made)
+    for code in range(881, 886):
+        names = [line for line in own if line.startswith("m88")]
+        parts = {
+            name: own[own.index(name) : own.index(names[i + 1]) if i + 1 < len(names) else None] for i, name in enumerate(names)
+        }
+        old = f"m{code}.m1s"
+        first = other.index(old)
+        parts[old] = other[first : first + len(parts[old])]
+        ran = run(lines_of(made), made, stored=[line for lines in parts.values() for line in lines])
+        assert "MACROS ARE NOT THOSE OF THIS PROGRAM" in ran.alarm and not ran.flags(made)[1:], code
+
+
 def test_a_machine_in_inches_is_found_at_the_first_move(made: Plan) -> None:
     ran = run(lines_of(made), made, inches=True)
     stopped(ran, "UNITS ARE NOT MM", 1)

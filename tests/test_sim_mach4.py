@@ -103,7 +103,12 @@ def test_what_the_control_does_not_know(made: Plan) -> None:
 def test_the_name_of_the_file_goes_nowhere_but_into_a_string(made: Plan) -> None:
     with pytest.raises(InputError, match=r"controller\.readings"):
         lines_of(made, readings='a" os.remove("b')
-    assert "folder" in library(made, readings="mine.txt")[1] and '"mine.txt"' in library(made, readings="mine.txt")[5]
+    assert any(line.endswith('.. "mine.txt"') for line in library(made, readings="mine.txt"))
+
+
+def test_scripts_of_another_program_let_nothing_move(made: Plan) -> None:
+    lines, stop = run(lines_of(made), made, stored=library(made, readings="mine.txt"))
+    assert (lines, "SCRIPTS ARE NOT THOSE OF THIS PROGRAM" in stop) == ([], True)
 
 
 def test_tango_plan_writes_the_scripts_beside_the_program(tmp_path: Path, capsys: pytest.CaptureFixture[str], made: Plan) -> None:

@@ -23,7 +23,7 @@ TURN = re.compile(r"M884 P([456])")
 RECORD = re.compile(r"M885 P(\d+)")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE, MOVES = 101, 104, 105, 106, 109, 110, 111, 112, 141
-OWN = {*range(101, 113), 141, 142, 143}
+OWN = {*range(101, 114), 141, 142, 143}
 
 
 def reads(head: list[str]) -> bool:
@@ -90,7 +90,7 @@ class _Program:
         for item in line.split():
             match = SET.fullmatch(item)
             if match is None or int(match[1]) not in OWN:
-                raise InputError(f"found {item}; allowed: numbers for #101 … #112, #141 … #143")
+                raise InputError(f"found {item}; allowed: numbers for #101 … #113, #141 … #143")
             self._values[int(match[1])] = float(match[2])
 
     def _value(self, number: int) -> float:
