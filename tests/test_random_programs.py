@@ -221,3 +221,13 @@ def test_what_turns_low_is_seen() -> None:
         turned = start.copy()
         turned[column] += 0.5
         assert (gap(watched(made).rig, np.linspace(start, turned, 10)) > AIR) == safe
+
+
+@pytest.mark.parametrize(("degrees", "made"), [(-185.0, ["1"]), (70.0, ["1", "10"])])
+def test_an_inner_facet_is_not_come_to_through_the_table(degrees: float, made: list[str]) -> None:
+    """What a thousand plans have found: the slot of the Huron's table, with the spindle across the table and above it."""
+    cell = example("huron")
+    pose = Indexation({"A": math.radians(degrees), "C": math.radians(64.0), "S": 0.0}, ("1", "10"))
+    planned = plan(replace(cell, strategy=replace(cell.strategy, indexations=(pose,))), "leave-out")
+    assert sorted(touch.facet for touch in planned.touches) == made
+    assert ("would come through facet 28" in "".join(planned.left_out)) == (made == ["1"])

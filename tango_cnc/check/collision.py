@@ -5,6 +5,7 @@ sweeps only its own extension upwards, then moves along the facet's normal: pose
 margin allows for, are judged one by one.
 
 Of the table body only what the facet bounds is asked: a facet that lies within the body (a slot, a step, a bore) contradicts it.
+But around the points of outer facets there is table all the same, and no way to an inner facet leads through there.
 A declared obstacle may be what is touched: a facet on its surface is touched like the table, every other facet keeps off it.
 """
 
@@ -17,7 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Approach, Array, Artefact, Id, Probe
+from ..records import Approach, Array, Artefact, Facet, Id, Probe
 from .solid import LEVEL, Body, Solid
 
 SHANK = -0.02  # least cosine between normal and spindle direction: 1.1° of undercut is within what a table is out of square
@@ -26,6 +27,8 @@ MARGIN = 1.0  # mm around stem and tip elsewhere
 BODY_MARGIN = 2.0  # mm around the body
 BEHIND = 1000.0  # mm: what carries the probe is at least as thick as its body
 STEP = 1.0  # mm between the poses that are judged
+SLANT = 1e-6  # cosine below which a way runs along a plane
+PATCH = 15.0  # mm around the point of a facet where there surely is table behind it
 CHUNK = 4096  # touches judged at once, so that memory does not grow with their number
 
 Mask = NDArray[np.bool_]
@@ -98,6 +101,8 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
             yield from (
                 (bounding & hit, why, "shank") for hit, why in _touched(solid.table, "the table", part, pose, probe, approach)
             )
+        for outer in (artefact.facets[f] for f in sorted(solid.outer, key=str) if not bounding.all()):
+            yield ~bounding & _through(outer, pose, probe, approach), f"the probe would come through facet {outer.id}", "shank"
         hit = _any(_crosses(solid.table, pose.tip + d * pose.normal, 0 * pose.tip, probe.tip_radius + MARGIN) for d in way)
         yield ball & hit, "the tip would hit the table", "tip"
     point = pose.tip - probe.tip_radius * pose.normal
@@ -111,6 +116,16 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
     for name, centre, size in zip(artefact.balls, solid.centre, solid.radius, strict=True):
         own = np.array([f.ball == name for f in facets], dtype=bool)
         yield from _ball(centre, float(size), f"ball {name}", own, parts, pose, probe, way)
+
+
+def _through(facet: Facet, pose: Pose, probe: Probe, approach: Approach) -> Mask:
+    """an outer facet → touches whose way up goes out by the patch around its point: there is table, whatever lies within it."""
+    normal, point, hit = np.array(facet.normal), np.array(facet.point), np.zeros(len(pose.facet), dtype=bool)
+    for begin in (pose.tip, pose.tip + approach.standoff * pose.normal):
+        behind, rate = (point - begin) @ normal, pose.spindle @ normal
+        out = begin + (behind / np.where(rate > SLANT, rate, np.inf))[:, None] * pose.spindle
+        hit |= (behind > 0) & (rate > SLANT) & (np.linalg.norm(out - point, axis=1) < PATCH + probe.body_radius)
+    return hit
 
 
 def _facing(pose: Pose, probe: Probe, stem: float) -> Iterator[Verdict]:
