@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from dataclasses import replace
@@ -48,7 +49,7 @@ def test_every_family_says_what_it_is_and_where_that_is_written(name: str) -> No
 @pytest.mark.parametrize("name", CAUSES)
 def test_every_cause_says_its_frame_what_it_is_mistaken_for_and_what_to_do(name: str) -> None:
     module = terms.causes()[name]
-    assert module.FRAME and module.ADVICE
+    assert module.FRAME and module.ADVICE and module.MEANING and module.SAYS
     assert set(module.MISTAKEN) <= set(CAUSES), "mistaken for something that is not in the catalogue"
     assert hasattr(module, "variants") != hasattr(module, "spread")
 
@@ -130,6 +131,27 @@ def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.B
         assert values[0] == pytest.approx(effect["amplitude"] / effect.get("span", 1.0), rel=0.01)
 
 
+def row(name: str) -> str:
+    """→ the line of a cause in docs/causes.md, from its file."""
+    module = terms.causes()[name]
+    keys = [
+        key if p.default is inspect.Parameter.empty else f"[{key}]"
+        for key, p in inspect.signature(module.cause).parameters.items()
+        if key != "machine"
+    ]
+    mistaken = ", ".join(f"`{other}`" for other in module.MISTAKEN)
+    cells = [f"`{name}`", module.TEXT, module.MEANING, module.FRAME, mistaken, ", ".join(keys) or "–", module.ADVICE]
+    return "| " + " | ".join(cells) + " |"
+
+
 def test_the_catalogue_in_the_documentation_is_complete() -> None:
     text = (Path(__file__).parent.parent.parent / "docs" / "causes.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `(\w+)` \|", text, re.M) == CAUSES
+    missing = [row(name) for name in CAUSES if row(name) not in text]
+    assert not missing, "\n".join(missing)
+
+
+def test_every_cause_of_the_catalogue_can_be_hidden_in_the_simulated_machine() -> None:
+    effects = {f.stem for f in (Path(__file__).parent.parent.parent / "sim_controller" / "effects").glob("[a-z]*.py")}
+    assert set(CAUSES) <= effects
+    assert effects - set(CAUSES) == {"outliers", "random_walk"}, "kinds of noise, not causes"
