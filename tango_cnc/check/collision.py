@@ -124,7 +124,7 @@ def _through(facet: Facet, pose: Pose, probe: Probe, approach: Approach) -> Mask
     for begin in (pose.tip, pose.tip + approach.standoff * pose.normal):
         behind, rate = (point - begin) @ normal, pose.spindle @ normal
         out = begin + (behind / np.where(rate > SLANT, rate, np.inf))[:, None] * pose.spindle
-        hit |= (behind > 0) & (rate > SLANT) & (np.linalg.norm(out - point, axis=1) < PATCH + probe.body_radius)
+        hit |= (behind > 0) & (rate > SLANT) & (np.linalg.norm(out - point, axis=1) < PATCH + probe.stylus_radius)
     return hit
 
 
