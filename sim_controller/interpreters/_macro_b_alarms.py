@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ._alarm import Alarm
+from ..motion import MotionStop
+from ._alarm import Alarm, Silence
 
 TEXTS = {
     "PS0003": "TOO MANY DIGIT",
@@ -40,3 +41,12 @@ TEXTS = {
 def alarm(code: str, detail: str = "") -> Alarm:
     """number, what it is about → the alarm to raise."""
     return Alarm(code, TEXTS[code], detail)
+
+
+def as_alarm(stop: MotionStop) -> Exception:
+    """why the motion ended → the alarm for it, or Silence."""
+    if stop.cause == "overtravel":
+        return alarm("OT0500" if stop.sign > 0 else "OT0501", f"{stop.axis}: {stop}")
+    if stop.cause == "collision":
+        return alarm("EX1001", str(stop))
+    return Silence() if str(stop) == "silence" else alarm("EX1002", str(stop))

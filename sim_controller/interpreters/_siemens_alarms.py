@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ._alarm import Alarm
+from ..motion import MotionStop
+from ._alarm import Alarm, Silence
 
 TEXTS = {
     "10720": "SOFTWARE LIMIT SWITCH",
@@ -31,3 +32,12 @@ TEXTS = {
 def alarm(code: str, detail: str = "") -> Alarm:
     """number, what it is about → the alarm to raise."""
     return Alarm(code, TEXTS[code], detail)
+
+
+def as_alarm(stop: MotionStop) -> Exception:
+    """why the motion ended → the alarm for it, or Silence."""
+    if stop.cause == "overtravel":
+        return alarm("10720", f"{stop.axis}{'+' if stop.sign > 0 else '-'}: {stop}")
+    if stop.cause == "collision":
+        return alarm("26000", str(stop))
+    return Silence() if str(stop) == "silence" else alarm("26001", str(stop))

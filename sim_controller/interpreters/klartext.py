@@ -16,6 +16,7 @@ from tango_cnc.records import Array, Machine
 from ..motion import Motion, MotionStop, Note
 from ._alarm import Silence
 from ._klartext_expressions import error, formula, number, text_of
+from ._klartext_program import bare, blocks_of, labels_of, place_of
 
 __all__ = ["Control", "Profile", "default_profile"]
 
@@ -83,8 +84,8 @@ class Control:
 
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
-        blocks = _blocks(lines)
-        labels = _labels(blocks)
+        blocks = blocks_of(lines)
+        labels = labels_of(blocks)
         self._values, self._texts, self._feed, self._short_way = {}, {}, 0.0, False
         returns: list[int] = []
         index = 1
@@ -100,18 +101,18 @@ class Control:
 
     def _execute(self, blocks: list[str], labels: Mapping[str, int], returns: list[int], index: int) -> int:
         """Executes one block; → index of the next one."""
-        block = _bare(blocks[index])
+        block = bare(blocks[index])
         if match := re.fullmatch(r"FN (\d+): IF (\S+) ([A-Z]+) (\S+) GOTO LBL (\d+)", block):
             compare = match[3]
             if CONDITION.get(int(match[1])) != compare:
                 raise error("NC BLOCK FAULTY", block)
             if COMPARE[str(compare)](number(match[2], self._values), number(match[4], self._values)):
-                return _label(labels, match[5])
+                return place_of(labels, match[5])
         elif match := re.fullmatch(r"CALL LBL (\d+)", block):
             if len(returns) >= DEEPEST:
                 raise error("TOO MANY SUBPROGRAMS", block)
             returns.append(index + 1)
-            return _label(labels, match[1])
+            return place_of(labels, match[1])
         elif block == "LBL 0":
             if returns:
                 return returns.pop()
@@ -181,7 +182,7 @@ class Control:
         """TCH PROBE 4.0 … 4.3: along a direction, results in four parameters."""
         found: dict[str, str] = {}
         for block, pattern in zip(blocks[index:], PROBE, strict=False):
-            match = re.fullmatch(f"TCH PROBE {pattern}", _bare(block))
+            match = re.fullmatch(f"TCH PROBE {pattern}", bare(block))
             if match is None:
                 raise error("NC BLOCK FAULTY", block)
             found |= match.groupdict()
@@ -268,44 +269,6 @@ class Control:
 
     def _radians(self, values: Mapping[str, float]) -> dict[str, float]:
         return {name: value if name in self._machine.linear else math.radians(value) for name, value in values.items()}
-
-
-def _blocks(lines: Iterable[str]) -> list[str]:
-    """numbered lines → blocks without their numbers. Raises Alarm unless they count from 0 between BEGIN PGM and END PGM."""
-    blocks = []
-    for i, line in enumerate(line for line in lines if line.strip()):
-        match = re.fullmatch(r"(\d+) (.*)", line.rstrip())
-        if match is None or int(match[1]) != i:
-            raise error("BLOCK NUMBER FAULTY", line.strip())
-        blocks.append(match[2].strip())
-    begun = re.fullmatch(r"BEGIN PGM (\S+) MM", blocks[0]) if blocks else None
-    if begun is None or blocks[-1] != f"END PGM {begun[1]} MM":
-        raise error("PROGRAM IS INCOMPLETE")
-    return blocks
-
-
-def _labels(blocks: list[str]) -> dict[str, int]:
-    labels: dict[str, int] = {}
-    for i, block in enumerate(blocks):
-        match = re.fullmatch(r"LBL ([1-9]\d*)", _bare(block))
-        if match:
-            if match[1] in labels:
-                raise error("LABEL NUMBER ALLOCATED TWICE", block)
-            labels[match[1]] = i
-    return labels
-
-
-def _label(labels: Mapping[str, int], which: str) -> int:
-    if which not in labels:
-        raise error("LABEL NUMBER NOT FOUND", which)
-    return labels[which]
-
-
-def _bare(block: str) -> str:
-    """block → without comment; a `;` in a text begins none."""
-    match = re.match(r'(?:[^";]|"[^"]*"?)*', block)
-    assert match is not None
-    return match[0].strip()
 
 
 def _as_error(stop: MotionStop) -> Exception:

@@ -9,8 +9,8 @@ import re
 from collections.abc import Callable, Iterable
 
 from ..motion import Motion, MotionStop, Note
-from ._alarm import Alarm, Silence
-from ._macro_b_alarms import alarm
+from ._alarm import Alarm
+from ._macro_b_alarms import alarm, as_alarm
 from ._macro_b_axes import Axes
 from ._macro_b_blocks import Block, Word, words
 from ._macro_b_expressions import Expression, arithmetic
@@ -24,44 +24,7 @@ __all__ = ["Control", "Profile", "default_profile"]
 DC2, DC4 = b"\x12", b"\x14"
 ENDS = {"lf": b"\n", "crlf": b"\r\n", "lfcrcr": b"\n\r\r"}
 DEEPEST = 4  # levels of subprograms and macros below the main program
-G_CODES = frozenset(
-    (
-        0,
-        1,
-        4,
-        15,
-        17,
-        18,
-        19,
-        20,
-        21,
-        28,
-        31,
-        40,
-        43,
-        49,
-        50,
-        53,
-        54,
-        55,
-        56,
-        57,
-        58,
-        59,
-        61,
-        64,
-        65,
-        67,
-        69,
-        80,
-        90,
-        91,
-        94,
-        97,
-        98,
-        99,
-    )
-)
+G_CODES = {0, 1, 4, 15, 28, 31, 40, 43, 49, 50, 53, 61, 64, 65, 67, 69, 80, 90, 91, 94, 97, 98, 99, *range(17, 22), *range(54, 60)}
 GROUPS = {0: 1, 1: 1, 17: 2, 18: 2, 19: 2, 90: 3, 91: 3, 94: 5, 20: 6, 21: 6, 43: 8, 49: 8} | dict.fromkeys(range(54, 60), 14)
 STOPS = (0, 1, 2, 30)  # M-codes after which nothing is read ahead
 
@@ -100,7 +63,7 @@ class Control:
                 main = Program(f"O{tape[0][0]}", tape[0][1])
             self._level(main, 0)
         except MotionStop as stop:
-            raise _as_alarm(stop) from None
+            raise as_alarm(stop) from None
 
     def _level(self, program: Program, depth: int) -> bool:
         """Runs a program or subprogram; → whether M02 or M30 ended everything."""
@@ -333,11 +296,3 @@ class Control:
             self._clocks[number] = (value or 0.0) - self._motion.time * scale
         elif number not in (3003, 3004) and not self._axes.set_variable(number, value or 0.0):
             raise alarm("PS0116" if self._axes.variable(number) is not None else "PS0115", f"#{number}")
-
-
-def _as_alarm(stop: MotionStop) -> Exception:
-    if stop.cause == "overtravel":
-        return alarm("OT0500" if stop.sign > 0 else "OT0501", f"{stop.axis}: {stop}")
-    if stop.cause == "collision":
-        return alarm("EX1001", str(stop))
-    return Silence() if str(stop) == "silence" else alarm("EX1002", str(stop))

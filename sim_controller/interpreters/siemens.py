@@ -7,13 +7,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 from ..motion import Motion, MotionStop, Note
-from ._alarm import Alarm, Silence
-from ._siemens_alarms import alarm
+from ._alarm import Alarm
+from ._siemens_alarms import alarm, as_alarm
 from ._siemens_axes import Axes, Profile, Target, default_profile
 from ._siemens_expressions import Reader, Value, real, truth
+from ._siemens_program import Block, block_of, jumped_to, partners_of
 
 __all__ = ["Control", "Profile", "default_profile"]
 
@@ -22,15 +22,6 @@ WORDS = {"TRAFOOF", "TRANS", "ROT", "TOROTOF", "STOPRE"}
 CALLS = {"MSG", "SETAL", "WRITE", "EXTOPEN", "EXTCLOSE", "CYCLE800"}
 TYPES: dict[str, Value] = {"INT": 0, "REAL": 0.0, "BOOL": False, "STRING": ""}
 LONGEST = 200  # characters that WRITE takes
-
-
-@dataclass(frozen=True)
-class Block:
-    """One line without comment; label apart."""
-
-    text: str
-    label: str | None
-    raw: str
 
 
 class Control:
@@ -53,14 +44,14 @@ class Control:
         self._motion_code, self._axes.incremental = "G1", False
         self._axes.settle()
         try:
-            self._program([_block(line) for line in lines if not line.startswith("%")])
+            self._program([block_of(line) for line in lines if not line.startswith("%")])
         except MotionStop as stop:
-            raise _as_alarm(stop) from None
+            raise as_alarm(stop) from None
         finally:
             self._open.clear()
 
     def _program(self, blocks: list[Block]) -> None:
-        partners = _structures(blocks)
+        partners = partners_of(blocks)
         index = 0
         while index < len(blocks):
             block = blocks[index]
@@ -85,7 +76,7 @@ class Control:
             if jump := reader.take("GOTOF", "GOTOB", "GOTO"):
                 label = reader.name()
                 _done(reader, block)
-                return _target(blocks, index, jump, label) if yes else None
+                return jumped_to(blocks, index, jump, label) if yes else None
             _done(reader, block)
             return None if yes else partners[index] + 1
         if reader.take("ELSE"):
@@ -93,7 +84,7 @@ class Control:
         if reader.take("ENDIF"):
             return None
         if jump := reader.take("GOTOF", "GOTOB", "GOTO"):
-            return _target(blocks, index, jump, reader.name())
+            return jumped_to(blocks, index, jump, reader.name())
         self._statement(reader, block)
         return None
 
@@ -305,50 +296,6 @@ class Control:
             self._note("m", code=int(word[1:]))
 
 
-def _block(line: str) -> Block:
-    """line → block; a `;` in a string begins no comment."""
-    text = re.match(r'(?:[^";]|"[^"]*"?)*', line)
-    assert text is not None
-    bare = re.sub(r"^(N\d+\s*)", "", text[0].strip())
-    label = re.match(r"([A-Za-z_]{2}[A-Za-z0-9_]*)\s*:(?!=)", bare)
-    return Block(bare[label.end() :].strip() if label else bare, label[1].upper() if label else None, line.strip())
-
-
-def _structures(blocks: list[Block]) -> dict[int, int]:
-    """→ index of IF → its ELSE or ENDIF, of ELSE → its ENDIF. Raises Alarm for what is not closed."""
-    pairs: dict[int, int] = {}
-    begun: list[int] = []
-    for index, block in enumerate(blocks):
-        text = block.text.upper()
-        if text.startswith("IF") and not re.search(r"\bGOTO[FB]?\b", re.sub(r'"[^"]*"', "", text)):
-            begun.append(index)
-        elif text in ("ELSE", "ENDIF"):
-            if not begun:
-                raise alarm("12640", block.raw)
-            pairs[begun.pop()] = index
-            if text == "ELSE":
-                begun.append(index)
-    if begun:
-        raise alarm("12640", blocks[begun[-1]].raw)
-    return pairs
-
-
-def _target(blocks: list[Block], index: int, jump: str, label: str) -> int:
-    ahead, behind = range(index + 1, len(blocks)), range(index, -1, -1)
-    for at in {"GOTOF": [*ahead], "GOTOB": [*behind], "GOTO": [*ahead, *behind]}[jump]:
-        if blocks[at].label == label:
-            return at
-    raise alarm("14080", label)
-
-
 def _done(reader: Reader, block: Block) -> None:
     if reader.peek():
         raise alarm("12080", block.raw)
-
-
-def _as_alarm(stop: MotionStop) -> Exception:
-    if stop.cause == "overtravel":
-        return alarm("10720", f"{stop.axis}{'+' if stop.sign > 0 else '-'}: {stop}")
-    if stop.cause == "collision":
-        return alarm("26000", str(stop))
-    return Silence() if str(stop) == "silence" else alarm("26001", str(stop))
