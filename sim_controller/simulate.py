@@ -30,12 +30,21 @@ class _Cycle:
 
 
 def simulate(
-    machine: Machine, artefact: Artefact, strategy: Strategy, world: World, cycles: int = 1, days: int = 1, seed: int | None = None
+    machine: Machine,
+    artefact: Artefact,
+    strategy: Strategy,
+    world: World,
+    cycles: int = 1,
+    days: int = 1,
+    seed: int | None = None,
+    moved: Array | None = None,
 ) -> Readings:
     """cell, world, repetitions → what the true machine reads; `seed` overrides the world's.
 
     The approach is along the nominal facet normal from the stand-off to the search end. Every day starts at the home position,
     every axis last moved in the positive direction, and 24 h (or as many days as it takes) after the day before.
+    `moved`, (touches of a cycle, k) mm rad: size and sense of each axis' last motion on the way that is really taken, 0 where
+    that is not known. Without it the way leads straight from stand-off to stand-off.
     Raises InputError for names that do not exist and for positions outside an axis' travel.
     """
     if cycles < 1 or days < 1:
@@ -53,6 +62,9 @@ def simulate(
     first = np.arange(len(rows)) % rows_a_day == 0
     came_from = np.where(first[:, None], home(machine), np.roll(standoff, 1, axis=0))
     direction = _directions(first, came_from, standoff, end)
+    if moved is not None:
+        moved = np.tile(moved, (cycles * days, 1))
+        direction = np.where(moved != 0, np.sign(moved), direction)
 
     nothing = undisturbed(len(rows))
     s, early, miss = _contacts(r, cycle, rows, surface, standoff, end, direction, nothing)
@@ -61,9 +73,9 @@ def simulate(
     logged = tuple(cycle.facets[row] for row in rows)
     if r.effects or r.noise:
         feed = np.full(len(rows), strategy.approach.feed)
-        known = history(
-            r, surface, positions, direction, _last_moves(first, came_from, standoff, positions), time, day, feed, day_start
-        )
+        last = _last_moves(first, came_from, standoff, positions)
+        last = last if moved is None else np.where(moved != 0, moved, last)
+        known = history(r, surface, positions, direction, last, time, day, feed, day_start)
         change = effects.disturbance(r.effects, known, r.seed)
         assert change.gap is not None
         change = replace(change, gap=change.gap + noise(r, len(rows)))

@@ -19,6 +19,7 @@ from sim_controller.simulate import linear_positions, simulate
 from sim_controller.world import nominal_machine, tip_in_table
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell, read_readings
+from tango_cnc.plan import last_moves, plan
 from tango_cnc.records import Approach, Facet, Indexation, InputError, Strategy, Surface, World
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"
@@ -174,7 +175,8 @@ def test_the_command_writes_readings_that_can_be_read_back(tmp_path: Path) -> No
     told = json.loads(result.output)
     readings = read_readings(cell / "readings.csv", CELL.machine, CELL.artefact)
     assert told["touches"] == told["ok"] == len(readings)
-    expected = simulate(CELL.machine, CELL.artefact, CELL.strategy, World({"EX0C": -0.1}, noise=0.0005, seed=7))
+    moved = last_moves(plan(CELL))
+    expected = simulate(CELL.machine, CELL.artefact, CELL.strategy, World({"EX0C": -0.1}, noise=0.0005, seed=7), moved=moved)
     assert np.abs(readings.position - expected.position).max() < 1e-15 * 400
     assert np.array_equal(readings.direction, expected.direction)
 

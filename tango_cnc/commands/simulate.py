@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 
 from ..files import blamed_on, read_cell, read_world, readings_text, write_text
+from ..plan import last_moves, plan
+from ..records import Array, Cell, InputError
 from ._common import cell_option, json_option, write_json
 
 
@@ -19,6 +21,16 @@ def _list_effects(context: click.Context, _parameter: click.Parameter, wanted: b
         click.echo(f"{cause}: {keys}\n    {text}")
     click.echo("Keys in brackets have a default. Units and signs: docs/effects.md")
     context.exit()
+
+
+def _moved(cell: Cell) -> Array | None:
+    """cell → (n, k) mm rad, size and sense of each axis' last motion at every touch of its plan; None when it cannot be planned."""
+    try:
+        made = plan(cell)
+    except InputError:
+        return None
+    whole = len(made.touches) == sum(len(indexation.facets) for indexation in cell.strategy.indexations)
+    return last_moves(made) if whole else None
 
 
 @click.command()
@@ -43,14 +55,23 @@ def command(
     exact: bool,
     json_file: str | None,
 ) -> None:
-    """Writes the readings that the true machine of world.yaml would give."""
+    """Writes the readings that the true machine of world.yaml would give.
+
+    Backlash goes by the way that the planned program takes. A strategy that cannot be planned is simulated all the same, as if
+    the probe went straight from touch to touch.
+    """
     from sim_controller.simulate import simulate
 
     cell = read_cell(folder)
     world_file = world_file or folder / "world.yaml"
     world = read_world(world_file)
+    moved = _moved(cell)
+    if moved is None:
+        click.echo(
+            "the strategy cannot be planned as it stands ('tango plan' says why): last motions go from touch to touch", err=True
+        )
     with blamed_on(world_file):
-        readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed)
+        readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed, moved)
     target = output or folder / "readings.csv"
     write_text(target, readings_text(readings, None if exact else 6))
     counts = {status: readings.status.count(status) for status in ("ok", "miss", "early")}
@@ -62,6 +83,7 @@ def command(
         "cycles": cycles,
         "days": days,
         "seed": world.seed if seed is None else seed,
+        "planned": moved is not None,
         "duration_s": round(float(readings.time[-1]), 3),
     }
     if not write_json(json_file, result):

@@ -2,7 +2,7 @@
 
 from .build import OBSTRUCTED, part, plan
 from .digest import plan_hash
-from .motion import last_motion
+from .motion import last_motion, last_moves
 from .split import split
 
-__all__ = ["OBSTRUCTED", "last_motion", "part", "plan", "plan_hash", "split"]
+__all__ = ["OBSTRUCTED", "last_motion", "last_moves", "part", "plan", "plan_hash", "split"]

@@ -174,7 +174,12 @@ def _ways(probe: Probe, solid: check.Solid, standoff: Array, spindle: Array, sta
 
 
 def _rows(values: Array) -> Iterable[tuple[float, ...]]:
-    return map(tuple, values.tolist())
+    """(n, k) → n tuples, one by one: a list of all would be there twice. Angles that stay are the same number in memory."""
+    before: tuple[float, ...] = ()
+    for row in values:
+        now = tuple(row.tolist())
+        before = tuple(old if old == new else new for old, new in zip(before or now, now, strict=True))
+        yield before
 
 
 def _highest(height: Array, at: Rows, count: int) -> Array:

@@ -11,7 +11,12 @@ STEP = 1e-6  # mm or rad: less is rounding, not motion
 
 
 def last_motion(plan: Plan) -> Array:
-    """plan → (n, k) −1 0 1, sense of each axis' last motion when touch i triggers; 0 for an axis that has not moved yet.
+    """plan → (n, k) −1 0 1, sense of each axis' last motion when touch i triggers; 0 for an axis that has not moved yet."""
+    return np.sign(last_moves(plan))
+
+
+def last_moves(plan: Plan) -> Array:
+    """plan → (n, k) mm rad, size and sense of each axis' last motion when touch i triggers; 0 for one that has not moved yet.
 
     A measuring move counts as far as the nominal contact. An endless axis takes the shorter way. Only an axis without room
     for a preload, or a spindle that always stands one way, comes to its first place nobody knows how.
@@ -20,15 +25,15 @@ def last_motion(plan: Plan) -> Array:
     axes = {axis.name: axis for axis in plan.machine.axes}
     contact = {touch.number: dict(zip(names, touch.contact, strict=True)) for touch in plan.touches}
     at: dict[str, float] = {}
-    sense = dict.fromkeys(names, 0.0)
+    last = dict.fromkeys(names, 0.0)
     rows = []
     for move in plan.moves:
         for name, target in move.target.items():
             goal = contact[move.touch][name] if move.kind == "probe" else target
             change = turned(axes[name], goal - at.get(name, goal))
             if abs(change) > STEP:
-                sense[name] = float(np.sign(change))
+                last[name] = change
             at[name] = target
         if move.kind == "probe":
-            rows.append([sense[name] for name in names])
+            rows.append([last[name] for name in names])
     return np.array(rows)
