@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from test_dialects import DRIVEN, EVERY, EXAMPLE, OFFSETS, driven
 
-from postprocessors._base import load, names, program
+from postprocessors._base import companions, load, names, program
 from sim_controller.interpreters import Alarm
 from sim_controller.motion import Motion, MotionStop
 from sim_controller.probing import Rig, home, rig
@@ -149,6 +149,12 @@ def text_of(name: str, made: Plan) -> list[str]:
     return list(program(posts(name), made, {}, plan_hash(made))[2]())
 
 
+def stored(name: str, made: Plan) -> tuple[str, ...]:
+    """dialect, plan → what its control has in store: the files that come with the program, else what it always has."""
+    files = companions(posts(name), made, {})
+    return tuple(line for file, lines in files.items() for line in (file, *lines)) or EVERY[name].library
+
+
 def carried_out(name: str, lines: list[str], made: Plan) -> Watched:
     """dialect, program → the machine after it, which has made every touch. Raises Alarm and MotionStop."""
     seen, spoken = watched(made), EVERY[name]
@@ -156,7 +162,7 @@ def carried_out(name: str, lines: list[str], made: Plan) -> Watched:
     printed: list[bytes] = []
     offsets = {axis: value for axis, value in OFFSETS.items() if axis in made.machine.names}
     profile = replace(family.default_profile(made.machine), g54=offsets, **spoken.settings)
-    control = family.Control(seen.motion, profile, printed.append, lambda event, **data: None, spoken.library)
+    control = family.Control(seen.motion, profile, printed.append, lambda event, **data: None, stored(name, made))
     if name in DRIVEN:
         events = driven(made, control)
         assert events[-1] == Ended(len(made.touches)), events[-1]
@@ -199,8 +205,8 @@ def test_every_post_has_a_control_that_speaks_it() -> None:
 
 
 def test_some_random_plans_are_safe_in_every_dialect() -> None:
-    ran = in_every_dialect(1, 6)
-    assert {ran[name] for name in ("heidenhain", "linuxcnc", "okuma", "siemens")} == {6}
+    ran = in_every_dialect(1, 2)
+    assert {ran[name] for name in ("heidenhain", "linuxcnc", "okuma", "siemens")} == {2}
 
 
 @pytest.mark.long
