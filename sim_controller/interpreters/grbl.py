@@ -44,11 +44,12 @@ class Firmware:
     repeats_errors: bool  # after an error nothing is executed before an empty line or a $-command
     one_line_end: bool  # CR LF is one end of a line, not two
     orients: bool  # knows M19
+    more: tuple[float, ...] = ()  # G-codes that the others lack, without effect here
 
 
 FIRMWARE: Mapping[str, Firmware] = {
     "grbl": Firmware("[VER:1.1h.20190825:]", 80, False, "XYZ", False, True, False, False, False),
-    "grblHAL": Firmware("[VER:1.1f.20260818:]", 256, True, LETTERS, True, False, True, True, True),
+    "grblHAL": Firmware("[VER:1.1f.20260818:]", 256, True, LETTERS, True, False, True, True, True, (50, 61, 98, 99)),
     "FluidNC": Firmware("[VER:3.9 FluidNC v3.9.1:]", 255, False, LETTERS, False, True, False, False, False),
 }
 
@@ -165,8 +166,8 @@ class Control:
 
     def _dollar(self, text: str) -> list[str]:
         if text == "$X":
-            self.state = "Idle"
-            return ["[MSG:Caution: Unlocked]", "ok"]
+            locked, self.state = self.state != "Idle", "Idle"
+            return [*(["[MSG:Caution: Unlocked]"] if locked else []), "ok"]
         zero = self._shown(dict.fromkeys(self.axes, 0.0))
         named = [f"[AXS:{len(self.axes)}:{''.join(self.axes)}]"] if self.kind.names_axes else []
         frames = [f"[G{g}:{self._shown(self._work()) if g == 54 else zero}]" for g in range(54, 60)]
@@ -198,12 +199,12 @@ class Control:
         values = {letter: number for letter, number in words if letter != "G"}
         motions = [code for code in codes if code in MOTIONS]
         orient = values.get("M") == 19 and self.kind.orients
-        if any(code not in KNOWN for code in codes) or any(letter not in WORDS for letter in others):
+        if any(code not in KNOWN and code not in self.kind.more for code in codes) or any(letter not in WORDS for letter in others):
             return ["error:20"]
         if any(letter in LETTERS and letter not in self.axes for letter in others) or ("M" in values and not orient):
             return ["error:20"]
         if len(motions) > 1:
-            return ["error:21"]
+            return ["error:24"]
         if len(set(others)) != len(others):
             return ["error:25"]
         if values.get("F", 0.0) < 0:
