@@ -302,3 +302,30 @@ def test_the_manuals_example_of_m126(made: Plan, start: int, target: int, code_w
     ran = code(made, "M127", f"L C+{start}.0 FMAX M91", code_word, f"L C+{target}.0 FMAX M91")
     places = [data["position"]["C"] for event, data in ran.events if event == "rapid"]
     assert places[-1] - start == pytest.approx(moved)
+
+
+def towards(way: str, system: int = 1) -> list[str]:
+    """The four blocks of a probing move 15 mm along Z, results in Q41 …"""
+    moved = f"TCH PROBE 4.2 IX+0 IY+0 IZ{way}"
+    return [
+        "TCH PROBE 4.0 MEASURING IN 3-D",
+        "TCH PROBE 4.1 Q41",
+        moved,
+        f"TCH PROBE 4.3 DIST+15 F180 MB+0 REFERENCE SYSTEM: {system}",
+    ]
+
+
+def test_a_miss_is_minus_one_in_the_fourth_and_leaves_the_others_as_they_were(made: Plan) -> None:
+    assert code(made, "Q41 = 7", *towards("-1"), *show("Q41", "Q44")).out.split() == [b"7.0", b"-1.0"]
+
+
+@pytest.mark.parametrize(("system", "z"), [(1, b"303.0"), (0, b"-97.2")])
+def test_a_contact_is_told_in_machine_or_in_work_coordinates(made: Plan, system: int, z: bytes) -> None:
+    there = ["L X-20.0 Y+30.0 FMAX M91", "L Z+313.0 FMAX M91", *towards("-1", system), *show("Q43", "Q44")]
+    blocks = ["BEGIN PGM A MM", *there, "M30", "END PGM A MM"]
+    assert run([f"{i} {block}" for i, block in enumerate(blocks)], made).out.split() == [z, b"0.0"]
+
+
+def test_a_whole_number_is_whole_millimetres(made: Plan) -> None:
+    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR1 IDX1", *show("Q9")]
+    assert code(made, "L X+10 FMAX M91", *read).out.split() == [b"10.0"]

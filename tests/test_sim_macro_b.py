@@ -94,6 +94,21 @@ def test_line_ends_are_a_parameter(line_end: str, end: bytes) -> None:
     assert run(EXAMPLE, line_end=line_end).out == b"\x12X   128.474 Y-   91.200 T 23" + end + b"\x14"
 
 
+def test_a_haas_expands_its_fields_and_ends_lines_with_cr() -> None:
+    """Manual 96-8000: a whole part with more digits expands the field; leading blanks; a carriage return behind every block."""
+    program = "O1\n#2=12345.5\n#5=-.5\nPOPEN\nDPRNT[X#2[44]*Y#5[44]]\nPCLOS\nM30"
+    assert run(program, overflow="expanded", line_end="cr").out == b"\x12X 12345.5000 Y-   0.5000\r\x14"
+    assert run(program).out == b"\x12X 2345.5000 Y-   0.5000\n\x14"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(-0.4187, "X-.4187"), (0.504, "X.504"), (-90.0, "X-90."), (0.0, "X0."), (10.25, "X10.25")]
+)
+def test_a_haas_ngc_prints_no_zero_that_it_can_spare(value: float, text: str) -> None:
+    program = f"O1\n#2={value:.4f}\nPOPEN\nDPRNT[X#2[44]]\nPCLOS\nM30"
+    assert run(program, padding="bare").lines == [text]
+
+
 @pytest.mark.parametrize(
     ("number", "form", "text"),
     [

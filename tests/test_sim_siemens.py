@@ -311,3 +311,37 @@ def test_modulo_axes_turn_the_way_they_are_told(made: Plan, start: int, way: str
     ran = code(made, f"SUPA D0 G0 C=DC({start}.)", f"SUPA D0 G0 C={way}")
     places = [data["position"]["C"] for event, data in ran.events if event == "rapid"]
     assert places[-1] - start == pytest.approx(moved), "the scale has rolled over after the first move"
+
+
+TOUCH = ["SUPA D0 G0 X-20. Y30.", "SUPA D0 G0 Z313.", "SUPA D0 G1 MEAS=1 Z298. F180.", "STOPRE"]
+
+
+def shown(made: Plan, *lines: str, **more: Any) -> list[str]:
+    ran = run(["DEF INT E_1", *lines, "M30"], made, **more)
+    assert ran.alarm is None, ran.alarm
+    return ran.files["_N_A_MPF"].splitlines()
+
+
+def test_only_axes_named_in_the_block_are_latched(made: Plan) -> None:
+    show = 'WRITE(E_1,"_N_A_MPF",SPRINT("%D %.1F %.1F",$AC_MEA[1],$AA_MM[X],$AA_MM[Z]))'
+    assert shown(made, *TOUCH, show) == ["1 0.0 303.0"]
+
+
+def test_the_latched_position_is_there_in_machine_and_in_work_coordinates(made: Plan) -> None:
+    show = 'WRITE(E_1,"_N_A_MPF",SPRINT("%.2F %.2F",$AA_MM[Z],$AA_MW[Z]))'
+    assert shown(made, *TOUCH, "D1", show, g54={"Z": 100.25}) == ["303.00 -97.25"]
+
+
+def test_a_probe_that_is_deflected_has_no_edge_to_give(made: Plan) -> None:
+    """Where that is no alarm the move goes on to its end: nothing guards it."""
+    show = 'WRITE(E_1,"_N_A_MPF",SPRINT("%D %.1F",$AC_MEA[1],$AA_IM[Z]))'
+    stuck = [*TOUCH, "SUPA D0 G1 Z313. F500.", "SUPA D0 G1 MEAS=1 Z330. F180.", "STOPRE", show]
+    assert shown(made, *stuck, fault="probe-stuck-after=1", deflected="ignore") == ["0 330.0"]
+    alarmed = run([*stuck[:-1], "M30"], made, fault="probe-stuck-after=1")
+    assert alarmed.alarm is not None and alarmed.alarm.code == "21700"
+
+
+def test_write_ends_lines_of_files_and_none_of_devices(made: Plan) -> None:
+    device = ["DEF INT E_1", 'EXTOPEN(E_1,"/dev/ext/1","SYN","EXCL")', *(f'WRITE(E_1,"/dev/ext/1","{c}")' for c in "AB"), "M30"]
+    assert run(device, made).out == b"AB"
+    assert shown(made, *(f'WRITE(E_1,"_N_A_MPF","{c}")' for c in "AB")) == ["A", "B"]

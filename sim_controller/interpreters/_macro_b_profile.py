@@ -23,8 +23,9 @@ class Profile:
     signed_direction: bool = False  # the sign of a roll-over command is its direction (1008#1 RAB)
     straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
-    padding: Literal["spaces", "none"] = "spaces"  # leading zeros of DPRNT (6001#1 PRT)
-    line_end: Literal["lf", "crlf", "lfcrcr"] = "lf"  # 100#3 NCR, 6001#4 CRO
+    padding: Literal["spaces", "none", "bare"] = "spaces"  # leading zeros of DPRNT (6001#1 PRT); bare: as a Haas NGC
+    overflow: Literal["dropped", "expanded"] = "dropped"  # digits that do not fit into a field; Haas expands it
+    line_end: Literal["lf", "crlf", "lfcrcr", "cr"] = "lf"  # 100#3 NCR, 6001#4 CRO
     branches_in_dnc: bool = False  # GOTO and WHILE in a drip-fed main program, which real ones refuse
 
 

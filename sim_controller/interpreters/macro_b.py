@@ -22,7 +22,7 @@ from ._macro_b_variables import ARGUMENTS, Variables
 __all__ = ["Control", "Profile", "default_profile"]
 
 DC2, DC4 = b"\x12", b"\x14"
-ENDS = {"lf": b"\n", "crlf": b"\r\n", "lfcrcr": b"\n\r\r"}
+ENDS = {"lf": b"\n", "crlf": b"\r\n", "lfcrcr": b"\n\r\r", "cr": b"\r"}
 DEEPEST = 4  # levels of subprograms and macros below the main program
 G_CODES = {0, 1, 4, 15, 28, 31, 40, 43, 49, 50, 53, 61, 64, 65, 67, 69, 80, 90, 91, 94, 97, 98, 99, *range(17, 22), *range(54, 60)}
 GROUPS = {0: 1, 1: 1, 17: 2, 18: 2, 19: 2, 90: 3, 91: 3, 94: 5, 20: 6, 21: 6, 43: 8, 49: 8} | dict.fromkeys(range(54, 60), 14)
@@ -157,7 +157,7 @@ class Control:
     def _print(self, text: str, block: Block) -> None:
         if not text.endswith("]"):
             raise alarm("PS0114", block.raw)
-        line = printed(text[6:-1], self._variables.get, self._profile.padding)
+        line = printed(text[6:-1], self._variables.get, self._profile.padding, self._profile.overflow)
         if not self._open:
             self._note("lost", text=line, why="DPRNT without POPEN")
             return
