@@ -182,7 +182,7 @@ def test_design_tells_which_touches_would_separate_two_causes(cell: Path) -> Non
     run = CliRunner().invoke(tango, ["design", "-C", str(cell), "--separate", "thermal_drift", "table_drift", "--json", "-"])
     assert run.exit_code == 0, run.output
     data = json.loads(run.output)
-    assert data["together"] >= data["append"][0]["evidence"] > 1.2 * data["evidence"]
+    assert data["together"] >= data["append"][0]["evidence"] > data["evidence"] + 3  # the command offers nothing below 1
     assert data["append"][0]["facets"]
 
 

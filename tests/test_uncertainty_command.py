@@ -76,7 +76,7 @@ def test_text_for_people(cell: Path, budget: Path, capsys: pytest.CaptureFixture
     for part in ("95 % from", "k_q", "budget, % of variance", "correlat", "nonlinear estimations", "numerical tolerance", "µrad"):
         assert part in text
     assert "linear propagation holds" in text
-    assert call("uncertainty", "-C", cell, "--budget", budget, "--trials", 1000, "--seed", 3) == 0
+    assert call("uncertainty", "-C", cell, "--budget", budget, "--trials", 1000, "--seed", 4) == 0  # a seed that scatters
     assert "so few trials cannot tell" in capsys.readouterr().out
 
 

@@ -15,6 +15,7 @@ from ..plan import last_motion, plan
 from ..records import Cell, InputError
 from ..touches import Touches, of_facets
 from ._common import cell_option, json_option, write_json
+from .check import positioning_feed
 
 
 @click.command()
@@ -40,7 +41,7 @@ def planned(cell: Cell) -> Touches:
     position = np.array([touch.contact for touch in made.touches])
     touches = of_facets(cell.machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
     spent = np.zeros(len(made.touches) + 1)
-    for move, seconds in zip(made.moves, of_moves(made), strict=True):
+    for move, seconds in zip(made.moves, of_moves(made, positioning_feed(cell)), strict=True):
         spent[min(move.touch - 1, len(made.touches))] += seconds
     return replace(touches, time=np.cumsum(spent[:-1]), feed=np.full(len(touches), cell.strategy.approach.feed))
 
