@@ -51,6 +51,7 @@ class Space:
     _settings: dict[tuple[float, ...], Setting] = field(default_factory=dict)
     _white: dict[tuple[float, ...], _White] = field(default_factory=dict)
     white: bool = False  # leave the kernels out
+    _best: dict[bytes, tuple[tuple[float, ...], float]] = field(default_factory=dict)
 
     @property
     def m(self) -> int:
@@ -155,8 +156,13 @@ def level(place: Space, ratios: tuple[float, ...], y: Array, selected: Array) ->
 def best_noise(place: Space, selected: Array, y: Array | None = None) -> tuple[tuple[float, ...], float]:
     """space, selected (m, s) → ratios of highest likelihood on the grid, its log likelihood."""
     data = place.y if y is None else y
+    key = np.ascontiguousarray(selected).tobytes()  # a search comes back to the same patterns again and again
+    if y is None and key in place._best:
+        return place._best[key]
     scored = [(float(level(place, ratios, data, selected)[2][0]), ratios) for ratios in place.grid()]
     value, ratios = max(scored)
+    if y is None:
+        place._best[key] = ratios, value
     return ratios, value
 
 
