@@ -101,7 +101,25 @@ def test_a_path_that_cannot_be_meant_is_refused(share):
         parse("file://", protocol.OPTIONS)
 
 
-@pytest.mark.parametrize(("post", "language", "name"), [("heidenhain", "klartext", "TANGO.H"), ("siemens", "siemens", "TANGO.MPF")])
+@pytest.mark.parametrize(
+    ("url", "path"),
+    [
+        ("file:///mnt/control%20one/TANGO.TXT", "/mnt/control one/TANGO.TXT"),
+        ("file:///C:/share/TANGO.TXT", "C:/share/TANGO.TXT"),
+        ("file://Z:/TANGO.TXT?from=last", "Z:/TANGO.TXT"),
+    ],
+)
+def test_paths_as_people_and_programs_write_them(url, path):
+    assert parse(url, protocol.OPTIONS).target == path
+
+
+@pytest.mark.parametrize(
+    ("post", "language", "name"),
+    [
+        ("heidenhain", "klartext", "TANGO.H"),
+        pytest.param("siemens", "siemens", "TANGO.MPF", marks=pytest.mark.long),
+    ],
+)
 def test_a_whole_run_of_a_control_that_writes_a_file(tmp_path, share, post, language, name):
     """The program is carried to the control and started there while `tango run` waits for what it writes."""
     folder = tmp_path / "cell"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl, unquote, urlsplit
 
 from ..records import InputError
 
@@ -99,4 +99,6 @@ def _parts(url: str) -> tuple[str, str, str]:
             [f"{name}://" for name in SCHEMES] + [f"{n}{'+' * bool(s)}{s}://" for n, more in SPOKEN.items() for s in more or ("",)]
         )
         raise InputError(f"port {url!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path")
-    return scheme, parts.netloc + (parts.path if scheme in ("serial", "tcp", "rtu", "file") else ""), parts.query
+    if scheme == "file":  # file:///C:/TANGO.TXT has a slash that is no part of the path
+        return scheme, re.sub(r"^/(?=[A-Za-z]:)", "", unquote(parts.netloc + parts.path)), parts.query
+    return scheme, parts.netloc + (parts.path if scheme in ("serial", "tcp", "rtu") else ""), parts.query
