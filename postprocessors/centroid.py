@@ -232,5 +232,6 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "tango",
+    link="file",
     **steps(globals()),
 )

@@ -158,6 +158,7 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "tango",
+    link="file",
     companions=lambda job: basic.macros(job.machine, job.options["readings"]),
     **steps(globals()),
 )

@@ -174,6 +174,7 @@ POST = Post(
     extension="nc",
     options=OPTIONS,
     doubts=DOUBTS,
+    link="file",
     companions=scripts,
     **{name: _of_family(name) for name in FAMILY if name != "stem"}
     | {"stem": FAMILY["stem"], "begin": begin, "record": record, "end": end},
