@@ -14,6 +14,7 @@ from . import kinematics
 from .kinematics import Chain, Sensitivity, Slot
 from .records import Array, Artefact, Id, Machine, Readings, Surface
 
+FAR = 5.0  # mm from the nominal contact: no error of the machine, a facet of another name
 SIDES = 0.05  # least against largest spread of the normals on a ball whose centre is known
 
 
@@ -123,9 +124,12 @@ class Touches:
 
     @cached_property
     def seen(self) -> Sensitivity:
-        """→ levers and normals of the nominal contacts: what a pattern is made of."""
-        nominal = self.nominal
-        return kinematics.sensitivity(self.chain, kinematics.trace(self.chain, nominal.position), self.normal)
+        """→ levers and normals of the nominal contacts: what a pattern is made of. A touch far from its facet keeps its place."""
+        nominal = self.nominal.position
+        columns = [self.machine.column(name) for name in self.machine.linear]
+        far = np.abs(self.position - nominal)[:, columns].max(axis=1, initial=0.0) > FAR
+        position = np.where(far[:, None], self.position, nominal)
+        return kinematics.sensitivity(self.chain, kinematics.trace(self.chain, position), self.normal)
 
     @property
     def machine_normal(self) -> Array:

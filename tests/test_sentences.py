@@ -62,6 +62,15 @@ def test_a_warm_up_is_told_as_one(fitted: Estimate) -> None:
     assert "a tenth of it is left after 34 min" in advice(f)
 
 
+def test_a_drift_that_has_not_settled_is_told_as_far_as_it_was_seen(fitted: Estimate) -> None:
+    run = float(fitted.model.touches.warm.max())
+    f = finding(fitted, "table_drift", {"shape": "exponential", "tau": 2 * run})
+    text = said(f)
+    seen = f.size.amplitude * (1 - np.exp(-0.5)) * 1e3
+    assert f"the table creeps {seen:.1f} µm" in text and "has not settled" in text
+    assert "a tenth" not in advice(f)
+
+
 def test_chances_and_times_are_told_in_words() -> None:
     assert chance(1e-40) == "less than once in a million times"
     assert chance(0.0009) == "once in 1,000 times"

@@ -84,6 +84,8 @@ def _one(c: Chosen, v: Array, covariance: Array, touches: Touches, weight: Array
         effect["phase"] = detail["phase_deg"]
     if "period" in detail:
         detail["period_s" if c.candidate.cause == "ambient_cycle" else "period_mm"] = detail.pop("period")
+    if "tau" in c.candidate.setting and len(touches):
+        detail["run_s"] = round(float(touches.warm.max()), 1)
     if "at" in detail and c.candidate.cause in ("step", "chip"):
         detail["time_s"] = float(touches.time[min(int(detail["at"]), len(touches)) - 1])
     if kind == "numbers" and len(v) == 1:

@@ -12,6 +12,7 @@ from ..records import Array
 from ._records import Finding, Remainder
 
 SETTLED = 2.3  # time constants after which a tenth is left
+UNSETTLED = 1.4  # time constants: a test shorter than that has not seen where a drift ends
 STRONG = 0.35  # component of a direction that is worth a word
 
 
@@ -33,7 +34,7 @@ def advice(f: Finding) -> str:
     """finding → what to do about it, with the time after which a drift has settled."""
     text = str(families.causes()[f.cause].ADVICE)
     tau = f.detail.get("tau_s")
-    if tau is not None and f.detail.get("shape") == "exponential":
+    if tau is not None and f.detail.get("shape") == "exponential" and not _unsettled(f.detail):
         text += f" (a tenth of it is left after {minutes(SETTLED * float(tau))})"
     return text
 
@@ -116,6 +117,9 @@ class _Known(dict[str, str]):
 def _words(f: Finding) -> Mapping[str, str]:
     d = f.detail
     known = _Known(size=size(f), course=_course(d), toward="", where="")
+    if "direction" in d and _unsettled(d):  # the size is that of the end, which nobody has seen
+        part = 1 - np.exp(-float(d["run_s"]) / float(d["tau_s"]))
+        known["size"] = f"{f.size.amplitude * part * 1e3:.1f} µm"
     for key in ("axis", "name", "by", "after", "order"):
         if key in d:
             known[key] = str(d[key])
@@ -155,9 +159,16 @@ def _words(f: Finding) -> Mapping[str, str]:
     return known
 
 
+def _unsettled(d: Mapping[str, Any]) -> bool:
+    """Whether a warm-up is slower than the test could show: less than three quarters of it was seen."""
+    return d.get("shape") == "exponential" and "run_s" in d and float(d["run_s"]) < UNSETTLED * float(d["tau_s"])
+
+
 def _course(d: Mapping[str, Any]) -> str:
     if d.get("sensor"):
         return f" with the temperature {d['sensor']}"
+    if d.get("shape") == "exponential" and _unsettled(d):
+        return f" within the {minutes(float(d['run_s']))} of the test and has not settled"
     if d.get("shape") == "exponential" and "tau_s" in d:
         return f" as it warms up, two thirds of it within {minutes(float(d['tau_s']))}, then it settles"
     return " per hour, steadily" if d.get("shape") == "linear" and "tau_s" in d else ""
