@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ from tango_cnc.records import InputError
 
 from ._base import Job, Whole
 
+SWITCH = re.compile(r"[GHM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
 MORE_THAN_0 = ("positioning_feed", "tolerance", "misses", "orient_time")
 STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "back", "record", "probe_off", "end")
 
@@ -44,8 +46,7 @@ def fits(job: Job, most: int = 9) -> None:
         _axis_numbers(job, most)
     for key in ("unclamp", "clamp"):
         for name, word in options.get(key, {}).items():
-            one_word = isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()
-            if name not in job.machine.rotary or not one_word:
+            if name not in job.machine.rotary or not (isinstance(word, str) and SWITCH.fullmatch(word)):
                 allowed = f"a word such as M10 for {', '.join(job.machine.rotary) or 'a rotary axis, of which there is none'}"
                 raise InputError(f"controller.{key}: found {name!r}: {word!r}; allowed: {allowed}")
     turns = {round(touch.standoff[job.machine.column("S")], 9) for touch in job.plan.touches}

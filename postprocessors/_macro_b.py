@@ -16,6 +16,7 @@ at rest (#101 …) and taken off; each touch reads it again and stops when it ha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -28,7 +29,10 @@ from ._common import STEPS, fits, switches
 from ._macro_b_text import FLAG, FRAME, MISSES, Words, axis_numbers
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
-ROLLOVER = "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned"
+ROLLOVER = (
+    "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned; "
+    "signed: as auto where the sign is the sense of the turn"
+)
 
 OPTIONS: tuple[Option, ...] = (
     Option("program_number", 8700, "O number of the program; macros take the next four", verified=True),
@@ -40,7 +44,7 @@ OPTIONS: tuple[Option, ...] = (
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
-    Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never")),
+    Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never", "signed")),
     Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
     Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
     Option("print_format", "44", "digits before and after the point of a printed coordinate", choices=("44", "43", "53")),
@@ -114,7 +118,7 @@ class _Steps:
             if name in leg.target:
                 turned[name] = number(_angle(job, name, leg.target[name]), options["decimals"])
                 yield from filter(None, [options["unclamp"].get(name)])
-                yield f"G90 G53 G0 {name}{turned[name]}"
+                yield f"G90 G53 G0 {name}{_signed(job, leg, name, turned[name])}"
                 yield from filter(None, [options["clamp"].get(name)])
         if turned:
             yield from self._macro(job, 4, turned)
@@ -169,8 +173,16 @@ def _check(job: Job) -> None:
 def _angle(job: Job, name: str, value: float) -> float:
     """axis letter, rad → deg to command."""
     angle, rule = degrees(value), job.options["rollover"]
-    turns = (rule == "always" and may_roll(job.machine, name)) or (rule == "auto" and is_endless(job.machine, name))
+    turns = (rule == "always" and may_roll(job.machine, name)) or (rule in ("auto", "signed") and is_endless(job.machine, name))
     return rolled(angle, job.options["decimals"]) if turns else angle
+
+
+def _signed(job: Job, leg: Leg, name: str, angle: str) -> str:
+    """0 … 360 as text → with the sign of the turn that the plan has in mind, where the control wants it (1008#1 RAB; 0 is 360)."""
+    change = math.remainder(leg.target[name] - leg.came.get(name, leg.target[name]), math.tau)
+    if job.options["rollover"] != "signed" or not is_endless(job.machine, name) or change >= 0:
+        return angle
+    return "-360." if angle == "0." else f"-{angle}"
 
 
 def _spindle(job: Job, value: float) -> str:

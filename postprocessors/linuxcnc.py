@@ -26,6 +26,8 @@ OPTIONS = (
     Option("orient", True, "the spindle is oriented with M19 R (needs spindle.0.orient in HAL)"),
     Option("orient_time", 30, "seconds that M19 may take", verified=True),
     Option("wrapped", False, "rotary axes have WRAPPED_ROTARY = 1: 0 to 360, signed by the sense of the turn"),
+    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M64 P1}; a locking indexer needs none", verified=True),
+    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M65 P1}; a locking indexer needs none", verified=True),
     Option("probe_on", "", "words that switch the probe on", codes=True),
     Option("probe_off", "", "words that switch the probe off", codes=True),
     Option("positioning_feed", 3000.0, "mm/min between touches", verified=True),
@@ -139,7 +141,9 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
     for name in job.machine.rotary:
         if name in leg.target:
             wrapped = job.options["wrapped"] and may_roll(job.machine, name)
+            yield from filter(None, [job.options["unclamp"].get(name)])
             yield f"G53 G0 {name}{_wrapped(job, leg, name) if wrapped else number(degrees(leg.target[name]))}"
+            yield from filter(None, [job.options["clamp"].get(name)])
 
 
 def _wrapped(job: Job, leg: Leg, name: str) -> str:

@@ -83,6 +83,8 @@ def test_what_the_posts_write_passes(post: str) -> None:
         ("heidenhain", {"shortest": False, "plane_reset": False, "tcpm_reset": False, "decimals": 3, "misses": 5}),
         ("heidenhain", {"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 5}, "unclamp": {"B": "M11"}, "clamp": {"B": "M10"}}),
         ("heidenhain", {"output": "TNC:\\A\\B.TXT", "positioning_feed": 999.5, "probe_on": "M64", "probe_off": "M65"}),
+        ("fanuc", {"rollover": "signed"}),
+        ("linuxcnc", {"unclamp": {"B": "M64 P2", "C": "M64 P3"}, "clamp": {"B": "M65 P2", "C": "M65 P3"}}),
         ("linuxcnc", {"wrapped": True, "probe_on": "M64 P1", "probe_off": "M65 P1"}),
     ],
 )

@@ -18,7 +18,7 @@ from sim_controller.probing import rig
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Begun, Ended, Touched
 from tango_cnc.link._words import record
-from tango_cnc.plan import part, plan, plan_hash
+from tango_cnc.plan import last_motion, part, plan, plan_hash
 from tango_cnc.records import Artefact, Cell, InputError, Plan, World
 
 GOLDEN = Path(__file__).parent / "golden" / "cell"
@@ -67,6 +67,7 @@ def flags(events: list[Any]) -> list[int]:
         ({"rollover": "never"}, True, {}),
         ({}, True, {"rollover": ("C",)}),
         ({}, True, {"rollover": ("C",), "signed_direction": True}),
+        ({"rollover": "signed"}, True, {"rollover": ("C",), "signed_direction": True}),
         ({"decimals": 4, "print_format": "44"}, True, {"padding": "none", "line_end": "crlf"}),
     ],
 )
@@ -145,6 +146,31 @@ def test_angles_are_0_to_360_for_an_endless_axis_only(made: Plan) -> None:
     assert turns() == [f"G90 G53 G0 {word}" for word in moved]
     assert "G90 G53 G0 C-90." in turns(rollover="never")
     assert "G90 G53 G0 B-30." in turns(rollover="always")
+
+
+def senses(made: Plan, rule: str, signed: bool) -> list[float]:
+    """option, 1008#1 RAB → the sense of the last turn of C at every touch."""
+    found: list[float] = []
+    last = {"C": 0.0, "sense": 0.0}
+
+    def note(event: str, **data: Any) -> None:
+        if event == "rapid" and (change := data["position"]["C"] - last["C"]):
+            last.update(C=data["position"]["C"] % 360, sense=math.copysign(1, change))
+        elif event == "contact":
+            found.append(last["sense"])
+
+    motion = Motion(rig(made.machine, made.artefact, World()), note)
+    profile = replace(default_profile(made.machine), rollover=("C",), signed_direction=signed)
+    Control(motion, profile, lambda data: None, lambda event, **data: None).run(lines_of(made, rollover=rule)[1:-1], True)
+    return found
+
+
+def test_endless_axes_turn_in_the_sense_that_the_readings_will_say(made: Plan) -> None:
+    """The short way, or where the sign is the direction the sense of the plan: backlash depends on it."""
+    wanted = last_motion(made)[:, made.machine.column("C")].tolist()
+    assert set(wanted) == {-1.0, 1.0}
+    assert senses(made, "auto", False) == senses(made, "signed", True) == wanted
+    assert senses(made, "auto", True) != wanted
 
 
 def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:

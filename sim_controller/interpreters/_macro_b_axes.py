@@ -59,7 +59,7 @@ class Axes:
         if not self.incremental:
             values = {word.letter: self._value(word) for word in found}
             now = self._now()
-            targets = {name: self._rolled(name, value, now[name]) for name, value in values.items()}
+            targets = {name: self._rolled(name, value, now[name], value < 0) for name, value in values.items()}
             self._motion.rapid(self._radians(targets), straight=self._profile.straight_rapid)
             self._after_move()
         self.settle()

@@ -62,6 +62,7 @@ class _Program:
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
         self._machine = Rehearsal(plan, options, self._read)
         self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
+        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
         self._subs: dict[str, list[str]] = {}
         self._writing: str | None = None  # the subroutine whose text is read
         self._label: str | None = None  # the IF that is open

@@ -6,6 +6,7 @@ local variables #1 … #33 of a called program are its own; a statement behind T
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
@@ -77,6 +78,7 @@ class _Program:
         self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
         self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
         self._reset, self._orient = options.get("reset", ""), options.get("orient", "")
+        self._signed = options.get("rollover") == "signed"
         self._moving = True  # since the last motion nothing has waited for the axes
         self._depth = 0
         self._begun = self._opened = self._closed = False
@@ -110,7 +112,7 @@ class _Program:
         elif match := re.fullmatch(re.escape(self._orient) + f"({NUMBER})", code) if self._orient else None:
             self._machine.turns("S", float(match[1]), False)
         elif match := TURN.fullmatch(code):
-            self._machine.turns(match[1], float(match[2]), True)
+            self._machine.turns(match[1], self._angle(match[1], float(match[2])), True)
             self._moving = True
         elif match := FEED.fullmatch(code):
             self._feed(match[1], match[2].split(), match[3])
@@ -122,6 +124,12 @@ class _Program:
             self._call(int(match[1]), match[2].split())
         else:
             self._print(code)
+
+    def _angle(self, name: str, value: float) -> float:
+        """axis letter, deg as written → deg meant: for endless axes of such controls the sign is the sense of the turn."""
+        travel = self._machine.plan.machine.axis(name).travel
+        endless = travel is None or travel[1] - travel[0] > math.radians(800)
+        return abs(value) if self._signed and endless else value
 
     def _print(self, code: str) -> None:
         if not self._opened or self._closed:
