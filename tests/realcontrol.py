@@ -132,7 +132,7 @@ def linuxcnc(cell: Path, wrapped: str = "") -> Iterator[Control]:
     variables = {**os.environ, "HOME": str(folder), "RTAPI_FIFO_PATH": str(folder / ".rtapi_fifo")}
     if os.geteuid() == 0:
         variables["RTAPI_UID"] = "65534"
-    with (folder / "out.log").open("w") as out, Path(tempfile.gettempdir(), "tango-linuxcnc.lock").open("a") as lock:
+    with (folder / "out.log").open("w") as out, Path(tempfile.gettempdir(), f"tango-linuxcnc-{os.getuid()}.lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # a second LinuxCNC ends the first one when it starts
         process = subprocess.Popen(["linuxcnc", "machine.ini"], cwd=folder, env=variables, stdout=out, stderr=out)
         try:

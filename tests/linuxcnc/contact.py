@@ -26,6 +26,7 @@ from tango_cnc.records import Array
 
 STILL = 1e-7  # mm or rad: less is no motion
 LEAST = 1e-6  # mm or rad: less says nothing of a direction
+STRAIGHT = 1e-5  # of a motion: two ways that differ by less are one
 SAME = 1e-5  # mm: what is nearer to a line is on it
 FREE = 0.02  # mm from the surface that was touched
 AHEAD = 250.0  # mm, or deg: how far along its way a motion is looked at; longer ones are looked at again
@@ -41,6 +42,7 @@ class Table:
         self._line: tuple[Array, Array] | None = None  # where the motion was seen first, change until the end of the look
         self._row = -1  # surface that the plane stands for
         self._trip = self._sense = np.zeros(0)  # (k,) where the probe will trip, and how every axis moved last before that
+        self._way = np.zeros(len(rig.machine.names))  # of the motion from one look to the next
         self._pressed = self._known = False
         self.contacts: list[dict[str, object]] = []
 
@@ -64,7 +66,12 @@ class Table:
                 return self._nothing()
         if np.abs(change).max() < LEAST or self._foreseen(position):
             return None
-        return self._look(position, change)
+        before, self._way = self._way, change / np.abs(change).max()
+        if np.abs(self._way - before).max() < STRAIGHT:
+            return self._look(position, change)
+        # Between these two looks was a corner: whither it goes now is not known yet, and whither it went says nothing.
+        self._line = None
+        return self._nothing() if self._row >= 0 else None
 
     def _foreseen(self, position: Array) -> bool:
         """Whether this position lies on the line that was looked at, and not near its end."""

@@ -45,6 +45,7 @@ with open("contact.err", "w", encoding="utf-8") as err:
         answer = judge.stdout.readline().split()
         if answer:
             component["disarm"] = component["forget"] = True  # no plane is half the old and half the new one
+            periods(2)
             for gain, value in zip(GAINS, answer, strict=True):
                 hal.set_p(gain, value)
             periods(2)  # one of them whole, with the new plane
