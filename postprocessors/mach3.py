@@ -63,6 +63,7 @@ def begin(job: Job) -> Iterator[str]:
     yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
     yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
     yield f"(NEEDS ITS MACROS M{basic.START} TO M{basic.END} IN THE MACROS FOLDER OF THE PROFILE)"
+    yield "(RECORDS END WITH THEIR CHECK SUM K)"
     for doubt in job.unverified:
         yield f"(UNVERIFIED {comment(doubt, 100)})"
     yield options["reset"]

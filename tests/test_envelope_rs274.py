@@ -14,6 +14,7 @@ from test_envelope_mutants import NEAR, Traced, short, worlds
 
 from sim_controller.interpreters import Alarm, Silence
 from sim_controller.interpreters.grbl import Control, Profile
+from tango_cnc.link._words import summed
 from tango_cnc.records import World
 
 Trace = list[tuple[str, tuple[float, ...]]]
@@ -113,6 +114,11 @@ def test_what_is_dangerous_on_mach4_is_named(old: str, new: str, words: str) -> 
 def test_what_is_dangerous_on_centroid_is_named(old: str, new: str, words: str) -> None:
     told = refused(changed(lines_of("centroid", golden()), old, new), "centroid")
     assert re.search(words, told), told
+
+
+@pytest.mark.parametrize("post", ["mach3", "mach4", "centroid"])
+def test_a_record_that_has_lost_its_sum_is_refused(post: str) -> None:
+    assert summed("\n".join(lines_of(post, golden())))
 
 
 # Mutants of the lines for grbl

@@ -21,7 +21,7 @@ WORD = re.compile(rf" *(?P<letter>[A-Z]) *{NUMBER}(?![\d.]) *")
 START = re.compile(r" *TANGO +START +(?P<mark>[0-9A-F]+) +(?P<count>\d+) *")
 END = re.compile(r" *TANGO +END +(?P<count>\d+) *")
 SUM = "K"
-SUMMED = re.compile(r'P[^\n]*\*K#|SPRINT\("P[^\n]* K%|QS1 = QS1 \|\| " K"')  # DPRNT, Siemens, Heidenhain
+SUMMED = re.compile(r'P[^\n]*\*K#|SPRINT\("P[^\n]* K%|QS1 = QS1 \|\| " K"|CHECK SUM K')  # DPRNT, Siemens, Heidenhain; a remark
 
 
 def summed(program: str) -> bool:
