@@ -12,29 +12,30 @@ from collections.abc import Iterator
 
 from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, named, number, rolled, search_distance
+from ._base import Job, Leg, Option, Post, comment, degrees, is_endless, named, number, rolled, search_distance
 from ._common import fits, steps, switches
+from ._klartext import (
+    GUARDED,
+    MEASURING,
+    MISSES,
+    RECORD,
+    SPINDLE,
+    START,
+    STOPS,
+    TARGET,
+    TOUCH,
+    TURNED,
+    feed_text,
+    guarded,
+    measuring,
+    printed,
+    reading,
+    record_text,
+)
 
 NAME = "TANGO"
 FILE = re.compile(r"TNC:\\([A-Za-z0-9_]{1,16}\\){0,4}[A-Za-z0-9_]{1,16}\.[A-Za-z]{1,3}")
 ARRIVED = 0.01  # deg
-ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
-GUARDED, MEASURING, RECORD = 1, 2, 3  # labels
-MET, DEAD, ELSEWHERE, TURNED = 91, 92, 93, 94
-STOPS = {
-    MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
-    DEAD: "NO CONTACT. IS THE PROBE ALIVE",
-    ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
-    TURNED: "ROTARY AXIS NOT IN PLACE",
-}
-TARGET = {"X": "Q21", "Y": "Q22", "Z": "Q23"}
-START = {"X": "Q24", "Y": "Q25", "Z": "Q26"}
-FEED, WAY, HIT, FLAG, MISSES = "Q27", "Q34", "Q41", "Q46", "Q47"
-NOW = {"X": "Q31", "Y": "Q32", "Z": "Q33"}
-FOUND = {"X": "Q41", "Y": "Q42", "Z": "Q43"}  # and Q44: −1 without contact
-NONE = "Q44"
-ROTARY = ("Q51", "Q52", "Q53")
-TOUCH, SPINDLE, SUM = "Q56", "Q57", "Q58"
 
 OPTIONS = (
     Option("mask", "TNC:\\TANGO.A", "mask file of FN 16 on the control; docs/dialects.md has its three lines"),
@@ -93,7 +94,7 @@ def begin(job: Job) -> Iterator[str]:
         yield "M126"
     yield f"{MISSES} = 0"
     yield f'QS1 = "TANGO START {job.mark} {len(plan.touches)}"'
-    yield _print(job)
+    yield printed(job)
 
 
 probe_on, probe_off = switches("; %s")
@@ -104,7 +105,7 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     if not all(name in leg.to for name in "XYZ"):
         yield "FN 20: WAIT FOR SYNC"
     for name, parameter in TARGET.items():
-        yield f"{parameter} = {_number(job, leg.to[name])}" if name in leg.to else _read(job, parameter, name)
+        yield f"{parameter} = {_number(job, leg.to[name])}" if name in leg.to else reading(job, parameter, name)
     yield f"CALL LBL {GUARDED}"
 
 
@@ -129,7 +130,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             yield f"L {name}{_number(job, angle)} FMAX M91"
             yield from filter(None, [options["clamp"].get(name)])
             yield "FN 20: WAIT FOR SYNC"
-            yield _read(job, "Q35", name)
+            yield reading(job, "Q35", name)
             yield f"Q35 = ABS ( Q35 {_number(job, -angle).replace('+', '+ ').replace('-', '- ')} )"
             yield "Q35 = ABS ( Q35 - 360 * INT ( Q35 / 360 + 0.5 ) )"
             yield f"FN 11: IF +Q35 GT +{ARRIVED} GOTO LBL {TURNED}"
@@ -154,7 +155,7 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move: mostly MB has done it."""
     words = " ".join(f"{name}{_number(job, leg.to[name])}" for name in "XYZ")
-    yield f"L {words} F{_feed(job.options['positioning_feed'])} M91"
+    yield f"L {words} F{feed_text(job.options['positioning_feed'])} M91"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
@@ -167,11 +168,11 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 def end(job: Job) -> Iterator[str]:
     """End mark, end of program; behind it the labels and the stops."""
     yield f'QS1 = "TANGO END {len(job.plan.touches)}"'
-    yield _print(job)
+    yield printed(job)
     yield "M30"
-    yield from _guarded(job)
-    yield from _measuring(job)
-    yield from _record(job)
+    yield from guarded(job)
+    yield from measuring(job)
+    yield from record_text(job)
     for label, text in STOPS.items():
         yield f"LBL {label}"
         yield f"STOP ; {text}"
@@ -185,106 +186,12 @@ def numbered(lines: Iterator[str]) -> Iterator[str]:
     return (f"{i} {line}" for i, line in enumerate(lines))
 
 
-def _guarded(job: Job) -> Iterator[str]:
-    """Probes to Q21 Q22 Q23 and must meet nothing. Less than 1 µm is no way to go."""
-    yield f"LBL {GUARDED} ; GUARDED MOVE TO Q21 Q22 Q23"
-    yield "FN 20: WAIT FOR SYNC"
-    for name in "XYZ":
-        yield _read(job, NOW[name], name)
-        yield f"{NOW[name]} = {TARGET[name]} - {NOW[name]}"
-    yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
-    yield f"FN 12: IF +{WAY} LT +0.001 GOTO LBL 11"
-    yield from _tch_probe(_feed(job.options["positioning_feed"]), "+0")
-    yield f"FN 11: IF +{NONE} GT -0.5 GOTO LBL {MET}"
-    yield "FN 20: WAIT FOR SYNC"
-    yield "Q35 = 0"
-    for name in "XYZ":
-        yield _read(job, "Q36", name)
-        yield f"Q35 = Q35 + ABS ( {TARGET[name]} - Q36 )"
-    yield f"FN 11: IF +Q35 GT +{job.options['tolerance']:.4f} GOTO LBL {MET}"
-    yield "LBL 11"
-    yield "LBL 0"
-
-
-def _measuring(job: Job) -> Iterator[str]:
-    """Probes from Q24 Q25 Q26 to Q21 Q22 Q23: flag in Q46, contact in Q41 Q42 Q43, rotary axes in Q51 …"""
-    yield f"LBL {MEASURING} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
-    for name in "XYZ":
-        yield f"{NOW[name]} = {TARGET[name]} - {START[name]}"
-    yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
-    yield from _tch_probe(_feed(job.plan.strategy.approach.feed), f"+{search_distance(job.plan):.4f}")
-    yield "FN 20: WAIT FOR SYNC"
-    for name, parameter in zip(job.machine.rotary, ROTARY, strict=False):
-        yield _read(job, parameter, name)
-    yield f"{FLAG} = 0"
-    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL 21"
-    went = {name: f"( {FOUND[name]} - {START[name]} )" for name in "XYZ"}
-    yield f"Q35 = SQRT ( {' + '.join(f'{w} ^ 2' for w in went.values())} )"
-    yield f"Q36 = ( {' + '.join(f'{w} * {NOW[name]}' for name, w in went.items())} ) / {WAY}"
-    yield f"FN 11: IF +Q35 GT +{search_distance(job.plan) + ASIDE:.4f} GOTO LBL {ELSEWHERE}"
-    yield "Q37 = ABS ( Q35 ^ 2 - Q36 ^ 2 )"
-    yield f"FN 11: IF +Q37 GT +{ASIDE**2:.4f} GOTO LBL {ELSEWHERE}"
-    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL 21"
-    yield f"{FLAG} = 1"
-    yield f"FN 11: IF +Q35 GT +{early_distance(job.plan):.4f} GOTO LBL 22"
-    yield f"{FLAG} = 2"
-    yield "LBL 22"
-    yield f"{MISSES} = 0"
-    yield "FN 9: IF +0 EQU +0 GOTO LBL 23"
-    yield "LBL 21"
-    yield f"{MISSES} = {MISSES} + 1"
-    for name in "XYZ":
-        yield f"{FOUND[name]} = {TARGET[name]}"
-    yield f"FN 11: IF +{MISSES} GT +{job.options['misses'] - 0.5:.1f} GOTO LBL {DEAD}"
-    yield "LBL 23"
-    yield "LBL 0"
-
-
-def _tch_probe(feed: str, back_by: str) -> Iterator[str]:
-    """In the direction of Q31 Q32 Q33 by Q34; results in Q41 … Q44 in machine coordinates."""
-    yield "TCH PROBE 4.0 MEASURING IN 3-D"
-    yield f"TCH PROBE 4.1 {HIT}"
-    yield f"TCH PROBE 4.2 IX+{NOW['X']} IY+{NOW['Y']} IZ+{NOW['Z']}"
-    yield f"TCH PROBE 4.3 DIST+{WAY} F{feed} MB{back_by} REFERENCE SYSTEM: 1"
-
-
-def _record(job: Job) -> Iterator[str]:
-    """One line: touch Q56, flag, machine coordinates, spindle Q57, their sum."""
-    places = {**FOUND, **dict(zip(job.machine.rotary, ROTARY, strict=False)), "S": SPINDLE}
-    yield f"LBL {RECORD} ; RECORD OF TOUCH Q56 WITH SPINDLE AT Q57"
-    yield f"{SUM} = {' + '.join(places.values())}"
-    yield f"QS2 = TOCHAR ( DAT+{TOUCH} DECIMALS0 )"
-    yield f"QS3 = TOCHAR ( DAT+{FLAG} DECIMALS0 )"
-    yield 'QS1 = "P" || QS2 || " H" || QS3'
-    for letter, parameter in {**places, "K": SUM}.items():
-        yield f"QS2 = TOCHAR ( DAT+{parameter} DECIMALS4 )"
-        yield f'QS1 = QS1 || " {letter}" || QS2'
-    yield _print(job)
-    yield "LBL 0"
-
-
-def _print(job: Job) -> str:
-    return f"FN 16: F-PRINT {job.options['mask']} / {job.options['output']}"
-
-
-def _read(job: Job, parameter: str, name: str) -> str:
-    """→ the block that puts an axis' machine position into a parameter."""
-    stated = job.options["axis_numbers"]
-    which = stated[name] if stated else 1 + "XYZABC".index(name)
-    return f"FN 18: SYSREAD {parameter} = ID240 NR1 IDX{which}"
-
-
 def _number(job: Job, value: float) -> str:
     """→ with sign and all decimals: '+10.0000'."""
     decimals = job.options["decimals"]
     number(value, decimals)
     text = f"{value:+.{decimals}f}"
     return text.replace("-", "+") if float(text) == 0 else text
-
-
-def _feed(value: float) -> str:
-    """mm/min → '180' or '999.5'."""
-    return number(value, 3).rstrip(".")
 
 
 def _check(job: Job) -> None:

@@ -1,0 +1,120 @@
+"""The labels of a Klartext program, which do the work, and the Q parameters that they share with the blocks before M30."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ._base import Job, early_distance, number, search_distance
+
+ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
+GUARDED, MEASURING, RECORD = 1, 2, 3  # labels
+MET, DEAD, ELSEWHERE, TURNED = 91, 92, 93, 94
+STOPS = {
+    MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
+    DEAD: "NO CONTACT. IS THE PROBE ALIVE",
+    ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
+    TURNED: "ROTARY AXIS NOT IN PLACE",
+}
+TARGET = {"X": "Q21", "Y": "Q22", "Z": "Q23"}
+START = {"X": "Q24", "Y": "Q25", "Z": "Q26"}
+FEED, WAY, HIT, FLAG, MISSES = "Q27", "Q34", "Q41", "Q46", "Q47"
+NOW = {"X": "Q31", "Y": "Q32", "Z": "Q33"}
+FOUND = {"X": "Q41", "Y": "Q42", "Z": "Q43"}  # and Q44: −1 without contact
+NONE = "Q44"
+ROTARY = ("Q51", "Q52", "Q53")
+TOUCH, SPINDLE, SUM = "Q56", "Q57", "Q58"
+
+
+def guarded(job: Job) -> Iterator[str]:
+    """Probes to Q21 Q22 Q23 and must meet nothing. Less than 1 µm is no way to go."""
+    yield f"LBL {GUARDED} ; GUARDED MOVE TO Q21 Q22 Q23"
+    yield "FN 20: WAIT FOR SYNC"
+    for name in "XYZ":
+        yield reading(job, NOW[name], name)
+        yield f"{NOW[name]} = {TARGET[name]} - {NOW[name]}"
+    yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
+    yield f"FN 12: IF +{WAY} LT +0.001 GOTO LBL 11"
+    yield from _tch_probe(feed_text(job.options["positioning_feed"]), "+0")
+    yield f"FN 11: IF +{NONE} GT -0.5 GOTO LBL {MET}"
+    yield "FN 20: WAIT FOR SYNC"
+    yield "Q35 = 0"
+    for name in "XYZ":
+        yield reading(job, "Q36", name)
+        yield f"Q35 = Q35 + ABS ( {TARGET[name]} - Q36 )"
+    yield f"FN 11: IF +Q35 GT +{job.options['tolerance']:.4f} GOTO LBL {MET}"
+    yield "LBL 11"
+    yield "LBL 0"
+
+
+def measuring(job: Job) -> Iterator[str]:
+    """Probes from Q24 Q25 Q26 to Q21 Q22 Q23; puts the flag into Q46, the contact into Q41 Q42 Q43, rotary axes into Q51 and on."""
+    yield f"LBL {MEASURING} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
+    for name in "XYZ":
+        yield f"{NOW[name]} = {TARGET[name]} - {START[name]}"
+    yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
+    yield from _tch_probe(feed_text(job.plan.strategy.approach.feed), f"+{search_distance(job.plan):.4f}")
+    yield "FN 20: WAIT FOR SYNC"
+    for name, parameter in zip(job.machine.rotary, ROTARY, strict=False):
+        yield reading(job, parameter, name)
+    yield f"{FLAG} = 0"
+    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL 21"
+    went = {name: f"( {FOUND[name]} - {START[name]} )" for name in "XYZ"}
+    yield f"Q35 = SQRT ( {' + '.join(f'{w} ^ 2' for w in went.values())} )"
+    yield f"Q36 = ( {' + '.join(f'{w} * {NOW[name]}' for name, w in went.items())} ) / {WAY}"
+    yield f"FN 11: IF +Q35 GT +{search_distance(job.plan) + ASIDE:.4f} GOTO LBL {ELSEWHERE}"
+    yield "Q37 = ABS ( Q35 ^ 2 - Q36 ^ 2 )"
+    yield f"FN 11: IF +Q37 GT +{ASIDE**2:.4f} GOTO LBL {ELSEWHERE}"
+    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL 21"
+    yield f"{FLAG} = 1"
+    yield f"FN 11: IF +Q35 GT +{early_distance(job.plan):.4f} GOTO LBL 22"
+    yield f"{FLAG} = 2"
+    yield "LBL 22"
+    yield f"{MISSES} = 0"
+    yield "FN 9: IF +0 EQU +0 GOTO LBL 23"
+    yield "LBL 21"
+    yield f"{MISSES} = {MISSES} + 1"
+    for name in "XYZ":
+        yield f"{FOUND[name]} = {TARGET[name]}"
+    yield f"FN 11: IF +{MISSES} GT +{job.options['misses'] - 0.5:.1f} GOTO LBL {DEAD}"
+    yield "LBL 23"
+    yield "LBL 0"
+
+
+def _tch_probe(feed: str, back_by: str) -> Iterator[str]:
+    """In the direction of Q31 Q32 Q33 by Q34; results in Q41 … Q44 in machine coordinates."""
+    yield "TCH PROBE 4.0 MEASURING IN 3-D"
+    yield f"TCH PROBE 4.1 {HIT}"
+    yield f"TCH PROBE 4.2 IX+{NOW['X']} IY+{NOW['Y']} IZ+{NOW['Z']}"
+    yield f"TCH PROBE 4.3 DIST+{WAY} F{feed} MB{back_by} REFERENCE SYSTEM: 1"
+
+
+def record_text(job: Job) -> Iterator[str]:
+    """One line: touch Q56, flag, machine coordinates, spindle Q57, their sum."""
+    places = {**FOUND, **dict(zip(job.machine.rotary, ROTARY, strict=False)), "S": SPINDLE}
+    yield f"LBL {RECORD} ; RECORD OF TOUCH Q56 WITH SPINDLE AT Q57"
+    yield f"{SUM} = {' + '.join(places.values())}"
+    yield f"QS2 = TOCHAR ( DAT+{TOUCH} DECIMALS0 )"
+    yield f"QS3 = TOCHAR ( DAT+{FLAG} DECIMALS0 )"
+    yield 'QS1 = "P" || QS2 || " H" || QS3'
+    for letter, parameter in {**places, "K": SUM}.items():
+        yield f"QS2 = TOCHAR ( DAT+{parameter} DECIMALS4 )"
+        yield f'QS1 = QS1 || " {letter}" || QS2'
+    yield printed(job)
+    yield "LBL 0"
+
+
+def printed(job: Job) -> str:
+    """→ the block that prints QS1."""
+    return f"FN 16: F-PRINT {job.options['mask']} / {job.options['output']}"
+
+
+def reading(job: Job, parameter: str, name: str) -> str:
+    """→ the block that puts an axis' machine position into a parameter."""
+    stated = job.options["axis_numbers"]
+    which = stated[name] if stated else 1 + "XYZABC".index(name)
+    return f"FN 18: SYSREAD {parameter} = ID240 NR1 IDX{which}"
+
+
+def feed_text(value: float) -> str:
+    """mm/min → '180' or '999.5'."""
+    return number(value, 3).rstrip(".")
