@@ -385,7 +385,7 @@ def tried(t: Trial) -> Outcome | None:
     within: list[bool] = []
     worth: list[bool] = []
     if t.case == ONE and t.causes[0] in names(d):
-        _measured(hidden[0], d, t.causes[0], within, worth)
+        _measured(eye, hidden[0], d, t.causes[0], within, worth)
     others = [list(dict.fromkeys(a for a, _, _ in f.alternatives)) for f in d.findings]
     remains = [r.covariate for r in d.unexplained]
     return Outcome(t, [h.effect for h in hidden], names(d), others, remains, within, worth, time.process_time() - began)
@@ -483,7 +483,7 @@ def recorded(file: Path) -> list[Outcome]:
     return found
 
 
-def _measured(hidden: Visible, d: Diagnosis, cause: str, within: list[bool], worth: list[bool]) -> None:
+def _measured(eye: Eyes, hidden: Visible, d: Diagnosis, cause: str, within: list[bool], worth: list[bool]) -> None:
     """Size against the truth on the touches (whatever it is called there), and gain against that of the true pattern."""
     from tango_cnc.diagnose._gain import measure, scattered
     from tango_cnc.model import known, linearise
@@ -494,10 +494,10 @@ def _measured(hidden: Visible, d: Diagnosis, cause: str, within: list[bool], wor
         if f.setting.get("shape") != "linear":
             within.append(abs(f.size.amplitude - truth) < 2 * f.size.amplitude_std)
     elif f.size.values.size == 1:
-        peak = float(np.abs(hidden.change).max())
-        mine = f.size.amplitude * peak / max(float(np.abs(f.pattern).max()), 1e-12)
-        told = float(np.abs(f.pattern).max())
-        within.append(abs(told - peak) < 2 * f.size.amplitude_std * told / max(mine, 1e-12) + 0.02 * peak)
+        # What the model absorbs of a pattern has no size: the visible parts are compared.
+        peak, told = (float(np.abs(eye.outside @ x).max()) for x in (hidden.change, f.pattern))
+        spread = f.size.amplitude_std / max(f.size.amplitude, 1e-12)
+        within.append(abs(told - peak) < 2 * spread * told + 0.02 * peak)
     e = d.before
     gaps, jacobian = linearise(e.model, e.values)
     distance, rows, uncertainty = known(e.model, e.values)
