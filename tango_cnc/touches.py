@@ -175,6 +175,32 @@ def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> T
     )
 
 
+class Misnamed(NamedTuple):
+    """A touch that was not made at the facet that the readings name."""
+
+    number: int
+    facet: Id
+    away: float  # mm from its nominal contact
+    near: Id  # the facet whose nominal contact is nearest
+    beside: float  # mm from that one
+
+
+def misnamed(touches: Touches) -> tuple[Misnamed, ...]:
+    """touches → those further than `FAR` from the nominal contact of their facet, by the nominal machine."""
+    radius = touches.machine.probe.tip_radius
+    tip = kinematics.tip(touches.chain, touches.position)
+    away = np.linalg.norm(tip - touches.point - radius * touches.normal, axis=1)
+    known = list(touches.artefact.facets.values())
+    contacts = np.array([np.array(f.point) + radius * np.array(f.normal) for f in known])
+    found = []
+    for i in np.flatnonzero(away > FAR):
+        distance = np.linalg.norm(contacts - tip[i], axis=1)
+        nearest = int(np.argmin(distance))
+        number = int(touches.number[i])
+        found.append(Misnamed(number, touches.facet[i], float(away[i]), known[nearest].id, float(distance[nearest])))
+    return tuple(found)
+
+
 def located(artefact: Artefact, readings: Readings) -> Artefact:
     """artefact, readings → the artefact without balls that these touch from too few sides to know their centre.
 

@@ -19,6 +19,7 @@ from tango_cnc.diagnose.sentences import advice, chance, covariate, meaning, min
 from tango_cnc.diagnose.words import telling
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.model import known, linearise
+from tango_cnc.touches import from_readings, misnamed
 
 PATTERNS = sorted(name for name, module in terms.causes().items() if hasattr(module, "variants"))
 OFFERED = {"trigger_latency": [{}], "cylinder_cosine": [{}]}  # this plan has one feed and flat facets
@@ -114,3 +115,17 @@ def test_a_drift_shows_as_a_shift_over_time_before_it_is_named(bench: blind.Benc
     assert telling(d)[0].variance_share > 0.4
     assert "T_bed" in {t.covariate for t in d.tests}
     assert not any(t.covariate.startswith("shift") and t.p_value < 1e-3 for t in d.tests_after)
+
+
+def test_touches_made_at_another_facet_are_told_whatever_they_are_called(bench: blind.Bench, fitted: Estimate) -> None:
+    assert misnamed(fitted.model.touches) == ()
+    names = list(bench.clean.facet)
+    one, other = (i for i, f in enumerate(names[:20]) if f in ("16", "19"))
+    names[one], names[other] = names[other], names[one]
+    read = replace(bench.clean, facet=tuple(names))
+    found = misnamed(from_readings(bench.cell.machine, bench.cell.artefact, read))
+    assert [(m.number, m.facet, m.near) for m in found] == [
+        (one + 1, names[one], names[other]),
+        (other + 1, names[other], names[one]),
+    ]
+    assert all(m.away > 50 > 1 > m.beside for m in found)

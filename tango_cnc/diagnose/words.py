@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import terms as families
 from ..records import Array
+from ..touches import misnamed
 from . import Diagnosis, Finding, Test
 from ._size import plain
 from .sentences import advice, covariate, gain, meaning, said, unexplained
@@ -46,6 +47,10 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "moved_max_um": d.volume.moved_most * 1e3,
         },
         "outliers": list(d.outliers),
+        "misnamed": [
+            {"touch": m.number, "facet": m.facet, "away_mm": round(m.away, 3), "near": m.near}
+            for m in misnamed(d.before.model.touches)
+        ],
         "noise_um": d.noise * 1e3,
         "terms": [plain(t) if isinstance(t, Mapping) else t for t in d.terms],
         "effects": effects(d),
@@ -104,6 +109,12 @@ def sentence(f: Finding) -> str:
 def as_text(d: Diagnosis) -> str:
     """diagnosis → what a person reads on the terminal."""
     lines = [_headline(d), ""]
+    for m in misnamed(d.before.model.touches):
+        lines += _wrapped(
+            f"! Touch {m.number} is called facet {m.facet} in the readings, but was made {m.away:.0f} mm away from it, "
+            f"{m.beside:.1f} mm from where facet {m.near} is touched: correct the name or leave it out, then diagnose again.",
+            "  ",
+        )
     shown = telling(d)
     if shown:
         lines.append("What is left of the touches is not random. It follows")
