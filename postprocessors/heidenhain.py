@@ -214,4 +214,5 @@ POST = Post(
     stem=lambda job: named(job, NAME),
     **steps(globals()),
     finish=numbered,
+    companions=lambda job: {job.options["mask"].rpartition("\\")[2]: mask()},
 )

@@ -151,8 +151,9 @@ def text_of(name: str, made: Plan) -> list[str]:
 
 def stored(name: str, made: Plan) -> tuple[str, ...]:
     """dialect, plan → what its control has in store: the files that come with the program, else what it always has."""
+    drive = "TNC:\\" if EVERY[name].family == "klartext" else ""
     files = companions(posts(name), made, {})
-    return tuple(line for file, lines in files.items() for line in (file, *lines)) or EVERY[name].library
+    return tuple(line for file, lines in files.items() for line in (drive + file, *lines)) or EVERY[name].library
 
 
 def carried_out(name: str, lines: list[str], made: Plan) -> Watched:
