@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 
 from tango_cnc.records import InputError, Machine
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
+from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, named, number, rolled
 
 VARIABLE = re.compile(r"V\.A\.[A-Z]{2,12}")
 STATE = re.compile(r"(V\.[A-Z0-9.]{2,20})?")
@@ -75,7 +75,7 @@ def begin(job: Job) -> Iterator[str]:
     """Header, modal reset, probe at rest, frame, file, start mark."""
     plan, options = job.plan, job.options
     _check(job)
-    yield "%TANGO"
+    yield f"%{named(job, 'TANGO')}"
     yield f"; TANGO {comment(job.machine.name, 40)}"
     yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
     yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
@@ -302,7 +302,7 @@ POST = Post(
     extension="NC",
     options=OPTIONS,
     doubts=DOUBTS,
-    stem=lambda job: "TANGO",
+    stem=lambda job: named(job, "TANGO"),
     begin=begin,
     probe_on=probe_on,
     retract=move,
