@@ -170,6 +170,7 @@ def test_a_thousand_random_plans_pass() -> None:
         ("M19 R0.", "M3 S1000", "no line that a program of this kind"),
         ("#20=1.", "#5221=1.", "found #5221 given a value"),
         ("PCLOS\n", "", "the program ends without end mark, PCLOS"),
+        ("POPEN\n", "POPEN\nPOPEN\n", "a second POPEN"),
     ],
 )
 def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:

@@ -98,6 +98,8 @@ class _Program:
             return
         self._begun |= code != ""
         if code in PASSIVE:
+            if (code == "POPEN" and self._opened) or (code == "PCLOS" and self._closed):
+                raise InputError(f"a second {code}")
             self._opened |= code == "POPEN"
             self._closed |= code == "PCLOS"
         elif code == self._reset:
