@@ -43,7 +43,7 @@ class Table:
         self._row = -1  # surface that the plane stands for
         self._trip = self._sense = np.zeros(0)  # (k,) where the probe will trip, and how every axis moved last before that
         self._way = np.zeros(len(rig.machine.names))  # of the motion from one look to the next
-        self._pressed = self._known = False
+        self._pressed = self._known = self._astray = False
         self.contacts: list[dict[str, object]] = []
 
     def see(self, time: float, position: Array, on: bool) -> Array | None:
@@ -64,9 +64,12 @@ class Table:
             self._pressed, self._line = False, None
             if not moved.any():
                 return self._nothing()
-        if np.abs(change).max() < LEAST or self._foreseen(position):
+        if np.abs(change).max() < LEAST:
             return None
         before, self._way = self._way, change / np.abs(change).max()
+        astray, self._astray = self._astray, not self._foreseen(position)
+        if not self._astray or not astray:
+            return None  # one look beside the line may have met the control between two axes
         if np.abs(self._way - before).max() < STRAIGHT:
             return self._look(position, change)
         # Between these two looks was a corner: whither it goes now is not known yet, and whither it went says nothing.

@@ -25,6 +25,14 @@ for name in ("arm", "disarm", "forget", "alive"):
 component.ready()
 
 
+def position():
+    """→ X Y Z B C S of one and the same period: read until nothing has changed in between."""
+    while True:
+        values = [component[name] for name in "XYZBCS"]
+        if values == [component[name] for name in "XYZBCS"]:
+            return values
+
+
 def periods(count):
     """Waits: the echo is the last thing in a period."""
     for _ in range(count):
@@ -38,7 +46,7 @@ with open("contact.err", "w", encoding="utf-8") as err:
         ["@PYTHON@", "@CONTACT@", "."], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=err, text=True, bufsize=1
     )
     while judge.poll() is None:
-        values = [component[name] for name in "XYZBCS"]
+        values = position()
         was, on = component["was"], component["probe"]  # after the position: a contact before that must not be missed
         judge.stdin.write(" ".join(map(repr, (time.monotonic(), *values, int(was or on)))) + "\n")
         component["forget"] = was and not on  # a contact may be over before anybody here has looked
