@@ -238,3 +238,11 @@ def test_an_inner_facet_is_not_come_to_through_the_table(degrees: float, made: l
     planned = plan(replace(cell, strategy=replace(cell.strategy, indexations=(pose,))), "leave-out")
     assert sorted(touch.facet for touch in planned.touches) == made
     assert ("would come through facet 28" in "".join(planned.left_out)) == (made == ["1"])
+
+
+def test_a_head_that_points_nobody_knows_where_first_leaves_the_table_by_one_axis() -> None:
+    """What a thousand plans have found: a way to turn that is high for a swivelled head is low for one that still stands upright."""
+    cell = example("fork_head")
+    pose = Indexation({"A": math.radians(-49.0), "C": math.radians(-132.397), "S": math.pi}, ("205",))
+    made = plan(replace(cell, strategy=replace(cell.strategy, indexations=(pose,))))
+    assert carried_out("fanuc", text_of("fanuc", made), made).probed == 1

@@ -50,7 +50,8 @@ class Clearance:
     def _turn(self, previous: Touch | None, touch: Touch, name: Callable[[int], str]) -> Turn:
         start = previous or touch
         complaint: InputError | None = None
-        for up in self._ways(self._up(start.indexation), self._up(touch.indexation)):
+        ways = self._ways(self._up(start.indexation), self._up(touch.indexation)) if previous else self._first_ways(start)
+        for up in ways:
             try:
                 return self._turn_towards(up, previous, start, touch, name)
             except InputError as error:
@@ -71,6 +72,16 @@ class Clearance:
         upright = np.array(self._machine.spindle.direction)
         return [before, after, upright, *between, *sideways, *(-way for way in sideways)]
 
+    def _first_ways(self, touch: Touch) -> list[Array]:
+        """→ directions in which one axis alone takes a probe clear that points nobody knows where: along the spindle if it can."""
+        upright = self._up(touch.indexation)
+        if not self._swivels:
+            return [upright]
+        upright = np.array(self._machine.spindle.direction)
+        axes = [np.array(self._machine.axes[column].direction) for column in self._columns]
+        ways = [way for axis in axes for way in (axis, -axis)]
+        return sorted(ways, key=lambda way: -float(way @ upright))
+
     def _turn_towards(self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str]) -> Turn:
         before = self._place(np.array(start.over), start.indexation, up, name)
         after = before.copy()
@@ -82,7 +93,8 @@ class Clearance:
             via = self._descend(np.array(touch.over), touch.indexation, up, after, name)
         first = None
         if previous is None:
-            lift = self._along(before, self._spindle[start.indexation])
+            rotation, _ = _pose(self._machine, self._machine.workpiece_branch, before)
+            lift = self._along(before, rotation.T @ up)
             first = self._machine.names[self._columns[int(np.argmax(np.abs(lift[self._columns])))]]
         stop = self._preload(before, after, up) if first else preload.stop(self._machine, before, after)
         return Turn(touch.number, _tuple(before), _tuple(after), None if via is None else _tuple(via), first, stop)
