@@ -241,7 +241,7 @@ def test_an_inner_facet_is_not_come_to_through_the_table(degrees: float, made: l
 
 
 def test_a_head_that_points_nobody_knows_where_first_leaves_the_table_by_one_axis() -> None:
-    """What a thousand plans have found: a way to turn that is high for a swivelled head is low for one that still stands upright."""
+    """What a thousand plans have found: a way to turn that is high for a swivelled head is low for one that stands upright."""
     cell = example("fork_head")
     pose = Indexation({"A": math.radians(-49.0), "C": math.radians(-132.397), "S": math.pi}, ("205",))
     made = plan(replace(cell, strategy=replace(cell.strategy, indexations=(pose,))))
