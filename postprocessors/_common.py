@@ -1,4 +1,4 @@
-"""What most posts have in common: options that fit the machine, the words for a probe's switch, the closing table of steps."""
+"""What most posts have in common: options that fit the machine, header and remarks, words of axes, the table of steps."""
 
 from __future__ import annotations
 
@@ -6,12 +6,24 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from tango_cnc.records import InputError
+from tango_cnc.records import InputError, Machine
 
-from ._base import Job, Whole
+from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
 
 SWITCH = re.compile(r"[GHM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
 MORE_THAN_0 = ("positioning_feed", "tolerance", "misses", "orient_time")
+PROBE_SWITCHES = (
+    Option("probe_on", "", "words that switch the probe on", codes=True),
+    Option("probe_off", "", "words that switch the probe off", codes=True),
+)
+ROLLOVER = Option(
+    "rollover",
+    "auto",
+    "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned",
+    choices=("auto", "always", "never"),
+)
+TOLERANCE = Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True)
+MISSED = Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True)
 STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "back", "record", "probe_off", "end")
 
 
@@ -20,17 +32,109 @@ def steps(here: Mapping[str, Any]) -> dict[str, Any]:
     return {name: here[name] for name in STEPS if name in here}
 
 
-def switches(comment: str) -> tuple[Whole, Whole]:
+def clamping(unclamp: str, clamp: str) -> tuple[Option, Option]:
+    """words that a control of this kind may have → the options unclamp and clamp with these as examples."""
+    return (
+        Option("unclamp", {}, f"word before a rotary axis turns, e.g. {{B: {unclamp}}}; empty: the control does it"),
+        Option("clamp", {}, f"word after a rotary axis has turned, e.g. {{B: {clamp}}}; empty: the control does it"),
+    )
+
+
+def switches(remark: str) -> tuple[Whole, Whole]:
     """form of a comment such as '(%s)' → the steps probe_on and probe_off: words of the profile, or a remark for want of them."""
 
     def step(word: str) -> Whole:
         def words(job: Job) -> Iterator[str]:
             """The words of the profile, if there are any."""
-            yield job.options[f"probe_{word}"] or comment % f"NO WORDS STATED THAT SWITCH THE PROBE {word.upper()}"
+            yield job.options[f"probe_{word}"] or remark % f"NO WORDS STATED THAT SWITCH THE PROBE {word.upper()}"
 
         return words
 
     return step("on"), step("off")
+
+
+def approaching(remark: str, move: Step) -> Step:
+    """form of a comment such as '(%s)', guarded move → the step approach: which touch this is, then the move to its stand-off."""
+
+    def approach(job: Job, leg: Leg) -> Iterator[str]:
+        """Down to the stand-off."""
+        yield remark % f"TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)}"
+        yield from move(job, leg)
+
+    return approach
+
+
+def titled(job: Job, remark: str) -> Iterator[str]:
+    """job, form of a comment → what the program is: machine, marks, number of touches."""
+    yield remark % f"TANGO {comment(job.machine.name, 40)}"
+    yield remark % f"PROGRAM {job.mark} PLAN {job.plan_mark}"
+    yield remark % f"{len(job.plan.touches)} TOUCHES OF {comment(job.plan.artefact.name, 40)}"
+
+
+def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
+    """job, form of a comment, notes on this control → what a person has to know before starting it, doubts last."""
+    yield remark % "START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
+    for note in (*notes, *(f"UNVERIFIED {comment(doubt, 100)}" for doubt in job.unverified)):
+        yield remark % note
+
+
+def indexed(leg: Leg) -> str:
+    """leg → the text of the remark over an indexation: where rotary axes and spindle stand after it, deg."""
+    return "INDEX " + " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
+
+
+def unclamped(job: Job, name: str, turn: str) -> Iterator[str]:
+    """job, axis letter, block that turns it → the block between the words of the profile that unclamp and clamp the axis."""
+    yield from filter(None, [job.options["unclamp"].get(name)])
+    yield turn
+    yield from filter(None, [job.options["clamp"].get(name)])
+
+
+def axes(machine: Machine) -> list[str]:
+    """machine → letters of the axes that have a position to record: all but the spindle."""
+    return [name for name in machine.names if name != "S"]
+
+
+def axis_numbers(job: Job) -> dict[str, int]:
+    """job → {axis letter: its number in the system variables}, as stated or in the order of the machine."""
+    names, stated = axes(job.machine), job.options["axis_numbers"]
+    return {name: int(stated[name]) for name in names} if stated else {name: i for i, name in enumerate(names, 1)}
+
+
+def standoff(job: Job, leg: Leg) -> dict[str, float]:
+    """leg → {axis letter: mm or rad} of the stand-off of its touch."""
+    return dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+
+
+def words(job: Job, place: Mapping[str, float]) -> dict[str, str]:
+    """positions (mm) → {linear axis: number as text} of those that are known, with `decimals` of the profile or four."""
+    return {name: number(place[name], _decimals(job)) for name in "XYZ" if name in place}
+
+
+def joined(place: Mapping[str, str]) -> str:
+    """{axis letter: number as text} → the words of a block: 'X1. Y2.'."""
+    return " ".join(name + value for name, value in place.items())
+
+
+def angle(job: Job, name: str, value: float) -> str:
+    """axis letter, rad → deg to command as text, by the option `rollover`."""
+    turned, rule = degrees(value), job.options["rollover"]
+    rolls = may_roll(job.machine, name) if rule == "always" else rule != "never" and is_endless(job.machine, name)
+    return number(rolled(turned, _decimals(job)) if rolls else turned, _decimals(job))
+
+
+def spindle(job: Job, value: float) -> str:
+    """rad → angle of the spindle in [0, 360) as text."""
+    return number(rolled(degrees(value), _decimals(job)), _decimals(job))
+
+
+def signed(value: str) -> str:
+    """number as text → as it may stand after a minus sign."""
+    return f"[{value}]" if value.startswith("-") else value
+
+
+def _decimals(job: Job) -> int:
+    return int(job.options.get("decimals", 4))
 
 
 def fits(job: Job, most: int = 9) -> None:
@@ -58,7 +162,7 @@ def fits(job: Job, most: int = 9) -> None:
 
 
 def _axis_numbers(job: Job, most: int) -> None:
-    names, stated = [name for name in job.machine.names if name != "S"], job.options["axis_numbers"]
+    names, stated = axes(job.machine), job.options["axis_numbers"]
     given = list(stated.values())
     whole = all(isinstance(n, int) and not isinstance(n, bool) and 1 <= n <= most for n in given)
     if stated and not (sorted(stated, key=str) == sorted(names) and whole and len(set(given)) == len(given)):

@@ -24,9 +24,24 @@ from typing import Any
 from tango_cnc.records import InputError
 
 from . import _macro_b_text as text
-from ._base import Job, Leg, Option, comment, degrees, is_endless, may_roll, number, rolled
-from ._common import STEPS, fits, switches
-from ._macro_b_text import FLAG, FRAME, MISSES, Words, axis_numbers
+from ._base import Job, Leg, Option, comment, is_endless, number
+from ._common import (
+    MISSED,
+    STEPS,
+    TOLERANCE,
+    angle,
+    axis_numbers,
+    clamping,
+    fits,
+    indexed,
+    joined,
+    spindle,
+    standoff,
+    switches,
+    unclamped,
+    words,
+)
+from ._macro_b_text import FLAG, FRAME, MISSES, Words
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
 ROLLOVER = (
@@ -45,13 +60,12 @@ OPTIONS: tuple[Option, ...] = (
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
     Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never", "signed")),
-    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
-    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
+    *clamping("M11", "M10"),
     Option("print_format", "44", "digits before and after the point of a printed coordinate", choices=("44", "43", "53")),
     Option("decimals", 3, "decimals of axis words: the least input increment", verified=True, choices=(3, 4)),
     Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
-    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
-    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+    TOLERANCE,
+    MISSED,
 )
 
 DOUBTS = (
@@ -104,37 +118,34 @@ class _Steps:
         yield from self._protected(job, leg)
 
     def _protected(self, job: Job, leg: Leg) -> Iterator[str]:
-        values = _words(job, "XYZ", leg.to)
+        values = words(job, leg.to)
         yield from self._macro(job, 1, values | {"F": number(job.options["positioning_feed"])})
 
     def index(self, job: Job, leg: Leg) -> Iterator[str]:
         options = job.options
-        where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-        yield f"(INDEX {where})"
+        yield f"({indexed(leg)})"
         if "S" in leg.target and options["orient"]:
-            yield f"{options['orient']}{_spindle(job, leg.target['S'])}"
+            yield f"{options['orient']}{spindle(job, leg.target['S'])}"
         turned = {}
         for name in job.machine.rotary:
             if name in leg.target:
-                turned[name] = number(_angle(job, name, leg.target[name]), options["decimals"])
-                yield from filter(None, [options["unclamp"].get(name)])
-                yield f"G90 G53 G0 {name}{_signed(job, leg, name, turned[name])}"
-                yield from filter(None, [options["clamp"].get(name)])
+                turned[name] = angle(job, name, leg.target[name])
+                yield from unclamped(job, name, f"G90 G53 G0 {name}{_signed(job, leg, name, turned[name])}")
         if turned:
             yield from self._macro(job, 4, turned)
 
     def probe(self, job: Job, leg: Leg) -> Iterator[str]:
-        start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
-        values = _words(job, "XYZ", leg.to) | dict(zip("IJK", _words(job, "XYZ", start).values(), strict=True))
+        start = standoff(job, leg)
+        values = words(job, leg.to) | dict(zip("IJK", words(job, start).values(), strict=True))
         yield from self._macro(job, 2, values | {"F": number(job.plan.strategy.approach.feed)})
 
     def back(self, job: Job, leg: Leg) -> Iterator[str]:
         numbers = axis_numbers(job)
-        place = " ".join(f"{name}[{value}-#{FRAME + numbers[name]}]" for name, value in _words(job, "XYZ", leg.to).items())
+        place = " ".join(f"{name}[{value}-#{FRAME + numbers[name]}]" for name, value in words(job, leg.to).items())
         yield f"G1 {place} F{number(job.options['positioning_feed'])}"
 
     def record(self, job: Job, leg: Leg) -> Iterator[str]:
-        yield from self._macro(job, 3, {"T": number(leg.touch.number), "S": _spindle(job, leg.to["S"])})
+        yield from self._macro(job, 3, {"T": number(leg.touch.number), "S": spindle(job, leg.to["S"])})
 
     def end(self, job: Job) -> Iterator[str]:
         yield f"#{FLAG}={len(job.plan.touches)}"
@@ -151,7 +162,7 @@ class _Steps:
     def _macro(self, job: Job, which: int, arguments: Mapping[str, str]) -> Iterator[str]:
         """number of a piece, {letter: number as text} → its call, or its lines."""
         if job.options["macros"] == "called":
-            yield f"G65 P{job.options['program_number'] + which} {' '.join(letter + value for letter, value in arguments.items())}"
+            yield f"G65 P{job.options['program_number'] + which} {joined(arguments)}"
         else:
             yield from text.PIECES[which - 1][1](job, self.words, arguments)
 
@@ -170,26 +181,9 @@ def _check(job: Job) -> None:
         raise InputError(f"controller.program_number: found {job.options['program_number']}; allowed: 1 … 9995")
 
 
-def _angle(job: Job, name: str, value: float) -> float:
-    """axis letter, rad → deg to command."""
-    angle, rule = degrees(value), job.options["rollover"]
-    turns = (rule == "always" and may_roll(job.machine, name)) or (rule in ("auto", "signed") and is_endless(job.machine, name))
-    return rolled(angle, job.options["decimals"]) if turns else angle
-
-
-def _signed(job: Job, leg: Leg, name: str, angle: str) -> str:
+def _signed(job: Job, leg: Leg, name: str, value: str) -> str:
     """0 … 360 as text → with the sign of the turn that the plan has in mind, where the control wants it (1008#1 RAB; 0 is 360)."""
     change = math.remainder(leg.target[name] - leg.came.get(name, leg.target[name]), math.tau)
     if job.options["rollover"] != "signed" or not is_endless(job.machine, name) or change >= 0:
-        return angle
-    return "-360." if angle == "0." else f"-{angle}"
-
-
-def _spindle(job: Job, value: float) -> str:
-    """rad → angle of the spindle in [0, 360) as text."""
-    return number(rolled(degrees(value), job.options["decimals"]), job.options["decimals"])
-
-
-def _words(job: Job, names: str, place: Mapping[str, float]) -> dict[str, str]:
-    """axis letters, positions → {letter: number as text} of those that are known."""
-    return {name: number(place[name], job.options["decimals"]) for name in names if name in place}
+        return value
+    return "-360." if value == "0." else f"-{value}"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from ._base import Job, early_distance, number
+from ._common import axis_numbers, signed
 
 ARGUMENT = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
 FRAME = 100  # #101 …: machine minus work coordinate of axis 1 …
@@ -37,13 +37,6 @@ class Words:
 Arguments = Mapping[str, str] | None  # None: the text of a macro, whose arguments are in local variables
 
 
-def axis_numbers(job: Job) -> dict[str, int]:
-    """job → {axis letter: its number in the system variables}; the spindle is none of them."""
-    names = [name for name in job.machine.names if name != "S"]
-    stated: Mapping[str, Any] = job.options["axis_numbers"]
-    return {name: int(stated[name]) for name in names} if stated else {name: i for i, name in enumerate(names, 1)}
-
-
 def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     """G31 to X Y Z at F: whatever stops it short is an alarm. An axis that is not named stays where it is."""
     for name, axis in _linear(job):
@@ -63,7 +56,7 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     moved = "+".join(f"ABS[#{5020 + axis}-#{5040 + axis}-#{FRAME + axis}]" for _, axis in _linear(job))
     yield f"IF[{moved}GT0.001]THEN{words.stop(1, 'WORK OFFSET CHANGED')}"
     for i, (start, (_, axis)) in enumerate(zip("IJK", _linear(job), strict=True), 1):
-        yield f"#{WAY + i}=#{FLAG + axis}-{_signed(_value(given, start))}"
+        yield f"#{WAY + i}=#{FLAG + axis}-{signed(_value(given, start))}"
     yield f"#{FLAG}=1"
     yield f"IF[SQRT[#28*#28+#29*#29+#30*#30]LT{number(early_distance(job.plan))}]THEN#{FLAG}=2"
     yield f"IF[{_short(job)}LT{number(job.options['tolerance'])}]THEN#{FLAG}=0"
@@ -93,7 +86,7 @@ def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
         place = f"#{5020 + axis_numbers(job)[name]}"
         if given is None:
             yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}={place}"
-        yield f"#31=ABS[{place}-{_signed(_value(given, name))}]"
+        yield f"#31=ABS[{place}-{signed(_value(given, name))}]"
         yield "#31=ABS[#31-360*FIX[#31/360+0.5]]"
         yield f"IF[#31GT{number(ARRIVED)}]THEN{words.stop(3, 'ROTARY AXIS NOT IN PLACE')}"
 
@@ -113,11 +106,6 @@ def _linear(job: Job) -> list[tuple[str, int]]:
 
 def _value(given: Arguments, letter: str) -> str:
     return f"#{ARGUMENT[letter]}" if given is None else given[letter]
-
-
-def _signed(value: str) -> str:
-    """→ the value as it may stand after a minus sign."""
-    return f"[{value}]" if value.startswith("-") else value
 
 
 def _targets(job: Job, given: Arguments) -> Iterator[str]:

@@ -12,8 +12,27 @@ from collections.abc import Iterator, Mapping
 
 from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
-from ._common import fits, steps, switches
+from ._base import Job, Leg, Option, Post, early_distance, number
+from ._common import (
+    MISSED,
+    PROBE_SWITCHES,
+    ROLLOVER,
+    TOLERANCE,
+    angle,
+    approaching,
+    axis_numbers,
+    clamping,
+    fits,
+    indexed,
+    signed,
+    spindle,
+    standoff,
+    steps,
+    switches,
+    titled,
+    unclamped,
+    warned,
+)
 
 FRAME, PLACE, FAR = 29100, 29110, 29130  # #29101 … machine minus work; #29111 … of the touch; #29131 … from the stand-off
 FLAG, MISSES, SUM, SPINDLE, TOUCH, SECONDS = 29110, 29109, 29118, 29119, 29120, 29121
@@ -36,8 +55,7 @@ FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 OPTIONS = (
     Option("readings", "tango-readings.txt", "file of the records, in the folder of the program; M121 adds to it", verified=True),
     Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
-    Option("probe_on", "", "words that switch the probe on", codes=True),
-    Option("probe_off", "", "words that switch the probe off", codes=True),
+    *PROBE_SWITCHES,
     Option(
         "orient",
         "M19 R",
@@ -49,17 +67,11 @@ OPTIONS = (
         {},
         "number of each axis in #5021 #5041 #24301, e.g. {X: 1, Y: 2, Z: 3, B: 4}; empty: in the order X Y Z A B C",
     ),
-    Option(
-        "rollover",
-        "auto",
-        "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned",
-        choices=("auto", "always", "never"),
-    ),
-    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
-    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
+    ROLLOVER,
+    *clamping("M11", "M10"),
     Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
-    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
-    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+    TOLERANCE,
+    MISSED,
 )
 DOUBTS = (
     "#9011 is the input of the probe with the sign that P of M115 wants",
@@ -76,12 +88,8 @@ def begin(job: Job) -> Iterator[str]:
     """Header, modal reset, whether the probe is deflected, the frame, start mark."""
     plan = job.plan
     _check(job)
-    yield f"; TANGO {comment(job.machine.name, 40)}"
-    yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
-    yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
-    yield "; START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
-    for doubt in job.unverified:
-        yield f"; UNVERIFIED {comment(doubt, 100)}"
+    yield from titled(job, "; %s")
+    yield from warned(job, "; %s")
     yield job.options["reset"]
     yield WAIT
     yield f"#{BIT} = ABS[#9011]"
@@ -110,45 +118,37 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 retract = clear = move
+approach = approaching("; %s", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other, and whether they have arrived."""
     options = job.options
-    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-    yield f"; INDEX {where}"
+    yield f"; {indexed(leg)}"
     if "S" in leg.target and options["orient"]:
-        yield f"{options['orient']}{number(rolled(degrees(leg.target['S']), 4))}"
-    turned = {name: number(_angle(job, name, leg.target[name])) for name in job.machine.rotary if name in leg.target}
-    for name, angle in turned.items():
-        yield from filter(None, [options["unclamp"].get(name)])
-        yield f"G53 {name}{angle}"
-        yield from filter(None, [options["clamp"].get(name)])
+        yield f"{options['orient']}{spindle(job, leg.target['S'])}"
+    turned = {name: angle(job, name, leg.target[name]) for name in job.machine.rotary if name in leg.target}
+    for name, there in turned.items():
+        yield from unclamped(job, name, f"G53 {name}{there}")
     if turned:
         yield WAIT
-    for name, angle in turned.items():
-        yield f"IF [ABS[SIN[[#{5020 + _numbers(job)[name]} - {_signed(angle)}] / 2]] > {ARRIVED:f}] THEN GOTO {NOT_THERE}"
-
-
-def approach(job: Job, leg: Leg) -> Iterator[str]:
-    """Down to the stand-off."""
-    yield f"; TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)}"
-    yield from move(job, leg)
+    for name, there in turned.items():
+        yield f"IF [ABS[SIN[[#{5020 + axis_numbers(job)[name]} - {signed(there)}] / 2]] > {ARRIVED:f}] THEN GOTO {NOT_THERE}"
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, flag and machine coordinates."""
-    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    start = standoff(job, leg)
     goal = {name: leg.to[name] for name in "XYZ"}
     yield f"M115 {_slashed(job, goal)} P#9011 F{number(job.plan.strategy.approach.feed)} L1"
-    for axis in _numbers(job).values():
+    for axis in axis_numbers(job).values():
         yield f"#{PLACE + axis} = #{5020 + axis}"
     for _, axis in _linear(job):
         yield f"IF [{TRIPPED} != 0] THEN #{PLACE + axis} = #{24300 + axis}"
     lag = " + ".join(f"ABS[#{PLACE + axis} - #{5020 + axis}]" for _, axis in _linear(job))
     yield f"IF [[{lag}] > {number(OLD)}] THEN GOTO {OLD_PLACE}"
     for i, (name, axis) in enumerate(_linear(job), 1):
-        yield f"#{FAR + i} = [#{PLACE + axis} - {_signed(number(start[name]))}]"
+        yield f"#{FAR + i} = [#{PLACE + axis} - {signed(number(start[name]))}]"
     way = " + ".join(f"[#{FAR + i} * #{FAR + i}]" for i in (1, 2, 3))
     yield f"#{FLAG} = 1"
     yield f"IF [SQRT[{way}] < {number(early_distance(job.plan))}] THEN #{FLAG} = 2"
@@ -167,9 +167,9 @@ def back(job: Job, leg: Leg) -> Iterator[str]:
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """One line for the reader, with the sum of its numbers."""
-    places = {name: f"#{PLACE + axis}" for name, axis in _numbers(job).items()} | {"S": f"#{SPINDLE}"}
+    places = {name: f"#{PLACE + axis}" for name, axis in axis_numbers(job).items()} | {"S": f"#{SPINDLE}"}
     yield f"#{TOUCH} = {leg.touch.number}"
-    yield f"#{SPINDLE} = {number(rolled(degrees(leg.to['S']), 4))}"
+    yield f"#{SPINDLE} = {spindle(job, leg.to['S'])}"
     yield f"#{SUM} = [{' + '.join(places.values())}] ; CHECK SUM K"
     places["K"] = f"#{SUM}"
     form = " ".join(f"{name}%.4f" for name in places)
@@ -187,34 +187,19 @@ def end(job: Job) -> Iterator[str]:
     yield f"N{LAST}"
 
 
-def _numbers(job: Job) -> dict[str, int]:
-    names, stated = [name for name in job.machine.names if name != "S"], job.options["axis_numbers"]
-    return {name: int(stated[name]) for name in names} if stated else {name: i for i, name in enumerate(names, 1)}
-
-
 def _linear(job: Job) -> list[tuple[str, int]]:
-    return [(name, axis) for name, axis in _numbers(job).items() if name in "XYZ"]
+    return [(name, axis) for name, axis in axis_numbers(job).items() if name in "XYZ"]
 
 
 def _slashed(job: Job, goal: Mapping[str, float]) -> str:
-    numbers = _numbers(job)
+    numbers = axis_numbers(job)
     return " ".join(f"/{name}[{number(value)} - #{FRAME + numbers[name]}]" for name, value in goal.items())
 
 
 def _distance(job: Job, goal: Mapping[str, float], base: int) -> str:
     """→ the expression for the distance in mm, axis by axis, between variables and the goal."""
-    numbers = _numbers(job)
-    return " + ".join(f"ABS[#{base + numbers[name]} - {_signed(number(value))}]" for name, value in goal.items())
-
-
-def _signed(value: str) -> str:
-    return f"[{value}]" if value.startswith("-") else value
-
-
-def _angle(job: Job, name: str, value: float) -> float:
-    angle, rule = degrees(value), job.options["rollover"]
-    turns = (rule == "always" and may_roll(job.machine, name)) or (rule == "auto" and is_endless(job.machine, name))
-    return rolled(angle, 4) if turns else angle
+    numbers = axis_numbers(job)
+    return " + ".join(f"ABS[#{base + numbers[name]} - {signed(number(value))}]" for name, value in goal.items())
 
 
 def _check(job: Job) -> None:

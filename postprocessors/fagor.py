@@ -13,9 +13,30 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from tango_cnc.records import InputError, Machine
+from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, named, number, rolled
+from ._base import Job, Leg, Option, Post, degrees, early_distance, named, number, rolled
+from ._common import (
+    MISSED,
+    PROBE_SWITCHES,
+    ROLLOVER,
+    TOLERANCE,
+    angle,
+    approaching,
+    axes,
+    clamping,
+    fits,
+    indexed,
+    signed,
+    spindle,
+    standoff,
+    steps,
+    switches,
+    titled,
+    unclamped,
+    warned,
+    words,
+)
 
 VARIABLE = re.compile(r"V\.A\.[A-Z]{2,12}")
 STATE = re.compile(r"(V\.[A-Z0-9.]{2,20})?")
@@ -26,7 +47,6 @@ LAG = 1.0  # mm that the axes may have run on between the contact and their stop
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
 FOUND = ("P6", "P7", "P8", "P9", "P10", "P11")
 FLAG, MISSES, SHORT, WAY, GAP, SUM = "P4", "P5", "P12", "P13", "P14", "P15"
-ROLLOVER = "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned"
 
 OPTIONS = (
     Option("reset", "G17 G40 G53 G71 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
@@ -49,15 +69,13 @@ OPTIONS = (
     Option("conversion", "D", "letter behind % in #WRITE for a number; it must come with four decimals", codes=True),
     Option("output", "C:\\CNC8070\\USERS\\PRG\\TANGO.TXT", "file for the records, which are appended"),
     Option("orient", "M19 S", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
-    Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never")),
-    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
-    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
-    Option("probe_on", "", "words that switch the probe on", codes=True),
-    Option("probe_off", "", "words that switch the probe off", codes=True),
+    ROLLOVER,
+    *clamping("M11", "M10"),
+    *PROBE_SWITCHES,
     Option("decimals", 3, "decimals of axis words: the least input increment", verified=True, choices=(3, 4)),
     Option("positioning_feed", 2000.0, "mm/min of protected moves", verified=True),
-    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
-    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+    TOLERANCE,
+    MISSED,
 )
 
 DOUBTS = (
@@ -76,13 +94,8 @@ def begin(job: Job) -> Iterator[str]:
     plan, options = job.plan, job.options
     _check(job)
     yield f"%{named(job, 'TANGO')}"
-    yield f"; TANGO {comment(job.machine.name, 40)}"
-    yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
-    yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
-    yield "; START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
-    yield "; NOT TRIED ON ANY FAGOR. LOOK UP EVERY LINE BELOW IN THE MANUALS OF THE CONTROL FIRST"
-    for doubt in job.unverified:
-        yield f"; UNVERIFIED {comment(doubt, 100)}"
+    yield from titled(job, "; %s")
+    yield from warned(job, "; %s", "NOT TRIED ON ANY FAGOR. LOOK UP EVERY LINE BELOW IN THE MANUALS OF THE CONTROL FIRST")
     for word in options["off"].split():
         yield f"#{word} OFF"
     yield options["reset"]
@@ -97,19 +110,12 @@ def begin(job: Job) -> Iterator[str]:
     yield f'#WRITE ["TANGO START {job.mark} {len(plan.touches)}"]'
 
 
-def probe_on(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_on"] or "; NO WORDS STATED THAT SWITCH THE PROBE ON"
-
-
-def probe_off(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_off"] or "; NO WORDS STATED THAT SWITCH THE PROBE OFF"
+probe_on, probe_off = switches("; %s")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """Protected move: a G100 that has to arrive and to meet nothing."""
-    place = _words(job, leg.to)
+    place = words(job, leg.to)
     yield from _at_rest(job)
     yield _measure(job, place, job.options["positioning_feed"])
     yield f"{SHORT}={_distance(job, place)}"
@@ -121,31 +127,26 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other; each has arrived."""
     options = job.options
-    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-    yield f"; INDEX {where}"
+    yield f"; {indexed(leg)}"
     if "S" in leg.target and options["orient"]:
-        yield f"{options['orient']}{_spindle(job, leg.target['S'])}"
+        yield f"{options['orient']}{spindle(job, leg.target['S'])}"
     for name in job.machine.rotary:
         if name in leg.target:
-            angle = _angle(job, name, leg.target[name])
-            yield from filter(None, [options["unclamp"].get(name)])
-            yield f"#MCS G0 {name}{angle}"
-            yield from filter(None, [options["clamp"].get(name)])
-            yield f"{SHORT}=ABS[{angle}-{_machine(job, name)}]"
+            there = angle(job, name, leg.target[name])
+            yield from unclamped(job, name, f"#MCS G0 {name}{there}")
+            yield f"{SHORT}=ABS[{there}-{_machine(job, name)}]"
             yield f"{SHORT}=ABS[{SHORT}-360.*FIX[{SHORT}/360.+0.5]]"
             yield from _stop_if(f"{SHORT}>{number(ARRIVED)}", "ROTARY AXIS NOT IN PLACE")
 
 
-def approach(job: Job, leg: Leg) -> Iterator[str]:
-    """Down to the stand-off."""
-    yield f"; TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)}"
-    yield from move(job, leg)
+retract = clear = move
+approach = approaching("; %s", move)
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then the flag in P4 and machine coordinates in P6 and so on."""
-    start = _words(job, dict(zip(job.machine.names, leg.touch.standoff, strict=True)))
-    place, found = _words(job, leg.to), _found(job)
+    start = words(job, standoff(job, leg))
+    place, found = words(job, leg.to), _found(job)
     yield from _at_rest(job)
     yield _measure(job, place, job.plan.strategy.approach.feed)
     for name, parameter in found.items():
@@ -153,7 +154,7 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield f"{GAP}={'+'.join(f'ABS[{_machine(job, n)}-{_programmed(job, n)}-{FRAME[n]}]' for n in FRAME)}"
     yield from _stop_if(f"{GAP}>{number(CHANGED)}", "WORK OFFSET CHANGED")
     yield f"{SHORT}={_distance(job, place)}"
-    way = [f"[{found[name]}-{_signed(value)}]" for name, value in start.items()]
+    way = [f"[{found[name]}-{signed(value)}]" for name, value in start.items()]
     yield f"{WAY}=SQRT[{'+'.join(f'{part}*{part}' for part in way)}]"
     yield f"{GAP}={'+'.join(f'ABS[{found[name]}-{_machine(job, name)}]' for name in 'XYZ')}"
     yield f"{FLAG}=1"
@@ -170,14 +171,14 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move."""
-    yield f"G1 {_targets(_words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    yield f"G1 {_targets(words(job, leg.to))} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """One line: touch, flag, machine coordinates, spindle, their sum."""
-    found, spindle, letter = _found(job), _spindle(job, leg.to["S"]), job.options["conversion"]
+    found, turned, letter = _found(job), spindle(job, leg.to["S"]), job.options["conversion"]
     places = " ".join(f"{name}%{letter}" for name in found)
-    yield f"{SUM}={'+'.join(found.values())}+{spindle}"
+    yield f"{SUM}={'+'.join(found.values())}+{turned}"
     text = f"P{leg.touch.number} H%{letter} {places} S{rolled(degrees(leg.to['S']), 4):.4f} K%{letter}"
     yield f'#WRITE ["{text}",{",".join((FLAG, *found.values(), SUM))}]'
 
@@ -236,39 +237,14 @@ def _distance(job: Job, place: Mapping[str, str]) -> str:
     return "+".join(f"ABS[{value}-{_machine(job, name)}]" for name, value in place.items())
 
 
-def _signed(value: str) -> str:
-    return f"[{value}]" if value.startswith("-") else value
-
-
 def _found(job: Job) -> dict[str, str]:
     """→ {axis letter: parameter that holds where the touch was}."""
-    return dict(zip(_axes(job.machine), FOUND, strict=False))
-
-
-def _words(job: Job, place: Mapping[str, float]) -> dict[str, str]:
-    """positions → {linear axis: number as text} of those that are known."""
-    return {name: number(place[name], job.options["decimals"]) for name in "XYZ" if name in place}
-
-
-def _angle(job: Job, name: str, value: float) -> str:
-    """axis letter, rad → deg to command."""
-    angle, rule, decimals = degrees(value), job.options["rollover"], job.options["decimals"]
-    turns = (rule == "always" and may_roll(job.machine, name)) or (rule == "auto" and is_endless(job.machine, name))
-    return number(rolled(angle, decimals) if turns else angle, decimals)
-
-
-def _spindle(job: Job, value: float) -> str:
-    """rad → angle of the spindle in [0, 360) as text."""
-    return number(rolled(degrees(value), job.options["decimals"]), job.options["decimals"])
-
-
-def _axes(machine: Machine) -> list[str]:
-    return [name for name in machine.names if name != "S"]
+    return dict(zip(axes(job.machine), FOUND, strict=False))
 
 
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
-    machine, options = job.machine, job.options
+    options = job.options
     for key in ("contact", "machine_position", "programmed_position", *(["met"] if options["met"] else [])):
         if not VARIABLE.fullmatch(options[key]):
             raise InputError(
@@ -284,17 +260,7 @@ def _check(job: Job) -> None:
         )
     if not re.fullmatch(r"[A-Z]|\.4F", options["conversion"]):
         raise InputError(f"controller.conversion: found {options['conversion']!r}; allowed: a letter, or .4F")
-    if options["positioning_feed"] <= 0 or options["tolerance"] <= 0 or options["misses"] < 1:
-        raise InputError("controller: found positioning_feed, tolerance or misses of 0 or less; allowed: more than 0")
-    for key in ("unclamp", "clamp"):
-        for name, word in options[key].items():
-            if name not in machine.rotary or not (isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()):
-                raise InputError(
-                    f"controller.{key}: found {name!r}: {word!r}; allowed: a word such as M10 for {', '.join(machine.rotary)}"
-                )
-    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
-    if not options["orient"] and len(turns) > 1:
-        raise InputError("controller.orient: found nothing; allowed: the word that orients the spindle, as this strategy turns it")
+    fits(job)
 
 
 POST = Post(
@@ -303,15 +269,5 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: named(job, "TANGO"),
-    begin=begin,
-    probe_on=probe_on,
-    retract=move,
-    clear=move,
-    index=index,
-    approach=approach,
-    probe=probe,
-    back=back,
-    record=record,
-    probe_off=probe_off,
-    end=end,
+    **steps(globals()),
 )

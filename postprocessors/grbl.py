@@ -16,7 +16,8 @@ from collections.abc import Iterator
 
 from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, comment, degrees, number, rolled
+from ._base import Job, Leg, Option, Post, degrees, number, rolled
+from ._common import PROBE_SWITCHES, approaching, fits, indexed, steps, switches, titled, warned
 
 RESET = "G17 G21 G40 G49 G80 G90 G94"
 OFF = 1.5  # mm off a facet, before which no search can begin
@@ -26,8 +27,7 @@ ROOM = {"grblHAL": 255, "FluidNC": 254, "grbl": 79}  # characters of a line, com
 OPTIONS = (
     Option("control", "grblHAL", "what the control runs; grbl 1.1 has X Y Z only", choices=("grblHAL", "FluidNC", "grbl")),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
-    Option("probe_on", "", "words that switch the probe on", codes=True),
-    Option("probe_off", "", "words that switch the probe off", codes=True),
+    *PROBE_SWITCHES,
     Option("positioning_feed", 2000.0, "mm/min of guarded moves; feed in the port's URL has to be the same", verified=True),
 )
 DOUBTS = (
@@ -40,26 +40,18 @@ def begin(job: Job) -> Iterator[str]:
     """Header, modal reset, start mark."""
     plan = job.plan
     _check(job)
-    yield f"(TANGO {comment(job.machine.name, 40)})"
-    yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
-    yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
-    yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
-    yield "(SENT BY TANGO RUN LINE BY LINE. ANOTHER SENDER RECORDS NOTHING)"
-    yield "(MACHINE COORDINATES. FOR ANOTHER SENDER WORK OFFSET G92 AND TOOL LENGTH HAVE TO BE ZERO)"
-    for doubt in job.unverified:
-        yield f"(UNVERIFIED {comment(doubt, 100)})"
+    yield from titled(job, "(%s)")
+    yield from warned(
+        job,
+        "(%s)",
+        "SENT BY TANGO RUN LINE BY LINE. ANOTHER SENDER RECORDS NOTHING",
+        "MACHINE COORDINATES. FOR ANOTHER SENDER WORK OFFSET G92 AND TOOL LENGTH HAVE TO BE ZERO",
+    )
     yield RESET
     yield f"(TANGO START {job.mark} {len(plan.touches)})"
 
 
-def probe_on(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_on"] or "(NO WORDS STATED THAT SWITCH THE PROBE ON)"
-
-
-def probe_off(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_off"] or "(NO WORDS STATED THAT SWITCH THE PROBE OFF)"
+probe_on, probe_off = switches("(%s)")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
@@ -69,18 +61,15 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then the rotary axes."""
-    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-    yield f"(INDEX {where})"
+    yield f"({indexed(leg)})"
     if "S" in leg.target and job.options["orient"]:
         yield f"{job.options['orient']}{number(rolled(degrees(leg.target['S']), 3), 3)}"
     words = " ".join(f"{name}{number(degrees(leg.target[name]))}" for name in job.machine.rotary if name in leg.target)
     yield from filter(None, [f"G0 {words}" if words else ""])
 
 
-def approach(job: Job, leg: Leg) -> Iterator[str]:
-    """Down to the stand-off."""
-    yield f"(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
-    yield from move(job, leg)
+retract = clear = move
+approach = approaching("(%s)", move)
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
@@ -123,14 +112,10 @@ def _check(job: Job) -> None:
             f"controller.control: found grbl, which has X Y Z only; allowed for a machine with {' '.join(machine.rotary)}: "
             "grblHAL, FluidNC"
         )
-    if options["positioning_feed"] <= 0:
-        raise InputError(f"controller.positioning_feed: found {options['positioning_feed']:g}; allowed: more than 0")
     for key in ("probe_on", "probe_off"):
         if len(options[key]) > ROOM[options["control"]]:
             raise InputError(f"controller.{key}: found {len(options[key])} characters; allowed: {ROOM[options['control']]}")
-    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
-    if not options["orient"] and len(turns) > 1:
-        raise InputError("controller.orient: found nothing; allowed: the word that orients the spindle, as this strategy turns it")
+    fits(job)
 
 
 POST = Post(
@@ -139,16 +124,6 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "tango",
-    begin=begin,
-    probe_on=probe_on,
-    retract=move,
-    clear=move,
-    index=index,
-    approach=approach,
-    probe=probe,
-    back=back,
-    record=record,
-    probe_off=probe_off,
-    end=end,
+    **steps(globals()),
     link="grbl",
 )

@@ -12,8 +12,23 @@ from collections.abc import Iterator
 
 from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, comment, degrees, is_endless, named, number, rolled, search_distance
-from ._common import fits, steps, switches
+from ._base import Job, Leg, Option, Post, degrees, is_endless, named, number, rolled, search_distance
+from ._common import (
+    MISSED,
+    PROBE_SWITCHES,
+    TOLERANCE,
+    approaching,
+    axes,
+    clamping,
+    fits,
+    indexed,
+    standoff,
+    steps,
+    switches,
+    titled,
+    unclamped,
+    warned,
+)
 from ._klartext import (
     GUARDED,
     MEASURING,
@@ -45,14 +60,12 @@ OPTIONS = (
     Option("tcpm_reset", True, "FUNCTION RESET TCPM; false where the control has no TCPM"),
     Option("orient", True, "cycle 13 and M19 orient the spindle; false: it is not turned"),
     Option("shortest", True, "endless axes get angles of 0 to 360 under M126, the short way; false: as planned"),
-    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
-    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
-    Option("probe_on", "", "words that switch the probe on", codes=True),
-    Option("probe_off", "", "words that switch the probe off", codes=True),
+    *clamping("M11", "M10"),
+    *PROBE_SWITCHES,
     Option("decimals", 4, "decimals of positions", verified=True, choices=(3, 4)),
     Option("positioning_feed", 2000.0, "mm/min of guarded moves; the control's probe table may allow less"),
-    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
-    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+    TOLERANCE,
+    MISSED,
 )
 
 DOUBTS = (
@@ -77,13 +90,9 @@ def begin(job: Job) -> Iterator[str]:
     plan, options = job.plan, job.options
     _check(job)
     yield f"BEGIN PGM {named(job, NAME)} MM"
-    yield f"; TANGO {comment(job.machine.name, 40)}"
-    yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
-    yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
+    yield from titled(job, "; %s")
     yield f"; MEASURING FEED {number(plan.strategy.approach.feed)} SEARCH {number(search_distance(plan))}"
-    yield "; START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
-    for doubt in job.unverified:
-        yield f"; UNVERIFIED {comment(doubt, 100)}"
+    yield from warned(job, "; %s")
     if options["plane_reset"]:
         yield "PLANE RESET STAY"
     if options["tcpm_reset"]:
@@ -110,13 +119,13 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 retract = clear = move
+approach = approaching("; %s", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other; each has arrived."""
     options = job.options
-    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-    yield f"; INDEX {where}"
+    yield f"; {indexed(leg)}"
     if "S" in leg.target and options["orient"]:
         yield "CYCL DEF 13.0 ORIENTATION"
         yield f"CYCL DEF 13.1 ANGLE{_number(job, rolled(degrees(leg.target['S']), options['decimals']))}"
@@ -126,9 +135,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             angle = degrees(leg.target[name])
             if options["shortest"] and is_endless(job.machine, name):
                 angle = rolled(angle, options["decimals"])
-            yield from filter(None, [options["unclamp"].get(name)])
-            yield f"L {name}{_number(job, angle)} FMAX M91"
-            yield from filter(None, [options["clamp"].get(name)])
+            yield from unclamped(job, name, f"L {name}{_number(job, angle)} FMAX M91")
             yield "FN 20: WAIT FOR SYNC"
             yield reading(job, "Q35", name)
             yield f"Q35 = ABS ( Q35 {_number(job, -angle).replace('+', '+ ').replace('-', '- ')} )"
@@ -136,15 +143,9 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             yield f"FN 11: IF +Q35 GT +{ARRIVED} GOTO LBL {TURNED}"
 
 
-def approach(job: Job, leg: Leg) -> Iterator[str]:
-    """Down to the stand-off."""
-    yield f"; TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)}"
-    yield from move(job, leg)
-
-
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move by its label, from the stand-off to the search end."""
-    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    start = standoff(job, leg)
     for name in "XYZ":
         yield f"{START[name]} = {_number(job, start[name])}"
     for name in "XYZ":
@@ -196,12 +197,12 @@ def _number(job: Job, value: float) -> str:
 
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
-    machine, options = job.machine, job.options
+    options = job.options
     for key in ("mask", "output"):
         if not FILE.fullmatch(options[key]):
             raise InputError(f"controller.{key}: found {options[key]!r}; allowed: a file such as TNC:\\TANGO.TXT")
     fits(job)
-    names, stated = [name for name in machine.names if name != "S"], options["axis_numbers"]
+    names, stated = axes(job.machine), options["axis_numbers"]
     if not stated and not set(names) <= set("XYZABC"):
         raise InputError(f"controller.axis_numbers: found nothing; allowed: a number for each of {', '.join(names)}")
 

@@ -10,12 +10,28 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from tango_cnc.records import InputError, Machine
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
-from ._common import fits, steps, switches
+from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, may_roll, number, rolled
+from ._common import (
+    MISSED,
+    PROBE_SWITCHES,
+    approaching,
+    axes,
+    fits,
+    indexed,
+    joined,
+    spindle,
+    standoff,
+    steps,
+    switches,
+    titled,
+    unclamped,
+    warned,
+    words,
+)
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
 PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
@@ -28,10 +44,9 @@ OPTIONS = (
     Option("wrapped", False, "rotary axes have WRAPPED_ROTARY = 1: 0 to 360, signed by the sense of the turn"),
     Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M64 P1}; a locking indexer needs none", verified=True),
     Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M65 P1}; a locking indexer needs none", verified=True),
-    Option("probe_on", "", "words that switch the probe on", codes=True),
-    Option("probe_off", "", "words that switch the probe off", codes=True),
+    *PROBE_SWITCHES,
     Option("positioning_feed", 3000.0, "mm/min between touches", verified=True),
-    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+    MISSED,
 )
 DOUBTS = ("a probe that is off stops nothing: guarded moves are guarded only while it is on",)
 
@@ -40,18 +55,14 @@ def begin(job: Job) -> Iterator[str]:
     """Header, the two subroutines, modal reset, the frame, start mark."""
     plan = job.plan
     _check(job)
-    yield f"(TANGO {comment(job.machine.name, 40)})"
-    yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
-    yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
-    yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
-    for doubt in job.unverified:
-        yield f"(UNVERIFIED {comment(doubt, 100)})"
+    yield from titled(job, "(%s)")
+    yield from warned(job, "(%s)")
     yield from _touch(job)
     yield from _record(job.machine)
     yield from _free()
     yield RESET
     yield "(MACHINE MINUS WORK COORDINATES)"
-    for name in _axes(job.machine):
+    for name in axes(job.machine):
         yield f"#<_tango_{name.lower()}> = [#<_abs_{name.lower()}> - #<_{name.lower()}>]"
     yield "#<_tango_misses> = 0"
     yield from _abort("O100", "#[5210 + 20 * #5220] NE 0", "THE WORK FRAME IS ROTATED")
@@ -64,7 +75,7 @@ def _touch(job: Job) -> Iterator[str]:
     yield "O<tango_touch> SUB"
     target = " ".join(f"{name}[#{i} - #<_tango_{name.lower()}>]" for i, name in enumerate("XYZ", 1))
     yield f"G38.3 {target} F#7"
-    for name in _axes(job.machine):
+    for name in axes(job.machine):
         low = name.lower()
         yield f"#<_tango_at_{low}> = [#{5061 + PLACE[name]} + #<_abs_{low}> - #<_{low}>]"
     for name in "XYZ":
@@ -88,7 +99,7 @@ def _touch(job: Job) -> Iterator[str]:
 def _record(machine: Machine) -> Iterator[str]:
     """Subroutine: one line for touch #1 with the spindle at #2, and the sum of its coordinates."""
     yield "O<tango_record> SUB"
-    first, *rest = _axes(machine)
+    first, *rest = axes(machine)
     yield f"#<_tango_k> = [{' + '.join(f'#<_tango_at_{name.lower()}>' for name in (first, *rest))} + #2]"
     values = f"{first}%.6f#<_tango_at_{first.lower()}> " + " ".join(f"{name}#<_tango_at_{name.lower()}>" for name in rest)
     yield f"(LOG,P%d#1 H#<_tango_flag> {values} S#2 K#<_tango_k>)"
@@ -115,8 +126,8 @@ probe_on, probe_off = switches("(%s)")
 
 def retract(job: Job, leg: Leg) -> Iterator[str]:
     """A search that is to find nothing, from where the machine stands; a way of no length is none, which newer versions refuse."""
-    there = _numbers(leg.to)
-    if there == _numbers(leg.came):
+    there = words(job, leg.to)
+    if there == words(job, leg.came):
         yield from move(job, leg)
         return
     values = [there.get(name, f"#<_abs_{name.lower()}>") for name in "XYZ"]
@@ -125,25 +136,23 @@ def retract(job: Job, leg: Leg) -> Iterator[str]:
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """A straight move in machine coordinates, which the control aborts when the probe trips."""
-    words = " ".join(name + value for name, value in _numbers(leg.to).items())
-    yield f"G53 G1 {words} F{number(job.options['positioning_feed'])}"
+    yield f"G53 G1 {joined(words(job, leg.to))} F{number(job.options['positioning_feed'])}"
 
 
 clear = back = move
+approach = approaching("(%s)", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other, as a locking indexer wants it."""
-    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-    yield f"(INDEX {where})"
+    yield f"({indexed(leg)})"
     if "S" in leg.target and job.options["orient"]:
-        yield f"M19 R{number(rolled(degrees(leg.target['S']), 4))} Q{job.options['orient_time']}"
+        yield f"M19 R{spindle(job, leg.target['S'])} Q{job.options['orient_time']}"
     for name in job.machine.rotary:
         if name in leg.target:
             wrapped = job.options["wrapped"] and may_roll(job.machine, name)
-            yield from filter(None, [job.options["unclamp"].get(name)])
-            yield f"G53 G0 {name}{_wrapped(job, leg, name) if wrapped else number(degrees(leg.target[name]))}"
-            yield from filter(None, [job.options["clamp"].get(name)])
+            there = _wrapped(job, leg, name) if wrapped else number(degrees(leg.target[name]))
+            yield from unclamped(job, name, f"G53 G0 {name}{there}")
 
 
 def _wrapped(job: Job, leg: Leg, name: str) -> str:
@@ -154,22 +163,16 @@ def _wrapped(job: Job, leg: Leg, name: str) -> str:
     return ("-" if change < 0 else "") + number(rolled(degrees(leg.target[name]), 4))
 
 
-def approach(job: Job, leg: Leg) -> Iterator[str]:
-    """Down to the stand-off."""
-    yield f"(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
-    yield from move(job, leg)
-
-
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move by its subroutine."""
-    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    start = standoff(job, leg)
     values = [number(place[name]) for place in (leg.to, start) for name in "XYZ"]
     yield "O<tango_touch> CALL " + " ".join(f"[{v}]" for v in (*values, number(job.plan.strategy.approach.feed)))
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """The line of the touch by its subroutine."""
-    yield f"O<tango_record> CALL [{leg.touch.number}] [{number(rolled(degrees(leg.to['S']), 4))}]"
+    yield f"O<tango_record> CALL [{leg.touch.number}] [{spindle(job, leg.to['S'])}]"
 
 
 def end(job: Job) -> Iterator[str]:
@@ -177,15 +180,6 @@ def end(job: Job) -> Iterator[str]:
     yield f"(LOG,TANGO END {len(job.plan.touches)})"
     yield "(LOGCLOSE)"
     yield "M2"
-
-
-def _axes(machine: Machine) -> list[str]:
-    return [name for name in machine.names if name != "S"]
-
-
-def _numbers(place: Mapping[str, float]) -> dict[str, str]:
-    """positions → {linear axis: number as text} of those that are known."""
-    return {name: number(place[name]) for name in "XYZ" if name in place}
 
 
 def _check(job: Job) -> None:

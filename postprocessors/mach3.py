@@ -13,8 +13,23 @@ from collections.abc import Iterator, Mapping
 from tango_cnc.records import InputError
 
 from . import _mach3_macros as basic
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
-from ._common import fits, steps, switches
+from ._base import Job, Leg, Option, Post, early_distance, number
+from ._common import (
+    MISSED,
+    PROBE_SWITCHES,
+    ROLLOVER,
+    TOLERANCE,
+    angle,
+    approaching,
+    fits,
+    indexed,
+    spindle,
+    standoff,
+    steps,
+    switches,
+    titled,
+    warned,
+)
 
 FILE = re.compile(r"[A-Z]:\\(?:[A-Za-z0-9_ -]{1,40}\\){0,6}[A-Za-z0-9_-]{1,40}\.[a-z]{1,4}")
 
@@ -26,23 +41,17 @@ OPTIONS = (
         verified=True,
     ),
     Option("reset", "G17 G21 G40 G49 G50 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
-    Option("probe_on", "", "words that switch the probe on", codes=True),
-    Option("probe_off", "", "words that switch the probe off", codes=True),
+    *PROBE_SWITCHES,
     Option(
         "orient",
         "M19 R",
         "word before the angle that orients the spindle: a macro of your own; empty: it is not turned",
         codes=True,
     ),
-    Option(
-        "rollover",
-        "auto",
-        "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned",
-        choices=("auto", "always", "never"),
-    ),
+    ROLLOVER,
     Option("positioning_feed", 1500.0, "mm/min of protected moves", verified=True),
-    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
-    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+    TOLERANCE,
+    MISSED,
 )
 DOUBTS = (
     "G31 moves X Y Z at once and stores #2000 #2001 #2002 in work coordinates, which some motion boards do not",
@@ -58,14 +67,9 @@ def begin(job: Job) -> Iterator[str]:
     """Header, modal reset, what the macros have to know, start."""
     plan, options = job.plan, job.options
     _check(job)
-    yield f"(TANGO {comment(job.machine.name, 40)})"
-    yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
-    yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
-    yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
-    yield f"(NEEDS ITS MACROS M{basic.START} TO M{basic.END} IN THE MACROS FOLDER OF THE PROFILE)"
-    yield "(RECORDS END WITH THEIR CHECK SUM K)"
-    for doubt in job.unverified:
-        yield f"(UNVERIFIED {comment(doubt, 100)})"
+    yield from titled(job, "(%s)")
+    needs = f"NEEDS ITS MACROS M{basic.START} TO M{basic.END} IN THE MACROS FOLDER OF THE PROFILE"
+    yield from warned(job, "(%s)", needs, "RECORDS END WITH THEIR CHECK SUM K")
     yield options["reset"]
     yield f"#{basic.EARLY}={number(early_distance(plan))}"
     yield f"#{basic.TOLERANCE}={number(options['tolerance'])}"
@@ -86,29 +90,23 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 retract = clear = move
+approach = approaching("(%s)", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other by its macro."""
-    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-    yield f"(INDEX {where})"
+    yield f"({indexed(leg)})"
     if "S" in leg.target and job.options["orient"]:
-        yield f"{job.options['orient']}{number(rolled(degrees(leg.target['S']), 4))}"
+        yield f"{job.options['orient']}{spindle(job, leg.target['S'])}"
     for name in job.machine.rotary:
         if name in leg.target:
-            yield f"#{basic.ANGLE}={number(_angle(job, name, leg.target[name]))}"
+            yield f"#{basic.ANGLE}={angle(job, name, leg.target[name])}"
             yield f"M{basic.TURN} P{basic.PLACE[name] + 1}"
-
-
-def approach(job: Job, leg: Leg) -> Iterator[str]:
-    """Down to the stand-off."""
-    yield f"(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
-    yield from move(job, leg)
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move by its macro."""
-    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    start = standoff(job, leg)
     yield _three(basic.TARGET, leg.to)
     yield _three(basic.STANDOFF, start)
     yield f"#{basic.FEED}={number(job.plan.strategy.approach.feed)}"
@@ -123,7 +121,7 @@ def back(job: Job, leg: Leg) -> Iterator[str]:
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """The line of the touch by its macro."""
-    yield f"#{basic.SPINDLE}={number(rolled(degrees(leg.to['S']), 4))}"
+    yield f"#{basic.SPINDLE}={spindle(job, leg.to['S'])}"
     yield f"M{basic.RECORD} P{leg.touch.number}"
 
 
@@ -135,12 +133,6 @@ def end(job: Job) -> Iterator[str]:
 
 def _three(first: int, place: Mapping[str, float]) -> str:
     return " ".join(f"#{first + i}={number(place[name])}" for i, name in enumerate("XYZ") if name in place)
-
-
-def _angle(job: Job, name: str, value: float) -> float:
-    angle, rule = degrees(value), job.options["rollover"]
-    turns = (rule == "always" and may_roll(job.machine, name)) or (rule == "auto" and is_endless(job.machine, name))
-    return rolled(angle, 4) if turns else angle
 
 
 def _check(job: Job) -> None:

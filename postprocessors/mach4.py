@@ -15,7 +15,8 @@ from typing import Any
 
 from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, degrees, number, rolled, with_defaults
+from ._base import Job, Leg, Option, Post, number, with_defaults
+from ._common import axes, spindle
 from ._macro_b import OPTIONS as FAMILY_OPTIONS
 from ._macro_b import steps
 from ._macro_b_text import FLAG, Words
@@ -44,7 +45,7 @@ DOUBTS = (
 
 def _stated(job: Job) -> Job:
     """→ the job with what is fixed on this control."""
-    numbers = {name: PLACE[name] for name in job.machine.names if name != "S"}
+    numbers = {name: PLACE[name] for name in axes(job.machine)}
     return replace(job, options={**job.options, **FIXED, "axis_numbers": numbers})
 
 
@@ -72,9 +73,9 @@ def begin(job: Job) -> Iterator[str]:
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """Touch, spindle and sum into variables; the script writes the line."""
-    places = [f"#{FLAG + PLACE[name]}" for name in job.machine.names if name != "S"]
+    places = [f"#{FLAG + PLACE[name]}" for name in axes(job.machine)]
     yield f"#{TOUCH}={number(leg.touch.number)}"
-    yield f"#{SPINDLE}={number(rolled(degrees(leg.to['S']), job.options['decimals']), job.options['decimals'])}"
+    yield f"#{SPINDLE}={spindle(job, leg.to['S'])}"
     yield f"#{SUM}={'+'.join([*places, f'#{SPINDLE}'])}(CHECK SUM K)"
     yield f"M{RECORD}(RECORD)"
 
@@ -99,7 +100,7 @@ def _set(found: Mapping[str, list[str]]) -> int:
 
 
 def _scripts(job: Job) -> dict[str, list[str]]:
-    variables = {name: FLAG + PLACE[name] for name in job.machine.names if name != "S"} | {"S": SPINDLE, "K": SUM}
+    variables = {name: FLAG + PLACE[name] for name in axes(job.machine)} | {"S": SPINDLE, "K": SUM}
     form = " ".join(["P%.0f H%.0f", *(f"{name}%.4f" for name in variables)])
     values = ", ".join(f"value({number})" for number in (TOUCH, FLAG, *variables.values()))
     return {

@@ -18,9 +18,30 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from tango_cnc.records import InputError, Machine
+from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, may_roll, number, rolled
+from ._base import Job, Leg, Option, Post, early_distance, number
+from ._common import (
+    MISSED,
+    PROBE_SWITCHES,
+    ROLLOVER,
+    TOLERANCE,
+    angle,
+    approaching,
+    axes,
+    clamping,
+    fits,
+    indexed,
+    joined,
+    spindle,
+    standoff,
+    steps,
+    switches,
+    titled,
+    unclamped,
+    warned,
+    words,
+)
 
 VARIABLE = re.compile(r"[A-Z]{2,6}\?(\[\d{1,4}\])?")  # ? stands for the axis letter
 STATE = re.compile(r"([A-Z]{2,8}(\[\d{1,4}\])?)?")
@@ -39,7 +60,6 @@ STOPS = {
     "NS7": "NOT IN FRAME H0",
 }  # at most 16 characters each: more are not shown
 DEFLECTED, MET, DEAD, STALE, TURNED, RESTARTED, SHIFTED = STOPS
-ROLLOVER = "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned"
 
 OPTIONS = (
     Option("skip", "G31", "word of the move that the probe ends", codes=True),
@@ -57,15 +77,13 @@ OPTIONS = (
     Option("places", 10, "places of a printed coordinate in PUT; it must come with four decimals", choices=(10, 11, 12)),
     Option("alarm", 992, "VDOUT that stops with the text of VUACM", choices=(990, 991, 992, 993)),
     Option("orient", "M19 RS", "word before = and the angle that orients the spindle; empty: it is not turned", codes=True),
-    Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never")),
-    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M21}; empty: the control does it"),
-    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M20}; empty: the control does it"),
-    Option("probe_on", "", "words that switch the probe on", codes=True),
-    Option("probe_off", "", "words that switch the probe off", codes=True),
+    ROLLOVER,
+    *clamping("M21", "M20"),
+    *PROBE_SWITCHES,
     Option("decimals", 3, "decimals of axis words: the least input increment", verified=True, choices=(3, 4)),
     Option("positioning_feed", 2000.0, "mm/min of protected moves", verified=True),
-    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
-    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+    TOLERANCE,
+    MISSED,
 )
 
 DOUBTS = (
@@ -83,13 +101,8 @@ def begin(job: Job) -> Iterator[str]:
     plan, options = job.plan, job.options
     _check(job)
     yield "OTNGO"
-    yield f"(TANGO {comment(job.machine.name, 40)})"
-    yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
-    yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
-    yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
-    yield "(NOT TRIED ON ANY OKUMA. LOOK UP EVERY LINE BELOW IN THE MANUALS OF THE MACHINE FIRST)"
-    for doubt in job.unverified:
-        yield f"(UNVERIFIED {comment(doubt, 100)})"
+    yield from titled(job, "(%s)")
+    yield from warned(job, "(%s)", "NOT TRIED ON ANY OKUMA. LOOK UP EVERY LINE BELOW IN THE MANUALS OF THE MACHINE FIRST")
     yield f"IF[VRSTT EQ 128] {RESTARTED}"
     yield options["reset"]
     yield options["machine_frame"]
@@ -101,19 +114,12 @@ def begin(job: Job) -> Iterator[str]:
     yield from _line(f"TANGO START {job.mark} {len(plan.touches)}")
 
 
-def probe_on(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_on"] or "(NO WORDS STATED THAT SWITCH THE PROBE ON)"
-
-
-def probe_off(job: Job) -> Iterator[str]:
-    """The words of the profile, if there are any."""
-    yield job.options["probe_off"] or "(NO WORDS STATED THAT SWITCH THE PROBE OFF)"
+probe_on, probe_off = switches("(%s)")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """Protected move: a skip move that has to arrive. An axis that nobody has moved yet stays where it is."""
-    place = _words(job, leg.to)
+    place = words(job, leg.to)
     yield from _skip(job, place, job.options["positioning_feed"])
     yield job.options["wait"]
     yield "CALL OTG1 " + " ".join(f"P{name}={place.get(name, _position(job, name))}" for name in "XYZ")
@@ -122,30 +128,25 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other; each has arrived."""
     options = job.options
-    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-    yield f"(INDEX {where})"
+    yield f"({indexed(leg)})"
     if "S" in leg.target and options["orient"]:
-        yield f"{options['orient']}={_spindle(job, leg.target['S'])}"
+        yield f"{options['orient']}={spindle(job, leg.target['S'])}"
     for name in job.machine.rotary:
         if name in leg.target:
-            angle = _angle(job, name, leg.target[name])
-            yield from filter(None, [options["unclamp"].get(name)])
-            yield f"G0 {name}{angle}"
-            yield from filter(None, [options["clamp"].get(name)])
+            there = angle(job, name, leg.target[name])
+            yield from unclamped(job, name, f"G0 {name}{there}")
             yield options["wait"]
-            yield f"CALL OTG4 PA={angle} PB={_position(job, name)}"
+            yield f"CALL OTG4 PA={there} PB={_position(job, name)}"
 
 
-def approach(job: Job, leg: Leg) -> Iterator[str]:
-    """Down to the stand-off."""
-    yield f"(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
-    yield from move(job, leg)
+retract = clear = move
+approach = approaching("(%s)", move)
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then OTG2 for flag and machine coordinates."""
-    start = _words(job, dict(zip(job.machine.names, leg.touch.standoff, strict=True)))
-    place = _words(job, leg.to)
+    start = words(job, standoff(job, leg))
+    place = words(job, leg.to)
     yield from _skip(job, place, job.plan.strategy.approach.feed)
     targets = " ".join(f"P{name}={value}" for name, value in place.items())
     starts = " ".join(f"P{letter}={value}" for letter, value in zip("IJK", start.values(), strict=True))
@@ -154,12 +155,12 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move."""
-    yield f"G1 {_axis_words(_words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    yield f"G1 {joined(words(job, leg.to))} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """The line of the touch by OTG3."""
-    yield f"CALL OTG3 PT={leg.touch.number} PS={_spindle(job, leg.to['S'])}"
+    yield f"CALL OTG3 PT={leg.touch.number} PS={spindle(job, leg.to['S'])}"
 
 
 def end(job: Job) -> Iterator[str]:
@@ -247,7 +248,7 @@ def _skip(job: Job, place: Mapping[str, str], feed: float) -> Iterator[str]:
     if job.options["probe_state"]:
         yield job.options["wait"]
         yield f"IF[{job.options['probe_state']} NE 0] {DEFLECTED}"
-    yield f"{job.options['skip']} {_axis_words(place)} F{number(feed)}"
+    yield f"{job.options['skip']} {joined(place)} F{number(feed)}"
 
 
 def _line(text: str) -> Iterator[str]:
@@ -261,7 +262,7 @@ def _common(job: Job, place: int) -> str:
 
 def _found(job: Job) -> dict[str, str]:
     """→ {axis letter: common variable that holds where the touch was}."""
-    return {name: _common(job, FOUND + i) for i, name in enumerate(_axes(job.machine))}
+    return {name: _common(job, FOUND + i) for i, name in enumerate(axes(job.machine))}
 
 
 def _contact(job: Job, name: str) -> str:
@@ -276,34 +277,9 @@ def _short(job: Job) -> str:
     return "+".join(f"ABS[{_position(job, name)}-P{name}]" for name in "XYZ")
 
 
-def _axis_words(place: Mapping[str, str]) -> str:
-    return " ".join(f"{name}{value}" for name, value in place.items())
-
-
-def _words(job: Job, place: Mapping[str, float]) -> dict[str, str]:
-    """positions → {linear axis: number as text} of those that are known."""
-    return {name: number(place[name], job.options["decimals"]) for name in "XYZ" if name in place}
-
-
-def _angle(job: Job, name: str, value: float) -> str:
-    """axis letter, rad → deg to command."""
-    angle, rule, decimals = degrees(value), job.options["rollover"], job.options["decimals"]
-    turns = (rule == "always" and may_roll(job.machine, name)) or (rule == "auto" and is_endless(job.machine, name))
-    return number(rolled(angle, decimals) if turns else angle, decimals)
-
-
-def _spindle(job: Job, value: float) -> str:
-    """rad → angle of the spindle in [0, 360) as text."""
-    return number(rolled(degrees(value), job.options["decimals"]), job.options["decimals"])
-
-
-def _axes(machine: Machine) -> list[str]:
-    return [name for name in machine.names if name != "S"]
-
-
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
-    machine, options = job.machine, job.options
+    options = job.options
     for key, pattern, allowed in (
         ("contact", VARIABLE, "a variable such as VSAP? or VSAP?[1], ? is the axis letter"),
         ("position", VARIABLE, "a variable such as VAPA?, ? is the axis letter"),
@@ -317,17 +293,7 @@ def _check(job: Job) -> None:
             raise InputError(f"controller.{key}: found nothing; allowed: words of the control")
     if not 1 <= options["common"] <= 201 - COMMON:
         raise InputError(f"controller.common: found {options['common']}; allowed: 1 … {201 - COMMON}")
-    if options["positioning_feed"] <= 0 or options["tolerance"] <= 0 or options["misses"] < 1:
-        raise InputError("controller: found positioning_feed, tolerance or misses of 0 or less; allowed: more than 0")
-    for key in ("unclamp", "clamp"):
-        for name, word in options[key].items():
-            if name not in machine.rotary or not (isinstance(word, str) and word.isascii() and word.isalnum() and word.isupper()):
-                raise InputError(
-                    f"controller.{key}: found {name!r}: {word!r}; allowed: a word such as M10 for {', '.join(machine.rotary)}"
-                )
-    turns = {round(touch.standoff[machine.column("S")], 9) for touch in job.plan.touches}
-    if not options["orient"] and len(turns) > 1:
-        raise InputError("controller.orient: found nothing; allowed: the word that orients the spindle, as this strategy turns it")
+    fits(job)
 
 
 POST = Post(
@@ -336,15 +302,5 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",
-    begin=begin,
-    probe_on=probe_on,
-    retract=move,
-    clear=move,
-    index=index,
-    approach=approach,
-    probe=probe,
-    back=back,
-    record=record,
-    probe_off=probe_off,
-    end=end,
+    **steps(globals()),
 )

@@ -10,10 +10,27 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from tango_cnc.records import InputError, Machine
+from tango_cnc.records import InputError
 
-from ._base import Job, Leg, Option, Post, comment, degrees, early_distance, is_endless, number, rolled
-from ._common import fits, steps, switches
+from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, number, rolled
+from ._common import (
+    MISSED,
+    PROBE_SWITCHES,
+    TOLERANCE,
+    approaching,
+    axes,
+    clamping,
+    fits,
+    indexed,
+    joined,
+    standoff,
+    steps,
+    switches,
+    titled,
+    unclamped,
+    warned,
+    words,
+)
 
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
 FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
@@ -45,14 +62,12 @@ OPTIONS = (
         "DC (0 to 360, the short way) for endless axes (auto), for all, or AC for all",
         choices=("auto", "DC", "AC"),
     ),
-    Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M11}; empty: the control does it"),
-    Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M10}; empty: the control does it"),
-    Option("probe_on", "", "words that switch the probe on", codes=True),
-    Option("probe_off", "", "words that switch the probe off", codes=True),
+    *clamping("M11", "M10"),
+    *PROBE_SWITCHES,
     Option("decimals", 3, "decimals of axis words: the control's computing resolution", verified=True, choices=(3, 4)),
     Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
-    Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True),
-    Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True),
+    TOLERANCE,
+    MISSED,
 )
 
 DOUBTS = (
@@ -68,14 +83,10 @@ def begin(job: Job) -> Iterator[str]:
     """Header, variables, modal reset, probe at rest, start mark."""
     plan, options = job.plan, job.options
     _check(job)
-    yield f"; TANGO {comment(job.machine.name, 40)}"
-    yield f"; PROGRAM {job.mark} PLAN {job.plan_mark}"
-    yield f"; {len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)}"
-    yield "; START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
-    for doubt in job.unverified:
-        yield f"; UNVERIFIED {comment(doubt, 100)}"
+    yield from titled(job, "; %s")
+    yield from warned(job, "; %s")
     yield "DEF INT TG_ERROR,TG_FLAG,TG_MISSES"
-    yield f"DEF REAL TG_SHORT,TG_WAY,TG_LAG,TG_TURN,TG_SUM,{','.join(f'TG_{name}' for name in _axes(job.machine))}"
+    yield f"DEF REAL TG_SHORT,TG_WAY,TG_LAG,TG_TURN,TG_SUM,{','.join(f'TG_{name}' for name in axes(job.machine))}"
     yield "DEF STRING[200] TG_TEXT"
     yield options["reset"]
     yield "D0"
@@ -96,7 +107,7 @@ probe_on, probe_off = switches("; %s")
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """Protected move: measures all the way and stops when anything was met."""
-    place = _words(job, leg.to)
+    place = words(job, leg.to)
     yield from _at_rest(job)
     yield _measure(job, place, job.options["positioning_feed"])
     yield "STOPRE"
@@ -105,41 +116,33 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 retract = clear = move
+approach = approaching("; %s", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other; all have arrived."""
     options = job.options
-    where = " ".join(f"{name}{number(degrees(value))}" for name, value in leg.to.items() if name not in "XYZ")
-    yield f"; INDEX {where}"
+    yield f"; {indexed(leg)}"
     if "S" in leg.target and options["orient"]:
         yield f"SPOS={_spindle(leg)}"
     for name in job.machine.rotary:
         if name in leg.target:
             word, angle = _angle(job, name, leg.target[name])
-            yield from filter(None, [options["unclamp"].get(name)])
-            yield f"SUPA D0 G0 {name}={word}({angle})"
-            yield from filter(None, [options["clamp"].get(name)])
+            yield from unclamped(job, name, f"SUPA D0 G0 {name}={word}({angle})")
             yield "STOPRE"
             yield f"TG_TURN=ABS($AA_IM[{name}]-{_signed(angle)})"
             yield "TG_TURN=ABS(TG_TURN-360.*TRUNC(TG_TURN/360.+0.5))"
             yield from _stop_if(f"TG_TURN>{number(ARRIVED)}", TURNED)
 
 
-def approach(job: Job, leg: Leg) -> Iterator[str]:
-    """Down to the stand-off."""
-    yield f"; TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)}"
-    yield from move(job, leg)
-
-
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then flag and machine coordinates in TG_FLAG, TG_X, … ."""
-    start = _words(job, dict(zip(job.machine.names, leg.touch.standoff, strict=True)))
-    place = _words(job, leg.to)
+    start = words(job, standoff(job, leg))
+    place = words(job, leg.to)
     yield from _at_rest(job)
     yield _measure(job, place, job.plan.strategy.approach.feed)
     yield "STOPRE"
-    for name in _axes(job.machine):
+    for name in axes(job.machine):
         yield f"TG_{name}={'$AA_MM' if name in 'XYZ' else '$AA_IM'}[{name}]"
     yield f"TG_SHORT={_distance(place)}"
     yield f"TG_WAY=SQRT({'+'.join(f'POT(TG_{name}-{_signed(value)})' for name, value in start.items())})"
@@ -156,12 +159,12 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move."""
-    yield f"SUPA D0 G1 {_axis_words(_words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    yield f"SUPA D0 G1 {joined(words(job, leg.to))} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """One line: touch, flag, machine coordinates, spindle, their sum."""
-    names = _axes(job.machine)
+    names = axes(job.machine)
     places = " ".join(f"{name}%.4F" for name in names)
     values = ",".join(f"TG_{name}" for name in names)
     spindle = _spindle(leg)
@@ -214,25 +217,12 @@ def _is_device(job: Job) -> bool:
 
 
 def _measure(job: Job, place: Mapping[str, str], feed: float) -> str:
-    return f"SUPA D0 G1 MEAS={job.options['probe_input']} {_axis_words(place)} F{number(feed)}"
+    return f"SUPA D0 G1 MEAS={job.options['probe_input']} {joined(place)} F{number(feed)}"
 
 
 def _distance(place: Mapping[str, str]) -> str:
     """→ the expression for the distance in mm, axis by axis, between where the axes stand and their target."""
     return "+".join(f"ABS($AA_IM[{name}]-{_signed(value)})" for name, value in place.items())
-
-
-def _signed(value: str) -> str:
-    return f"({value})" if value.startswith("-") else value
-
-
-def _axis_words(place: Mapping[str, str]) -> str:
-    return " ".join(f"{name}{value}" for name, value in place.items())
-
-
-def _words(job: Job, place: Mapping[str, float]) -> dict[str, str]:
-    """positions → {linear axis: number as text} of those that are known."""
-    return {name: number(place[name], job.options["decimals"]) for name in "XYZ" if name in place}
 
 
 def _angle(job: Job, name: str, value: float) -> tuple[str, str]:
@@ -243,12 +233,12 @@ def _angle(job: Job, name: str, value: float) -> tuple[str, str]:
     return word, number(rolled(angle, decimals) if word == "DC" else angle, decimals)
 
 
+def _signed(value: str) -> str:
+    return f"({value})" if value.startswith("-") else value
+
+
 def _spindle(leg: Leg) -> str:
     return f"{rolled(degrees(leg.to['S']), 4):.4f}"
-
-
-def _axes(machine: Machine) -> list[str]:
-    return [name for name in machine.names if name != "S"]
 
 
 def _check(job: Job) -> None:

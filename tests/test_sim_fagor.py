@@ -192,7 +192,7 @@ def test_a_line_of_too_many_numbers_stops_at_the_first_record(made: Plan) -> Non
         ({"output": 'C:\\A"]'}, "a file such as"),
         ({"conversion": "F4"}, "a letter, or .4F"),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
-        ({"orient": ""}, "as this strategy turns it"),
+        ({"orient": ""}, "as this strategy turns the spindle"),
         ({"positioning_feed": 0}, "more than 0"),
         ({"contact_frame": "work"}, "programmed, machine"),
     ],

@@ -195,7 +195,7 @@ def test_contacts_in_another_frame_are_noticed_at_the_first_touch(made: Plan) ->
         ({"common": 195}, "1 … 192"),
         ({"skip": ""}, "words of the control"),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
-        ({"orient": ""}, "as this strategy turns it"),
+        ({"orient": ""}, "as this strategy turns the spindle"),
         ({"positioning_feed": 0}, "more than 0"),
         ({"alarm": 1}, "990, 991, 992, 993"),
     ],
