@@ -242,8 +242,8 @@ def numbered(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
 
 
 def at_line(number: int, line: str, error: InputError) -> InputError:
-    """line and what is wrong with it → the error that says where, and what to do."""
+    """line (0: none of them) and what is wrong with it → the error that says where, and what to do."""
+    where = f"program line {number} {line[:80]!r}" if number else "program"
     return InputError(
-        f"program line {number} {line[:80]!r}: {error}. "
-        "Nothing was written: the program is not the plan. Correct the post or the profile under controller:"
+        f"{where}: {error}. Nothing was written: the program is not the plan. Correct the post or the profile under controller:"
     )

@@ -13,7 +13,8 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._rehearsal import NUMBER, Rehearsal, at_line, numbered
+from ._reading import axes_by_number, read_through, stated_words
+from ._rehearsal import NUMBER, Rehearsal, numbered
 from ._worlds import World
 
 COORDINATE = r"\[[^\]]+\]"
@@ -52,16 +53,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    at = 0, ""
-    try:
-        program = _Program(plan, options, *_stops(lines()))
-        for at in numbered(lines()):
-            if program.over:
-                break
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Program(plan, options, *_stops(lines())), tail=True)
 
 
 def _stops(lines: Iterable[str]) -> tuple[set[int], int, int]:
@@ -93,13 +85,10 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], stops: set[int], last: int, seconds: int) -> None:
-        names = [axis.name for axis in plan.machine.axes if axis.kind != "spindle"]
-        stated = options.get("axis_numbers") or {name: i for i, name in enumerate(names, 1)}
-        self._axis = {int(number): name for name, number in stated.items()}
+        self._axis = axes_by_number(plan, options)
         self._machine = Rehearsal(plan, options, self._read, latches=True)
         self._stops, self._last, self._seconds = stops, last, seconds
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
-        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+        self._words = stated_words(options)
         self._reset, self._orient = options.get("reset", ""), options.get("orient", "")
         self._mark = ""
         self._moving = True  # since the last motion nothing has waited for the axes

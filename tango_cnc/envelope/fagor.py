@@ -13,7 +13,8 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._rehearsal import NUMBER, Rehearsal, Statement, at_line, numbered
+from ._reading import read_through, stated_words
+from ._rehearsal import NUMBER, Rehearsal, Statement
 from ._worlds import Place, World, latched_elsewhere, offset_changed
 
 FEED = re.compile(rf"G(100|1)((?: [XYZ]\[{NUMBER}-P[123]\])+) F({NUMBER})")
@@ -40,14 +41,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    program = _Program(plan, options)
-    at = 0, ""
-    try:
-        for at in numbered(lines()):
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Program(plan, options))
 
 
 def _astray(base: World, start: Place, target: Place) -> Iterable[World]:
@@ -60,27 +54,26 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
         self._machine = Rehearsal(plan, options, self._read, latches=bool(options.get("met")), astray=_astray)
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
-        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+        self._words = stated_words(options)
         self._off = {f"#{word} OFF" for word in options.get("off", "").split()}
         self._words |= {f"#SELECT PROBE [{options.get('probe_input')}]"}
         self._said: set[str] = set()
         self._options, self._state = options, options.get("probe_state", "")
         self._within = ""  # what stands in the $IF that is open: "if", "error", "end"
         self._asked = self._untooled = False
-        self._begun = self._opened = self._closed = self._over = False
+        self._begun = self._opened = self._closed = self.over = False
         self._mark = ""
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
-        if not (self._over and self._machine.ended and self._closed):
+        if not (self.over and self._machine.ended and self._closed):
             raise InputError("the program ends without end mark, #CLOSE or M30")
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
         if line.startswith(";"):
             self._mark = match[1] if (match := MARK.match(line)) else self._mark
-        elif self._over:
+        elif self.over:
             raise InputError("something stands behind the end of the program")
         elif not self._begun:
             if not re.fullmatch(r"%[A-Z0-9_]{1,14}", line):
@@ -94,7 +87,7 @@ class _Program:
             self._machine.does(self._assignment(match[1], match[2]))
         elif line == "M30":
             self._machine.watched()
-            self._over = True
+            self.over = True
         else:
             self._block(line)
 

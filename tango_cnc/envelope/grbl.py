@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ..records import InputError, Plan
-from ._rehearsal import NUMBER, at_line, numbered
+from ._reading import read_through, stated_words
+from ._rehearsal import NUMBER
 from ._walk import PROTECTED, Walk
 
 COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
@@ -36,14 +37,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    program = _Program(plan, options)
-    at = 0, ""
-    try:
-        for at in numbered(lines()):
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Program(plan, options))
 
 
 class _Program:
@@ -51,21 +45,21 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
         self._plan, self._options, self._walk = plan, options, Walk(plan)
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
+        self._words = stated_words(options)
         self._orient = options.get("orient", "")
         self._mark = ""
         self._modal: set[str] = set()
-        self._began = self._ended = False
+        self._began = self.over = False
         self._pressed = self._relative = False
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
-        if not self._ended:
+        if not self.over:
             raise InputError("the program ends without its end mark")
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
-        if self._ended:
+        if self.over:
             raise InputError("a line behind the end mark")
         if match := MARK.match(line):
             self._mark = match[1]
@@ -91,7 +85,7 @@ class _Program:
         if self._relative or self._pressed or count != len(self._plan.touches):
             raise InputError(f"the end mark says {count}, or comes while the probe is at a facet")
         self._walk.ends()
-        self._ended = True
+        self.over = True
 
     def _move(self, line: str) -> None:
         if not self._began:

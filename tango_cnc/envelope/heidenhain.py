@@ -14,6 +14,7 @@ from typing import Any
 from ..records import InputError, Plan
 from ._expressions import Value
 from ._klartext import Texts, labels, spelt
+from ._reading import stated_words
 from ._rehearsal import SPOILT, Rehearsal, at_line, numbered
 from ._walk import PROTECTED
 from ._worlds import World, beside_the_line
@@ -86,9 +87,7 @@ class _Program:
             for option, words in (("plane_reset", "PLANE RESET STAY"), ("tcpm_reset", "FUNCTION RESET TCPM"), ("shortest", "M126"))
             if options.get(option)
         }
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))} | {"CYCL DEF 10.0 ROTATION"}
-        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
-        self._words |= {"CYCL DEF 13.0 ORIENTATION"}
+        self._words = stated_words(options) | {"CYCL DEF 10.0 ROTATION", "CYCL DEF 13.0 ORIENTATION"}
         self._texts = Texts()
         self._name, self._mark, self._before = "", "", ""
         self._probing: list[re.Match[str]] = []

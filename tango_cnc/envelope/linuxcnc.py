@@ -14,7 +14,8 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._rehearsal import NUMBER, Rehearsal, World, at_line, numbered
+from ._reading import read_through, stated_words
+from ._rehearsal import NUMBER, Rehearsal, World
 from ._walk import PROTECTED
 
 PLACES = dict(enumerate("XYZABC", 5061))
@@ -44,16 +45,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    program = _Program(plan, options)
-    at = 0, ""
-    try:
-        for at in numbered(lines()):
-            if program.over:
-                raise InputError("a line behind the end of the program")
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Program(plan, options))
 
 
 class _Program:
@@ -61,8 +53,7 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
         self._machine = Rehearsal(plan, options, self._read)
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
-        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+        self._words = stated_words(options)
         self._subs: dict[str, list[str]] = {}
         self._writing: str | None = None  # the subroutine whose text is read
         self._label: str | None = None  # the IF that is open
@@ -78,6 +69,8 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
+        if self.over:
+            raise InputError("a line behind the end of the program")
         if match := SUB.fullmatch(line):
             self._sub(match[1], match[2])
         elif self._writing is not None:

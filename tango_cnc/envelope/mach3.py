@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ..records import InputError, Plan
-from ._rehearsal import MODAL, NUMBER, RESETS, at_line, numbered
+from ._reading import read_through, stated_words
+from ._rehearsal import MODAL, NUMBER, RESETS
 from ._walk import CLOSE, PROTECTED, Walk
 
 COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
@@ -33,16 +34,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    program = _Program(plan, options)
-    at = 0, ""
-    try:
-        for at in numbered(lines()):
-            if program.over:
-                raise InputError("a line behind the end of the program")
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Program(plan, options))
 
 
 class _Program:
@@ -50,7 +42,7 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
         self._plan, self._options, self._walk = plan, options, Walk(plan)
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
+        self._words = stated_words(options)
         self._orient, self._reset = options.get("orient", ""), options.get("reset", "")
         self._values: dict[int, float] = {}
         self._mark, self._modal = "", set[str]()
@@ -65,6 +57,8 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
+        if self.over:
+            raise InputError("a line behind the end of the program")
         if match := MARK.match(line):
             self._mark = match[1]
         elif COMMENT.fullmatch(line) or (self._began and line in self._words):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ..records import InputError, Plan
-from ._rehearsal import at_line, numbered
+from ._reading import read_through
 from .macro_b import _Program
 
 START = re.compile(r"M880\(TANGO START ([0-9A-F]{12}) (\d+)\)")
@@ -29,16 +29,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    program = _Mach4(plan, options)
-    at = 0, ""
-    try:
-        for at in numbered(lines()):
-            if program.over:
-                break
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Mach4(plan, options), tail=True)
 
 
 class _Mach4(_Program):

@@ -13,7 +13,8 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._rehearsal import NUMBER, Rehearsal, World, at_line, numbered
+from ._reading import axes_by_number, read_through, stated_words
+from ._rehearsal import NUMBER, Rehearsal, World, numbered
 
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
 LOCAL, COMMON = range(1, 34), range(100, 150)
@@ -40,16 +41,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    program = _Program(plan, options, _macros(lines()))
-    at = 0, ""
-    try:
-        for at in numbered(lines()):
-            if program.over:
-                break
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Program(plan, options, _macros(lines())), tail=True)
 
 
 def _macros(lines: Iterable[str]) -> dict[int, list[str]]:
@@ -70,13 +62,10 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], macros: Mapping[int, list[str]]) -> None:
-        names = [axis.name for axis in plan.machine.axes if axis.kind != "spindle"]
-        stated = options.get("axis_numbers") or {name: i for i, name in enumerate(names, 1)}
-        self._axis = {int(number): name for name, number in stated.items()}
+        self._axis = axes_by_number(plan, options)
         self._machine = Rehearsal(plan, options, self._read)
         self._macros, self._mark = macros, ""
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
-        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+        self._words = stated_words(options)
         self._reset, self._orient = options.get("reset", ""), options.get("orient", "")
         self._signed = options.get("rollover") == "signed"
         self._moving = True  # since the last motion nothing has waited for the axes

@@ -14,7 +14,8 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._rehearsal import NUMBER, Rehearsal, at_line, numbered
+from ._reading import read_through, stated_words
+from ._rehearsal import NUMBER, Rehearsal, numbered
 from ._worlds import World, latched_elsewhere
 
 COMMENT = re.compile(r"\([^()]*\)")
@@ -50,16 +51,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    program = _Program(plan, options, _behind(lines()))
-    at = 0, ""
-    try:
-        for at in numbered(lines()):
-            if program.over:
-                break
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Program(plan, options, _behind(lines())), tail=True)
 
 
 @dataclass
@@ -105,8 +97,7 @@ class _Program:
         self._machine = Rehearsal(plan, options, self._read, astray=latched_elsewhere)
         self._parts, self._options = parts, options
         self._names = [axis.name for axis in plan.machine.axes if axis.kind != "spindle"]
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
-        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+        self._words = stated_words(options)
         self._wait, self._state = options.get("wait", ""), options.get("probe_state", "")
         self._moving, self._asked, self._named = True, False, False
         self._seen: set[str] = set()  # what has to have been asked before anything moves

@@ -12,7 +12,8 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._rehearsal import NUMBER, Rehearsal, Statement, World, at_line, numbered
+from ._reading import read_through, stated_words
+from ._rehearsal import NUMBER, Rehearsal, Statement, World, numbered
 
 FEED = re.compile(rf"SUPA D0 G1( MEAS=[12])?((?: [XYZ]{NUMBER})+) F({NUMBER})")
 TURN = re.compile(rf"SUPA D0 G0 ([ABC])=(?:AC|DC)\(({NUMBER})\)")
@@ -44,16 +45,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
     """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    program = _Program(plan, options, _stops(lines()))
-    at = 0, ""
-    try:
-        for at in numbered(lines()):
-            if program.over:
-                break
-            program.line(at[1])
-        program.finish()
-    except InputError as error:
-        raise at_line(*at, error) from None
+    read_through(lines, lambda: _Program(plan, options, _stops(lines())), tail=True)
 
 
 def _stops(lines: Iterable[str]) -> set[str]:
@@ -77,8 +69,7 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], stops: set[str]) -> None:
         self._machine = Rehearsal(plan, options, self._read, latches=True)
-        self._words = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
-        self._words |= {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()} | {"D0"}
+        self._words = stated_words(options) | {"D0"}
         self._words |= {"TRAFOOF", "CYCLE800()"}
         self._stops, self._options = stops, options
         self._text: tuple[str, str, dict[str, str]] | None = None  # of the record that is next
