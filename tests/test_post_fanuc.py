@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import numpy as np
+import controls
 import pytest
+from controls import ACTIVE, GOLDEN, assert_as_planned, shifted
 
-from postprocessors._base import load, number, program, rolled
+from postprocessors._base import number, rolled
 from sim_controller.interpreters import Alarm
 from sim_controller.interpreters.macro_b import Control, default_profile
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from tango_cnc.files import read_cell
-from tango_cnc.link._client import Begun, Ended, Touched
+from tango_cnc.link._client import Begun, Touched
 from tango_cnc.link._words import record
-from tango_cnc.plan import last_motion, part, plan, plan_hash
+from tango_cnc.plan import last_motion, part, plan
 from tango_cnc.records import Artefact, Cell, InputError, Plan, World
-
-GOLDEN = Path(__file__).parent / "golden" / "cell"
-OFFSETS = {"X": 11.5, "Y": -3.25, "Z": 100.25, "B": 1.5, "C": 20.0}
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +33,14 @@ def made(cell: Cell) -> Plan:
 
 
 def lines_of(made: Plan, **options: Any) -> list[str]:
-    return list(program(load("fanuc"), made, options, plan_hash(made))[2]())
+    return controls.lines_of("fanuc", made, **options)
 
 
 def run(lines: list[str], made: Plan, streamed: bool = True, artefact: Artefact | None = None, **profile: Any) -> list[Any]:
     """program, plan, profile of the control → what the reader of the line makes of all it printed; an alarm is the last item."""
     printed: list[bytes] = []
     motion = Motion(rig(made.machine, artefact or made.artefact, World()))
-    known = replace(default_profile(made.machine), **{"g54": OFFSETS, "tool_lengths": {1: 300.0}, **profile})
+    known = replace(default_profile(made.machine), **(ACTIVE | profile))
     control = Control(motion, known, printed.append, lambda event, **data: None)
     ended: list[Any] = []
     try:
@@ -75,24 +72,7 @@ def test_every_touch_is_made_where_it_is_planned(
     made: Plan, options: dict[str, Any], streamed: bool, profile: dict[str, Any]
 ) -> None:
     """Whatever work offsets, look-ahead, roll-over and print format the control has, its records are machine coordinates."""
-    begun, *touched, ended = run(lines_of(made, **options), made, streamed, **profile)
-    assert begun == Begun(program(load("fanuc"), made, options, plan_hash(made))[1], len(made.touches))
-    assert ended == Ended(len(made.touches))
-    assert [(t.number, t.flag) for t in touched] == [(t.number, 1) for t in made.touches]
-    for planned, found in zip(made.touches, touched, strict=True):
-        for name, value in zip(made.machine.names, planned.contact, strict=True):
-            if name in "XYZ":
-                assert found.position[name] == pytest.approx(value, abs=0.003), (planned.number, name)
-            else:
-                turned = found.position[name] - math.degrees(value)
-                assert math.remainder(turned, 360) == pytest.approx(0, abs=1e-6), (planned.number, name)
-
-
-def shifted(made: Plan, facet: str, by: float) -> Artefact:
-    """artefact whose one facet really lies `by` mm farther out than everybody thinks."""
-    old = made.artefact.facets[facet]
-    point = np.array(old.point) + by * np.array(old.normal)
-    return replace(made.artefact, facets={**made.artefact.facets, facet: replace(old, point=tuple(point))})
+    assert_as_planned(run(lines_of(made, **options), made, streamed, **profile), made, "fanuc", options)
 
 
 def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan) -> None:

@@ -2,86 +2,37 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
+import controls
 import pytest
+from controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
 
-from postprocessors._base import load, program
-from sim_controller.faults import faults
-from sim_controller.interpreters import Alarm, fagor
-from sim_controller.motion import Motion
-from sim_controller.probing import rig
-from tango_cnc.files import read_cell
-from tango_cnc.link._client import Begun, Ended, Touched
-from tango_cnc.link._words import record
-from tango_cnc.plan import plan, plan_hash
-from tango_cnc.records import Artefact, InputError, Plan, World
+from sim_controller.interpreters import fagor
+from tango_cnc.records import Artefact, InputError, Plan
 
-GOLDEN = Path(__file__).parent / "golden" / "cell"
 FILE = "C:\\CNC8070\\USERS\\PRG\\TANGO.TXT"
 
 
 @pytest.fixture(scope="module")
 def made() -> Plan:
-    return plan(read_cell(GOLDEN))
+    return golden()
 
 
 def lines_of(made: Plan, **options: Any) -> list[str]:
-    return list(program(load("fagor"), made, options, plan_hash(made))[2]())
-
-
-@dataclass
-class Ran:
-    """What came of a program."""
-
-    out: bytes = b""
-    alarm: Alarm | None = None
-    events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
-    files: dict[str, str] = field(default_factory=dict)
-
-    def records(self, made: Plan) -> list[Any]:
-        return [record(line, made.machine.names) for line in self.out.decode("ascii").splitlines()]
-
-    def flags(self, made: Plan) -> list[int]:
-        return [event.flag for event in self.records(made) if isinstance(event, Touched)]
+    return controls.lines_of("fagor", made, **options)
 
 
 def run(lines: list[str], made: Plan, artefact: Artefact | None = None, fault: str | None = None, **profile: Any) -> Ran:
-    ran = Ran()
-
-    def note(event: str, **data: Any) -> None:
-        ran.events.append((event, data))
-
-    def punch(data: bytes) -> None:
-        ran.out += data
-
-    motion = Motion(rig(made.machine, artefact or made.artefact, World()), note, faults=faults([fault] if fault else []))
-    known = {"g54": {"X": 11.5, "Y": -3.25, "Z": 100.25, "B": 1.5, "C": 20.0}, "tool_lengths": {1: 300.0}} | profile
-    control = fagor.Control(motion, replace(fagor.default_profile(made.machine), **known), punch, note)
-    try:
-        control.run(lines, False)
-    except Alarm as alarm:
-        ran.alarm = alarm
-    ran.files = control.files
-    return ran
+    """program, true artefact, a fault, what differs from the usual profile → what came of it."""
+    known = replace(fagor.default_profile(made.machine), **(ACTIVE | profile))
+    return run_on(lambda motion, punch, note: fagor.Control(motion, known, punch, note), lines, made, artefact, fault=fault)
 
 
 def code(made: Plan, *lines: str, **profile: Any) -> Ran:
     """Some lines, run on a machine whose table is far away."""
-    away = {"far": replace(made.artefact.facets["top"], id="far", point=(0.0, 0.0, -5000.0))}
-    return run(["%TEST", *lines, "M30"], made, replace(made.artefact, facets=away, balls={}), **profile)
-
-
-def shifted(made: Plan, facet: str, by: float) -> Artefact:
-    """artefact whose one facet really lies `by` mm farther out than everybody thinks."""
-    old = made.artefact.facets[facet]
-    point = np.array(old.point) + by * np.array(old.normal)
-    return replace(made.artefact, facets={**made.artefact.facets, facet: replace(old, point=tuple(point))})
+    return run(["%TEST", *lines, "M30"], made, far_away(made), **profile)
 
 
 # --- the program ---------------------------------------------------------------------------------------------------------
@@ -102,16 +53,7 @@ def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, 
     """Zero offset, tool offset, RTCP and an offset that G53 leaves in change nothing."""
     ran = run(lines_of(made, **options), made, **profile)
     assert ran.alarm is None
-    begun, *touched, ended = ran.records(made)
-    assert begun == Begun(program(load("fagor"), made, options, plan_hash(made))[1], len(made.touches))
-    assert ended == Ended(len(made.touches))
-    assert [(t.number, t.flag) for t in touched] == [(t.number, 1) for t in made.touches]
-    for planned, found in zip(made.touches, touched, strict=True):
-        for name, value in zip(made.machine.names, planned.contact, strict=True):
-            if name in "XYZ":
-                assert found.position[name] == pytest.approx(value, abs=0.003), (planned.number, name)
-            else:
-                assert math.remainder(found.position[name] - math.degrees(value), 360) == pytest.approx(0, abs=1e-6)
+    assert_as_planned(ran.records(made), made, "fagor", options)
     assert ran.files[FILE].splitlines() == ran.out.decode().splitlines()
 
 
@@ -131,8 +73,7 @@ def test_something_in_the_way_stops_with_a_text(made: Plan) -> None:
 
 
 def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: Plan) -> None:
-    away = {key: replace(f, point=(0.0, 0.0, -500.0), ball=None) for key, f in made.artefact.facets.items()}
-    ran = run(lines_of(made), made, replace(made.artefact, facets=away, balls={}))
+    ran = run(lines_of(made), made, untouchable(made))
     assert ran.flags(made) == [0, 0]
     assert "NO CONTACT. IS THE PROBE ALIVE" in str(ran.alarm)
 

@@ -2,67 +2,29 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
+import controls
 import pytest
+from controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
 
-from postprocessors._base import load, program
 from postprocessors.heidenhain import mask
-from sim_controller.faults import faults
 from sim_controller.interpreters import Alarm, klartext
 from sim_controller.interpreters._klartext_expressions import formula, text_of
-from sim_controller.motion import Motion
-from sim_controller.probing import rig
-from tango_cnc.files import read_cell
-from tango_cnc.link._client import Begun, Ended, Touched
-from tango_cnc.link._words import record
-from tango_cnc.plan import plan, plan_hash
-from tango_cnc.records import Artefact, Cell, InputError, Plan, World
+from tango_cnc.link._client import Ended
+from tango_cnc.records import Artefact, InputError, Plan
 
-GOLDEN = Path(__file__).parent / "golden" / "cell"
 MASK = ("TNC:\\TANGO.A", *mask())
 
 
 @pytest.fixture(scope="module")
-def cell() -> Cell:
-    return read_cell(GOLDEN)
-
-
-@pytest.fixture(scope="module")
-def made(cell: Cell) -> Plan:
-    return plan(cell)
+def made() -> Plan:
+    return golden()
 
 
 def lines_of(made: Plan, **options: Any) -> list[str]:
-    return list(program(load("heidenhain"), made, options, plan_hash(made))[2]())
-
-
-@dataclass
-class Ran:
-    """What came of a program."""
-
-    out: bytes = b""
-    alarm: Alarm | None = None
-    events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
-
-    def records(self, made: Plan) -> list[Any]:
-        return [record(line, made.machine.names) for line in self.out.decode("ascii").splitlines()]
-
-    def flags(self, made: Plan) -> list[int]:
-        return [event.flag for event in self.records(made) if isinstance(event, Touched)]
-
-    @property
-    def stops(self) -> list[str]:
-        return [data["message"] for event, data in self.events if event == "stop"]
-
-    @property
-    def moved(self) -> bool:
-        return any(event in ("feed", "rapid", "skip", "contact") for event, _ in self.events)
+    return controls.lines_of("heidenhain", made, **options)
 
 
 def run(
@@ -73,41 +35,22 @@ def run(
     library: tuple[str, ...] = MASK,
     **profile: Any,
 ) -> Ran:
-    ran = Ran()
-
-    def note(event: str, **data: Any) -> None:
-        ran.events.append((event, data))
-
-    def punch(data: bytes) -> None:
-        ran.out += data
-
-    motion = Motion(rig(made.machine, artefact or made.artefact, World()), note, faults=faults([fault] if fault else []))
-    known = {"g54": {"X": 11.5, "Y": -3.25, "Z": 100.25, "C": 20.0}, "tool_lengths": {1: 300.0}} | profile
-    control = klartext.Control(motion, replace(klartext.default_profile(made.machine), **known), punch, note, library)
-    try:
-        control.run(lines, False)
-    except Alarm as alarm:
-        ran.alarm = alarm
-    return ran
+    """program, true artefact, a fault, masks on the control, what differs from the usual profile → what came of it."""
+    known = replace(klartext.default_profile(made.machine), **(ACTIVE | profile))
+    return run_on(
+        lambda motion, punch, note: klartext.Control(motion, known, punch, note, library), lines, made, artefact, fault=fault
+    )
 
 
 def code(made: Plan, *blocks: str, **profile: Any) -> Ran:
     """Some blocks, run on a machine whose table is far away; Q9 and the like are printed by `show`."""
-    away = {"far": replace(made.artefact.facets["top"], id="far", point=(0.0, 0.0, -5000.0))}
     lines = ["BEGIN PGM A MM", *blocks, "M30", "END PGM A MM"]
-    return run([f"{i} {line}" for i, line in enumerate(lines)], made, replace(made.artefact, facets=away, balls={}), **profile)
+    return run([f"{i} {line}" for i, line in enumerate(lines)], made, far_away(made), **profile)
 
 
 def show(*parameters: str) -> list[str]:
     shown = ' || " " || '.join(f"TOCHAR ( DAT+{p} DECIMALS1 )" for p in parameters)
     return [f"QS1 = {shown}", "FN 16: F-PRINT TNC:\\TANGO.A / TNC:\\OUT.TXT"]
-
-
-def shifted(made: Plan, facet: str, by: float) -> Artefact:
-    """artefact whose one facet really lies `by` mm farther out than everybody thinks."""
-    old = made.artefact.facets[facet]
-    point = np.array(old.point) + by * np.array(old.normal)
-    return replace(made.artefact, facets={**made.artefact.facets, facet: replace(old, point=tuple(point))})
 
 
 # --- the program ---------------------------------------------------------------------------------------------------------
@@ -121,16 +64,7 @@ def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, 
     ran = run(lines_of(made, **options), made, **profile)
     assert ran.alarm is None, ran.alarm
     assert not ran.stops
-    begun, *touched, ended = ran.records(made)
-    assert begun == Begun(program(load("heidenhain"), made, options, plan_hash(made))[1], len(made.touches))
-    assert ended == Ended(len(made.touches))
-    assert [(t.number, t.flag) for t in touched] == [(t.number, 1) for t in made.touches]
-    for planned, found in zip(made.touches, touched, strict=True):
-        for name, value in zip(made.machine.names, planned.contact, strict=True):
-            if name in "XYZ":
-                assert found.position[name] == pytest.approx(value, abs=0.003), (planned.number, name)
-            else:
-                assert math.remainder(found.position[name] - math.degrees(value), 360) == pytest.approx(0, abs=1e-6)
+    assert_as_planned(ran.records(made), made, "heidenhain", options)
 
 
 def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan) -> None:
@@ -147,8 +81,7 @@ def test_something_in_the_way_stops_with_a_text(made: Plan) -> None:
 
 
 def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: Plan) -> None:
-    away = {key: replace(f, point=(0.0, 0.0, -500.0), ball=None) for key, f in made.artefact.facets.items()}
-    ran = run(lines_of(made), made, replace(made.artefact, facets=away, balls={}))
+    ran = run(lines_of(made), made, untouchable(made))
     assert ran.flags(made) == [0, 0]
     assert ran.stops == ["NO CONTACT. IS THE PROBE ALIVE"]
 
@@ -184,7 +117,7 @@ def test_results_in_another_frame_are_noticed_at_the_first_touch(made: Plan) -> 
 def test_a_missing_mask_stops_before_anything_moves(made: Plan) -> None:
     ran = run(lines_of(made), made, library=())
     assert "FILE NOT FOUND" in str(ran.alarm)
-    assert not ran.moved
+    assert not ran.moves
 
 
 def test_the_short_way_needs_m126(made: Plan) -> None:
@@ -278,7 +211,7 @@ def test_what_the_control_does_not_take(made: Plan, blocks: list[str], text: str
 def test_a_program_that_is_not_whole_is_not_begun(made: Plan, lines: list[str]) -> None:
     ran = run(lines, made)
     assert ran.alarm is not None
-    assert not ran.moved
+    assert not ran.moves
 
 
 def test_system_data_are_as_old_as_the_last_sync(made: Plan) -> None:

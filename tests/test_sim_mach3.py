@@ -2,86 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import controls
 import pytest
+from controls import Ran, assert_as_it_happened, golden, run_on
 
-from postprocessors._base import companions, load, program
-from sim_controller.faults import faults
 from sim_controller.interpreters import Alarm, mach3
 from sim_controller.interpreters._basic import Script
-from sim_controller.motion import Motion
-from sim_controller.probing import rig
-from tango_cnc.files import read_cell
-from tango_cnc.link._client import Ended, Touched
-from tango_cnc.link._words import record
-from tango_cnc.plan import plan, plan_hash
+from sim_controller.motion import Motion, Note
 from tango_cnc.records import InputError, Plan, World
-
-GOLDEN = Path(__file__).parent / "golden" / "cell"
 
 
 @pytest.fixture(scope="module")
 def made() -> Plan:
-    return plan(read_cell(GOLDEN))
+    return golden()
 
 
 def lines_of(made: Plan, **options: Any) -> list[str]:
-    return list(program(load("mach3"), made, options, plan_hash(made))[2]())
+    return controls.lines_of("mach3", made, **options)
 
 
 def library(made: Plan, **options: Any) -> list[str]:
-    return [line for name, lines in companions(load("mach3"), made, options).items() for line in (name, *lines)]
-
-
-@dataclass
-class Ran:
-    """What came of a program."""
-
-    out: bytes = b""
-    alarm: str = ""
-    events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
-
-    @property
-    def lines(self) -> list[str]:
-        return self.out.decode("ascii").splitlines()
-
-    @property
-    def moves(self) -> int:
-        return sum(event in ("feed", "rapid", "skip", "contact") for event, _ in self.events)
-
-    def flags(self, made: Plan) -> list[int]:
-        return [event.flag for event in (record(line, made.machine.names) for line in self.lines) if isinstance(event, Touched)]
+    return controls.library_of("mach3", made, **options)
 
 
 def run(
     lines: list[str],
     made: Plan,
     world: World | None = None,
-    fault: tuple[str, ...] = (),
+    fault: str | None = None,
     stuck: bool = False,
     stored: list[str] | None = None,
     **settings: Any,
 ) -> Ran:
-    """program, true machine → what came of it."""
-    ran, out = Ran(), []
+    """program, true machine, a fault, probe deflected at first, the macros folder, the profile → what came of it."""
+    known, macros = replace(mach3.default_profile(made.machine), **settings), library(made) if stored is None else stored
 
-    def note(event: str, **data: Any) -> None:
-        ran.events.append((event, data))
+    def build(motion: Motion, punch: Callable[[bytes], None], note: Note) -> mach3.Control:
+        return mach3.Control(motion, known, punch, note, macros)
 
-    motion = Motion(rig(made.machine, made.artefact, world or World()), note, faults=faults(fault))
-    motion._stuck = stuck
-    try:
-        profile = replace(mach3.default_profile(made.machine), **settings)
-        control = mach3.Control(motion, profile, out.append, note, library(made) if stored is None else stored)
-        control.run(lines, False)
-    except Alarm as alarm:
-        ran.alarm = str(alarm)
-    ran.out = b"".join(out)
-    return ran
+    return run_on(build, lines, made, None, world, fault, stuck)
 
 
 # The program
@@ -89,14 +52,8 @@ def run(
 
 def test_every_touch_is_recorded_where_it_happened(made: Plan) -> None:
     ran = run(lines_of(made), made)
-    assert not ran.alarm
-    truly = [data["at"] for event, data in ran.events if event == "contact"]
-    events = [record(line, made.machine.names) for line in ran.lines]
-    for event, touch, there in zip(events[1:-1], made.touches, truly, strict=True):
-        assert isinstance(event, Touched) and (event.number, event.flag) == (touch.number, 1)
-        for name in ("X", "Y", "Z"):
-            assert event.position[name] == pytest.approx(there[name], abs=1e-4)
-    assert events[-1] == Ended(6)
+    assert not ran.why
+    assert_as_it_happened(ran, made)
 
 
 def test_records_are_machine_coordinates_whatever_the_offset(made: Plan) -> None:
@@ -110,7 +67,7 @@ def test_a_miss_and_an_early_contact_are_flagged(made: Plan) -> None:
 
 def stopped(ran: Ran, text: str, moves: int) -> None:
     """It stopped with these words, and nothing moved after that although the control went on for some lines."""
-    assert text in ran.alarm
+    assert text in ran.why
     said = next(i for i, (event, _) in enumerate(ran.events) if event == "stop")
     later = ran.events[said:]
     assert any(event == "block" for event, _ in later), "lines that were read ahead are carried out"
@@ -120,7 +77,7 @@ def stopped(ran: Ran, text: str, moves: int) -> None:
 
 def test_contact_on_the_way_stops_for_good(made: Plan) -> None:
     ran = run(lines_of(made), made, World(facets={"top": 40.0}))
-    assert "PROBE MET SOMETHING ON ITS WAY" in ran.alarm and ran.flags(made) == [1]
+    assert "PROBE MET SOMETHING ON ITS WAY" in ran.why and ran.flags(made) == [1]
     stopped(ran, "PROBE MET SOMETHING", ran.moves)
 
 
@@ -132,12 +89,12 @@ def test_a_dead_probe_stops_it(made: Plan) -> None:
 
 def test_a_probe_that_is_on_lets_nothing_move(made: Plan) -> None:
     ran = run(lines_of(made), made, stuck=True)
-    assert "PROBE IS DEFLECTED" in ran.alarm and ran.moves == 0 and not ran.lines
+    assert "PROBE IS DEFLECTED" in ran.why and ran.moves == 0 and not ran.lines
 
 
 def test_a_probe_that_comes_on_between_touches_stops_it(made: Plan) -> None:
-    ran = run(lines_of(made), made, fault=("bounce-after=2",))
-    assert "PROBE MET SOMETHING ON ITS WAY" in ran.alarm and ran.flags(made) == [1, 1]
+    ran = run(lines_of(made), made, fault="bounce-after=2")
+    assert "PROBE MET SOMETHING ON ITS WAY" in ran.why and ran.flags(made) == [1, 1]
 
 
 def test_without_its_macros_nothing_moves_but_the_spindle(made: Plan) -> None:
@@ -159,7 +116,7 @@ def test_a_macro_of_another_set_refuses(made: Plan) -> None:
         first = other.index(old)
         parts[old] = other[first : first + len(parts[old])]
         ran = run(lines_of(made), made, stored=[line for lines in parts.values() for line in lines])
-        assert "MACROS ARE NOT THOSE OF THIS PROGRAM" in ran.alarm and not ran.flags(made)[1:], code
+        assert "MACROS ARE NOT THOSE OF THIS PROGRAM" in ran.why and not ran.flags(made)[1:], code
 
 
 def test_a_machine_in_inches_is_found_at_the_first_move(made: Plan) -> None:
@@ -169,7 +126,7 @@ def test_a_machine_in_inches_is_found_at_the_first_move(made: Plan) -> None:
 
 def test_a_board_that_probes_along_one_axis_only_is_found(made: Plan) -> None:
     ran = run(lines_of(made), made, one_axis=True)
-    assert "PROBE MET SOMETHING ON ITS WAY OR UNITS ARE NOT MM" in ran.alarm and not ran.flags(made)
+    assert "PROBE MET SOMETHING ON ITS WAY OR UNITS ARE NOT MM" in ran.why and not ran.flags(made)
 
 
 def test_the_path_of_the_file_goes_nowhere_but_into_a_string(made: Plan) -> None:
@@ -194,7 +151,7 @@ def test_the_path_of_the_file_goes_nowhere_but_into_a_string(made: Plan) -> None
     ],
 )
 def test_what_it_complains_of(line: str, complaint: str, made: Plan) -> None:
-    assert complaint in run(["G21 G90", line], made).alarm
+    assert complaint in run(["G21 G90", line], made).why
 
 
 def test_who_does_not_wait_reads_what_was_before(made: Plan) -> None:
