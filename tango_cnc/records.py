@@ -350,8 +350,8 @@ class Plan:
             at = turn.preload
         if turned := self._changes(at if turn.preload else turn.before, turn.after, turning):
             yield Move("index", turned, touch)
-        if turn.via is not None:
-            yield Move("clear", self._changes(turn.after, turn.via), touch)
+        if lowered := self._changes(turn.after, turn.via or turn.after):
+            yield Move("clear", lowered, touch)
 
     def _changes(self, at: tuple[float, ...] | None, to: tuple[float, ...], names: Sequence[str] | None = None) -> dict[str, float]:
         pairs = zip(self.machine.names, at or to, to, strict=True)
