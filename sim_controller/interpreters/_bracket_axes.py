@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from decimal import ROUND_HALF_UP, Decimal
 
-from tango_cnc.records import Array
-
 from ..motion import Motion, MotionStop, Skip
+from ._scales import by_sign, commanded, nearer, roll, shown
 
-TURN = 360.0
 FARTHEST = 1e7  # mm or deg
 
 
@@ -53,14 +50,14 @@ class Axes:
             self._motion.rapid(end)
         else:
             self._motion.feed(end, feed)
-        self._roll()
+        roll(self._motion, self._rollover)
 
     def skip(self, words: Mapping[str, float], feed: float) -> Skip:
         """axis → programmed position, mm/min → what the probe did; `skipped` is the machine position of a contact."""
         skip = self._motion.skip(self._end(words, None), feed)
         if skip.hit:
-            self.skipped = self._degrees(skip.position)
-        self._roll()
+            self.skipped = shown(self._motion, self.names, skip.position)
+        roll(self._motion, self._rollover)
         return skip
 
     def _end(self, words: Mapping[str, float], machine: bool | None) -> dict[str, float]:
@@ -70,29 +67,16 @@ class Axes:
             if not abs(goal) < FARTHEST:
                 raise MotionStop("overtravel", f"{name} would leave its travel", name, 1 if goal > 0 else -1)
             goal = float(Decimal(repr(goal)).quantize(self._increment, ROUND_HALF_UP))
-            end[name] = goal if name in self._motion.machine.linear else math.radians(goal)
-        return end
+            end[name] = goal
+        return commanded(self._motion, end)
 
     def _turned(self, name: str, value: float, machine: bool | None, now: float) -> float:
         """→ goal: a roll-over axis goes the nearer way, or that of the sign."""
         if name not in self._rollover:
             return value + self.shift(name, machine)
         if self._signed:
-            ahead = (abs(value) + self.shift(name, machine) - now) % TURN
-            return now + (ahead - TURN if value < 0 and ahead else ahead)
-        change = (value + self.shift(name, machine) - now) % TURN
-        return now + (change - TURN if change > TURN / 2 else change)
-
-    def _roll(self) -> None:
-        for name in self._rollover:
-            angle = self._now()[name]
-            if not 0 <= angle < TURN:
-                self._motion.set_position(name, math.radians(angle % TURN))
+            return by_sign(abs(value) + self.shift(name, machine), now, value < 0)
+        return nearer(value + self.shift(name, machine), now)
 
     def _now(self) -> dict[str, float]:
-        return self._degrees(self._motion.position)
-
-    def _degrees(self, position: Array) -> dict[str, float]:
-        machine = self._motion.machine
-        places = {name: float(position[machine.column(name)]) for name in self.names}
-        return {name: v if name in machine.linear else math.degrees(v) for name, v in places.items()}
+        return shown(self._motion, self.names)

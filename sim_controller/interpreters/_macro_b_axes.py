@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
-from tango_cnc.records import Array
-
 from .. import probing
 from ..motion import Motion
 from ._macro_b_alarms import alarm
 from ._macro_b_blocks import Word, axis_value
 from ._macro_b_profile import Profile
-
-TURN = 360.0
+from ._scales import by_sign, commanded, nearer, roll, shown
 
 
 class Axes:
@@ -26,7 +21,7 @@ class Axes:
         self.inch, self.incremental, self.work = False, False, 54
         self._known = self._now()
         self._skipped = dict(self._known)
-        self._roll()
+        roll(self._motion, self._profile.rollover)
 
     def settle(self) -> None:
         """The control has waited for the axes: what it knows of them is true again."""
@@ -50,8 +45,8 @@ class Axes:
 
     def skip(self, found: list[Word], feed: float) -> None:
         """axis words, mm/min → G31: the position at the trigger, or the end point, goes to #5061…; nothing tells which."""
-        self._skipped = self._degrees(self._motion.skip(self._target(found), feed).position)
-        self._roll()
+        self._skipped = shown(self._motion, self._profile.axes, self._motion.skip(self._target(found), feed).position)
+        roll(self._motion, self._profile.rollover)
         self.settle()
 
     def machine_move(self, found: list[Word]) -> None:
@@ -60,15 +55,16 @@ class Axes:
             values = {word.letter: self._value(word) for word in found}
             now = self._now()
             targets = {name: self._rolled(name, value, now[name], value < 0) for name, value in values.items()}
-            self._motion.rapid(self._radians(targets), straight=self._profile.straight_rapid)
+            self._motion.rapid(commanded(self._motion, targets), straight=self._profile.straight_rapid)
             self._after_move()
         self.settle()
 
     def reference(self, found: list[Word]) -> None:
         """axis words → G28: through that point to the reference position of those axes."""
         self.rapid(found)
-        home = self._degrees(probing.home(self._machine))
-        self._motion.rapid(self._radians({word.letter: home[word.letter] for word in found}), straight=self._profile.straight_rapid)
+        home = shown(self._motion, self._profile.axes, probing.home(self._machine))
+        there = commanded(self._motion, {word.letter: home[word.letter] for word in found})
+        self._motion.rapid(there, straight=self._profile.straight_rapid)
         self._after_move()
 
     def variable(self, number: int) -> float | None:
@@ -110,29 +106,20 @@ class Axes:
             else:
                 length = self._length if name == "Z" else 0.0
                 targets[name] = self._rolled(name, value + self._offset(name) + length, now[name], value < 0)
-        return self._radians(targets)
+        return commanded(self._motion, targets)
 
     def _rolled(self, name: str, target: float, now: float, negative: bool = False) -> float:
         """→ the target of a roll-over axis: the nearer way, or the way of the sign; half a turn goes in the positive direction."""
         if name not in self._profile.rollover:
             return target
         if self._profile.signed_direction:
-            ahead = (abs(target) - now) % TURN
-            return now + (ahead - TURN if negative and ahead else ahead)
-        change = (target - now) % TURN
-        return now + (change - TURN if change > TURN / 2 else change)
+            return by_sign(abs(target), now, negative)
+        return nearer(target, now)
 
     def _after_move(self) -> None:
-        self._roll()
+        roll(self._motion, self._profile.rollover)
         if not self._profile.read_ahead:
             self.settle()
-
-    def _roll(self) -> None:
-        """The scale of a roll-over axis reads 0 ≤ angle < 360 when it stands."""
-        for name in self._profile.rollover:
-            angle = self._now()[name]
-            if not 0 <= angle < TURN:
-                self._motion.set_position(name, math.radians(angle % TURN))
 
     def _value(self, word: Word) -> float:
         return axis_value(word, self._profile.increment, self._profile.calculator) * self._unit(word.letter)
@@ -144,14 +131,4 @@ class Axes:
         return self._offsets.get(self.work if work is None else work, {}).get(name, 0.0)
 
     def _now(self) -> dict[str, float]:
-        return self._degrees(self._motion.position)
-
-    def _degrees(self, position: Array) -> dict[str, float]:
-        values = {}
-        for name in self._profile.axes:
-            value = float(position[self._machine.column(name)])
-            values[name] = value if name in self._machine.linear else math.degrees(value)
-        return values
-
-    def _radians(self, values: dict[str, float]) -> dict[str, float]:
-        return {name: value if name in self._machine.linear else math.radians(value) for name, value in values.items()}
+        return shown(self._motion, self._profile.axes)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from tango_cnc.records import Array
 
 from ..motion import Motion, Skip
+from ._scales import commanded, shown
 
 INCH = 25.4
 
@@ -39,9 +40,7 @@ class Frames:
 
     def machine(self, position: Array | None = None) -> dict[str, float]:
         """mm rad, or where the axes stand → {axis: mm deg}."""
-        values = self.motion.position if position is None else position
-        named = dict(zip(self.motion.machine.names, map(float, values), strict=True))
-        return {name: named[name] if name in "XYZ" else math.degrees(named[name]) for name in self.axes}
+        return shown(self.motion, self.axes, position)
 
     def work(self, place: Mapping[str, float] | None = None) -> dict[str, float]:
         """{axis: mm deg} of the machine → the same in the work frame, units of the program."""
@@ -61,7 +60,7 @@ class Frames:
             rel |= self._turned(rel, self.rotation)
             told = {*words} | ({"X", "Y"} if self.rotation and {*words} & {"X", "Y"} else set())
             goal = {n: rel[n] + self._g54[n] + (self._length if n == "Z" else 0.0) for n in self.axes if n in told}
-        return {name: value if name in "XYZ" else math.radians(value) for name, value in goal.items()}
+        return commanded(self.motion, goal)
 
     def probed(self, skip: Skip) -> dict[str, float]:
         """a probing move → where it was met, work frame, units of the program."""

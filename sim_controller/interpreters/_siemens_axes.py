@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from decimal import ROUND_HALF_UP, Decimal
 from typing import Literal
 
-from tango_cnc.records import Array, Machine
+from tango_cnc.records import Machine
 
 from ..motion import Motion
+from ._scales import TURN, commanded, endless, roll, shown
 from ._siemens_alarms import alarm
 
-TURN = 360.0
 STILL = 1e-6  # mm or deg
 FARTHEST = 1e9  # mm or deg
 
@@ -36,10 +35,7 @@ class Profile:
 
 def default_profile(machine: Machine) -> Profile:
     """machine → profile with its axes; those that turn more than two turns are modulo axes."""
-    endless = [
-        a.name for a in machine.axes if a.kind == "rotary" and (a.travel is None or a.travel[1] - a.travel[0] > 4 * math.pi + 1)
-    ]
-    return Profile((*machine.linear, *machine.rotary), rollover=tuple(endless))
+    return Profile((*machine.linear, *machine.rotary), rollover=endless(machine))
 
 
 @dataclass(frozen=True)
@@ -74,7 +70,7 @@ class Axes:
             self._motion.rapid(end)
         else:
             self._motion.feed(end, feed)
-        self._roll()
+        roll(self._motion, self._profile.rollover)
 
     def measure(self, targets: Mapping[str, Target], feed: float, *, suppressed: bool) -> None:
         """MEAS: the axes of this block are latched at the edge; without an edge nothing is, and nobody says so."""
@@ -85,10 +81,10 @@ class Axes:
             self.move(targets, feed, suppressed=suppressed)
             return
         skip = self._motion.skip(self._end(targets, suppressed), feed)
-        self._roll()
+        roll(self._motion, self._profile.rollover)
         if skip.hit:
             self._status = 1
-            there = self._degrees(skip.position)
+            there = shown(self._motion, self._profile.axes, skip.position)
             self._latched |= {name: there[name] for name in targets}
 
     def variable(self, name: str, axis: str) -> float:
@@ -126,7 +122,7 @@ class Axes:
                 raise alarm("10720", name)
             step = self._profile.increment
             found[name] = float(Decimal(repr(goal)).quantize(step, ROUND_HALF_UP))
-        return {name: v if name in self._machine.linear else math.radians(v) for name, v in found.items()}
+        return commanded(self._motion, found)
 
     def _turned(self, name: str, target: Target, now: float, frame: float) -> float:
         if target.way not in ("DC", "ACP", "ACN"):
@@ -141,12 +137,6 @@ class Axes:
             return now + (ahead - TURN if ahead else 0.0)
         return now + ahead
 
-    def _roll(self) -> None:
-        for name in self._profile.rollover:
-            angle = self._now()[name]
-            if not 0 <= angle < TURN:
-                self._motion.set_position(name, math.radians(angle % TURN))
-
     def _frame(self, name: str) -> float:
         return self._profile.g54.get(name, 0.0) + self._length(name)
 
@@ -157,11 +147,4 @@ class Axes:
         )
 
     def _now(self) -> dict[str, float]:
-        return self._degrees(self._motion.position)
-
-    def _degrees(self, position: Array) -> dict[str, float]:
-        values = {}
-        for name in self._profile.axes:
-            value = float(position[self._machine.column(name)])
-            values[name] = value if name in self._machine.linear else math.degrees(value)
-        return values
+        return shown(self._motion, self._profile.axes)

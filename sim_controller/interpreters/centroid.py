@@ -13,11 +13,12 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from tango_cnc.records import Machine
+from tango_cnc.records import Array, Machine
 
 from ..motion import Motion, MotionStop, Note
 from ._alarm import Alarm, Silence
 from ._rs274_expressions import POWERS, PRODUCTS, SUMS, Key, Levels, Operator, Reader
+from ._scales import commanded, shown
 
 __all__ = ["Control", "Profile", "default_profile"]
 
@@ -221,7 +222,7 @@ class Control:
         elif 53 in codes:
             if self._relative:
                 raise Alarm("CANCEL", "G53 may only be used with G90", raw)
-            self._motion.rapid(self._radians({name: value * self._unit(name) for name, value in axes.items()}))
+            self._motion.rapid(commanded(self._motion, {name: value * self._unit(name) for name, value in axes.items()}))
         elif axes and self._motion_code == 0:
             self._motion.rapid(self._target(axes))
         elif axes:
@@ -268,18 +269,13 @@ class Control:
         for name, value in axes.items():
             base = here[name] if self._relative else self._profile.g54.get(name, 0.0)
             goal[name] = base + value * self._unit(name)
-        return self._radians(goal)
+        return commanded(self._motion, goal)
 
     def _unit(self, name: str) -> float:
         return INCH if self._inch and name in "XYZ" else 1.0
 
-    def _radians(self, values: Mapping[str, float]) -> dict[str, float]:
-        return {name: value if name in "XYZ" else math.radians(value) for name, value in values.items()}
-
-    def _place(self, position: object = None) -> dict[str, float]:
-        values = self._motion.position if position is None else position
-        named = dict(zip(self._motion.machine.names, map(float, values), strict=True))  # type: ignore[call-overload]
-        return {name: named[name] if name in "XYZ" else math.degrees(named[name]) for name in self._profile.axes}
+    def _place(self, position: Array | None = None) -> dict[str, float]:
+        return shown(self._motion, self._profile.axes, position)
 
 
 def _as_alarm(stop: MotionStop) -> Exception:

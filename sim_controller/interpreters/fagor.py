@@ -12,16 +12,17 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
-from math import pi, radians
+from math import radians
 from typing import Literal
 
 from tango_cnc.records import Machine
 
 from ..motion import Motion, MotionStop, Note
-from ._alarm import Alarm, Silence
+from ._alarm import Alarm
 from ._bracket_axes import Axes
 from ._bracket_expressions import ARITHMETIC, FUNCTIONS, Grammar, Mistake, Reader, Value
 from ._fagor_alarms import alarm
+from ._scales import as_alarm, endless
 
 G_CODES = {0, 1, 4, 5, 7, 17, 18, 19, 40, 50, 53, 54, 60, 61, 70, 71, 73, 80, 90, 91, 94, 100, 103}
 RTCP = 50.0  # mm or deg
@@ -73,8 +74,7 @@ class Profile:
 
 def default_profile(machine: Machine) -> Profile:
     """machine → profile with its axes; those that turn more than two turns roll over."""
-    endless = [a.name for a in machine.axes if a.kind == "rotary" and (a.travel is None or a.travel[1] - a.travel[0] > 4 * pi + 1)]
-    return Profile((*machine.linear, *machine.rotary), rollover=tuple(endless))
+    return Profile((*machine.linear, *machine.rotary), rollover=endless(machine))
 
 
 class Control:
@@ -104,7 +104,7 @@ class Control:
         try:
             self._program(blocks)
         except MotionStop as stop:
-            raise _as_alarm(stop) from None
+            raise as_alarm(stop, alarm) from None
         except Mistake as mistake:
             raise alarm(mistake.kind, str(mistake)) from None
         finally:
@@ -347,9 +347,3 @@ def _structures(blocks: list[str]) -> dict[int, int]:
     if begun:
         raise alarm("structure", blocks[begun[-1]])
     return pairs
-
-
-def _as_alarm(stop: MotionStop) -> Exception:
-    if stop.cause in ("overtravel", "collision"):
-        return alarm(stop.cause, str(stop))
-    return Silence() if str(stop) == "silence" else alarm("machine", str(stop))

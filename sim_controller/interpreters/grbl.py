@@ -13,10 +13,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from tango_cnc.records import Machine
+from tango_cnc.records import Array, Machine
 
 from ..motion import Motion, MotionStop, Note
 from ._alarm import Alarm, Silence
+from ._scales import shown
 
 __all__ = ["Control", "Profile", "default_profile", "switched_on"]
 
@@ -261,19 +262,17 @@ class Control:
         self._flag = int(skip.hit)
         if not (failed and self.kind.keeps_contact):
             self._probed = self._place(skip.position)
-        shown = [f"[PRB:{self._shown(self._probed)}:{self._flag}]"] if self.profile.probe_reports else []
+        report = [f"[PRB:{self._shown(self._probed)}:{self._flag}]"] if self.profile.probe_reports else []
         if failed:
             self.state = "Alarm"
-            return ["ALARM:5", *shown, "ok"]
-        return [*shown, "ok"]
+            return ["ALARM:5", *report, "ok"]
+        return [*report, "ok"]
 
     def _work(self) -> dict[str, float]:
         return {name: float(self.profile.g54.get(name, 0.0)) for name in self.axes}
 
-    def _place(self, position: object = None) -> dict[str, float]:
-        values = self.motion.position if position is None else position
-        named = dict(zip(self.motion.machine.names, map(float, values), strict=True))  # type: ignore[call-overload]
-        return {name: named[name] if name in "XYZ" else math.degrees(named[name]) for name in self.axes}
+    def _place(self, position: Array | None = None) -> dict[str, float]:
+        return shown(self.motion, self.axes, position)
 
     def _shown(self, place: Mapping[str, float]) -> str:
         """{axis: mm, deg} → the numbers as grbl shows them: three places in mm, four in inches."""

@@ -11,16 +11,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from tango_cnc.records import Array, Machine
+from tango_cnc.records import Machine
 
 from ..motion import Motion, MotionStop, Note
 from ._alarm import Silence
 from ._klartext_expressions import error, formula, number, text_of
 from ._klartext_program import bare, blocks_of, labels_of, place_of
+from ._scales import TURN, commanded, endless, nearer, roll, shown
 
 __all__ = ["Control", "Profile", "default_profile"]
 
-TURN = 360.0
 DEEPEST = 8  # subprograms in each other
 COMPARE: dict[str, Callable[[float, float], bool]] = {
     "EQU": lambda a, b: a == b,
@@ -57,10 +57,7 @@ class Profile:
 
 def default_profile(machine: Machine) -> Profile:
     """machine → profile with its axes; those that turn more than two turns begin anew after one."""
-    endless = [
-        a.name for a in machine.axes if a.kind == "rotary" and (a.travel is None or a.travel[1] - a.travel[0] > 4 * math.pi + 1)
-    ]
-    return Profile((*machine.linear, *machine.rotary), rollover=tuple(endless))
+    return Profile((*machine.linear, *machine.rotary), rollover=endless(machine))
 
 
 class Control:
@@ -171,12 +168,12 @@ class Control:
             goal = value if machine else value + self._datum(name)
             end[name] = self._turned(name, goal, now[name])
         if rapid:
-            self._motion.rapid(self._radians(end))
+            self._motion.rapid(commanded(self._motion, end))
         elif self._feed <= 0:
             raise error("FEED RATE IS MISSING", block)
         else:
-            self._motion.feed(self._radians(end), self._feed)
-        self._roll()
+            self._motion.feed(commanded(self._motion, end), self._feed)
+        roll(self._motion, self._profile.rollover)
 
     def _probe(self, blocks: list[str], index: int) -> None:
         """TCH PROBE 4.0 … 4.3: along a direction, results in four parameters."""
@@ -206,7 +203,7 @@ class Control:
                 raise error("TOUCH POINT INACCESSIBLE", blocks[index])
             self._values[result + 3] = -1.0
             return
-        place, stopped = self._degrees(skip.position), self._now()
+        place, stopped = shown(self._motion, self._profile.axes, skip.position), self._now()
         gone = sum((stopped[name] - start[name]) * w for name, w in way.items())
         back = min(value["back"], gone)
         if back > 0:
@@ -245,30 +242,13 @@ class Control:
         """→ where a rotary axis goes to: under M126 the short way, else as far as the figures say."""
         if name not in self._profile.rollover or not self._short_way:
             return goal
-        change = (goal - now) % TURN
-        return now + (change - TURN if change > TURN / 2 else change)
-
-    def _roll(self) -> None:
-        for name in self._profile.rollover:
-            angle = self._now()[name]
-            if not 0 <= angle < TURN:
-                self._motion.set_position(name, math.radians(angle % TURN))
+        return nearer(goal, now)
 
     def _datum(self, name: str) -> float:
         return self._profile.g54.get(name, 0.0) + (self._profile.tool_lengths[1] if name == "Z" else 0.0)
 
     def _now(self) -> dict[str, float]:
-        return self._degrees(self._motion.position)
-
-    def _degrees(self, position: Array) -> dict[str, float]:
-        values = {}
-        for name in self._profile.axes:
-            value = float(position[self._machine.column(name)])
-            values[name] = value if name in self._machine.linear else math.degrees(value)
-        return values
-
-    def _radians(self, values: Mapping[str, float]) -> dict[str, float]:
-        return {name: value if name in self._machine.linear else math.radians(value) for name, value in values.items()}
+        return shown(self._motion, self._profile.axes)
 
 
 def _as_error(stop: MotionStop) -> Exception:

@@ -13,17 +13,18 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
-from math import pi, radians
+from math import radians
 from typing import Literal
 
 from tango_cnc.records import Machine
 
 from ..motion import Motion, MotionStop, Note
-from ._alarm import Alarm, Silence
+from ._alarm import Alarm
 from ._bracket_axes import Axes
 from ._bracket_expressions import ARITHMETIC, FUNCTIONS, Grammar, Mistake, Reader, Value, held
 from ._osp_alarms import alarm
 from ._osp_program import LOCAL, Program, split
+from ._scales import as_alarm, endless
 
 DEEPEST = 8  # levels of subprograms
 COMMON = 200  # variables VC1 …
@@ -74,8 +75,7 @@ class Profile:
 
 def default_profile(machine: Machine) -> Profile:
     """machine → profile with its axes; those that turn more than two turns roll over."""
-    endless = [a.name for a in machine.axes if a.kind == "rotary" and (a.travel is None or a.travel[1] - a.travel[0] > 4 * pi + 1)]
-    return Profile((*machine.linear, *machine.rotary), rollover=tuple(endless))
+    return Profile((*machine.linear, *machine.rotary), rollover=endless(machine))
 
 
 class Control:
@@ -106,7 +106,7 @@ class Control:
         try:
             self._execute(next(iter(programs.values())), {}, 0)
         except MotionStop as stop:
-            raise _as_alarm(stop) from None
+            raise as_alarm(stop, alarm) from None
         except Mistake as mistake:
             raise alarm(mistake.kind, str(mistake)) from None
 
@@ -325,9 +325,3 @@ class Control:
             places = {name: self._axes.known(name) for name in self._profile.axes}
         work = self._profile.contact_frame == "work"
         self._contact = {name: value - (self._axes.shift(name, False) if work else 0.0) for name, value in places.items()}
-
-
-def _as_alarm(stop: MotionStop) -> Exception:
-    if stop.cause in ("overtravel", "collision"):
-        return alarm(stop.cause, str(stop))
-    return Silence() if str(stop) == "silence" else alarm("machine", str(stop))
