@@ -23,24 +23,9 @@ from typing import Any
 
 from tango_cnc.records import InputError
 
+from . import _common as common
 from . import _macro_b_text as text
 from ._base import Job, Leg, Option, comment, is_endless, number
-from ._common import (
-    MISSED,
-    STEPS,
-    TOLERANCE,
-    angle,
-    axis_numbers,
-    clamping,
-    fits,
-    indexed,
-    joined,
-    spindle,
-    standoff,
-    switches,
-    unclamped,
-    words,
-)
 from ._macro_b_text import FLAG, FRAME, MISSES, Words
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
@@ -60,12 +45,12 @@ OPTIONS: tuple[Option, ...] = (
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
     Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never", "signed")),
-    *clamping("M11", "M10"),
+    *common.clamping("M11", "M10"),
     Option("print_format", "44", "digits before and after the point of a printed coordinate", choices=("44", "43", "53")),
     Option("decimals", 3, "decimals of axis words: the least input increment", verified=True, choices=(3, 4)),
     Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
-    TOLERANCE,
-    MISSED,
+    common.TOLERANCE,
+    common.MISSED,
 )
 
 DOUBTS = (
@@ -98,7 +83,7 @@ class _Steps:
         yield job.options["reset"]
         yield "(MACHINE MINUS WORK COORDINATES)"
         yield self.words.wait
-        for name, axis in axis_numbers(job).items():
+        for name, axis in common.axis_numbers(job).items():
             yield f"#{FRAME + axis}=#{5020 + axis}-#{5040 + axis}({name})"
         yield f"#{MISSES}=0"
         yield from self.words.open
@@ -118,34 +103,34 @@ class _Steps:
         yield from self._protected(job, leg)
 
     def _protected(self, job: Job, leg: Leg) -> Iterator[str]:
-        values = words(job, leg.to)
+        values = common.words(job, leg.to)
         yield from self._macro(job, 1, values | {"F": number(job.options["positioning_feed"])})
 
     def index(self, job: Job, leg: Leg) -> Iterator[str]:
         options = job.options
-        yield f"({indexed(leg)})"
+        yield f"({common.indexed(leg)})"
         if "S" in leg.target and options["orient"]:
-            yield f"{options['orient']}{spindle(job, leg.target['S'])}"
+            yield f"{options['orient']}{common.spindle(job, leg.target['S'])}"
         turned = {}
         for name in job.machine.rotary:
             if name in leg.target:
-                turned[name] = angle(job, name, leg.target[name])
-                yield from unclamped(job, name, f"G90 G53 G0 {name}{_signed(job, leg, name, turned[name])}")
+                turned[name] = common.angle(job, name, leg.target[name])
+                yield from common.unclamped(job, name, f"G90 G53 G0 {name}{_signed(job, leg, name, turned[name])}")
         if turned:
             yield from self._macro(job, 4, turned)
 
     def probe(self, job: Job, leg: Leg) -> Iterator[str]:
-        start = standoff(job, leg)
-        values = words(job, leg.to) | dict(zip("IJK", words(job, start).values(), strict=True))
+        start = common.standoff(job, leg)
+        values = common.words(job, leg.to) | dict(zip("IJK", common.words(job, start).values(), strict=True))
         yield from self._macro(job, 2, values | {"F": number(job.plan.strategy.approach.feed)})
 
     def back(self, job: Job, leg: Leg) -> Iterator[str]:
-        numbers = axis_numbers(job)
-        place = " ".join(f"{name}[{value}-#{FRAME + numbers[name]}]" for name, value in words(job, leg.to).items())
+        numbers = common.axis_numbers(job)
+        place = " ".join(f"{name}[{value}-#{FRAME + numbers[name]}]" for name, value in common.words(job, leg.to).items())
         yield f"G1 {place} F{number(job.options['positioning_feed'])}"
 
     def record(self, job: Job, leg: Leg) -> Iterator[str]:
-        yield from self._macro(job, 3, {"T": number(leg.touch.number), "S": spindle(job, leg.to["S"])})
+        yield from self._macro(job, 3, {"T": number(leg.touch.number), "S": common.spindle(job, leg.to["S"])})
 
     def end(self, job: Job) -> Iterator[str]:
         yield f"#{FLAG}={len(job.plan.touches)}"
@@ -162,7 +147,7 @@ class _Steps:
     def _macro(self, job: Job, which: int, arguments: Mapping[str, str]) -> Iterator[str]:
         """number of a piece, {letter: number as text} → its call, or its lines."""
         if job.options["macros"] == "called":
-            yield f"G65 P{job.options['program_number'] + which} {joined(arguments)}"
+            yield f"G65 P{job.options['program_number'] + which} {common.joined(arguments)}"
         else:
             yield from text.PIECES[which - 1][1](job, self.words, arguments)
 
@@ -170,13 +155,15 @@ class _Steps:
 def steps(words: Words) -> dict[str, Any]:
     """words of a dialect → the steps of its post."""
     family = _Steps(words)
-    on, off = switches("(%s)")
-    return {"probe_on": on, "probe_off": off} | {name: getattr(family, name) for name in ("stem", *STEPS) if hasattr(family, name)}
+    on, off = common.switches("(%s)")
+    return {"probe_on": on, "probe_off": off} | {
+        name: getattr(family, name) for name in ("stem", *common.STEPS) if hasattr(family, name)
+    }
 
 
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
-    fits(job, most=8)
+    common.fits(job, most=8)
     if not 1 <= job.options["program_number"] <= 9995:
         raise InputError(f"controller.program_number: found {job.options['program_number']}; allowed: 1 … 9995")
 

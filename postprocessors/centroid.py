@@ -12,27 +12,8 @@ from collections.abc import Iterator, Mapping
 
 from tango_cnc.records import InputError
 
+from . import _common as common
 from ._base import Job, Leg, Option, Post, early_distance, number
-from ._common import (
-    MISSED,
-    PROBE_SWITCHES,
-    ROLLOVER,
-    TOLERANCE,
-    angle,
-    approaching,
-    axis_numbers,
-    clamping,
-    fits,
-    indexed,
-    signed,
-    spindle,
-    standoff,
-    steps,
-    switches,
-    titled,
-    unclamped,
-    warned,
-)
 
 FRAME, PLACE, FAR = 29100, 29110, 29130  # #29101 … machine minus work; #29111 … of the touch; #29131 … from the stand-off
 FLAG, MISSES, SUM, SPINDLE, TOUCH, SECONDS = 29110, 29109, 29118, 29119, 29120, 29121
@@ -55,7 +36,7 @@ FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 OPTIONS = (
     Option("readings", "tango-readings.txt", "file of the records, in the folder of the program; M121 adds to it", verified=True),
     Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
-    *PROBE_SWITCHES,
+    *common.PROBE_SWITCHES,
     Option(
         "orient",
         "M19 R",
@@ -67,11 +48,11 @@ OPTIONS = (
         {},
         "number of each axis in #5021 #5041 #24301, e.g. {X: 1, Y: 2, Z: 3, B: 4}; empty: in the order X Y Z A B C",
     ),
-    ROLLOVER,
-    *clamping("M11", "M10"),
+    common.ROLLOVER,
+    *common.clamping("M11", "M10"),
     Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
-    TOLERANCE,
-    MISSED,
+    common.TOLERANCE,
+    common.MISSED,
 )
 DOUBTS = (
     "#9011 is the input of the probe with the sign that P of M115 wants",
@@ -88,8 +69,8 @@ def begin(job: Job) -> Iterator[str]:
     """Header, modal reset, whether the probe is deflected, the frame, start mark."""
     plan = job.plan
     _check(job)
-    yield from titled(job, "; %s")
-    yield from warned(job, "; %s")
+    yield from common.titled(job, "; %s")
+    yield from common.warned(job, "; %s")
     yield job.options["reset"]
     yield WAIT
     yield f"#{BIT} = ABS[#9011]"
@@ -106,7 +87,7 @@ def begin(job: Job) -> Iterator[str]:
     yield f'M223 "TANGO START {job.mark} {len(plan.touches)}\\n"'
 
 
-probe_on, probe_off = switches("; %s")
+probe_on, probe_off = common.switches("; %s")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
@@ -118,37 +99,38 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 retract = clear = move
-approach = approaching("; %s", move)
+approach = common.approaching("; %s", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other, and whether they have arrived."""
     options = job.options
-    yield f"; {indexed(leg)}"
+    yield f"; {common.indexed(leg)}"
     if "S" in leg.target and options["orient"]:
-        yield f"{options['orient']}{spindle(job, leg.target['S'])}"
-    turned = {name: angle(job, name, leg.target[name]) for name in job.machine.rotary if name in leg.target}
+        yield f"{options['orient']}{common.spindle(job, leg.target['S'])}"
+    turned = {name: common.angle(job, name, leg.target[name]) for name in job.machine.rotary if name in leg.target}
     for name, there in turned.items():
-        yield from unclamped(job, name, f"G53 {name}{there}")
+        yield from common.unclamped(job, name, f"G53 {name}{there}")
     if turned:
         yield WAIT
     for name, there in turned.items():
-        yield f"IF [ABS[SIN[[#{5020 + axis_numbers(job)[name]} - {signed(there)}] / 2]] > {ARRIVED:f}] THEN GOTO {NOT_THERE}"
+        away = f"#{5020 + common.axis_numbers(job)[name]} - {common.signed(there)}"
+        yield f"IF [ABS[SIN[[{away}] / 2]] > {ARRIVED:f}] THEN GOTO {NOT_THERE}"
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, flag and machine coordinates."""
-    start = standoff(job, leg)
+    start = common.standoff(job, leg)
     goal = {name: leg.to[name] for name in "XYZ"}
     yield f"M115 {_slashed(job, goal)} P#9011 F{number(job.plan.strategy.approach.feed)} L1"
-    for axis in axis_numbers(job).values():
+    for axis in common.axis_numbers(job).values():
         yield f"#{PLACE + axis} = #{5020 + axis}"
     for _, axis in _linear(job):
         yield f"IF [{TRIPPED} != 0] THEN #{PLACE + axis} = #{24300 + axis}"
     lag = " + ".join(f"ABS[#{PLACE + axis} - #{5020 + axis}]" for _, axis in _linear(job))
     yield f"IF [[{lag}] > {number(OLD)}] THEN GOTO {OLD_PLACE}"
     for i, (name, axis) in enumerate(_linear(job), 1):
-        yield f"#{FAR + i} = [#{PLACE + axis} - {signed(number(start[name]))}]"
+        yield f"#{FAR + i} = [#{PLACE + axis} - {common.signed(number(start[name]))}]"
     way = " + ".join(f"[#{FAR + i} * #{FAR + i}]" for i in (1, 2, 3))
     yield f"#{FLAG} = 1"
     yield f"IF [SQRT[{way}] < {number(early_distance(job.plan))}] THEN #{FLAG} = 2"
@@ -167,9 +149,9 @@ def back(job: Job, leg: Leg) -> Iterator[str]:
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """One line for the reader, with the sum of its numbers."""
-    places = {name: f"#{PLACE + axis}" for name, axis in axis_numbers(job).items()} | {"S": f"#{SPINDLE}"}
+    places = {name: f"#{PLACE + axis}" for name, axis in common.axis_numbers(job).items()} | {"S": f"#{SPINDLE}"}
     yield f"#{TOUCH} = {leg.touch.number}"
-    yield f"#{SPINDLE} = {spindle(job, leg.to['S'])}"
+    yield f"#{SPINDLE} = {common.spindle(job, leg.to['S'])}"
     yield f"#{SUM} = [{' + '.join(places.values())}] ; CHECK SUM K"
     places["K"] = f"#{SUM}"
     form = " ".join(f"{name}%.4f" for name in places)
@@ -188,18 +170,18 @@ def end(job: Job) -> Iterator[str]:
 
 
 def _linear(job: Job) -> list[tuple[str, int]]:
-    return [(name, axis) for name, axis in axis_numbers(job).items() if name in "XYZ"]
+    return [(name, axis) for name, axis in common.axis_numbers(job).items() if name in "XYZ"]
 
 
 def _slashed(job: Job, goal: Mapping[str, float]) -> str:
-    numbers = axis_numbers(job)
+    numbers = common.axis_numbers(job)
     return " ".join(f"/{name}[{number(value)} - #{FRAME + numbers[name]}]" for name, value in goal.items())
 
 
 def _distance(job: Job, goal: Mapping[str, float], base: int) -> str:
     """→ the expression for the distance in mm, axis by axis, between variables and the goal."""
-    numbers = axis_numbers(job)
-    return " + ".join(f"ABS[#{base + numbers[name]} - {signed(number(value))}]" for name, value in goal.items())
+    numbers = common.axis_numbers(job)
+    return " + ".join(f"ABS[#{base + numbers[name]} - {common.signed(number(value))}]" for name, value in goal.items())
 
 
 def _check(job: Job) -> None:
@@ -208,7 +190,7 @@ def _check(job: Job) -> None:
         raise InputError(
             f"controller.readings: found {job.options['readings']!r}; allowed: a file name of letters, digits, _ and -"
         )
-    fits(job, 6)
+    common.fits(job, 6)
 
 
 POST = Post(
@@ -218,5 +200,5 @@ POST = Post(
     doubts=DOUBTS,
     stem=lambda job: "tango",
     link="file",
-    **steps(globals()),
+    **common.steps(globals()),
 )

@@ -15,28 +15,8 @@ from collections.abc import Iterator, Mapping
 
 from tango_cnc.records import InputError
 
+from . import _common as common
 from ._base import Job, Leg, Option, Post, degrees, early_distance, named, number, rolled
-from ._common import (
-    MISSED,
-    PROBE_SWITCHES,
-    ROLLOVER,
-    TOLERANCE,
-    angle,
-    approaching,
-    axes,
-    clamping,
-    fits,
-    indexed,
-    signed,
-    spindle,
-    standoff,
-    steps,
-    switches,
-    titled,
-    unclamped,
-    warned,
-    words,
-)
 
 VARIABLE = re.compile(r"V\.A\.[A-Z]{2,12}")
 STATE = re.compile(r"(V\.[A-Z0-9.]{2,20})?")
@@ -69,13 +49,13 @@ OPTIONS = (
     Option("conversion", "D", "letter behind % in #WRITE for a number; it must come with four decimals", codes=True),
     Option("output", "C:\\CNC8070\\USERS\\PRG\\TANGO.TXT", "file for the records, which are appended"),
     Option("orient", "M19 S", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
-    ROLLOVER,
-    *clamping("M11", "M10"),
-    *PROBE_SWITCHES,
+    common.ROLLOVER,
+    *common.clamping("M11", "M10"),
+    *common.PROBE_SWITCHES,
     Option("decimals", 3, "decimals of axis words: the least input increment", verified=True, choices=(3, 4)),
     Option("positioning_feed", 2000.0, "mm/min of protected moves", verified=True),
-    TOLERANCE,
-    MISSED,
+    common.TOLERANCE,
+    common.MISSED,
 )
 
 DOUBTS = (
@@ -94,8 +74,8 @@ def begin(job: Job) -> Iterator[str]:
     plan, options = job.plan, job.options
     _check(job)
     yield f"%{named(job, 'TANGO')}"
-    yield from titled(job, "; %s")
-    yield from warned(job, "; %s", "NOT TRIED ON ANY FAGOR. LOOK UP EVERY LINE BELOW IN THE MANUALS OF THE CONTROL FIRST")
+    yield from common.titled(job, "; %s")
+    yield from common.warned(job, "; %s", "NOT TRIED ON ANY FAGOR. LOOK UP EVERY LINE BELOW IN THE MANUALS OF THE CONTROL FIRST")
     for word in options["off"].split():
         yield f"#{word} OFF"
     yield options["reset"]
@@ -110,12 +90,12 @@ def begin(job: Job) -> Iterator[str]:
     yield f'#WRITE ["TANGO START {job.mark} {len(plan.touches)}"]'
 
 
-probe_on, probe_off = switches("; %s")
+probe_on, probe_off = common.switches("; %s")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """Protected move: a G100 that has to arrive and to meet nothing."""
-    place = words(job, leg.to)
+    place = common.words(job, leg.to)
     yield from _at_rest(job)
     yield _measure(job, place, job.options["positioning_feed"])
     yield f"{SHORT}={_distance(job, place)}"
@@ -127,26 +107,26 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other; each has arrived."""
     options = job.options
-    yield f"; {indexed(leg)}"
+    yield f"; {common.indexed(leg)}"
     if "S" in leg.target and options["orient"]:
-        yield f"{options['orient']}{spindle(job, leg.target['S'])}"
+        yield f"{options['orient']}{common.spindle(job, leg.target['S'])}"
     for name in job.machine.rotary:
         if name in leg.target:
-            there = angle(job, name, leg.target[name])
-            yield from unclamped(job, name, f"#MCS G0 {name}{there}")
+            there = common.angle(job, name, leg.target[name])
+            yield from common.unclamped(job, name, f"#MCS G0 {name}{there}")
             yield f"{SHORT}=ABS[{there}-{_machine(job, name)}]"
             yield f"{SHORT}=ABS[{SHORT}-360.*FIX[{SHORT}/360.+0.5]]"
             yield from _stop_if(f"{SHORT}>{number(ARRIVED)}", "ROTARY AXIS NOT IN PLACE")
 
 
 retract = clear = move
-approach = approaching("; %s", move)
+approach = common.approaching("; %s", move)
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then the flag in P4 and machine coordinates in P6 and so on."""
-    start = words(job, standoff(job, leg))
-    place, found = words(job, leg.to), _found(job)
+    start = common.words(job, common.standoff(job, leg))
+    place, found = common.words(job, leg.to), _found(job)
     yield from _at_rest(job)
     yield _measure(job, place, job.plan.strategy.approach.feed)
     for name, parameter in found.items():
@@ -154,7 +134,7 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield f"{GAP}={'+'.join(f'ABS[{_machine(job, n)}-{_programmed(job, n)}-{FRAME[n]}]' for n in FRAME)}"
     yield from _stop_if(f"{GAP}>{number(CHANGED)}", "WORK OFFSET CHANGED")
     yield f"{SHORT}={_distance(job, place)}"
-    way = [f"[{found[name]}-{signed(value)}]" for name, value in start.items()]
+    way = [f"[{found[name]}-{common.signed(value)}]" for name, value in start.items()]
     yield f"{WAY}=SQRT[{'+'.join(f'{part}*{part}' for part in way)}]"
     yield f"{GAP}={'+'.join(f'ABS[{found[name]}-{_machine(job, name)}]' for name in 'XYZ')}"
     yield f"{FLAG}=1"
@@ -171,12 +151,12 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move."""
-    yield f"G1 {_targets(words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    yield f"G1 {_targets(common.words(job, leg.to))} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """One line: touch, flag, machine coordinates, spindle, their sum."""
-    found, turned, letter = _found(job), spindle(job, leg.to["S"]), job.options["conversion"]
+    found, turned, letter = _found(job), common.spindle(job, leg.to["S"]), job.options["conversion"]
     places = " ".join(f"{name}%{letter}" for name in found)
     yield f"{SUM}={'+'.join(found.values())}+{turned}"
     text = f"P{leg.touch.number} H%{letter} {places} S{rolled(degrees(leg.to['S']), 4):.4f} K%{letter}"
@@ -239,7 +219,7 @@ def _distance(job: Job, place: Mapping[str, str]) -> str:
 
 def _found(job: Job) -> dict[str, str]:
     """→ {axis letter: parameter that holds where the touch was}."""
-    return dict(zip(axes(job.machine), FOUND, strict=False))
+    return dict(zip(common.axes(job.machine), FOUND, strict=False))
 
 
 def _check(job: Job) -> None:
@@ -260,7 +240,7 @@ def _check(job: Job) -> None:
         )
     if not re.fullmatch(r"[A-Z]|\.4F", options["conversion"]):
         raise InputError(f"controller.conversion: found {options['conversion']!r}; allowed: a letter, or .4F")
-    fits(job)
+    common.fits(job)
 
 
 POST = Post(
@@ -269,5 +249,5 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: named(job, "TANGO"),
-    **steps(globals()),
+    **common.steps(globals()),
 )

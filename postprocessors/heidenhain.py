@@ -12,23 +12,8 @@ from collections.abc import Iterator
 
 from tango_cnc.records import InputError
 
+from . import _common as common
 from ._base import Job, Leg, Option, Post, degrees, is_endless, named, number, rolled, search_distance
-from ._common import (
-    MISSED,
-    PROBE_SWITCHES,
-    TOLERANCE,
-    approaching,
-    axes,
-    clamping,
-    fits,
-    indexed,
-    standoff,
-    steps,
-    switches,
-    titled,
-    unclamped,
-    warned,
-)
 from ._klartext import (
     GUARDED,
     MEASURING,
@@ -60,12 +45,12 @@ OPTIONS = (
     Option("tcpm_reset", True, "FUNCTION RESET TCPM; false where the control has no TCPM"),
     Option("orient", True, "cycle 13 and M19 orient the spindle; false: it is not turned"),
     Option("shortest", True, "endless axes get angles of 0 to 360 under M126, the short way; false: as planned"),
-    *clamping("M11", "M10"),
-    *PROBE_SWITCHES,
+    *common.clamping("M11", "M10"),
+    *common.PROBE_SWITCHES,
     Option("decimals", 4, "decimals of positions", verified=True, choices=(3, 4)),
     Option("positioning_feed", 2000.0, "mm/min of guarded moves; the control's probe table may allow less"),
-    TOLERANCE,
-    MISSED,
+    common.TOLERANCE,
+    common.MISSED,
 )
 
 DOUBTS = (
@@ -90,9 +75,9 @@ def begin(job: Job) -> Iterator[str]:
     plan, options = job.plan, job.options
     _check(job)
     yield f"BEGIN PGM {named(job, NAME)} MM"
-    yield from titled(job, "; %s")
+    yield from common.titled(job, "; %s")
     yield f"; MEASURING FEED {number(plan.strategy.approach.feed)} SEARCH {number(search_distance(plan))}"
-    yield from warned(job, "; %s")
+    yield from common.warned(job, "; %s")
     if options["plane_reset"]:
         yield "PLANE RESET STAY"
     if options["tcpm_reset"]:
@@ -106,7 +91,7 @@ def begin(job: Job) -> Iterator[str]:
     yield printed(job)
 
 
-probe_on, probe_off = switches("; %s")
+probe_on, probe_off = common.switches("; %s")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
@@ -119,13 +104,13 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 retract = clear = move
-approach = approaching("; %s", move)
+approach = common.approaching("; %s", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other; each has arrived."""
     options = job.options
-    yield f"; {indexed(leg)}"
+    yield f"; {common.indexed(leg)}"
     if "S" in leg.target and options["orient"]:
         yield "CYCL DEF 13.0 ORIENTATION"
         yield f"CYCL DEF 13.1 ANGLE{_number(job, rolled(degrees(leg.target['S']), options['decimals']))}"
@@ -135,7 +120,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             angle = degrees(leg.target[name])
             if options["shortest"] and is_endless(job.machine, name):
                 angle = rolled(angle, options["decimals"])
-            yield from unclamped(job, name, f"L {name}{_number(job, angle)} FMAX M91")
+            yield from common.unclamped(job, name, f"L {name}{_number(job, angle)} FMAX M91")
             yield "FN 20: WAIT FOR SYNC"
             yield reading(job, "Q35", name)
             yield f"Q35 = ABS ( Q35 {_number(job, -angle).replace('+', '+ ').replace('-', '- ')} )"
@@ -145,7 +130,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move by its label, from the stand-off to the search end."""
-    start = standoff(job, leg)
+    start = common.standoff(job, leg)
     for name in "XYZ":
         yield f"{START[name]} = {_number(job, start[name])}"
     for name in "XYZ":
@@ -201,8 +186,8 @@ def _check(job: Job) -> None:
     for key in ("mask", "output"):
         if not FILE.fullmatch(options[key]):
             raise InputError(f"controller.{key}: found {options[key]!r}; allowed: a file such as TNC:\\TANGO.TXT")
-    fits(job)
-    names, stated = axes(job.machine), options["axis_numbers"]
+    common.fits(job)
+    names, stated = common.axes(job.machine), options["axis_numbers"]
     if not stated and not set(names) <= set("XYZABC"):
         raise InputError(f"controller.axis_numbers: found nothing; allowed: a number for each of {', '.join(names)}")
 
@@ -213,7 +198,7 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: named(job, NAME),
-    **steps(globals()),
+    **common.steps(globals()),
     finish=numbered,
     companions=lambda job: {job.options["mask"].rpartition("\\")[2]: mask()},
 )

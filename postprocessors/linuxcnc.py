@@ -14,24 +14,8 @@ from collections.abc import Iterator
 
 from tango_cnc.records import InputError, Machine
 
+from . import _common as common
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, may_roll, number, rolled
-from ._common import (
-    MISSED,
-    PROBE_SWITCHES,
-    approaching,
-    axes,
-    fits,
-    indexed,
-    joined,
-    spindle,
-    standoff,
-    steps,
-    switches,
-    titled,
-    unclamped,
-    warned,
-    words,
-)
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
 PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
@@ -44,9 +28,9 @@ OPTIONS = (
     Option("wrapped", False, "rotary axes have WRAPPED_ROTARY = 1: 0 to 360, signed by the sense of the turn"),
     Option("unclamp", {}, "word before a rotary axis turns, e.g. {B: M64 P1}; a locking indexer needs none", verified=True),
     Option("clamp", {}, "word after a rotary axis has turned, e.g. {B: M65 P1}; a locking indexer needs none", verified=True),
-    *PROBE_SWITCHES,
+    *common.PROBE_SWITCHES,
     Option("positioning_feed", 3000.0, "mm/min between touches", verified=True),
-    MISSED,
+    common.MISSED,
 )
 DOUBTS = ("a probe that is off stops nothing: guarded moves are guarded only while it is on",)
 
@@ -55,14 +39,14 @@ def begin(job: Job) -> Iterator[str]:
     """Header, the two subroutines, modal reset, the frame, start mark."""
     plan = job.plan
     _check(job)
-    yield from titled(job, "(%s)")
-    yield from warned(job, "(%s)")
+    yield from common.titled(job, "(%s)")
+    yield from common.warned(job, "(%s)")
     yield from _touch(job)
     yield from _record(job.machine)
     yield from _free()
     yield RESET
     yield "(MACHINE MINUS WORK COORDINATES)"
-    for name in axes(job.machine):
+    for name in common.axes(job.machine):
         yield f"#<_tango_{name.lower()}> = [#<_abs_{name.lower()}> - #<_{name.lower()}>]"
     yield "#<_tango_misses> = 0"
     yield from _abort("O100", "#[5210 + 20 * #5220] NE 0", "THE WORK FRAME IS ROTATED")
@@ -75,7 +59,7 @@ def _touch(job: Job) -> Iterator[str]:
     yield "O<tango_touch> SUB"
     target = " ".join(f"{name}[#{i} - #<_tango_{name.lower()}>]" for i, name in enumerate("XYZ", 1))
     yield f"G38.3 {target} F#7"
-    for name in axes(job.machine):
+    for name in common.axes(job.machine):
         low = name.lower()
         yield f"#<_tango_at_{low}> = [#{5061 + PLACE[name]} + #<_abs_{low}> - #<_{low}>]"
     for name in "XYZ":
@@ -99,7 +83,7 @@ def _touch(job: Job) -> Iterator[str]:
 def _record(machine: Machine) -> Iterator[str]:
     """Subroutine: one line for touch #1 with the spindle at #2, and the sum of its coordinates."""
     yield "O<tango_record> SUB"
-    first, *rest = axes(machine)
+    first, *rest = common.axes(machine)
     yield f"#<_tango_k> = [{' + '.join(f'#<_tango_at_{name.lower()}>' for name in (first, *rest))} + #2]"
     values = f"{first}%.6f#<_tango_at_{first.lower()}> " + " ".join(f"{name}#<_tango_at_{name.lower()}>" for name in rest)
     yield f"(LOG,P%d#1 H#<_tango_flag> {values} S#2 K#<_tango_k>)"
@@ -121,13 +105,13 @@ def _abort(label: str, condition: str, message: str) -> Iterator[str]:
     yield f"{label} ENDIF"
 
 
-probe_on, probe_off = switches("(%s)")
+probe_on, probe_off = common.switches("(%s)")
 
 
 def retract(job: Job, leg: Leg) -> Iterator[str]:
     """A search that is to find nothing, from where the machine stands; a way of no length is none, which newer versions refuse."""
-    there = words(job, leg.to)
-    if there == words(job, leg.came):
+    there = common.words(job, leg.to)
+    if there == common.words(job, leg.came):
         yield from move(job, leg)
         return
     values = [there.get(name, f"#<_abs_{name.lower()}>") for name in "XYZ"]
@@ -136,23 +120,23 @@ def retract(job: Job, leg: Leg) -> Iterator[str]:
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """A straight move in machine coordinates, which the control aborts when the probe trips."""
-    yield f"G53 G1 {joined(words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    yield f"G53 G1 {common.joined(common.words(job, leg.to))} F{number(job.options['positioning_feed'])}"
 
 
 clear = back = move
-approach = approaching("(%s)", move)
+approach = common.approaching("(%s)", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other, as a locking indexer wants it."""
-    yield f"({indexed(leg)})"
+    yield f"({common.indexed(leg)})"
     if "S" in leg.target and job.options["orient"]:
-        yield f"M19 R{spindle(job, leg.target['S'])} Q{job.options['orient_time']}"
+        yield f"M19 R{common.spindle(job, leg.target['S'])} Q{job.options['orient_time']}"
     for name in job.machine.rotary:
         if name in leg.target:
             wrapped = job.options["wrapped"] and may_roll(job.machine, name)
             there = _wrapped(job, leg, name) if wrapped else number(degrees(leg.target[name]))
-            yield from unclamped(job, name, f"G53 G0 {name}{there}")
+            yield from common.unclamped(job, name, f"G53 G0 {name}{there}")
 
 
 def _wrapped(job: Job, leg: Leg, name: str) -> str:
@@ -165,14 +149,14 @@ def _wrapped(job: Job, leg: Leg, name: str) -> str:
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move by its subroutine."""
-    start = standoff(job, leg)
+    start = common.standoff(job, leg)
     values = [number(place[name]) for place in (leg.to, start) for name in "XYZ"]
     yield "O<tango_touch> CALL " + " ".join(f"[{v}]" for v in (*values, number(job.plan.strategy.approach.feed)))
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """The line of the touch by its subroutine."""
-    yield f"O<tango_record> CALL [{leg.touch.number}] [{spindle(job, leg.to['S'])}]"
+    yield f"O<tango_record> CALL [{leg.touch.number}] [{common.spindle(job, leg.to['S'])}]"
 
 
 def end(job: Job) -> Iterator[str]:
@@ -187,7 +171,7 @@ def _check(job: Job) -> None:
     options = job.options
     if not PATH.fullmatch(options["log"]):
         raise InputError(f"controller.log: found {options['log']!r}; allowed: a path of letters, digits, . _ - and /")
-    fits(job)
+    common.fits(job)
 
 
 POST = Post(
@@ -196,5 +180,5 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "tango",
-    **steps(globals()),
+    **common.steps(globals()),
 )

@@ -12,24 +12,9 @@ from collections.abc import Iterator, Mapping
 
 from tango_cnc.records import InputError
 
+from . import _common as common
 from . import _mach3_macros as basic
 from ._base import Job, Leg, Option, Post, early_distance, number
-from ._common import (
-    MISSED,
-    PROBE_SWITCHES,
-    ROLLOVER,
-    TOLERANCE,
-    angle,
-    approaching,
-    fits,
-    indexed,
-    spindle,
-    standoff,
-    steps,
-    switches,
-    titled,
-    warned,
-)
 
 FILE = re.compile(r"[A-Z]:\\(?:[A-Za-z0-9_ -]{1,40}\\){0,6}[A-Za-z0-9_-]{1,40}\.[a-z]{1,4}")
 
@@ -41,17 +26,17 @@ OPTIONS = (
         verified=True,
     ),
     Option("reset", "G17 G21 G40 G49 G50 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
-    *PROBE_SWITCHES,
+    *common.PROBE_SWITCHES,
     Option(
         "orient",
         "M19 R",
         "word before the angle that orients the spindle: a macro of your own; empty: it is not turned",
         codes=True,
     ),
-    ROLLOVER,
+    common.ROLLOVER,
     Option("positioning_feed", 1500.0, "mm/min of protected moves", verified=True),
-    TOLERANCE,
-    MISSED,
+    common.TOLERANCE,
+    common.MISSED,
 )
 DOUBTS = (
     "G31 moves X Y Z at once and stores #2000 #2001 #2002 in work coordinates, which some motion boards do not",
@@ -67,9 +52,9 @@ def begin(job: Job) -> Iterator[str]:
     """Header, modal reset, what the macros have to know, start."""
     plan, options = job.plan, job.options
     _check(job)
-    yield from titled(job, "(%s)")
+    yield from common.titled(job, "(%s)")
     needs = f"NEEDS ITS MACROS M{basic.START} TO M{basic.END} IN THE MACROS FOLDER OF THE PROFILE"
-    yield from warned(job, "(%s)", needs, "RECORDS END WITH THEIR CHECK SUM K")
+    yield from common.warned(job, "(%s)", needs, "RECORDS END WITH THEIR CHECK SUM K")
     yield options["reset"]
     yield f"#{basic.EARLY}={number(early_distance(plan))}"
     yield f"#{basic.TOLERANCE}={number(options['tolerance'])}"
@@ -78,7 +63,7 @@ def begin(job: Job) -> Iterator[str]:
     yield f"M{basic.START} (TANGO START {job.mark} {len(plan.touches)})"
 
 
-probe_on, probe_off = switches("(%s)")
+probe_on, probe_off = common.switches("(%s)")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
@@ -90,23 +75,23 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 retract = clear = move
-approach = approaching("(%s)", move)
+approach = common.approaching("(%s)", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other by its macro."""
-    yield f"({indexed(leg)})"
+    yield f"({common.indexed(leg)})"
     if "S" in leg.target and job.options["orient"]:
-        yield f"{job.options['orient']}{spindle(job, leg.target['S'])}"
+        yield f"{job.options['orient']}{common.spindle(job, leg.target['S'])}"
     for name in job.machine.rotary:
         if name in leg.target:
-            yield f"#{basic.ANGLE}={angle(job, name, leg.target[name])}"
+            yield f"#{basic.ANGLE}={common.angle(job, name, leg.target[name])}"
             yield f"M{basic.TURN} P{basic.PLACE[name] + 1}"
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move by its macro."""
-    start = standoff(job, leg)
+    start = common.standoff(job, leg)
     yield _three(basic.TARGET, leg.to)
     yield _three(basic.STANDOFF, start)
     yield f"#{basic.FEED}={number(job.plan.strategy.approach.feed)}"
@@ -121,7 +106,7 @@ def back(job: Job, leg: Leg) -> Iterator[str]:
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """The line of the touch by its macro."""
-    yield f"#{basic.SPINDLE}={spindle(job, leg.to['S'])}"
+    yield f"#{basic.SPINDLE}={common.spindle(job, leg.to['S'])}"
     yield f"M{basic.RECORD} P{leg.touch.number}"
 
 
@@ -142,7 +127,7 @@ def _check(job: Job) -> None:
             f"controller.readings: found {job.options['readings']!r}; allowed: a path such as {OPTIONS[0].default}, "
             "of letters, digits, blanks, _ and -"
         )
-    fits(job)
+    common.fits(job)
 
 
 POST = Post(
@@ -153,5 +138,5 @@ POST = Post(
     stem=lambda job: "tango",
     link="file",
     companions=lambda job: basic.macros(job.machine, job.options["readings"]),
-    **steps(globals()),
+    **common.steps(globals()),
 )

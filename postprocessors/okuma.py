@@ -20,28 +20,8 @@ from collections.abc import Iterator, Mapping
 
 from tango_cnc.records import InputError
 
+from . import _common as common
 from ._base import Job, Leg, Option, Post, early_distance, number
-from ._common import (
-    MISSED,
-    PROBE_SWITCHES,
-    ROLLOVER,
-    TOLERANCE,
-    angle,
-    approaching,
-    axes,
-    clamping,
-    fits,
-    indexed,
-    joined,
-    spindle,
-    standoff,
-    steps,
-    switches,
-    titled,
-    unclamped,
-    warned,
-    words,
-)
 
 VARIABLE = re.compile(r"[A-Z]{2,6}\?(\[\d{1,4}\])?")  # ? stands for the axis letter
 STATE = re.compile(r"([A-Z]{2,8}(\[\d{1,4}\])?)?")
@@ -77,13 +57,13 @@ OPTIONS = (
     Option("places", 10, "places of a printed coordinate in PUT; it must come with four decimals", choices=(10, 11, 12)),
     Option("alarm", 992, "VDOUT that stops with the text of VUACM", choices=(990, 991, 992, 993)),
     Option("orient", "M19 RS", "word before = and the angle that orients the spindle; empty: it is not turned", codes=True),
-    ROLLOVER,
-    *clamping("M21", "M20"),
-    *PROBE_SWITCHES,
+    common.ROLLOVER,
+    *common.clamping("M21", "M20"),
+    *common.PROBE_SWITCHES,
     Option("decimals", 3, "decimals of axis words: the least input increment", verified=True, choices=(3, 4)),
     Option("positioning_feed", 2000.0, "mm/min of protected moves", verified=True),
-    TOLERANCE,
-    MISSED,
+    common.TOLERANCE,
+    common.MISSED,
 )
 
 DOUBTS = (
@@ -101,8 +81,8 @@ def begin(job: Job) -> Iterator[str]:
     plan, options = job.plan, job.options
     _check(job)
     yield "OTNGO"
-    yield from titled(job, "(%s)")
-    yield from warned(job, "(%s)", "NOT TRIED ON ANY OKUMA. LOOK UP EVERY LINE BELOW IN THE MANUALS OF THE MACHINE FIRST")
+    yield from common.titled(job, "(%s)")
+    yield from common.warned(job, "(%s)", "NOT TRIED ON ANY OKUMA. LOOK UP EVERY LINE BELOW IN THE MANUALS OF THE MACHINE FIRST")
     yield f"IF[VRSTT EQ 128] {RESTARTED}"
     yield options["reset"]
     yield options["machine_frame"]
@@ -114,12 +94,12 @@ def begin(job: Job) -> Iterator[str]:
     yield from _line(f"TANGO START {job.mark} {len(plan.touches)}")
 
 
-probe_on, probe_off = switches("(%s)")
+probe_on, probe_off = common.switches("(%s)")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """Protected move: a skip move that has to arrive. An axis that nobody has moved yet stays where it is."""
-    place = words(job, leg.to)
+    place = common.words(job, leg.to)
     yield from _skip(job, place, job.options["positioning_feed"])
     yield job.options["wait"]
     yield "CALL OTG1 " + " ".join(f"P{name}={place.get(name, _position(job, name))}" for name in "XYZ")
@@ -128,25 +108,25 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other; each has arrived."""
     options = job.options
-    yield f"({indexed(leg)})"
+    yield f"({common.indexed(leg)})"
     if "S" in leg.target and options["orient"]:
-        yield f"{options['orient']}={spindle(job, leg.target['S'])}"
+        yield f"{options['orient']}={common.spindle(job, leg.target['S'])}"
     for name in job.machine.rotary:
         if name in leg.target:
-            there = angle(job, name, leg.target[name])
-            yield from unclamped(job, name, f"G0 {name}{there}")
+            there = common.angle(job, name, leg.target[name])
+            yield from common.unclamped(job, name, f"G0 {name}{there}")
             yield options["wait"]
             yield f"CALL OTG4 PA={there} PB={_position(job, name)}"
 
 
 retract = clear = move
-approach = approaching("(%s)", move)
+approach = common.approaching("(%s)", move)
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then OTG2 for flag and machine coordinates."""
-    start = words(job, standoff(job, leg))
-    place = words(job, leg.to)
+    start = common.words(job, common.standoff(job, leg))
+    place = common.words(job, leg.to)
     yield from _skip(job, place, job.plan.strategy.approach.feed)
     targets = " ".join(f"P{name}={value}" for name, value in place.items())
     starts = " ".join(f"P{letter}={value}" for letter, value in zip("IJK", start.values(), strict=True))
@@ -155,12 +135,12 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move."""
-    yield f"G1 {joined(words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    yield f"G1 {common.joined(common.words(job, leg.to))} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """The line of the touch by OTG3."""
-    yield f"CALL OTG3 PT={leg.touch.number} PS={spindle(job, leg.to['S'])}"
+    yield f"CALL OTG3 PT={leg.touch.number} PS={common.spindle(job, leg.to['S'])}"
 
 
 def end(job: Job) -> Iterator[str]:
@@ -248,7 +228,7 @@ def _skip(job: Job, place: Mapping[str, str], feed: float) -> Iterator[str]:
     if job.options["probe_state"]:
         yield job.options["wait"]
         yield f"IF[{job.options['probe_state']} NE 0] {DEFLECTED}"
-    yield f"{job.options['skip']} {joined(place)} F{number(feed)}"
+    yield f"{job.options['skip']} {common.joined(place)} F{number(feed)}"
 
 
 def _line(text: str) -> Iterator[str]:
@@ -262,7 +242,7 @@ def _common(job: Job, place: int) -> str:
 
 def _found(job: Job) -> dict[str, str]:
     """→ {axis letter: common variable that holds where the touch was}."""
-    return {name: _common(job, FOUND + i) for i, name in enumerate(axes(job.machine))}
+    return {name: _common(job, FOUND + i) for i, name in enumerate(common.axes(job.machine))}
 
 
 def _contact(job: Job, name: str) -> str:
@@ -293,7 +273,7 @@ def _check(job: Job) -> None:
             raise InputError(f"controller.{key}: found nothing; allowed: words of the control")
     if not 1 <= options["common"] <= 201 - COMMON:
         raise InputError(f"controller.common: found {options['common']}; allowed: 1 … {201 - COMMON}")
-    fits(job)
+    common.fits(job)
 
 
 POST = Post(
@@ -302,5 +282,5 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",
-    **steps(globals()),
+    **common.steps(globals()),
 )

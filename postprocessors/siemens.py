@@ -12,25 +12,8 @@ from collections.abc import Iterator, Mapping
 
 from tango_cnc.records import InputError
 
+from . import _common as common
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, number, rolled
-from ._common import (
-    MISSED,
-    PROBE_SWITCHES,
-    TOLERANCE,
-    approaching,
-    axes,
-    clamping,
-    fits,
-    indexed,
-    joined,
-    standoff,
-    steps,
-    switches,
-    titled,
-    unclamped,
-    warned,
-    words,
-)
 
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
 FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
@@ -62,12 +45,12 @@ OPTIONS = (
         "DC (0 to 360, the short way) for endless axes (auto), for all, or AC for all",
         choices=("auto", "DC", "AC"),
     ),
-    *clamping("M11", "M10"),
-    *PROBE_SWITCHES,
+    *common.clamping("M11", "M10"),
+    *common.PROBE_SWITCHES,
     Option("decimals", 3, "decimals of axis words: the control's computing resolution", verified=True, choices=(3, 4)),
     Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
-    TOLERANCE,
-    MISSED,
+    common.TOLERANCE,
+    common.MISSED,
 )
 
 DOUBTS = (
@@ -83,10 +66,10 @@ def begin(job: Job) -> Iterator[str]:
     """Header, variables, modal reset, probe at rest, start mark."""
     plan, options = job.plan, job.options
     _check(job)
-    yield from titled(job, "; %s")
-    yield from warned(job, "; %s")
+    yield from common.titled(job, "; %s")
+    yield from common.warned(job, "; %s")
     yield "DEF INT TG_ERROR,TG_FLAG,TG_MISSES"
-    yield f"DEF REAL TG_SHORT,TG_WAY,TG_LAG,TG_TURN,TG_SUM,{','.join(f'TG_{name}' for name in axes(job.machine))}"
+    yield f"DEF REAL TG_SHORT,TG_WAY,TG_LAG,TG_TURN,TG_SUM,{','.join(f'TG_{name}' for name in common.axes(job.machine))}"
     yield "DEF STRING[200] TG_TEXT"
     yield options["reset"]
     yield "D0"
@@ -102,12 +85,12 @@ def begin(job: Job) -> Iterator[str]:
     yield from _write(job, f'"TANGO START {job.mark} {len(plan.touches)}"')
 
 
-probe_on, probe_off = switches("; %s")
+probe_on, probe_off = common.switches("; %s")
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
     """Protected move: measures all the way and stops when anything was met."""
-    place = words(job, leg.to)
+    place = common.words(job, leg.to)
     yield from _at_rest(job)
     yield _measure(job, place, job.options["positioning_feed"])
     yield "STOPRE"
@@ -116,19 +99,19 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 retract = clear = move
-approach = approaching("; %s", move)
+approach = common.approaching("; %s", move)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
     """Spindle, then one rotary axis after the other; all have arrived."""
     options = job.options
-    yield f"; {indexed(leg)}"
+    yield f"; {common.indexed(leg)}"
     if "S" in leg.target and options["orient"]:
         yield f"SPOS={_spindle(leg)}"
     for name in job.machine.rotary:
         if name in leg.target:
             word, angle = _angle(job, name, leg.target[name])
-            yield from unclamped(job, name, f"SUPA D0 G0 {name}={word}({angle})")
+            yield from common.unclamped(job, name, f"SUPA D0 G0 {name}={word}({angle})")
             yield "STOPRE"
             yield f"TG_TURN=ABS($AA_IM[{name}]-{_signed(angle)})"
             yield "TG_TURN=ABS(TG_TURN-360.*TRUNC(TG_TURN/360.+0.5))"
@@ -137,12 +120,12 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then flag and machine coordinates in TG_FLAG, TG_X, … ."""
-    start = words(job, standoff(job, leg))
-    place = words(job, leg.to)
+    start = common.words(job, common.standoff(job, leg))
+    place = common.words(job, leg.to)
     yield from _at_rest(job)
     yield _measure(job, place, job.plan.strategy.approach.feed)
     yield "STOPRE"
-    for name in axes(job.machine):
+    for name in common.axes(job.machine):
         yield f"TG_{name}={'$AA_MM' if name in 'XYZ' else '$AA_IM'}[{name}]"
     yield f"TG_SHORT={_distance(place)}"
     yield f"TG_WAY=SQRT({'+'.join(f'POT(TG_{name}-{_signed(value)})' for name, value in start.items())})"
@@ -159,12 +142,12 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move."""
-    yield f"SUPA D0 G1 {joined(words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    yield f"SUPA D0 G1 {common.joined(common.words(job, leg.to))} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """One line: touch, flag, machine coordinates, spindle, their sum."""
-    names = axes(job.machine)
+    names = common.axes(job.machine)
     places = " ".join(f"{name}%.4F" for name in names)
     values = ",".join(f"TG_{name}" for name in names)
     spindle = _spindle(leg)
@@ -217,7 +200,7 @@ def _is_device(job: Job) -> bool:
 
 
 def _measure(job: Job, place: Mapping[str, str], feed: float) -> str:
-    return f"SUPA D0 G1 MEAS={job.options['probe_input']} {joined(place)} F{number(feed)}"
+    return f"SUPA D0 G1 MEAS={job.options['probe_input']} {common.joined(place)} F{number(feed)}"
 
 
 def _distance(place: Mapping[str, str]) -> str:
@@ -248,7 +231,7 @@ def _check(job: Job) -> None:
         raise InputError(f"controller.output: found {options['output']!r}; allowed: a device /dev/… or a file _N_NAME_MPF")
     if options["alarm"] and not 65000 <= options["alarm"] <= 65999 - len(STOPS):
         raise InputError(f"controller.alarm: found {options['alarm']}; allowed: 0, or 65000 … {65999 - len(STOPS)}")
-    fits(job)
+    common.fits(job)
 
 
 POST = Post(
@@ -257,5 +240,5 @@ POST = Post(
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",
-    **steps(globals()),
+    **common.steps(globals()),
 )
