@@ -109,6 +109,8 @@ def load(name: str) -> Post:
     """name of a file in this folder, or path of a user's own → post. Raises InputError when there is none or it is not one."""
     own = name.endswith(".py") or "/" in name or "\\" in name
     file = Path(name) if own else FOLDER / f"{name}.py"
+    if own and not file.is_file():
+        raise InputError(f"post {name!r}: no such post: there is no such file; in tango.yaml its path starts from the cell")
     if not file.is_file() or (not own and name.startswith("_")):
         known = names()
         near = difflib.get_close_matches(name, known, n=1)

@@ -159,6 +159,8 @@ def fits(job: Job, most: int = 9) -> None:
         raise InputError(
             f"controller.orient: found {options['orient'] or 'nothing'}; allowed: {wanted}, as this strategy turns the spindle"
         )
+    if isinstance(word := options.get("orient"), str) and word and not word[-1].isalpha():  # M19 before 0 would be M190
+        raise InputError(f"controller.orient: found {word!r}; allowed: words that end with the letter of the angle, e.g. M19 R")
 
 
 def _axis_numbers(job: Job, most: int) -> None:

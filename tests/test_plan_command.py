@@ -125,7 +125,7 @@ def test_dry_run_prints_the_moves_and_writes_nothing(cell: Path, capsys: pytest.
         ),
         ("tango.yaml", "post: fanuc", "post: fanoc", ["no such post", "Did you mean 'fanuc'?"]),
         ("tango.yaml", "post: fanuc", "post: fanuc, decimal: 3", ["unknown key 'decimal'", "Did you mean 'decimals'?"]),
-        ("tango.yaml", "post: fanuc", "post: fanuc, decimals: 5", ["controller.decimals: found 5; allowed: 3, 4"]),
+        ("tango.yaml", "post: fanuc", "post: fanuc, decimals: 5", ["tango.yaml:5: controller.decimals: found 5; allowed: 3, 4"]),
         ("tango.yaml", "controller: {post: fanuc}", "", ["no controller.post; state it there or with --post (", "linuxcnc"]),
     ],
 )

@@ -168,6 +168,7 @@ def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
         ({"clamp": {"B": "M10\nM30"}}, "a word such as M10 for B, C"),
         ({"program_number": 12345}, "allowed: 1 … 9995"),
         ({"orient": ""}, "the word that orients the spindle"),
+        ({"orient": "M19"}, "end with the letter of the angle"),  # M19 and 0 degrees would be M190
         ({"positioning_feed": 0}, "more than 0"),
         ({"macros": "nested"}, "inline, called"),
     ],

@@ -356,7 +356,8 @@ def test_a_run_is_followed_from_elsewhere(cell):
     assert result.code == 0
     steps = [json.loads(line) for line in result.out.splitlines()]
     assert [step["touch"] for step in steps if step["event"] == "touch"] == [1, 2, 3, 4, 5, 6, 7]
-    assert steps[-1]["remark"] == "the run has ended: end mark"
+    assert steps[-2]["remark"] == "the run has ended: end mark"
+    assert steps[-1] == {"event": "end", "readings": str(cell / "readings.csv"), "complete": True}
 
 
 def test_a_run_that_stopped_is_followed_to_where_it_stopped(cell):
@@ -368,7 +369,9 @@ def test_a_run_that_stopped_is_followed_to_where_it_stopped(cell):
 
 
 def test_there_must_be_a_run_to_follow(cell):
-    assert Result("run", "-C", cell, "--watch").code == 2
+    result = Result("run", "-C", cell, "--watch")
+    assert result.code == 2
+    assert "there is no run to follow" in result.err
 
 
 def test_a_facet_that_drifts_is_shown_while_it_happens(cell):

@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 from ..duration import duration, spoken
-from ..files import read_cell, read_terms
+from ..files import blamed_on, read_cell, read_terms
 from ..identify import condition_number, select, summary
 from ..model import known, linearise
 from ..plan import last_motion, plan
@@ -52,7 +52,8 @@ def positioning_feed(cell: Cell) -> float | None:
         return None
     name = cell.controller.post
     post = posts.load(str(cell.folder / name) if name.endswith(".py") else name)
-    feed = posts.settings(post, cell.controller.options).get("positioning_feed")
+    with blamed_on(cell.folder / "tango.yaml"):
+        feed = posts.settings(post, cell.controller.options).get("positioning_feed")
     return float(feed) if isinstance(feed, int | float) and feed > 0 else None
 
 

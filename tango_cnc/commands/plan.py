@@ -6,6 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,7 @@ import click
 
 from ..capability.programs import KINDS, Kind
 from ..capability.programs import program as capability_program
-from ..files import artefact_text, read_cell, strategy_text
+from ..files import artefact_text, blamed_on, read_cell, strategy_text
 from ..files.plan import plan_lines, write_together
 from ..plan import plan_hash
 from ..records import InputError, Plan
@@ -109,7 +110,8 @@ def command(
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
     options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
     target = out or (folder / "program" if capability is None else folder / "capability" / capability)
-    written = programs(dialect, made, options, most)
+    with blamed_on(folder / "tango.yaml") if options else nullcontext():
+        written = programs(dialect, made, options, most)
     doubts = (*posts.unverified(dialect, options), *posts.reach(made), *dict.fromkeys(d for w in written for d in w.doubts))
     files: dict[Path, Callable[[], Iterator[str]]] = {target / w.name: w.lines for w in written}
     files[target / "plan.csv"] = lambda: plan_lines(made)

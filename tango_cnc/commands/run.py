@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..files import read_cell
+from ..files import blamed_on, read_cell
 from ..files.checked import read_text
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import cell_option
@@ -90,7 +90,9 @@ def command(
     target = readings_file or folder / "readings.csv"
     if watching:
         with _Live(json_file) as live:
-            if not follow(target.with_suffix(".journal"), live, lambda: time.sleep(PAUSE)):
+            complete = follow(target.with_suffix(".journal"), live, lambda: time.sleep(PAUSE))
+            live.add("end", {"readings": str(target), "complete": complete})
+            if not complete:
                 raise LinkError(f"{target.with_suffix('.journal')}: the run has stopped before its end")
         return
     cell = read_cell(folder)
@@ -171,7 +173,8 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
         for doubt in doubts:
             click.echo(f"{program_file}: {doubt}", err=True)
         return [Program(text, mark, letters, whole)]
-    written = programs(post, part, cell.controller.options, most)
+    with blamed_on(cell.folder / "tango.yaml"):
+        written = programs(post, part, cell.controller.options, most)
     target = cell.folder / "program" / ("" if part is whole else "rest")
     files: dict[Path, Callable[[], Iterator[str]]] = {target / w.name: w.lines for w in written}
     files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, part, cell.controller.options).items()}

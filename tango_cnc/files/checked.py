@@ -15,6 +15,11 @@ import yaml
 
 from ..records import Id, InputError, Vector
 
+MISSING = {  # file name → what to do when it is not there
+    "tango.yaml": "give the folder of the cell with -C, or make one with 'tango init DIR'",
+    "readings.csv": "'tango run' makes the readings of a cell, 'tango simulate' those of its world.yaml",
+}
+
 
 def complaint(file: Path | str, line: int | None, key: str, found: str, allowed: str) -> InputError:
     """where, what was found, what is allowed → the error to raise; one form for every file."""
@@ -191,9 +196,7 @@ def read_text(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise complaint(
-            file, None, "", "no such file", "give the folder of the cell with -C, or make one with 'tango init DIR'"
-        ) from None
+        raise complaint(file, None, "", "no such file", MISSING.get(file.name, "check the path; it starts from here")) from None
     except UnicodeDecodeError:
         raise complaint(file, None, "", "not UTF-8 text", "save the file as UTF-8") from None
     except OSError as error:
@@ -211,7 +214,7 @@ def blamed_on(file: Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        match = re.match(r"(\w+)(?:\[(\d+)\])?(?:\.(\w+))?: found (?:the unknown key )?'([^']*)'", str(error))
+        match = re.match(r"(\w+)(?:\[(\d+)\])?(?:\.(\w+))?: found (?:the unknown key )?(?:'([^']*)')?", str(error))
         top = dict(load(file).items()).get(match[1]) if match else None
         if match is None or top is None:
             raise

@@ -140,6 +140,8 @@ def follow(file: Path, watch: Callable[[Step], None], pause: Callable[[], None])
 
     Raises InputError when there is no run.
     """
+    if not file.exists():
+        raise InputError(f"{file}: no such file; there is no run to follow")
     shown = done = total = 0
     ended: bool | None = None
     part = [1, 1]
