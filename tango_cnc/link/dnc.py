@@ -14,8 +14,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..records import InputError
-from ._client import Begun, Ended, Event, Failed, Job, Refused, Touched
-from ._words import SUM, record, summed
+from ._client import Begun, Event, Job, Refused
+from ._listener import Listener
+from ._words import record
 
 DC1, DC2, DC3, DC4 = 0x11, 0x12, 0x13, 0x14
 NUL, DEL = 0x00, 0x7F
@@ -58,23 +59,18 @@ def tape(program: str, eob: str = "\n", even: bool = False) -> bytes:
     return "".join(line + eob for line in lines).encode("ascii")
 
 
-class Client:
+class Client(Listener):
     """Sends one program and captures its records."""
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a program that cannot go over the line."""
         chosen = {name: options.get(name, allowed[0]) for name, allowed in OPTIONS.items()}
-        self._job = job
+        super().__init__(job)
         self._data = tape(job.program, EOB[chosen["eob"]], chosen["tv"] == "even")
-        self._letters = (*job.letters, SUM) if summed(job.program) else job.letters
         self._at = 0
         self._mask = 0x7F if chosen["bits"] == "7" else 0xFF
         self._punching = self._punches = False  # now between DC2 and DC4; this control sends them at all
         self._held = chosen["start"] == "xon"
-        self._begun = self._over = False
-        self._position = 0  # of the next touch in job.numbers
-        self._silence = 0.0
-        self._line = bytearray()
 
     @property
     def sent(self) -> tuple[int, int]:
@@ -142,13 +138,7 @@ class Client:
         self._silence = 0.0
         if isinstance(event, Begun):
             return [event] if self._expected(event) else self._fail(self._stranger(event))
-        if not self._begun:
-            return self._fail(f"a record came before the start mark: {text!r}. Was another program running?")
-        if isinstance(event, Touched) and event.number in self._job.numbers:
-            self._position = max(self._position, self._job.numbers.index(event.number) + 1)
-        if isinstance(event, Ended):
-            self._over = True
-        return [event]
+        return self._counted(event, text)
 
     def _expected(self, event: Begun) -> bool:
         fits = event.mark == self._job.mark and event.count == len(self._job.numbers) and not self._begun
@@ -161,17 +151,10 @@ class Client:
         ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
         return f"the control runs another program: its start mark is {event.mark} with {event.count} touches, sent was {ours}"
 
-    def _fail(self, why: str) -> list[Event]:
-        self._over = True
-        return [Failed(why)]
-
     def elapsed(self, seconds: float) -> list[Event]:
         """s since the last call → Failed when the control has been silent for longer than the next touch may take."""
-        if self._over:
-            return []
-        self._silence += seconds
-        allowed = self._job.patience[self._position] if self._begun else self._job.start_patience
-        if self._silence <= allowed:
+        allowed = self._waited(seconds)
+        if allowed is None:
             return []
         at, total = self.sent
         where = f"{at} of {total} bytes are sent" + (" and the control holds the line (DC3)" if self._held and at else "")

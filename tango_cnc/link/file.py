@@ -12,8 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ._client import Begun, Ended, Event, Failed, Identified, Job, Refused, Touched
-from ._words import SUM, record, summed
+from ._client import Begun, Ended, Event, Identified, Job, Refused
+from ._listener import Listener
+from ._words import record
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "from": ("now", "last"),  # of the transport: what is written from now on; or from the last start mark on
@@ -35,17 +36,12 @@ def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
     return True, [f"{len(lines)} lines: program {marks[-1]}, {touches} records, {whole}"]
 
 
-class Client:
+class Client(Listener):
     """Reads the records of one program; sends nothing."""
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client."""
-        self._job = job
-        self._letters = (*job.letters, SUM) if summed(job.program) else job.letters
-        self._begun = self._over = False
-        self._position = 0  # of the next touch in job.numbers
-        self._silence = 0.0
-        self._line = bytearray()
+        super().__init__(job)
         self.advice = "nothing is sent over this link: bring the program to the control and start it there"
 
     @property
@@ -76,14 +72,8 @@ class Client:
             return [event] if self._begun else []
         if isinstance(event, Begun):
             return self._start(event, text)
-        if not self._begun:
-            return self._fail(f"a record came before the start mark: {text!r}. Was another program running?")
         self._silence = 0.0
-        if isinstance(event, Touched) and event.number in self._job.numbers:
-            self._position = max(self._position, self._job.numbers.index(event.number) + 1)
-        if isinstance(event, Ended):
-            self._over = True
-        return [event]
+        return self._counted(event, text)
 
     def _start(self, event: Begun, text: str) -> list[Event]:
         if self._begun:
@@ -96,17 +86,10 @@ class Client:
             f"the control runs another program: {text!r}, and this run is {ours}: bring the new program to the control"
         )
 
-    def _fail(self, why: str) -> list[Event]:
-        self._over = True
-        return [Failed(why)]
-
     def elapsed(self, seconds: float) -> list[Event]:
         """s since the last call → Failed when nothing was written for longer than the next touch may take."""
-        if self._over:
-            return []
-        self._silence += seconds
-        allowed = self._job.patience[self._position] if self._begun else self._job.start_patience
-        if self._silence <= allowed:
+        allowed = self._waited(seconds)
+        if allowed is None:
             return []
         what = "record" if self._begun else "start mark"
         return self._fail(f"no {what} was written within {allowed:.0f} s: does the program run, and write into this file?")

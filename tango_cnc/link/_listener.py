@@ -1,0 +1,41 @@
+"""What the clients of one-way links have alike: a program that runs by itself, its records, and how long it may be silent."""
+
+from __future__ import annotations
+
+from ._client import Ended, Event, Failed, Job, Touched
+from ._words import SUM, summed
+
+
+class Listener:
+    """How far the program is, by the records that have come."""
+
+    def __init__(self, job: Job) -> None:
+        """job → nothing has come yet."""
+        self._job = job
+        self._letters = (*job.letters, SUM) if summed(job.program) else job.letters
+        self._begun = self._over = False
+        self._position = 0  # of the next touch in job.numbers
+        self._silence = 0.0
+        self._line = bytearray()
+
+    def _counted(self, event: Event, text: str) -> list[Event]:
+        """a record and the line that it was read from → events; it comes before the start mark, counts a touch, or is the end."""
+        if not self._begun:
+            return self._fail(f"a record came before the start mark: {text!r}. Was another program running?")
+        if isinstance(event, Touched) and event.number in self._job.numbers:
+            self._position = max(self._position, self._job.numbers.index(event.number) + 1)
+        if isinstance(event, Ended):
+            self._over = True
+        return [event]
+
+    def _waited(self, seconds: float) -> float | None:
+        """s since the last call → s of silence that were allowed and are over; None while they are not, and behind the end."""
+        if self._over:
+            return None
+        self._silence += seconds
+        allowed = self._job.patience[self._position] if self._begun else self._job.start_patience
+        return allowed if self._silence > allowed else None
+
+    def _fail(self, why: str) -> list[Event]:
+        self._over = True
+        return [Failed(why)]
