@@ -169,6 +169,10 @@ def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
         ({"program_number": 12345}, "allowed: 1 … 9995"),
         ({"orient": ""}, "the word that orients the spindle"),
         ({"orient": "M19"}, "end with the letter of the angle"),  # M19 and 0 degrees would be M190
+        ({"orient": "G0 Z"}, "move no axis"),
+        ({"probe_on": "G0 Z-500"}, "move no axis"),
+        ({"probe_on": "M17G00Z - .5"}, "move no axis"),
+        ({"probe_off": "G91 G28"}, "move no axis"),
         ({"positioning_feed": 0}, "more than 0"),
         ({"macros": "nested"}, "inline, called"),
     ],
