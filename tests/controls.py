@@ -69,9 +69,19 @@ class Ran:
         return [data["message"] for event, data in self.events if event == "stop"]
 
     @property
+    def messages(self) -> list[str]:
+        """→ what it showed on its screen."""
+        return [data["text"] for event, data in self.events if event == "message"]
+
+    @property
+    def places(self) -> list[Mapping[str, float]]:
+        """→ where each motion ended, {axis: mm deg}."""
+        return [data["position"] for event, data in self.events if event in ("feed", "rapid", "skip", "contact")]
+
+    @property
     def moves(self) -> int:
         """→ how many motions there were."""
-        return sum(event in ("feed", "rapid", "skip", "contact") for event, _ in self.events)
+        return len(self.places)
 
     def records(self, made: Plan) -> list[Any]:
         """→ what the reader of the line makes of all that was printed."""

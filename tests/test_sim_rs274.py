@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import controls
 import pytest
+from controls import GOLDEN, Ran, run_on
 
-from postprocessors._base import load, program
-from sim_controller.faults import faults
-from sim_controller.interpreters import Alarm, rs274
-from sim_controller.motion import Motion
-from sim_controller.probing import rig
+from sim_controller.interpreters import rs274
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Begun, Ended, Touched
 from tango_cnc.link._words import record
-from tango_cnc.plan import plan, plan_hash
+from tango_cnc.plan import plan
 from tango_cnc.records import Cell, Plan, World
 
-GOLDEN = Path(__file__).parent / "golden" / "cell"
 HEAD = ["G21 G90 G94 G17 G40 G49"]
 
 
@@ -35,49 +30,14 @@ def made(cell: Cell) -> Plan:
     return plan(cell)
 
 
-@dataclass
-class Ran:
-    """What came of a program."""
-
-    out: bytes = b""
-    alarm: Alarm | None = None
-    events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
-
-    @property
-    def lines(self) -> list[str]:
-        return self.out.decode("ascii").splitlines()
-
-    @property
-    def messages(self) -> list[str]:
-        return [data["text"] for event, data in self.events if event == "message"]
-
-    @property
-    def places(self) -> list[Mapping[str, float]]:
-        return [data["position"] for event, data in self.events if event in ("feed", "rapid", "skip", "contact")]
-
-    def flags(self, made: Plan) -> list[int]:
-        events = [record(line, made.machine.names) for line in self.lines]
-        return [event.flag for event in events if isinstance(event, Touched)]
-
-
-def run(lines: list[str], made: Plan, world: World | None = None, fault: tuple[str, ...] = (), **settings: Any) -> Ran:
-    """program, true machine → what came of it."""
-    ran, out = Ran(), []
-
-    def note(event: str, **data: Any) -> None:
-        ran.events.append((event, data))
-
-    motion = Motion(rig(made.machine, made.artefact, world or World()), note, faults=faults(fault))
-    try:
-        rs274.Control(motion, rs274.Profile(**settings), out.append, note).run(lines, False)
-    except Alarm as alarm:
-        ran.alarm = alarm
-    ran.out = b"".join(out)
-    return ran
+def run(lines: list[str], made: Plan, world: World | None = None, fault: str | None = None, **settings: Any) -> Ran:
+    """program, true machine, a fault, what differs from the usual profile → what came of it."""
+    known = rs274.Profile(**settings)
+    return run_on(lambda motion, punch, note: rs274.Control(motion, known, punch, note), lines, made, None, world, fault)
 
 
 def lines_of(made: Plan, **options: Any) -> list[str]:
-    return list(program(load("linuxcnc"), made, options, plan_hash(made))[2]())
+    return controls.lines_of("linuxcnc", made, **options)
 
 
 def stopped(lines: list[str], made: Plan, **settings: Any) -> str:
@@ -133,13 +93,13 @@ def test_contact_on_the_way_ends_it(made: Plan) -> None:
 
 def test_a_probe_that_stays_on_ends_it_before_the_way_up(made: Plan) -> None:
     """No other move would notice: LinuxCNC looks for the moment of tripping."""
-    ran = run(lines_of(made), made, fault=("probe-stuck-after=1",))
+    ran = run(lines_of(made), made, fault="probe-stuck-after=1")
     assert ran.alarm is not None and "already tripped" in ran.alarm.text
     assert ran.flags(made) == [1] and ran.places[-1]["Z"] < 300
 
 
 def test_a_probe_that_is_on_before_the_search_ends_it(made: Plan) -> None:
-    ran = run(lines_of(made), made, fault=("bounce-after=2",))
+    ran = run(lines_of(made), made, fault="bounce-after=2")
     assert ran.alarm is not None and "already tripped" in ran.alarm.text
     assert len(ran.flags(made)) == 2
 
