@@ -19,7 +19,7 @@ from .identify import Selection, condition_number, select
 from .model import Model, errors, known, linearise
 from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, TermItem
 from .terms import causes
-from .touches import from_readings, located
+from .touches import FAR, Touches, from_readings, located, misnamed
 
 STEP = 1e-11  # mm
 SLOWEST = 0.01  # rate at which steps shrink that is trusted
@@ -110,10 +110,26 @@ def estimate(machine: Machine, artefact: Artefact, readings: Readings, terms: Se
     if not len(touches):
         raise TangoError("readings: found no touch with status ok; at least as many touches as unknowns are needed")
     first = [item for item in terms if not _needs_tip(item)]
-    result = fit(select(touches, first, degree))
+    try:
+        result = fit(select(touches, first, degree))
+    except TangoError as error:
+        raise type(error)(f"{error}{_elsewhere(touches)}") from None
     if len(first) < len(terms):
         result = fit(select(replace(touches, tip=tips(result)), terms, degree))
     return result
+
+
+def _elsewhere(touches: Touches) -> str:
+    """touches → what to add when no fit is found: those that were made at another facet than the readings say, or nothing."""
+    found = misnamed(touches)
+    if not found:
+        return ""
+    m = found[0]
+    count = "1 touch was" if len(found) == 1 else f"{len(found)} touches were"
+    return (
+        f". {count} made more than {FAR:g} mm from the facet that the readings name: touch {m.number} is called facet {m.facet}, "
+        f"but was made {m.away:.0f} mm away, {m.beside:.1f} mm from where facet {m.near} is touched"
+    )
 
 
 def _needs_tip(item: TermItem) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ from sim_controller.simulate import simulate
 from tango_cnc.cli import tango
 from tango_cnc.diagnose import Diagnosis, diagnose
 from tango_cnc.diagnose._gain import add, held_out, residual_maker
+from tango_cnc.diagnose._richer import richer
 from tango_cnc.diagnose._space import space
 from tango_cnc.diagnose.words import as_json, as_text
+from tango_cnc.diagnose.world import world
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_terms, readings_text
-from tango_cnc.records import Readings
+from tango_cnc.records import Readings, TangoError
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +93,15 @@ def test_the_effects_that_were_found_are_effects_of_the_simulated_machine(bench:
     assert d.verdict == "adequate"
 
 
+def test_the_world_that_was_found_gives_the_same_touches(bench: blind.Bench, two: Diagnosis) -> None:
+    found, missing = world(two)
+    exact = simulate(bench.cell.machine, bench.cell.artefact, bench.cell.strategy, replace(found, noise=0.0))
+    columns = [bench.cell.machine.column(a) for a in "XYZ"]
+    apart = np.linalg.norm((exact.position - readings(bench, [DRIFT, LOBES]).position)[:, columns], axis=1)
+    assert missing == ()
+    assert np.sqrt(np.mean(apart**2)) == pytest.approx(np.sqrt(np.mean(two.after.residuals**2)), rel=0.05)
+
+
 def test_the_answer_is_the_public_format_and_plain_words(two: Diagnosis) -> None:
     data = json.loads(json.dumps(as_json(two), allow_nan=False))
     assert data["format"] == "tango-diagnosis/1" and data["verdict"] == "explained"
@@ -134,6 +146,45 @@ def test_rough_facets_are_named_one_by_one(bench: blind.Bench) -> None:
     assert set(d.findings[0].detail["facets"]) <= {"16", "22", "28"}
 
 
+def test_the_whole_model_is_advised_where_error_motions_are_missing_and_not_for_what_only_looks_like_them(
+    bench: blind.Bench,
+) -> None:
+    def advised(effects: list[dict[str, Any]]) -> Any:
+        read = readings(bench, effects)
+        after = estimate(bench.cell.machine, bench.cell.artefact, read, ("S3",))
+        return richer(after, read, ("S3",), ("S3",))
+
+    motions = [{"cause": "error_motion", "name": name, "amplitude": 0.01} for name in ("EYX", "EZX", "EXY", "EZC", "EXC")]
+    found = advised(motions)
+    assert found.terms == ("S4",) and found.rms == pytest.approx(blind.NOISE, rel=0.25)
+    assert advised([]) is None
+    assert advised([DRIFT]) is None
+    assert advised([{"cause": "random_walk", "amplitude": 0.003}]) is None
+
+
+def test_an_estimate_that_finds_no_fit_says_which_touches_were_made_elsewhere(bench: blind.Bench) -> None:
+    exchanged = [{"cause": "swapped_facets", "facets": [5, 6], "at": 100, "until": 130}]  # far apart: millimetres, not micrometres
+    with pytest.raises(TangoError, match=r"did not settle.*touch 126 is called facet 6, but was made .* facet 5 is touched"):
+        estimate(bench.cell.machine, bench.cell.artefact, readings(bench, exchanged), bench.cell.terms)
+
+
+@pytest.mark.long
+def test_kinks_are_not_heaped_up_to_follow_a_wave_that_the_catalogue_lacks(bench: blind.Bench) -> None:
+    d = told(bench, [{"cause": "cyclic_error", "axis": "X", "amplitude": 0.004, "period": 90}])  # longer than any in the catalogue
+    chosen = [c.candidate for c in d.explanation.chosen if c.candidate.cause != "outlier"]
+    assert sum(c.cause == "compensation_kink" for c in chosen) <= 2
+    periods = sorted(c.setting["period"] for c in chosen if c.cause == "cyclic_error")
+    assert all(long - short > 1 for short, long in pairwise(periods))
+    assert (d.verdict, [r.covariate for r in d.unexplained]) == ("unexplained", ["X"])
+
+
+@pytest.mark.long
+def test_millimetres_that_the_model_swallows_are_no_cause(bench: blind.Bench) -> None:
+    rough = {"cause": "surface_form", "amplitude": 0.004, "facets": [7, 12]}
+    d = told(bench, [{"cause": "trigger_latency", "delay": 0.003}, rough], seed=7)
+    assert [f.cause for f in d.findings] == ["surface_form"]
+
+
 def test_held_out_errors_are_those_of_fits_without_the_group() -> None:
     rng = np.random.default_rng(1)
     design, data = rng.normal(size=(60, 5)), rng.normal(size=60)
@@ -176,6 +227,16 @@ def test_the_command_writes_json_words_and_a_page_with_pictures(cell: Path) -> N
     assert json.loads((cell / "d.json").read_text())["findings"][0]["cause"] == "thermal_drift"
     page = (cell / "d.html").read_text()
     assert page.count("data:image/png;base64,") == 4 and "warms up" in page
+
+
+def test_the_command_writes_a_world_that_the_simulator_takes_and_overwrites_none(cell: Path) -> None:
+    target = cell / "found.yaml"
+    arguments = ["diagnose", "-C", str(cell), "--world", str(target)]
+    assert CliRunner().invoke(tango, arguments).exit_code == 0
+    again = ["simulate", "-C", str(cell), "--world", str(target), "-o", str(cell / "again.csv")]
+    assert CliRunner().invoke(tango, again).exit_code == 0
+    refused = CliRunner().invoke(tango, arguments)
+    assert refused.exit_code != 0 and "which exists" in str(refused.exception)
 
 
 def test_design_tells_which_touches_would_separate_two_causes(cell: Path) -> None:

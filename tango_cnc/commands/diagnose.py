@@ -10,7 +10,9 @@ from ..diagnose import diagnose
 from ..diagnose.table import as_text as table_text
 from ..diagnose.table import diagnose_table
 from ..diagnose.words import as_json, as_text
-from ..files import read_cell, read_readings, read_terms, write_text
+from ..diagnose.world import world
+from ..files import read_cell, read_readings, read_terms, world_text, write_text
+from ..files.checked import suggestion
 from ..records import InputError
 from ..terms import causes
 from ._common import cell_option, json_option, write_json
@@ -22,6 +24,13 @@ from ._common import cell_option, json_option, write_json
 @click.option("--terms", help="The present model, instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--exclude", multiple=True, metavar="CAUSE", help="Do not try this cause; may be given several times.")
 @click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Also write a report with pictures.")
+@click.option(
+    "--world",
+    "world_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Also write what was found as a new world.yaml, for tango simulate --world FILE.",
+)
 @click.option("--table", "table_file", type=click.Path(path_type=Path), metavar="FILE", help="Measured data from elsewhere (CSV).")
 @click.option("--response", metavar="NAME[,NAME…]", help="With --table: the measured column, or the columns of a vector.")
 @click.option("--model", metavar="NAME[,NAME…]", help="With --table: columns that the present linear model contains.")
@@ -41,6 +50,7 @@ def command(
     terms: str | None,
     exclude: tuple[str, ...],
     html: Path | None,
+    world_file: Path | None,
     table_file: Path | None,
     response: str | None,
     model: str | None,
@@ -57,6 +67,9 @@ def command(
     if table_file is not None:
         if not response:
             raise InputError("--table: found no --response; allowed: the name of the measured column, e.g. --response r")
+        for option, target in (("--html", html), ("--world", world_file)):
+            if target is not None:
+                raise InputError(f"{option}: found together with --table; allowed: with the readings of a cell only")
         result = diagnose_table(table_file, _names(response), _names(model), covariates, group, seed)
         if not write_json(json_file, result):
             click.echo(table_text(result))
@@ -66,7 +79,9 @@ def command(
             raise InputError(f"{name}: found without --table; allowed: only together with --table FILE")
     for name in exclude:
         if name not in causes():
-            raise InputError(f"--exclude: found {name!r}; allowed: {', '.join(causes())}")
+            raise InputError(f"--exclude: found {name!r}; allowed: {', '.join(causes())}.{suggestion(name, causes())}")
+    if world_file is not None and world_file.exists():
+        raise InputError(f"--world: found {world_file}, which exists; allowed: a new file, as it may hold the true machine")
     cell = read_cell(folder)
     readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
     items = cell.terms if terms is None else read_terms(terms)
@@ -76,6 +91,12 @@ def command(
 
         write_text(html, page(found))
         click.echo(f"report with pictures → {html}", err=True)
+    if world_file is not None:
+        found_world, missing = world(found)
+        write_text(world_file, world_text(found_world))
+        click.echo(f"simulated machine with what was found → {world_file}", err=True)
+        if missing:
+            click.echo(f"not in it, as the simulated machine has nothing like it: {', '.join(missing)}", err=True)
     if not write_json(json_file, as_json(found)):
         click.echo(as_text(found))
 

@@ -24,6 +24,7 @@ from . import _explain, _gain, _seen, _spread
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._explain import Explanation
 from ._records import Finding, Remainder
+from ._richer import Richer, richer
 from ._search import Chosen
 from ._seen import Test
 from ._size import size
@@ -32,6 +33,11 @@ from ._volume import Volume, volume
 __all__ = ["Diagnosis", "Finding", "Remainder", "Test", "diagnose", "kernels"]
 Verdict = Literal["adequate", "explained", "unexplained"]
 ROUNDS = 3  # of weighting rough facets and searching again
+ABSURD = 0.1  # mm at a touch: an error as large as this has to show
+SHOWS = 0.15  # that part of it at least
+BLIND = 3  # searches without what turned out to be as large as that
+KINKS = 2  # of an axis, or one table of them
+RESOLVED = 1.0  # waves over the way of an axis by which two periods differ, or they are one
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,7 @@ class Diagnosis:
     noise: float  # mm, white noise of a touch that is left
     explanation: Explanation
     volume: Volume  # predicted error of the tip, before and after
+    richer: Richer | None = None  # the whole model where it does clearly better than what was found
 
     @property
     def terms_text(self) -> str:
@@ -105,11 +112,18 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
         if getattr(module, "EXPECTED", False)
     }
 
-    def plausible(c: Candidate, values: Array) -> bool:
-        check = getattr(modules.get(c.cause), "plausible", None)
-        return check is None or bool(check(values, c.setting, offsets))
-
     gaps, jacobian = linearise(before.model, before.values)
+
+    def compatible(c: Candidate, others: Sequence[Candidate]) -> bool:
+        """Waves of nearly one period, or kinks upon kinks, cancel each other and follow anything."""
+        same = [o.setting for o in others if o.cause == c.cause and o.setting.get("axis") == c.setting.get("axis")]
+        if c.cause == "cyclic_error":
+            way = float(np.ptp(touches.axis(c.setting["axis"])))
+            return all(abs(way / c.setting["period"] - way / o["period"]) > RESOLVED for o in same)
+        if c.cause == "compensation_kink":
+            return not same or (len(same) < KINKS and not any(s.get("nodes") for s in (c.setting, *same)))
+        return True
+
     distances, rows, uncertainty = known(before.model, before.values)
     wandering, seating = kernels(touches)
     weight = np.ones(n)
@@ -120,18 +134,38 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
         def weighed(c: Candidate, w: Array = weight) -> Candidate:
             return replace(c, columns=c.columns * w[:, None])
 
-        found = _explain.explain(
-            np.concatenate([gaps * weight, distances * certain]),
-            np.vstack([jacobian * weight[:, None], rows * certain[:, None]]),
-            n,
-            every if turn == 0 else [weighed(c) for c in every],
-            [k * np.outer(weight, weight) for k in (wandering, seating)],
-            {name: module.REFINE for name, module in modules.items()},
-            lambda cause, setting, w=weighed: w(candidate(touches, cause, setting)),  # type: ignore[misc]
-            plausible,
-            expected=awaited,
-            seed=seed,
-        )
+        absorbed = np.linalg.qr(jacobian * weight[:, None] / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
+
+        def plausible(c: Candidate, values: Array, absorbed: Array = absorbed) -> bool:
+            check = getattr(modules.get(c.cause), "plausible", None)
+            if check is not None and not check(values, c.setting, offsets):
+                return False
+            pattern = c.columns @ values
+            size = float(np.abs(pattern).max())
+            if c.cause in ("", "outlier") or size < ABSURD:
+                return True
+            # Millimetres of which the model swallows all but a few micrometres are its blind spot and no cause.
+            return float(np.abs(pattern - absorbed @ (absorbed.T @ pattern)).max()) > SHOWS * size
+
+        for _ in range(BLIND + 1):
+            found = _explain.explain(
+                np.concatenate([gaps * weight, distances * certain]),
+                np.vstack([jacobian * weight[:, None], rows * certain[:, None]]),
+                n,
+                every if turn == 0 else [weighed(c) for c in every],
+                [k * np.outer(weight, weight) for k in (wandering, seating)],
+                {name: module.REFINE for name, module in modules.items()},
+                lambda cause, setting, w=weighed: w(candidate(touches, cause, setting)),  # type: ignore[misc]
+                plausible,
+                compatible,
+                expected=awaited,
+                seed=seed,
+            )
+            # Plausible beside what was there when it was chosen, and no longer beside what is there now.
+            absurd = {_where(c.candidate) for c, v in _explain.sizes(found) if not plausible(c.candidate, v)}
+            if not absurd:
+                break
+            every = [c for c in every if _where(c) not in absurd]
         if "surface_form" in excluded:
             break
         spread = _explain.rough(found, touches.facet, weight)
@@ -142,6 +176,11 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
         lighter = {r.key: r.weight for r in rough}
         weight = np.array([lighter.get(f, 1.0) for f in touches.facet])
     return found, weight, rough
+
+
+def _where(c: Candidate) -> tuple[str, object]:
+    """→ the cause and the axis or coefficient that it acts on."""
+    return c.cause, c.setting.get("axis", c.setting.get("name"))
 
 
 def kernels(touches: Touches) -> tuple[Array, Array]:
@@ -237,6 +276,7 @@ def _told(
         found.sigma,
         found,
         volume(before, after, {c.name for c in before.model.coefficients}),
+        richer(after, readings, terms, extended) if verdict != "adequate" else None,
     )
 
 

@@ -166,6 +166,15 @@ def values(e: Explanation, tangents: Mapping[int, Array]) -> tuple[Array, Array]
     return solution, covariance
 
 
+def sizes(e: Explanation) -> list[tuple[Chosen, Array]]:
+    """explanation → its chosen causes, each with its values beside all the others; no outliers, no shapes."""
+    if not e.chosen:
+        return []
+    solution, _ = values(e, {})
+    ends = np.cumsum([c.columns.shape[1] for c in e.chosen])[:-1]
+    return [(c, v) for c, v in zip(e.chosen, np.split(solution, ends), strict=True) if c.candidate.named]
+
+
 @dataclass(frozen=True)
 class Rough:
     """Rows that scatter more than the others: their key, standard deviation that is added, the probability of it by chance, and
@@ -245,5 +254,6 @@ __all__ = [
     "rest",
     "rough",
     "significance",
+    "sizes",
     "values",
 ]

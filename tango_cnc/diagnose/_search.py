@@ -267,7 +267,14 @@ def best_addition(place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits
     selected = columns_of(place, chosen)
     settings = below(best_noise(place, selected)[0])
     near = [block for score, block in found if score > found[0][0] - max(CLOSE, 0.35 * abs(found[0][0]))][:6]
-    options = [refined(place, cat, cat.candidates[block], selected, settings) for block in near]
+    others = [c.candidate for c in chosen]
+    options = []
+    for block in near:
+        start = cat.candidates[block]
+        one = refined(place, cat, start, selected, settings)
+        if not cat.compatible(one.candidate, others):  # its shape has run into that of one of them
+            one = Chosen(start, place.project(start.columns), float(cat.price[block]))
+        options.append(one)
     possible = [o for o in options if cat.plausible(o.candidate, coefficients(place, selected, o.columns, settings[-1]))]
     options = possible or options[:1]
     values = [2 * likelihood(place, np.hstack([selected, c.columns]), settings) - c.price for c in options]

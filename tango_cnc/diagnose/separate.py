@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import terms as families
+from ..files.checked import suggestion
 from ..identify import select
 from ..model import known, linearise
 from ..records import Array, InputError, TermItem
@@ -106,7 +107,7 @@ def _variants(touches: Touches, name: str, present: set[str]) -> list[Candidate]
     module = families.causes().get(name)
     if module is None or not hasattr(module, "variants"):
         allowed = [n for n, m in families.causes().items() if hasattr(m, "variants")]
-        raise InputError(f"--separate: found {name!r}; allowed: two of {', '.join(allowed)}")
+        raise InputError(f"--separate: found {name!r}; allowed: two of {', '.join(allowed)}.{suggestion(name, allowed)}")
     settings = list(module.variants(touches))
     step = max(1, len(settings) // PAIRS)
     found = [candidate(touches, name, setting) for setting in settings[::step]]

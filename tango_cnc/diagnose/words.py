@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from .. import terms as families
+from ..estimate import Estimate
 from ..records import Array
 from ..touches import misnamed
 from . import Diagnosis, Finding, Test
+from ._richer import Richer
 from ._size import plain
 from .sentences import advice, covariate, gain, meaning, said, unexplained
 
@@ -47,6 +49,13 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "moved_max_um": d.volume.moved_most * 1e3,
         },
         "outliers": list(d.outliers),
+        "richer": None
+        if d.richer is None
+        else {
+            "terms": [plain(t) if isinstance(t, Mapping) else t for t in d.richer.terms],
+            "rms_um": d.richer.rms * 1e3,
+            "more_parameters": d.richer.more,
+        },
         "misnamed": [
             {"touch": m.number, "facet": m.facet, "away_mm": round(m.away, 3), "near": m.near}
             for m in misnamed(d.before.model.touches)
@@ -142,6 +151,8 @@ def as_text(d: Diagnosis) -> str:
             *_wrapped(f"{_count(len(d.outliers), 'single touch', 'es')} fit nothing: {', '.join(map(str, d.outliers))}", "  "),
             "",
         ]
+    if d.richer is not None:
+        lines += [*_wrapped(_try(d.after, d.richer), "  "), ""]
     if d.after is not d.before:
         lines += _wrapped(_consequences(d), "  ")
         lines += ["", f"Terms of the extended model: {d.terms_text}"]
@@ -170,6 +181,14 @@ def _consequences(d: Diagnosis) -> str:
         f"{v.moved_most * 1e3:.1f} µm at most"
     )
     return text + (f". Parameters that move, in their standard deviations: {', '.join(moved)}." if moved else ".")
+
+
+def _try(after: Estimate, better: Richer) -> str:
+    left = float(np.sqrt(np.mean(after.residuals**2))) * 1e3
+    return (
+        f"! Try S4 (--terms S4): it leaves {better.rms * 1e3:.2f} µm rms instead of {left:.2f}, more than its {better.more} "
+        "further parameters would by chance. What was found above may only stand in for error motions that the present model lacks."
+    )
 
 
 def _count(n: int, one: str, plural: str = "s") -> str:
