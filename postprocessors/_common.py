@@ -140,7 +140,8 @@ def _decimals(job: Job) -> int:
 def fits(job: Job, most: int = 9) -> None:
     """job, highest axis number → nothing. Raises InputError for options of many posts that do not fit the machine or the plan.
 
-    Looks at those that the post has: feeds and counts, `axis_numbers`, `clamp` and `unclamp`, `orient`, `probe_on` and `probe_off`.
+    Looks at those that the post has: feeds and counts, `axis_numbers`, `clamp` and `unclamp`, `orient`, and words that
+    must not move an axis: those of the probe's switches, of waiting, of the frame.
     """
     options = job.options
     numbers = [name for name in MORE_THAN_0 if name in options]
@@ -161,7 +162,7 @@ def fits(job: Job, most: int = 9) -> None:
         )
     if isinstance(word := options.get("orient"), str) and word and not word[-1].isalpha():  # M19 before 0 would be M190
         raise InputError(f"controller.orient: found {word!r}; allowed: words that end with the letter of the angle, e.g. M19 R")
-    for key, value in (("probe_on", ""), ("probe_off", ""), ("orient", "0")):
+    for key, value in (("probe_on", ""), ("probe_off", ""), ("wait", ""), ("machine_frame", ""), ("orient", "0")):
         if isinstance(word := options.get(key), str) and _moves(job, word + value):
             raise InputError(f"controller.{key}: found {word!r}; allowed: words that move no axis of the machine, or a call by G65")
 
