@@ -200,6 +200,16 @@ def test_a_position_beyond_a_travel_is_named_in_full() -> None:
     assert "1 of 8 touches" in text
 
 
+def test_an_angle_beyond_a_travel_is_named_once_an_indexation() -> None:
+    whole = small()
+    axes = tuple(replace(a, travel=(math.radians(100), math.radians(200))) if a.name == "C" else a for a in whole.machine.axes)
+    with pytest.raises(InputError) as error:
+        plan(replace(whole, machine=replace(whole.machine, axes=axes)))
+    lines = [line for line in str(error.value).splitlines() if line.startswith("  ")]
+    assert lines == sorted(set(lines), key=lines.index)
+    assert "  indexation 1: B 0 C 0 S 0 needs C 0.000 deg, travel 100 … 200 deg" in lines
+
+
 def test_a_rotary_position_beyond_its_travel_is_named_in_degrees() -> None:
     whole = small(poses=({"B": 30},))
     axes = tuple(replace(a, travel=(-0.1, 0.1)) if a.name == "B" else a for a in whole.machine.axes)

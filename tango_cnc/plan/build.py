@@ -204,13 +204,17 @@ def _within(cell: Cell, facets: Sequence[str], at: Rows, positions: Mapping[str,
         beyond = check.outside(machine, position)
         for row, column in zip(*np.nonzero(beyond), strict=True):
             name = machine.names[column]
-            where = f"touch {row + 1} (facet {facets[row]}, indexation {at[row] + 1}: {_pose(cell, at[row])})"
-            found.append((row, f"{where}: the {what} needs {travel_text(machine, name, position[row, column])}"))
+            needs = travel_text(machine, name, position[row, column])
+            pose = f"indexation {at[row] + 1}: {_pose(cell, at[row])}"
+            # What turns is the same for all touches of an indexation, and said once.
+            turns = name in machine.rotary
+            text = f"{pose} needs {needs}" if turns else f"touch {row + 1} (facet {facets[row]}, {pose}): the {what} needs {needs}"
+            found.append((row, text))
     if found:
         found.sort(key=lambda item: item[0])
         raise InputError(
             f"{cell.strategy.name}: {len({row for row, _ in found})} of {len(facets)} touches are beyond the travel of an axis:\n"
-            f"{_some(text for _, text in found)}\n"
+            f"{_some(dict.fromkeys(text for _, text in found))}\n"
             "Take these facets out of those indexations, turn the table otherwise, or correct travels, probe length and facets."
         )
 
