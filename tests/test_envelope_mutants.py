@@ -185,12 +185,12 @@ def test_dangerous_mutants_are_refused(case: Case) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_every_dangerous_one_of_two_hundred_mutants_is_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    dangers, caught, through = judged(case, 200)
+def test_every_dangerous_one_of_a_hundred_mutants_is_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    dangers, caught, through = judged(case, 100)
     with capsys.disabled():
-        print(table(case, 200, dangers, caught))
+        print(table(case, 100, dangers, caught))
     assert not through
-    assert sum(dangers.values()) >= 15, "a judge that finds next to nothing dangerous proves nothing"
+    assert sum(dangers.values()) >= 5, "a judge that finds next to nothing dangerous proves nothing"
 
 
 @pytest.mark.long
