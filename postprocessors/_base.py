@@ -15,6 +15,7 @@ import hashlib
 import importlib.util
 import math
 import re
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -244,10 +245,25 @@ def mark_of(text: str) -> str:
 
 
 def _lines(post: Post, job: Job) -> Iterator[str]:
-    for line in post.finish(_steps(post, job)):
+    for line in post.finish(_own_errors(post, _steps(post, job))):
         if not line.isascii() or not (line.isprintable() or not line):
             raise InputError(f"post {post.title}: the line {line!r} has characters that no control reads; correct the post")
         yield line
+
+
+def _own_errors(post: Post, lines: Iterator[str]) -> Iterator[str]:
+    """post, its lines → the same; what fails in a file of the user's own is an InputError that names file and line."""
+    try:
+        yield from lines
+    except InputError:
+        raise
+    except Exception as error:
+        code = getattr(post.end, "__code__", None)
+        here = code.co_filename if code is not None and Path(code.co_filename).parent != FOLDER else None
+        at = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == here]
+        if not at:
+            raise
+        raise InputError(f"post {here}:{at[-1].lineno}: {type(error).__name__}: {error}") from error
 
 
 def _steps(post: Post, job: Job) -> Iterator[str]:

@@ -73,3 +73,12 @@ def test_nasty_names_do_not_reach_its_program(cell: Path) -> None:
     text = (cell / "program" / "TANGO.nc").read_text()
     assert text.splitlines()[0] == "(TANGO MILL M30 G0 Z-9 PROGRAM-012345678901)"
     mark_of(text)
+
+
+def test_a_mistake_in_it_is_told_with_its_line_and_nothing_is_written(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (cell / "acme.py").read_text().replace('job.options["reset"]', 'job.options["rest"]')
+    (cell / "acme.py").write_text(text)
+    line = next(number for number, each in enumerate(text.splitlines(), 1) if '"rest"' in each)
+    assert call("plan", "-C", cell, "--post", cell / "acme.py") == 2
+    assert f"acme.py:{line}: KeyError: 'rest'" in capsys.readouterr().err
+    assert not (cell / "program").exists()
