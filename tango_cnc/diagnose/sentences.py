@@ -98,7 +98,9 @@ def covariate(name: str) -> str:
 
 def unexplained(r: Remainder) -> str:
     """remainder → a sentence."""
-    where = f", {r.frame}" if r.frame not in ("", "none") else ""
+    where = {"": "", "none": "", f"axis {r.covariate}": ""}.get(r.frame, f", {r.frame}")
+    if r.frame in ("machine", "table", "spindle"):
+        where = f" in the frame of the {r.frame}"
     if r.shape == "random walk":
         return (
             f"the machine wanders without a pattern, by about {r.amplitude * 1e3:.1f} µm over the test. That costs accuracy and "
