@@ -27,6 +27,7 @@ END = re.compile(r"\(TANGO END (\d+)\)")
 MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94"}
 FARTHEST = 2.0  # mm off a facet: with a wrong sign the stylus still gives way
 LEAST = 0.5  # mm: less does not let the probe come free
+ALIKE = 0.002  # mm by which these moves of one program may differ, for the rounding of their words
 ALONG = math.cos(math.radians(2.0))
 
 
@@ -51,6 +52,7 @@ class _Program:
         self._modal: set[str] = set()
         self._began = self.over = False
         self._pressed = self._relative = False
+        self._length: float | None = None  # mm of the moves off the facets
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -130,6 +132,11 @@ class _Program:
                 *away
             ):
                 raise InputError(f"found a move of {length:.2f} mm; allowed: {LEAST:g} to {FARTHEST:g} mm straight off the facet")
+            self._length = length if self._length is None else self._length
+            if abs(length - self._length) > ALIKE:
+                raise InputError(
+                    f"found a move of {length:.3f} mm off the facet; allowed: {self._length:.3f} mm, as off the others"
+                )
             self._pressed = False
         else:
             raise InputError("no line that may stand between G91 and G90")
