@@ -27,7 +27,7 @@ END = re.compile(r"\(TANGO END (\d+)\)")
 MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94"}
 FARTHEST = 2.0  # mm off a facet: with a wrong sign the stylus still gives way
 LEAST = 0.5  # mm: less does not let the probe come free
-ALIKE = 0.002  # mm by which these moves of one program may differ, for the rounding of their words
+ALIKE = 0.02  # mm by which these moves of one program may differ: their words have two places
 ALONG = math.cos(math.radians(2.0))
 
 
