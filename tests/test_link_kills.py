@@ -98,7 +98,8 @@ def judge(folder, ledger, durable):
     readings = read_readings(folder / "readings.csv", cell.machine, cell.artefact)
     scale = np.array([1.0 if axis.kind == "linear" else 180 / np.pi for axis in cell.machine.axes])
     # the line that is being written while we read is not finished
-    events = [json.loads(line) for line in ledger.read_text().splitlines(keepends=True) if line.endswith("\n")]
+    texts = (file.read_text() for file in sorted(ledger.parent.glob(f"{ledger.name}*")))
+    events = [json.loads(line) for text in texts for line in text.splitlines(keepends=True) if line.endswith("\n")]
     contacts = np.array([[event["at"][name] for name in cell.machine.names] for event in events if event["event"] == "contact"])
     got = dict(zip(readings.touch.tolist(), readings.position, strict=True))
     lost = len({touch.number for touch in plan(cell).touches} - set(got))
@@ -116,9 +117,9 @@ def killed(protocol, kills, cell, seed):
     """→ complete measurements that were made while `kills` processes were killed."""
     chance, ledger = random.Random(seed), cell.parent / "ledger"
     done, complete, durable = 0, 0, {}
-    command = ["--protocol", protocol, "--tcp", "127.0.0.1:0", "--ledger", str(ledger)]
+    command = ["--protocol", protocol, "--tcp", "127.0.0.1:0", "--ledger"]
     with contextlib.ExitStack() as machine:
-        url = machine.enter_context(controller(cell, *command, once=False)) + SETTINGS.get(protocol, "")
+        url = machine.enter_context(controller(cell, *command, str(ledger), once=False)) + SETTINGS.get(protocol, "")
         while done < kills or durable or not complete:
             before, resume = on_disk(cell) if durable or complete == 0 else ({}, False)
             assert all(before.get(number) == position for number, position in durable.items())
@@ -135,7 +136,8 @@ def killed(protocol, kills, cell, seed):
                 # probe clear; here the machine is started anew, at its reference position.
                 durable = on_disk(cell)[0]
                 machine.close()
-                url = machine.enter_context(controller(cell, *command, once=False)) + SETTINGS.get(protocol, "")
+                again = [*command, f"{ledger}-{done}-{len(durable)}"]
+                url = machine.enter_context(controller(cell, *again, once=False)) + SETTINGS.get(protocol, "")
             else:
                 assert status == 0, f"a run that nobody killed did not come to its end: {last_words(cell)}"
                 assert judge(cell, ledger, durable) == (0, 0, 0)
