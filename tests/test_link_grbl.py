@@ -104,17 +104,36 @@ def test_the_same_place_is_no_target(control):
     assert one.line("G38.3 X1") == ["[PRB:1.000,0.000,800.000,0.000,0.000:0]", "ok"], "F stays"
 
 
-def driven(made, one):
-    """plan, simulated control → what the driver makes of the conversation, and every line that it sent."""
+def driven(made, one, until=None):
+    """plan, simulated control, line after which the PC dies → events of the conversation, every line that it sent."""
     numbers = tuple(touch.number for touch in made.touches)
     client = Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19"})
     events, sent = [], []
     while not any(isinstance(event, Ended | Failed) for event in events):
         asked = client.bytes_to_send(1 << 16).decode("ascii")
         sent.append(asked.strip())
+        if until and until(sent):
+            one.line(asked.strip())
+            break
         answer = one.report() if asked == "?" else one.line(asked.strip())
         events += client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii"))
     return events, sent
+
+
+@pytest.mark.parametrize("cut", ["G38.3 .* F180", "G1 .*"], ids=["in contact", "just off the facet"])
+def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, cut):
+    """The table stands upright, facet 8 above facet 5: who goes up from there at once meets it."""
+    (cell / "strategy.yaml").write_text(
+        "name: below an edge\napproach: {standoff: 10, search: 5, feed: 180}\n"
+        "indexations:\n  - {B: 90, C: -270, S: 0, facets: ['5', '8']}\n"
+    )
+    parts = read_cell(cell)
+    made, true = plan(parts), rig(parts.machine, parts.artefact, read_world(cell / "world.yaml"))
+    one = switched_on(Motion(true))
+    driven(made, one, lambda sent: re.fullmatch(cut, sent[-1]) and not (cut[:2] == "G1" and "G1 " in " ".join(sent[:-1])))
+    events, _ = driven(made, one)
+    assert events[-1] == Ended(2), events[-1]
+    assert [event.flag for event in events if isinstance(event, Touched)] == [1, 1]
 
 
 def test_three_touches_in_a_row_without_contact_end_the_run(cell):

@@ -88,6 +88,7 @@ class Client(Dialogue):
         yield from self._look()
         yield from self._where(start=True)
         yield from self._modes("G21 G90 G94")
+        yield from self._clear()
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))
         for move in self._moves:
             if self._stopping:
@@ -97,6 +98,16 @@ class Client(Dialogue):
             yield from self._make(move)
             self._low = low(move, self._touches[move.touch], self._job.plan.machine)
         self._events.append(Ended(len(self._job.numbers)))
+
+    def _clear(self) -> Talk:
+        """Where a run was cut off beside a facet the probe goes back as it came; straight up there may be an edge above it."""
+        for touch in self._job.plan.touches:
+            below = self._stands_between(touch.standoff, touch.end)
+            if below or self._stands_between(touch.over, touch.standoff):
+                if below:
+                    yield from self._make(Move("back", self._linear(touch.standoff), touch.number))
+                yield from self._make(Move("retract", self._linear(touch.over), touch.number))
+                return
 
     def _look(self) -> Talk:
         """Who is there, with which axes, units and offsets; raises Stop when it cannot do the plan."""
@@ -276,14 +287,23 @@ class Client(Dialogue):
 
     def _on_its_line(self, touch: Touch) -> bool:
         """touch → whether the axes stand somewhere on its measuring move."""
+        return self._stands_between(touch.standoff, touch.end)
+
+    def _linear(self, place: Sequence[float]) -> dict[str, float]:
         machine = self._job.plan.machine
-        columns = [machine.column(name) for name in machine.linear]
-        start, end = ([values[i] for i in columns] for values in (touch.standoff, touch.end))
+        return {name: place[machine.column(name)] for name in machine.linear}
+
+    def _stands_between(self, start: Sequence[float], end: Sequence[float]) -> bool:
+        """two places of the plan (k,) mm rad → whether the axes stand on the straight way between, at the angles of its end."""
+        machine = self._job.plan.machine
+        a, b = (list(self._linear(place).values()) for place in (start, end))
         here = [self._at[name] for name in machine.linear]
-        length = math.dist(start, end)
-        way = sum((h - a) * (b - a) for h, a, b in zip(here, start, end, strict=True)) / length
-        foot = [a + way / length * (b - a) for a, b in zip(start, end, strict=True)]
-        angles = [self._at[name] - math.degrees(touch.contact[machine.column(name)]) for name in machine.rotary]
+        length = math.dist(a, b)
+        if length < SAME:
+            return False
+        way = sum((h - p) * (q - p) for h, p, q in zip(here, a, b, strict=True)) / length
+        foot = [p + way / length * (q - p) for p, q in zip(a, b, strict=True)]
+        angles = [self._at[name] - math.degrees(end[machine.column(name)]) for name in machine.rotary]
         turned = max((abs(math.remainder(angle, 360.0)) for angle in angles), default=0.0)
         return math.dist(here, foot) <= ASIDE and -ASIDE <= way <= length + ASIDE and turned <= TURNED
 
@@ -305,10 +325,10 @@ class Client(Dialogue):
         """Draws the probe clear when it is down at a facet, and ends the conversation."""
         if self._low:
             last = self._moves[self._given - 1]
-            touch, machine = self._touches[last.touch], self._job.plan.machine
+            touch = self._touches[last.touch]
             if last.kind == "probe":
-                yield from self._make(Move("back", {n: touch.standoff[machine.column(n)] for n in machine.linear}, last.touch))
-            yield from self._make(Move("retract", {n: touch.over[machine.column(n)] for n in machine.linear}, last.touch))
+                yield from self._make(Move("back", self._linear(touch.standoff), last.touch))
+            yield from self._make(Move("retract", self._linear(touch.over), last.touch))
         raise Stop("stopped by the user; the probe has been drawn clear")
 
 
