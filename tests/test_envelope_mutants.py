@@ -34,6 +34,7 @@ from tango_cnc.records import Plan, World
 
 NEAR = 1.5e-3  # mm or deg: the same place
 FAR = 10_000  # moves after which a program that never ends is called dangerous
+LONG = 100_000  # blocks carried out; the right program has some hundred
 
 Trace = list[tuple[str, tuple[float, ...]]]
 
@@ -114,7 +115,13 @@ def carried_out(post: str, lines: list[str], world: World) -> tuple[Trace, list[
     printed: list[bytes] = []
     motion = Traced(world)
     profile = replace(family.default_profile(short().machine), g54=OFFSETS, **spoken.settings)
-    control = family.Control(motion, profile, printed.append, lambda event, **data: None, stored(post, short()))
+    blocks = iter(range(LONG))
+
+    def counted(event: str, **data: object) -> None:
+        if event == "block" and next(blocks, None) is None:
+            raise Endless
+
+    control = family.Control(motion, profile, printed.append, counted, stored(post, short()))
     with suppress(Alarm, Silence):
         control.run(iter(lines[spoken.frame : len(lines) - spoken.frame]), False)
     return motion.trace, b"".join(printed).decode("ascii").split("\n")
