@@ -4,6 +4,10 @@ A move that is no probing move is aborted by the control itself when the probe t
 moment of tripping is noticed (control.c): a probe that is on already guards nothing. So every retract, the first move of all
 among them, is a search (G38.3), which the control does not begin with the probe on. Probing is G38.3 too, which does not stop
 the program when it misses; #5070 tells. Previews never trip the probe, so whatever ends a program looks at #<_task> first.
+
+Before the first move the program itself looks at the probe: #<_hal[motion.probe-input]> is the pin that control.c looks at, and
+M66 E0 L0 makes the reading of lines wait for what was commanded before (overview.adoc). EXISTS goes first: rs274 without the
+control has no pins, and [RS274NGC]HAL_PIN_VARS = 0 forbids to read them; the control's refusal of the first search remains then.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, 
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
 PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
+PROBE = "#<_hal[motion.probe-input]>"  # 1 while the stylus is deflected
 RESET = "G17 G21 G40 G49 G61 G80 G90 G94"  # G61: without it corners are rounded, by centimetres at high feeds
 
 OPTIONS = (
@@ -105,7 +110,18 @@ def _abort(label: str, condition: str, message: str) -> Iterator[str]:
     yield f"{label} ENDIF"
 
 
-probe_on, probe_off = common.switches("(%s)")
+_switch_on, probe_off = common.switches("(%s)")
+
+
+def probe_on(job: Job) -> Iterator[str]:
+    """The words of the profile, then the program ends if the probe is deflected."""
+    yield from _switch_on(job)
+    yield "M66 E0 L0"
+    yield "#<_tango_on> = 0"
+    yield f"O160 IF [EXISTS[{PROBE}]]"
+    yield f"#<_tango_on> = {PROBE}"
+    yield "O160 ENDIF"
+    yield from _abort("O161", "#<_tango_on> NE 0", "THE PROBE IS DEFLECTED")
 
 
 def retract(job: Job, leg: Leg) -> Iterator[str]:

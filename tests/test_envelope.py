@@ -190,6 +190,8 @@ def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
         ("[-98.]", "[98.]", "found X 98.000 mm"),
         ("(ABORT,WORK OFFSET CHANGED)\n", "", "the work offset of X has changed"),
         ("(ABORT,THE WORK FRAME IS ROTATED)\n", "", "the work frame is rotated"),
+        ("(ABORT,THE PROBE IS DEFLECTED)\n", "", "although the probe is deflected"),
+        ("M66 E0 L0\n", "", "is read before M66 E0 L0"),
         ("(ABORT,NO CONTACT. IS THE PROBE ALIVE)\n", "", "20 touches in a row"),
         ("G38.3", "G38.2", "no line that a program of this kind"),
         ("#<_tango_flag> = 0", "#<_tango_flag> = 1", "the flag is 1 where nothing was touched has happened"),

@@ -127,7 +127,7 @@ def test_a_preview_never_aborts(made: Plan) -> None:
     """Every (ABORT,…) stands behind an IF that asks for #<_task> first."""
     lines = text_of(made).splitlines()
     aborts = [i for i, line in enumerate(lines) if line.startswith("(ABORT")]
-    assert len(aborts) == 6
+    assert len(aborts) == 7
     assert all("[#<_task> EQ 1] AND" in lines[i - 1] for i in aborts)
 
 

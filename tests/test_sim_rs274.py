@@ -30,10 +30,12 @@ def made(cell: Cell) -> Plan:
     return plan(cell)
 
 
-def run(lines: list[str], made: Plan, world: World | None = None, fault: str | None = None, **settings: Any) -> Ran:
-    """program, true machine, a fault, what differs from the usual profile → what came of it."""
+def run(
+    lines: list[str], made: Plan, world: World | None = None, fault: str | None = None, stuck: bool = False, **settings: Any
+) -> Ran:
+    """program, true machine, a fault, probe deflected at first, what differs from the usual profile → what came of it."""
     known = rs274.Profile(**settings)
-    return run_on(lambda motion, punch, note: rs274.Control(motion, known, punch, note), lines, made, None, world, fault)
+    return run_on(lambda motion, punch, note: rs274.Control(motion, known, punch, note), lines, made, None, world, fault, stuck)
 
 
 def lines_of(made: Plan, **options: Any) -> list[str]:
@@ -96,6 +98,18 @@ def test_a_probe_that_stays_on_ends_it_before_the_way_up(made: Plan) -> None:
     ran = run(lines_of(made), made, fault="probe-stuck-after=1")
     assert ran.alarm is not None and "already tripped" in ran.alarm.text
     assert ran.flags(made) == [1] and ran.places[-1]["Z"] < 300
+
+
+def test_a_probe_that_is_on_before_the_start_is_refused_by_the_program(made: Plan) -> None:
+    ran = run(lines_of(made), made, stuck=True)
+    assert ran.alarm is not None and ran.alarm.text == "THE PROBE IS DEFLECTED"
+    assert not ran.places and not ran.flags(made)
+
+
+def test_a_probe_that_is_on_before_the_start_is_refused_by_the_control_where_no_pins_can_be_read(made: Plan) -> None:
+    ran = run(lines_of(made), made, stuck=True, hal=False)
+    assert ran.alarm is not None and "already tripped" in ran.alarm.text
+    assert not ran.places and run(lines_of(made), made, hal=False).alarm is None
 
 
 def test_a_probe_that_is_on_before_the_search_ends_it(made: Plan) -> None:

@@ -17,6 +17,7 @@ Operator = Callable[[float, float], float]
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 _NAME = re.compile(r"#<([^<>]+)>")
+_EXISTS = re.compile(r"exists\[#<([^<>]+)>\]")
 _FUNCTION = re.compile(r"(abs|acos|asin|atan|cos|exp|fix|fup|ln|round|sin|sqrt|tan)(?=\[)")
 
 
@@ -99,6 +100,9 @@ class Reader:
             return self._get(self.key())
         if self.text.startswith("[", self.at):
             return self.bracket()
+        if match := _EXISTS.match(self.text, self.at):
+            self.at = match.end()
+            return self._exists(match[1])
         if match := _FUNCTION.match(self.text, self.at):
             self.at = match.end()
             return self._function(match[1])
@@ -111,6 +115,13 @@ class Reader:
             raise self.wrong("a number")
         self.at = match.end()
         return float(match[0])
+
+    def _exists(self, name: str) -> float:
+        try:
+            self._get(name)
+        except Alarm:
+            return 0.0
+        return 1.0
 
     def bracket(self) -> float:
         """[expression]."""

@@ -34,7 +34,7 @@ GROUPS: Mapping[str, tuple[float, ...]] = {
     "path": (61, 61.1, 64),
 }
 ONCE = (4, 53, 92, 92.1, 92.2)
-M_CODES = (0, 1, 2, 5, 9, 19, 30, 60, 62, 63, 64, 65)
+M_CODES = (0, 1, 2, 5, 9, 19, 30, 60, 62, 63, 64, 65, 66)
 LOCAL = range(1, 31)
 DEEPEST = 10
 TRUTHS = ("_task", "_absolute", "_metric")
@@ -49,6 +49,7 @@ class Profile:
     g92: Mapping[str, float] = field(default_factory=dict)  # mm and deg
     rotation: Mapping[str, float] = field(default_factory=dict)  # R: deg, of G54 about its origin
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # H → mm
+    hal: bool = True  # HAL_PIN_VARS: a program may read pins as #<_hal[…]>
     preview: bool = False  # nothing moves: #<_task> is 0, as for the interpreter that draws the path
 
 
@@ -324,6 +325,8 @@ class Control:
             )
         if name == "_feed":
             return self._feed
+        if name == "_hal[motion.probe-input]" and self._profile.hal:
+            return float(self._motion.deflected)
         store = self._names if name.startswith("_") else self._local[-1]
         if name not in store:
             raise Alarm("RS274", f"Named parameter #<{name}> not defined")

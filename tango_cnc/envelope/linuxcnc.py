@@ -2,7 +2,8 @@
 
 Facts (g-code.adoc, o-code.adoc): #<_abs_x> machine and #<_x> work position; #5061 … #5066 the probed position of X Y Z A B C in
 the work frame, #5070 whether there was contact; G38.3 goes on when there was none; G53 works with G0 and G1 only;
-#1 … #30 are local to a subroutine, names that begin with _ are not; the last active comment of a line is carried out.
+#1 … #30 are local to a subroutine, names that begin with _ are not; the last active comment of a line is carried out;
+#<_hal[…]> is a pin of HAL as it is when the line is read, which may be long before it is its turn, but not behind M66.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ START = re.compile(r"\(LOG,TANGO START ([0-9A-F]{12}) (\d+)\)")
 END = re.compile(r"\(LOG,TANGO END (\d+)\)")
 RECORD = re.compile(r"\(LOG,P%d(#\d+) H(#<\w+>) ([A-Z])%\.[4-9]f(#<\w+>)((?: [A-Z](?:#<\w+>|#\d+))+)\)")
 STILL = 1e-4  # mm
+SYNCHRONOUS = "M66 E0 L0"  # the lines behind it are read when everything before it has been done
+PIN = "#<_hal[motion.probe-input]>"
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 
 
@@ -60,6 +63,7 @@ class _Program:
         self._mark = ""
         self._depth = 0
         self._opened = self._closed = self.over = False
+        self._asked = False  # whether the program has come to where it can look at the probe
         self._rotated = False  # whether there is a world beside this one whose work frame is rotated
 
     def finish(self) -> None:
@@ -87,14 +91,26 @@ class _Program:
             self._within(line)
         elif line.startswith("("):
             self._print(line)
+        elif line == SYNCHRONOUS and self._opened:
+            self._look()
         elif line == "M2":
             self._machine.watched()
             self.over = True
         else:
             self._move(line)
 
+    def _look(self) -> None:
+        if self._asked or not self._machine.begun:
+            raise InputError("the probe is looked at once, behind the start mark")
+        self._asked = True
+        deflected = self._machine.base.twin("stop", "the probe is deflected")
+        deflected.shared[PIN] = 1.0
+        self._machine.doubts([deflected])
+
     def _move(self, line: str) -> None:
         machine = self._machine
+        if machine.begun and not self._asked:
+            raise InputError("moves without having asked whether the probe is deflected")
         if match := MOVE.fullmatch(line):
             words = {word[0]: float(word[1:]) for word in match[1].split()}
             target = {name: machine.base.position[name] for name in "XYZ"} | words
@@ -165,7 +181,7 @@ class _Program:
     def _assign(self, name: str, text: str) -> None:
         def does(world: World) -> None:
             if world.branch:
-                world.shared[name] = self._machine.value(world, text)
+                world.shared[name] = self._pin(world, name) if text == PIN else self._machine.value(world, text)
 
         self._machine.does(does)
 
@@ -180,9 +196,16 @@ class _Program:
             self._machine.doubts([rotated])
 
         def does(world: World) -> None:
-            world.branch = bool(self._machine.value(world, condition))
+            world.branch = condition == f"[EXISTS[{PIN}]]" or bool(self._machine.value(world, condition))
 
         self._machine.does(does)
+
+    def _pin(self, world: World, name: str) -> float:
+        if not self._asked:
+            raise InputError(f"{PIN} is read before {SYNCHRONOUS}, when it need not be as it is now")
+        if name not in world.shared:
+            raise InputError(f"#<{name}> has no value where pins cannot be read")
+        return float(world.shared.get(PIN) or 0.0)
 
     def _within(self, line: str) -> None:
         """A line of an IF that is no assignment."""
