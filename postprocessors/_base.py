@@ -106,17 +106,24 @@ class Post:
     companions: Callable[[Job], Mapping[str, Lines]] = field(default=lambda job: {})  # file name → lines that the control needs too
 
 
-def load(name: str) -> Post:
-    """name of a file in this folder, or path of a user's own → post. Raises InputError when there is none or it is not one."""
-    own = name.endswith(".py") or "/" in name or "\\" in name
+def is_own(name: str) -> bool:
+    """name of a post → whether it is the path of a file of the user's own."""
+    return name.endswith(".py") or "/" in name or "\\" in name
+
+
+def load(name: str, where: str = "post") -> Post:
+    """name of a file in this folder, or path of a user's own, where it was stated → post. Raises InputError for what is none."""
+    own = is_own(name)
     file = Path(name) if own else FOLDER / f"{name}.py"
     if own and not file.is_file():
-        raise InputError(f"post {name!r}: no such post: there is no such file; in tango.yaml its path starts from the cell")
+        raise InputError(
+            f"{where}: found {name!r}, which is no file; allowed: {', '.join(names())}, or the path of your own .py file"
+        )
     if not file.is_file() or (not own and name.startswith("_")):
         known = names()
         near = difflib.get_close_matches(name, known, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise InputError(f"post {name!r}: no such post; there are {', '.join(known)}, or give the path of your own .py file.{hint}")
+        raise InputError(f"{where}: found {name!r}; allowed: {', '.join(known)}, or the path of your own .py file.{hint}")
     spec = importlib.util.spec_from_file_location(f"postprocessors.{file.stem}" if not own else f"own_post_{file.stem}", file)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

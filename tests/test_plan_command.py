@@ -123,7 +123,12 @@ def test_dry_run_prints_the_moves_and_writes_nothing(cell: Path, capsys: pytest.
             "travel: [-20, 350]",
             ["touch 3 (facet 101, indexation 1: B 0 C 0 S 0)", "Y -40.000 mm, travel -20 … 350 mm"],
         ),
-        ("tango.yaml", "post: fanuc", "post: fanoc", ["no such post", "Did you mean 'fanuc'?"]),
+        (
+            "tango.yaml",
+            "post: fanuc",
+            "post: fanoc",
+            ["tango.yaml:5: controller.post: found 'fanoc'; allowed: brother, ", "Did you mean 'fanuc'?"],
+        ),
         ("tango.yaml", "post: fanuc", "post: fanuc, decimal: 3", ["unknown key 'decimal'", "Did you mean 'decimals'?"]),
         ("tango.yaml", "post: fanuc", "post: fanuc, decimals: 5", ["tango.yaml:5: controller.decimals: found 5; allowed: 3, 4"]),
         ("tango.yaml", "controller: {post: fanuc}", "", ["no controller.post; state it there or with --post (", "linuxcnc"]),
@@ -195,7 +200,7 @@ def test_a_post_of_ones_own_works_by_path(cell: Path) -> None:
         ("from postprocessors._base import Post\nPOST = Post(title='x', extension='y')\n", "TypeError: .*missing .*'probe'"),
         ("POST = 3\n", "defines no POST"),
         ("POST = (\n", "SyntaxError"),
-        (None, "no such post"),
+        (None, "--post: found '.*mypost.py', which is no file; allowed: brother, "),
     ],
 )
 def test_a_post_of_ones_own_that_is_none_is_refused(

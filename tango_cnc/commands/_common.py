@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..files import write_text
+from ..files import blamed_on, write_text
+from ..records import Cell
+
+if TYPE_CHECKING:
+    from postprocessors._base import Post
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -25,6 +29,16 @@ cell_option: Decorator = click.option(
 json_option: Decorator = click.option(
     "--json", "json_file", metavar="FILE", help="Also write the result as JSON; - writes it to stdout instead of the text."
 )
+
+
+def dialect(cell: Cell) -> Post:
+    """cell with a controller → its post; one that is a file stands in the cell. Raises InputError when there is none."""
+    from postprocessors import _base as posts
+
+    assert cell.controller is not None
+    name = cell.controller.post
+    with blamed_on(cell.folder / "tango.yaml"):
+        return posts.load(str(cell.folder / name) if posts.is_own(name) else name, "controller.post")
 
 
 def write_json(target: str | None, data: dict[str, Any]) -> bool:

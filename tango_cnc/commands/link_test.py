@@ -11,8 +11,7 @@ import click
 from ..files import read_cell
 from ..files.checked import read_text
 from ..records import InputError
-from ._common import cell_option, json_option, write_json
-from .run import dialect
+from ._common import cell_option, dialect, json_option, write_json
 
 if TYPE_CHECKING:
     from ..link.transport import Transport

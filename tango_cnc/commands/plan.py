@@ -21,6 +21,7 @@ from ..files.plan import plan_lines, write_together
 from ..plan import plan_hash
 from ..records import InputError, Plan
 from ._common import cell_option, json_option, table, write_json
+from ._common import dialect as dialect_of
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -106,7 +107,7 @@ def command(
             click.echo(line)
         return
     assert name is not None
-    dialect = posts.load(name if post or not name.endswith(".py") else str(folder / name))
+    dialect = posts.load(post, "--post") if post else dialect_of(cell)
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
     options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
     target = out or (folder / "program" if capability is None else folder / "capability" / capability)

@@ -16,7 +16,7 @@ import click
 from ..files import blamed_on, read_cell
 from ..files.checked import read_text
 from ..records import Cell, InputError, LinkError, Plan
-from ._common import cell_option
+from ._common import cell_option, dialect
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -129,15 +129,6 @@ def command(
             )
             doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
             click.echo(f"{origin['touches']} touches{bad}{doubted} → {target}")
-
-
-def dialect(cell: Cell) -> Post:
-    """cell with a controller → its post; one that is a file stands in the cell. Raises InputError when there is none."""
-    from postprocessors import _base as posts
-
-    assert cell.controller is not None
-    name = cell.controller.post
-    return posts.load(str(cell.folder / name) if name.endswith(".py") else name)
 
 
 def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path | None, most: int | None) -> list[Program]:
