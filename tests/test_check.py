@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -96,3 +97,24 @@ def test_protected_moves_take_the_positioning_feed_of_the_post(cell: Path, capsy
     _, slow = checked(capsys, "-C", cell)
     assert slow["positioning_feed"] == 1500 and slow["predicted_time_s"]["probe"] == usual["probe"]
     assert 1.5 * usual["retract and clear"] < slow["predicted_time_s"]["retract and clear"] < 2 * usual["retract and clear"]
+
+
+@pytest.mark.parametrize(
+    ("controller", "words"),
+    [
+        ("post: fanucc", "tango.yaml:8: controller.post: found 'fanucc'; allowed: brother, .* Did you mean 'fanuc'"),
+        ("post: fanuc\n  decimals: 5", "tango.yaml:9: controller.decimals: found 5; allowed: 3, 4"),
+        (
+            "post: fanuc\n  clamp: {D: M10}",
+            r"tango.yaml:9: controller.clamp: found 'D': 'M10'; allowed: a word such as M10 for B, C",
+        ),
+        ("post: fanuc\n  reset: G17 G40 G80 G90 G94", "something moves before G21 G49 is stated, see controller.reset"),
+    ],
+)
+def test_what_plan_refuses_in_the_profile_is_refused_here_too(
+    cell: Path, capsys: pytest.CaptureFixture[str], controller: str, words: str
+) -> None:
+    profile = (cell / "tango.yaml").read_text(encoding="utf-8")
+    (cell / "tango.yaml").write_text(profile.replace("post: fanuc", controller), encoding="utf-8")
+    assert call("check", "-C", cell) == 2
+    assert re.search(words, capsys.readouterr().err)

@@ -13,11 +13,11 @@ from ..duration import duration, spoken
 from ..files import blamed_on, read_cell, read_terms
 from ..identify import condition_number, select, summary
 from ..model import known, linearise
-from ..plan import last_motion, plan
+from ..plan import last_motion, plan, plan_hash, split
 from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
-from ._common import cell_option, json_option, table, write_json
+from ._common import cell_option, dialect, json_option, table, write_json
 
 NAMED = 8  # touches that are named one by one
 
@@ -38,6 +38,7 @@ def command(folder: Path, terms: str | None, degree: int, json_file: str | None)
     except InputError:
         # Whatever is beyond leaving out is still an error, and says so.
         made = plan(cell, "leave-out")
+    _postable(cell, made)
     data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree, positioning_feed(cell))
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
@@ -50,11 +51,27 @@ def positioning_feed(cell: Cell) -> float | None:
 
     if cell.controller is None:
         return None
-    name = cell.controller.post
-    post = posts.load(str(cell.folder / name) if name.endswith(".py") else name)
+    post = dialect(cell)
     with blamed_on(cell.folder / "tango.yaml"):
         feed = posts.settings(post, cell.controller.options).get("positioning_feed")
     return float(feed) if isinstance(feed, int | float) and feed > 0 else None
+
+
+def _postable(cell: Cell, made: Plan) -> None:
+    """cell, its plan → nothing. Raises InputError for what 'tango plan' would refuse in `controller:`.
+
+    The whole program is made, and its first indexation is read back.
+    """
+    from postprocessors import _base as posts
+
+    from .plan import programs
+
+    if cell.controller is None:
+        return
+    post, options = dialect(cell), cell.controller.options
+    with blamed_on(cell.folder / "tango.yaml"):
+        posts.program(post, made, options, plan_hash(made))
+        programs(post, split(made, 1)[0], options)
 
 
 def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed: float | None = None) -> dict[str, Any]:

@@ -109,7 +109,8 @@ class Rehearsal:
     def _ready(self) -> None:
         self.watched()
         if missing := sorted(MODAL - self._modal):
-            raise InputError(f"something moves before {' '.join(missing)} is stated")
+            where = ", see controller.reset" if "reset" in self.options else ""
+            raise InputError(f"something moves before {' '.join(missing)} is stated{where}")
         if not self.begun or self.ended:
             raise InputError("something moves outside of start mark and end mark")
 
