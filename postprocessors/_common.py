@@ -11,7 +11,12 @@ from tango_cnc.records import InputError, Machine
 from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
 
 SWITCH = re.compile(r"[GHM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
-MORE_THAN_0 = ("positioning_feed", "tolerance", "misses", "orient_time")
+LIMITS = {  # of options that are numbers; what is beyond them is a slip of the finger
+    "positioning_feed": (1, 1_000_000),
+    "tolerance": (0.001, 1),  # with more, a move that was stopped short would pass
+    "misses": (1, 20),
+    "orient_time": (1, 3600),
+}
 PROBE_SWITCHES = (
     Option("probe_on", "", "words that switch the probe on", codes=True),
     Option("probe_off", "", "words that switch the probe off", codes=True),
@@ -144,9 +149,9 @@ def fits(job: Job, most: int = 9) -> None:
     must not move an axis: those of the probe's switches, of waiting, of the frame.
     """
     options = job.options
-    numbers = [name for name in MORE_THAN_0 if name in options]
-    if any(options[name] <= 0 for name in numbers):
-        raise InputError(f"controller: found {' or '.join(numbers)} of 0 or less; allowed: more than 0")
+    for name, (low, high) in LIMITS.items():
+        if name in options and not low <= options[name] <= high:
+            raise InputError(f"controller.{name}: found {options[name]:g}; allowed: {low} … {high}")
     if "axis_numbers" in options:
         _axis_numbers(job, most)
     for key in ("unclamp", "clamp"):

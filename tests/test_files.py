@@ -113,6 +113,7 @@ BAD_CELLS = {
     "NaN": ("machine.yaml", "repeatability: 0.0007", "repeatability: .nan", 10, "probe.repeatability", "'.nan'"),
     "infinity": ("artefact.yaml", "[100, 0, 0], normal", "[1e999, 0, 0], normal", 3, "facets.1.point[0]", "a finite number"),
     "a radius of zero": ("artefact.yaml", "60], radius: 12.7", "60], radius: 0", 8, "balls.1.radius", "greater than 0"),
+    "feed with exponent": ("strategy.yaml", "feed: 180", "feed: 1e9", 2, "approach.feed", "at least 0.1 and at most 100000"),
     "negative search": ("strategy.yaml", "search: 5", "search: -5", 2, "approach.search", "greater than 0"),
     "number for a list": ("artefact.yaml", "point: [0, 100, 0]", "point: 100", 4, "facets.2.point", "a list of 3 values"),
     "two coordinates": ("artefact.yaml", "point: [0, 100, 0]", "point: [0, 100]", 4, "facets.2.point", "2 values; allowed"),
@@ -326,7 +327,11 @@ def cells(draw: st.DrawFn) -> tuple[Machine, Artefact, Strategy]:
     order = st.lists(st.sampled_from(list(artefact.facets)), min_size=1, max_size=4).map(tuple)
     positions = st.fixed_dictionaries({name: angles for name in (*machine.rotary, "S")})
     indexations = draw(st.lists(st.builds(Indexation, positions, order), min_size=1, max_size=4))
-    return machine, artefact, Strategy(draw(texts), draw(st.builds(Approach, positive, positive, positive)), tuple(indexations))
+    return (
+        machine,
+        artefact,
+        Strategy(draw(texts), draw(st.builds(Approach, positive, positive, st.floats(0.1, 1e5))), tuple(indexations)),
+    )
 
 
 def same(a: object, b: object) -> bool:
@@ -334,7 +339,7 @@ def same(a: object, b: object) -> bool:
     if isinstance(a, float) and isinstance(b, float):
         return math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-11)
     if dataclasses.is_dataclass(a):
-        return type(a) is type(b) and same(vars(a), vars(b))
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
     if isinstance(a, dict) and isinstance(b, dict):
         return set(a) == set(b) and all(same(a[key], b[key]) for key in a)
     if isinstance(a, tuple | list) and isinstance(b, tuple | list):

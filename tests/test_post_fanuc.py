@@ -173,7 +173,9 @@ def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
         ({"probe_on": "G0 Z-500"}, "move no axis"),
         ({"probe_on": "M17G00Z - .5"}, "move no axis"),
         ({"probe_off": "G91 G28"}, "move no axis"),
-        ({"positioning_feed": 0}, "more than 0"),
+        ({"positioning_feed": 1e9}, "controller.positioning_feed: found .*; allowed: 1 … 1000000"),
+        ({"tolerance": 2.0}, "controller.tolerance: found 2; allowed: 0.001 … 1"),
+        ({"positioning_feed": 0}, "controller.positioning_feed: found .*; allowed: 1 … 1000000"),
         ({"macros": "nested"}, "inline, called"),
     ],
 )

@@ -169,7 +169,7 @@ def test_rotary_axes_come_to_every_touch_in_the_sense_that_the_readings_will_say
     [
         ({"log": "a file)"}, "a path of letters"),
         ({"orient": False}, "this strategy turns the spindle"),
-        ({"positioning_feed": -1.0}, "more than 0"),
+        ({"positioning_feed": -1.0}, "controller.positioning_feed: found .*; allowed: 1 … 1000000"),
         ({"positioning_feed": "fast"}, "a number"),
     ],
 )

@@ -134,7 +134,7 @@ def test_a_line_of_too_many_numbers_stops_at_the_first_record(made: Plan) -> Non
         ({"conversion": "F4"}, "a letter, or .4F"),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
         ({"orient": ""}, "as this strategy turns the spindle"),
-        ({"positioning_feed": 0}, "more than 0"),
+        ({"positioning_feed": 0}, "controller.positioning_feed: found .*; allowed: 1 … 1000000"),
         ({"contact_frame": "work"}, "programmed, machine"),
     ],
 )

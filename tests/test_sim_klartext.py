@@ -150,7 +150,7 @@ def test_angles_are_0_to_360_for_an_endless_axis_only(made: Plan) -> None:
         ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 4}}, "a number 1 … 9 of its own"),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
         ({"orient": False}, "true, as this strategy turns the spindle"),
-        ({"positioning_feed": 0}, "more than 0"),
+        ({"positioning_feed": 0}, "controller.positioning_feed: found .*; allowed: 1 … 1000000"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(made: Plan, options: dict[str, Any], message: str) -> None:

@@ -140,7 +140,7 @@ def test_endless_axes_turn_the_short_way_and_others_as_planned(made: Plan) -> No
         ({"alarm": 61000}, "0, or 65000"),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
         ({"orient": False}, "true, as this strategy turns the spindle"),
-        ({"positioning_feed": 0}, "more than 0"),
+        ({"positioning_feed": 0}, "controller.positioning_feed: found .*; allowed: 1 … 1000000"),
         ({"probe_input": 3}, "1, 2"),
     ],
 )

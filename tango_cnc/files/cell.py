@@ -235,7 +235,7 @@ def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
     indexations = [_indexation(item, machine, artefact) for item in fields["indexations"].list()]
     if not indexations:
         raise fields["indexations"].wrong("at least one indexation", "none")
-    values = {key: child.number(above=0) for key, child in approach.items()}
+    values = {key: child.number(0.1, 100_000) if key == "feed" else child.number(above=0) for key, child in approach.items()}
     return Strategy(fields["name"].text(), Approach(**values), tuple(indexations))
 
 
