@@ -15,7 +15,8 @@ from click.testing import CliRunner
 
 from sim_controller.simulate import simulate
 from tango_cnc.cli import tango
-from tango_cnc.diagnose import Diagnosis, diagnose
+from tango_cnc.diagnose import Diagnosis, _gain, diagnose
+from tango_cnc.diagnose._explain import values
 from tango_cnc.diagnose._gain import add, held_out, residual_maker
 from tango_cnc.diagnose._richer import richer
 from tango_cnc.diagnose._space import space
@@ -126,6 +127,42 @@ def test_a_wandering_machine_gets_no_false_name(bench: blind.Bench) -> None:
     d = told(bench, [{"cause": "random_walk", "amplitude": 0.003}])
     assert not d.findings
     assert [r.shape for r in d.unexplained] == ["random walk"]
+
+
+def test_a_size_knows_what_its_time_constant_leaves_open(bench: blind.Bench) -> None:
+    slow = {"cause": "thermal_drift", "amplitude": 0.009, "tau": 1650, "direction": [0.3, 0.87, 0.33]}  # as long as the test
+    (drift,) = told(bench, [slow], seed=4).findings
+    assert abs(drift.size.amplitude - 0.009) < 2 * drift.size.amplitude_std
+    assert drift.size.amplitude_std > 2 * np.linalg.norm(drift.size.std) / np.sqrt(3) > 0.0005
+
+
+def test_the_unit_of_a_shape_parameter_does_not_change_what_is_known_of_a_size(two: Diagnosis) -> None:
+    e = two.explanation
+    count = sum(c.columns.shape[1] for c in e.chosen)
+    slope = np.random.default_rng(1).normal(size=(e.place.m, 1))
+    spread = [values(e, {0: unit * slope})[1][:count, :count] for unit in (1.0, 1e-9)]
+    assert spread[0] == pytest.approx(spread[1], rel=1e-6)
+
+
+def test_a_cause_beside_something_larger_without_a_name_is_told_and_not_named(bench: blind.Bench) -> None:
+    d = told(bench, [LOBES | {"amplitude": 0.006}, DRIFT | {"amplitude": 0.005}], excluded=("probe_lobing",))
+    assert (d.verdict, d.findings) == ("unexplained", ())
+    assert [(x.finding.cause, x.why) for x in d.dropped] == [("thermal_drift", "beside a shape")]
+    assert [(x["cause"], x["why"]) for x in as_json(d)["not_named"]] == [("thermal_drift", "beside a shape")]
+    text = " ".join(as_text(d).split())
+    assert "thermal_drift fits (the machine drifts" in text and "may only follow what that leaves" in text
+
+
+def test_a_cause_that_brings_nothing_to_held_out_touches_is_told_and_not_named(
+    bench: blind.Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measure = _gain.measure
+    monkeypatch.setattr(_gain, "measure", lambda *given: replace(measure(*given), real=False))
+    d = told(bench, [DRIFT])
+    assert (d.findings, d.terms) == ((), bench.cell.terms)
+    assert [(x.finding.cause, x.why) for x in d.dropped] == [("thermal_drift", "no gain")]
+    text = " ".join(as_text(d).split())
+    assert "not named: touches that were not fitted do not gain" in text
 
 
 def test_a_chip_is_no_heap_of_outliers(bench: blind.Bench) -> None:
@@ -253,6 +290,8 @@ def test_design_tells_which_touches_would_separate_two_causes(cell: Path) -> Non
         (["--exclude", "gremlins"], "allowed: ambient_cycle"),
         (["--response", "r"], "only together with --table"),
         (["--table", "none.csv"], "--response"),
+        (["--html", "nowhere/d.html"], "there is no folder nowhere"),
+        (["--json", "."], "which is a folder"),
     ],
 )
 def test_wrong_options_are_named(cell: Path, options: list[str], said: str) -> None:

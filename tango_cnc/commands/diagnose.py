@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import click
@@ -64,6 +65,9 @@ def command(
     A cause is named when noise alone would hardly ever do as well anywhere in the catalogue, and when touches that were not
     fitted gain from it. Where nothing in the catalogue fits, the covariate is told and no name.
     """
+    for option, target in (("--html", html), ("--world", world_file), ("--json", json_file)):
+        if target is not None and str(target) != "-":
+            _writable(option, Path(target))
     if table_file is not None:
         if not response:
             raise InputError("--table: found no --response; allowed: the name of the measured column, e.g. --response r")
@@ -99,6 +103,16 @@ def command(
             click.echo(f"not in it, as the simulated machine has nothing like it: {', '.join(missing)}", err=True)
     if not write_json(json_file, as_json(found)):
         click.echo(as_text(found))
+
+
+def _writable(option: str, file: Path) -> None:
+    """Raises InputError where a file cannot be written: before half a minute of computing, not after it."""
+    if file.is_dir():
+        raise InputError(f"{option}: found {file}, which is a folder; allowed: a file, e.g. {file / 'found'}")
+    if not file.parent.is_dir():
+        raise InputError(f"{option}: found {file}, and there is no folder {file.parent}; make it first, or correct the path")
+    if not os.access(file.parent, os.W_OK):
+        raise InputError(f"{option}: found {file}; the folder {file.parent} cannot be written to; choose another one")
 
 
 def _names(text: str | None) -> list[str]:

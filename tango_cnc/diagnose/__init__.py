@@ -23,14 +23,14 @@ from ..touches import Touches
 from . import _explain, _gain, _seen, _spread
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._explain import Explanation
-from ._records import Finding, Remainder
+from ._records import Dropped, Finding, Remainder
 from ._richer import Richer, richer
 from ._search import Chosen
 from ._seen import Test
 from ._size import size
 from ._volume import Volume, volume
 
-__all__ = ["Diagnosis", "Finding", "Remainder", "Test", "diagnose", "kernels"]
+__all__ = ["Diagnosis", "Dropped", "Finding", "Remainder", "Test", "diagnose", "kernels"]
 Verdict = Literal["adequate", "explained", "unexplained"]
 ROUNDS = 3  # of weighting rough facets and searching again
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
@@ -58,6 +58,7 @@ class Diagnosis:
     explanation: Explanation
     volume: Volume  # predicted error of the tip, before and after
     richer: Richer | None = None  # the whole model where it does clearly better than what was found
+    dropped: tuple[Dropped, ...] = ()  # fits, and is not named
 
     @property
     def terms_text(self) -> str:
@@ -234,27 +235,30 @@ def _told(
     accepted = [c for c in found.named if gains[id(c)].real]
     extended = (*terms, *({"cause": c.candidate.cause, **c.candidate.setting} for c in accepted))
     after = estimate(before.model.touches.machine, touches.artefact, readings, extended) if accepted else before
-    findings = []
-    for c in accepted:
+
+    def finding(c: Chosen, like: Sequence[tuple[Chosen, float]], shift: Mapping[str, tuple[float, float, float]]) -> Finding:
         s = sizes[id(c)]
-        others_like = tuple((o.candidate.cause, o.candidate.setting, behind) for o, behind in _explain.alternatives(found, c))
-        partners = [o for o, _ in _explain.alternatives(found, c)] if others_like else []
-        findings.append(
-            Finding(
-                c.candidate.cause,
-                c.candidate.setting,
-                s.detail,
-                s,
-                _explain.significance(found, c),
-                gains[id(c)],
-                _shift(before, after),
-                others_like,
-                _seen.separate(found, touches, c, partners),
-                s.effect,
-                raw[id(c)] @ s.values,
-            )
+        return Finding(
+            c.candidate.cause,
+            c.candidate.setting,
+            s.detail,
+            s,
+            _explain.significance(found, c),
+            gains[id(c)],
+            shift,
+            tuple((o.candidate.cause, o.candidate.setting, behind) for o, behind in like),
+            _seen.separate(found, touches, c, [o for o, _ in like]),
+            s.effect,
+            raw[id(c)] @ s.values,
         )
+
+    findings = [finding(c, _explain.alternatives(found, c), _shift(before, after)) for c in accepted]
     findings += _spread.findings(found, touches, rough, excluded)
+    dropped = [
+        Dropped(finding(c, (), {}), "no gain" if c in found.named else "beside a shape")
+        for c in found.chosen
+        if c.candidate.named and c not in accepted
+    ]
     remains = [
         _remainder(c, _outside(found, raw[id(c)] @ sizes[id(c)].values, weight), gains[id(c)])
         for c in found.chosen
@@ -277,6 +281,7 @@ def _told(
         found,
         volume(before, after, {c.name for c in before.model.coefficients}),
         richer(after, readings, terms, extended) if verdict != "adequate" else None,
+        tuple(dropped),
     )
 
 

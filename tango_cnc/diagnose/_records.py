@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from ..records import Array, TermItem
 from ._gain import Gain
@@ -42,6 +42,16 @@ class Finding:
     def item(self) -> TermItem:
         """→ the entry of a list of terms."""
         return {"cause": self.cause, **self.setting}
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """A cause that fits, and is not named."""
+
+    finding: Finding  # as it would have been told; its alternatives were not looked for
+    why: Literal[
+        "no gain", "beside a shape"
+    ]  # held-out touches do not gain; it may follow what a larger shape without a name leaves
 
 
 @dataclass(frozen=True)

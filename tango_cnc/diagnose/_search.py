@@ -169,7 +169,7 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
     """candidate, selected others (m, s) → it with its shape parameters where the likelihood is highest near by."""
     tried = int((cat.group == cat.causes.index(start.cause)).sum())
 
-    inside = _searched_range(cat, start.cause)
+    inside = searched_range(cat, start.cause)
 
     def value(c: Candidate) -> float:
         return likelihood(place, np.hstack([others, place.project(c.columns)]), settings)
@@ -209,7 +209,7 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
     return Chosen(best, place.project(best.columns), cost(best, tried, place.m))
 
 
-def _searched_range(cat: Catalogue, cause: str) -> dict[str, tuple[float, float]]:
+def searched_range(cat: Catalogue, cause: str) -> dict[str, tuple[float, float]]:
     """→ least and largest value of every number in the settings of a cause: beyond them it is another cause that looks alike."""
     found: dict[str, list[float]] = {}
     for c in cat.candidates:

@@ -11,30 +11,40 @@ from ..records import Array
 from ..touches import Touches
 from ._explain import Explanation, values
 from ._records import Size
-from ._search import Chosen
+from ._search import Chosen, searched_range
+from ._space import orthonormal
 
 UNITS = {"tau": "tau_s", "pause": "pause_s", "length": "length_mm"}
+SIGMAS = 2.0  # standard deviations within which a size is wanted to be: as far as that its likelihood is followed
+STEP = 0.1  # of the logarithm of a time constant, along the likelihood
+Told = Callable[[Array, Array], float]  # values (k,), what they do to every touch (n,) → one number for their size
 
 
 def size(e: Explanation, touches: Touches, weight: Array) -> dict[int, Size]:
     """explanation → size of every chosen candidate, by id; outliers included."""
     start = np.concatenate([[0], np.cumsum([c.columns.shape[1] for c in e.chosen])]).astype(int)
     solution, _ = values(e, {})
-    tangents: dict[int, Array] = {}
-    for i, c in enumerate(e.chosen):
-        slope = _tangent(e, c, solution[start[i] : start[i + 1]])
-        if slope is not None:
-            tangents[i] = slope
-    solution, covariance = values(e, tangents)
+    slopes = {i: _slopes(e, c, solution[start[i] : start[i + 1]]) for i, c in enumerate(e.chosen)}
+    tangents = {i: e.place.project(slope) for i, slope in slopes.items() if slope.shape[1]}
+    _, covariance = values(e, tangents)
+    end = start[-1]
     result = {}
     for i, c in enumerate(e.chosen):
-        own = slice(start[i], start[i + 1])
-        result[id(c)] = _one(c, solution[own], covariance[own, own], touches, weight)
+        own = np.arange(start[i], start[i + 1])
+        v, k = solution[own], slopes[i].shape[1]
+        block = np.concatenate([own, np.arange(end, end + k)]).astype(int)
+        end += k
+        told = _told(c, weight)
+        amplitude = told(v, c.candidate.columns @ v)
+        std = _std(told, v, c.candidate.columns, slopes[i], covariance[np.ix_(block, block)])
+        around = [x for j, o in enumerate(e.chosen) if j != i for x in (o.columns, tangents.get(j, o.columns[:, :0]))]
+        std = max(std, _followed(e, c, told, amplitude, np.hstack([c.columns[:, :0], *around])))
+        result[id(c)] = _one(c, v, np.sqrt(np.clip(np.diag(covariance)[own], 0.0, None)), amplitude, std, touches)
     return result
 
 
-def _tangent(e: Explanation, c: Chosen, v: Array) -> Array | None:
-    """→ (m, t) change of the fitted pattern with every continuous shape parameter."""
+def _slopes(e: Explanation, c: Chosen, v: Array) -> Array:
+    """→ (n, t) change of the fitted pattern with every continuous shape parameter."""
     found = []
     for name, way in e.catalogue.refine.get(c.candidate.cause, {}).items():
         at = c.candidate.setting.get(name)
@@ -42,8 +52,72 @@ def _tangent(e: Explanation, c: Chosen, v: Array) -> Array | None:
             continue
         step = 1e-3 * abs(at) if at else 1e-3
         ends = [e.catalogue.rebuild(c.candidate.cause, {**c.candidate.setting, name: at + s * step}).columns @ v for s in (-1, 1)]
-        found.append(e.place.project((ends[1] - ends[0])[:, None] / 2))
-    return np.hstack(found) if found else None
+        found.append((ends[1] - ends[0]) / 2)
+    return np.array(found).reshape(len(found), len(c.candidate.columns)).T
+
+
+def _told(c: Chosen, weight: Array) -> Told:
+    """→ how a size is told: millimetres as they are, angles and slopes as the largest effect on a touch."""
+    units = [k.unit for k in c.candidate.coefficients]
+    if units and units[0] != "mm":
+        return lambda v, effect: float(np.abs(effect / weight).max())
+    measure = _measure(form([k.name for k in c.candidate.coefficients]))
+    return lambda v, effect: measure(v)
+
+
+def _std(told: Told, v: Array, columns: Array, slopes: Array, covariance: Array) -> float:
+    """size, values (k,), columns (n, k), slopes (n, t), covariance of both → standard deviation of the size, to first order."""
+    effect = columns @ v
+    spread = np.sqrt(np.clip(np.diag(covariance), 1e-300, None))
+    # The covariance is used along its own standard steps: gradients in units of one standard deviation.
+    moved = [(d * step, column) for step, d, column in zip(spread, np.eye(len(v)), columns.T, strict=False)]
+    moved += [(np.zeros(len(v)), slope) for slope in slopes.T]
+    ends = [[told(v + s * d, effect + s * step * x) for s in (-1, 1)] for step, (d, x) in zip(spread, moved, strict=True)]
+    gradient = np.array([(high - low) / 2 for low, high in ends])
+    return float(np.sqrt(max(gradient @ (covariance / np.outer(spread, spread)) @ gradient, 0.0)))
+
+
+def _followed(e: Explanation, c: Chosen, told: Told, amplitude: float, around: Array) -> float:
+    """chosen, its size, columns beside it (m, s) → half of how far the size may be away at two standard deviations.
+
+    A drift whose time constant is about as long as the test is as well a larger and slower one: the size is followed along the
+    time constant as far as the likelihood allows (profile likelihood), where a straight step from the best one would be too short.
+    """
+    ways = e.catalogue.refine.get(c.candidate.cause, {})
+    names = [n for n, way in ways.items() if way == "log" and isinstance(c.candidate.setting.get(n), float)]
+    if not names:
+        return 0.0
+    root = e.place.setting(e.ratios).root
+    basis = orthonormal(root @ around)
+
+    def outside(x: Array) -> Array:
+        return np.asarray(x - basis @ (basis.T @ x))
+
+    y = outside(root @ e.place.y)
+
+    def fitted(name: str, value: float) -> tuple[float, float, float]:
+        """shape parameter, its value → chi-squared, size, its standard deviation with that shape."""
+        one = e.catalogue.rebuild(c.candidate.cause, {**c.candidate.setting, name: value})
+        white = outside(root @ e.place.project(one.columns))
+        v = np.asarray(np.linalg.lstsq(white, y, rcond=1e-12)[0], dtype=float)
+        covariance = np.asarray(e.sigma**2 * np.linalg.pinv(white.T @ white, rcond=1e-12), dtype=float)
+        rest = float(np.sum((y - white @ v) ** 2)) / e.sigma**2
+        return rest, told(v, one.columns @ v), _std(told, v, one.columns, one.columns[:, :0], covariance)
+
+    away = 0.0
+    for name in names:
+        low, high = searched_range(e.catalogue, c.candidate.cause)[name]
+        best = fitted(name, float(c.candidate.setting[name]))[0]
+        for sign in (-1, 1):
+            at = float(c.candidate.setting[name]) * np.exp(sign * STEP)
+            while low <= at <= high:
+                rest, size, std = fitted(name, at)
+                left = SIGMAS**2 - max(rest - best, 0.0)
+                if left < 0:
+                    break
+                away = max(away, abs(size - amplitude) + std * float(np.sqrt(left)))
+                at *= np.exp(sign * STEP)
+    return away / SIGMAS
 
 
 def form(names: list[str]) -> str:
@@ -58,20 +132,12 @@ def form(names: list[str]) -> str:
     return "numbers"
 
 
-def _one(c: Chosen, v: Array, covariance: Array, touches: Touches, weight: Array) -> Size:
+def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, touches: Touches) -> Size:
     names = [k.name for k in c.candidate.coefficients]
     units = [k.unit for k in c.candidate.coefficients]
     kind = form(names)
-    measure = _measure(kind)
-    amplitude = measure(v)
-    gradient = np.array([(measure(v + d) - measure(v - d)) for d in _steps(covariance)]) / 2
-    # The covariance is used along its own standard steps: gradients in units of one standard deviation.
-    spread = np.sqrt(np.clip(np.diag(covariance), 1e-300, None))
-    correlation = covariance / np.outer(spread, spread)
-    std = float(np.sqrt(max(gradient @ correlation @ gradient, 0.0)))
-    std_values = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
     detail: dict[str, Any] = {UNITS.get(k, k): x for k, x in c.candidate.setting.items() if x is not None}
-    effect: dict[str, Any] = {"cause": c.candidate.cause, **c.candidate.setting, "amplitude": amplitude}
+    effect: dict[str, Any] = {"cause": c.candidate.cause, **c.candidate.setting, "amplitude": _measure(kind)(v)}
     if kind.startswith("vector"):
         detail.setdefault(
             "frame", str(c.candidate.setting.get("frame", "table" if c.candidate.cause == "table_drift" else "machine"))
@@ -92,15 +158,7 @@ def _one(c: Chosen, v: Array, covariance: Array, touches: Touches, weight: Array
         effect["amplitude"] = float(v[0])
     each = zip(names, units, v, std_values, strict=bool(names))
     detail["coefficients"] = {n: {"value": float(x), "unit": u, "std": float(s)} for n, u, x, s in each}
-    if units and units[0] != "mm":
-        peak = float(np.max(np.abs((c.candidate.columns / weight[:, None]) @ v))) if len(v) else 0.0
-        factor = peak / amplitude if amplitude else 0.0
-        amplitude, std = peak, std * factor
     return Size(v, std_values, amplitude, std, detail, effect)
-
-
-def _steps(covariance: Array) -> Array:
-    return np.diag(np.sqrt(np.clip(np.diag(covariance), 1e-300, None)))
 
 
 def _principal(v: Array) -> Array:

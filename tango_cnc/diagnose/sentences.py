@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import terms as families
 from ..records import Array
-from ._records import Finding, Remainder
+from ._records import Dropped, Finding, Remainder
 
 SETTLED = 2.3  # time constants after which a tenth is left
 UNSETTLED = 1.4  # time constants: a test shorter than that has not seen where a drift ends
@@ -49,6 +49,19 @@ def gain(f: Finding) -> str | None:
         f"with the term, {held} are predicted to {g.heldout_after * 1e3:.2f} µm instead of {g.heldout_before * 1e3:.2f} µm; noise "
         f"alone would look like this {chance(f.p_value)}"
     )
+
+
+def dropped(d: Dropped) -> str:
+    """cause that fits and is not named → what it would be, and why it is not."""
+    text = f"{d.finding.cause} fits ({said(d.finding)}), but is not named: "
+    g = d.finding.gain
+    if d.why == "no gain" and g is not None:
+        without, with_it = g.schemes.get("scattered", (g.heldout_before, g.heldout_after))
+        return text + (
+            f"touches that were not fitted do not gain from it ({with_it * 1e3:.2f} µm with it, {without * 1e3:.2f} without), "
+            "or no more than from the same pattern shuffled"
+        )
+    return text + "beside something larger without a name it may only follow what that leaves"
 
 
 def size(f: Finding) -> str:

@@ -221,7 +221,9 @@ def told(t: Table, group: str | None, seed: int = 0) -> dict[str, Any]:
     name = "blocks" if t.group is None else str(group)
     schemes = {name: np.tile(held, q), "scattered": np.tile(_gain.scattered(n), q)}
     solution, covariance = _explain.values(found, {})
-    findings, start = [], 0
+    findings: list[dict[str, Any]] = []
+    dropped: list[dict[str, Any]] = []
+    start = 0
     for c in found.chosen:
         k = c.columns.shape[1]
         v, cov = solution[start : start + k], covariance[start : start + k, start : start + k]
@@ -232,8 +234,7 @@ def told(t: Table, group: str | None, seed: int = 0) -> dict[str, Any]:
         gain = _gain.measure(
             np.hstack([design, *others]), data, c.candidate.columns, schemes, keep, np.random.default_rng([seed, n])
         )
-        if gain.real:
-            findings.append(_finding(t, found, c, v, cov, scale, gain))
+        (findings if gain.real else dropped).append(_finding(t, found, c, v, cov, scale, gain))
     findings += _spread(t, found)
     walking = found.random[0] > _explain.RANDOM
     remains = []
@@ -245,6 +246,7 @@ def told(t: Table, group: str | None, seed: int = 0) -> dict[str, Any]:
         "verdict": "unexplained" if remains else "explained" if findings else "adequate",
         "findings": findings,
         "unexplained": remains,
+        "not_named": [{"why": "no gain"} | f for f in dropped],
         "visibility": {k: round(v, 4) for k, v in sorted(found.visibility.items())},
         "outliers": [i + 1 for i in single],
         "rows": n,
@@ -341,7 +343,15 @@ def as_text(data: Mapping[str, Any]) -> str:
             )
         if f["alternatives"]:
             lines.append(f"   cannot be told from: {', '.join(f['alternatives'])}")
+    lines += [
+        f"– {f['cause']} along {_along(f['detail'])} fits, but rows that were not fitted do not gain from it: not named"
+        for f in data["not_named"]
+    ]
     lines += [f"? {r['shape']} along {r['covariate']}: about {r['amplitude']:.4g}" for r in data["unexplained"]]
     if data["outliers"]:
         lines.append(f"rows that fit nothing: {', '.join(map(str, data['outliers']))}")
     return "\n".join(lines)
+
+
+def _along(detail: Mapping[str, Any]) -> str:
+    return str(detail["covariate"]) if "covariate" in detail else " × ".join(detail["covariates"])

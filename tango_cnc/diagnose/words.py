@@ -15,7 +15,7 @@ from ..touches import misnamed
 from . import Diagnosis, Finding, Test
 from ._richer import Richer
 from ._size import plain
-from .sentences import advice, covariate, gain, meaning, said, unexplained
+from .sentences import advice, covariate, dropped, gain, meaning, said, unexplained
 
 HIDDEN = 0.1  # visibility
 SHOWN = 8  # covariates on the terminal
@@ -38,6 +38,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             }
             for r in d.unexplained
         ],
+        "not_named": [{"why": x.why} | _finding(x.finding) | {"text": f"{dropped(x)}."} for x in d.dropped],
         "visibility": {name: round(value, 4) for name, value in d.visibility.items()},
         "residual_tests": [
             {"covariate": t.covariate, "variance_share": round(t.variance_share, 4), "p_value": t.p_value} for t in d.tests
@@ -146,6 +147,8 @@ def as_text(d: Diagnosis) -> str:
         lines.append("")
     for r in d.unexplained:
         lines += [*_wrapped(f"? {unexplained(r)}.", "  "), ""]
+    for x in d.dropped:
+        lines += [*_wrapped(f"– {dropped(x)}.", "  "), ""]
     if d.outliers:
         lines += [
             *_wrapped(f"{_count(len(d.outliers), 'single touch', 'es')} fit nothing: {', '.join(map(str, d.outliers))}", "  "),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..diagnose import Diagnosis, Finding, Test
-from ..diagnose.sentences import advice, covariate, meaning, said, towards, unexplained
+from ..diagnose.sentences import advice, covariate, dropped, meaning, said, towards, unexplained
 from ..diagnose.words import as_text, telling
 from ..records import Array
 from .pictures import BAD, GOOD, INK, PALE, embedded, figure, styled
@@ -46,6 +46,8 @@ def page(d: Diagnosis) -> str:
             parts += [f"<p>To tell: {html.escape(s)}.</p>" for s in f.separate_with]
     for r in d.unexplained:
         parts.append(f"<h2>Not explained</h2><p>{html.escape(unexplained(r))}.</p>")
+    if d.dropped:
+        parts += ["<h2>Fits, but is not named</h2>", *(f"<p>{html.escape(dropped(x))}.</p>" for x in d.dropped)]
     parts += ["<h2>The same in words</h2>", f"<pre>{html.escape(as_text(d))}</pre>"]
     if len(d.tests) > FIRST:
         parts += ["<h2>Every covariate</h2>", _tests(d), _image(dependence(d, d.tests[FIRST:]))]

@@ -33,9 +33,9 @@ def variants(touches: Touches) -> Variants:
     machine = touches.machine
     for axis in moved_axes(touches, machine.linear, 50.0):
         places = touches.axis(axis)
-        for at in np.quantile(places, np.linspace(0.08, 0.92, NODES)):
-            yield {"axis": axis, "at": float(at)}
-        for count in (3, 4, 5, 6, 8):
+        for at in (*np.quantile(places, np.linspace(0.08, 0.92, NODES)), (places.min() + places.max()) / 2):
+            yield {"axis": axis, "at": float(at)}  # one kink has its place searched
+        for count in (4, 5, 6, 8):
             yield {"axis": axis, "nodes": tuple(np.linspace(places.min(), places.max(), count)[1:-1].tolist())}
     for axis in moved_axes(touches, machine.rotary, 0.5):
         stops = np.unique(np.round(np.degrees(touches.axis(axis)), 2))
