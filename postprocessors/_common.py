@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from textwrap import wrap
 from typing import Any
 
 from tango_cnc.records import InputError, Machine
 
 from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
 
+LONGEST = 1000  # characters of a remark before it is broken into lines
 SWITCH = re.compile(r"[GHM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
 LIMITS = {  # of options that are numbers; what is beyond them is a slip of the finger
     "positioning_feed": (1, 1_000_000),
@@ -79,8 +81,14 @@ def titled(job: Job, remark: str) -> Iterator[str]:
 def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
     """job, form of a comment, notes on this control → what a person has to know before starting it, doubts last."""
     yield remark % "START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
-    for note in (*notes, *(f"UNVERIFIED {comment(doubt, 100)}" for doubt in job.unverified)):
+    for note in (*notes, *doubted(job, 110)):
         yield remark % note
+
+
+def doubted(job: Job, width: int) -> Iterator[str]:
+    """job, characters a line → the text of remarks that say all that is unverified, broken between words."""
+    for doubt in job.unverified:
+        yield from wrap(f"UNVERIFIED {comment(doubt, LONGEST)}", width, subsequent_indent="  ")
 
 
 def indexed(leg: Leg) -> str:

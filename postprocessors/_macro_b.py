@@ -78,8 +78,8 @@ class _Steps:
         yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
         yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
         yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
-        for doubt in job.unverified:
-            yield f"(UNVERIFIED {comment(doubt, 70)})"
+        for remark in common.doubted(job, 80):
+            yield f"({remark})"
         yield job.options["reset"]
         yield "(MACHINE MINUS WORK COORDINATES)"
         yield self.words.wait
