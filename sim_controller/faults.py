@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import difflib
 import time
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -43,6 +44,7 @@ LINE_KINDS: Mapping[str, str] = {
     "merge": "what is sent here comes together with what is sent next",
 }
 LATE = 0.3  # s
+BLOCK = 4096  # bytes whose fate is drawn at once
 
 
 @dataclass(frozen=True)
@@ -60,21 +62,24 @@ class Disturbance:
     """Bytes → what arrives of them, by chance; the same seed and the same bytes give the same faults."""
 
     def __init__(self, chances: Mapping[str, float], seed: int) -> None:
-        self._chances, self._random = dict(chances), np.random.default_rng([seed, 0xFA17])
+        self._chances = np.array([chances.get(kind, 0.0) for kind in LINE_KINDS])
+        self._random = np.random.default_rng([seed, 0xFA17])
         self._kept = b""
+        self._ahead: deque[tuple[int, list[str]]] = deque()  # bytes that something will happen to, counted from the first
+        self._seen = self._drawn = 0
         self.happened: dict[str, int] = {}
 
     def __call__(self, data: bytes) -> list[tuple[float, bytes]]:
         """bytes → (s later than they should, bytes) of every piece that arrives."""
+        hits = self._hits(len(data))
+        if not hits and not self._kept:
+            return [(0.0, data)] if data else []
         pieces: list[tuple[float, bytearray]] = [(0.0, bytearray(self._kept))]
         self._kept = b""
-        draws = self._random.random((len(data), len(LINE_KINDS)))
-        hits = draws < np.array([self._chances.get(kind, 0.0) for kind in LINE_KINDS])
         keep, at = False, 0
-        for i in np.flatnonzero(hits.any(axis=1)):
+        for i, now in hits:
             pieces[-1][1].extend(data[at:i])
-            byte, at = data[i], int(i) + 1
-            now = [kind for kind, hit in zip(LINE_KINDS, hits[i], strict=True) if hit]
+            byte, at = data[i], i + 1
             for kind in now:
                 self.happened[kind] = self.happened.get(kind, 0) + 1
             if "delay" in now or "split" in now:
@@ -89,6 +94,20 @@ class Disturbance:
             self._kept = b"".join(bytes(piece) for _, piece in pieces)
             return []
         return [(late, bytes(piece)) for late, piece in pieces if piece]
+
+    def _hits(self, count: int) -> list[tuple[int, list[str]]]:
+        """→ (index, what happens to it) of the bytes among the next `count` that something happens to."""
+        while self._drawn < self._seen + count:
+            hits = self._random.random((BLOCK, len(LINE_KINDS))) < self._chances
+            for row in np.flatnonzero(hits.any(axis=1)).tolist():
+                self._ahead.append((self._drawn + row, [kind for kind, hit in zip(LINE_KINDS, hits[row], strict=True) if hit]))
+            self._drawn += BLOCK
+        found = []
+        while self._ahead and self._ahead[0][0] < self._seen + count:
+            i, now = self._ahead.popleft()
+            found.append((i - self._seen, now))
+        self._seen += count
+        return found
 
     def rest(self) -> bytes:
         """→ what was kept back to come with the next bytes, when there are none."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -79,17 +80,17 @@ class Machine:
     tool_branch: tuple[str, ...]
     probe: Probe
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """→ axis letters, the columns of every position array."""
         return tuple(axis.name for axis in self.axes)
 
-    @property
+    @cached_property
     def linear(self) -> tuple[str, ...]:
         """→ letters of the linear axes."""
         return tuple(axis.name for axis in self.axes if axis.kind == "linear")
 
-    @property
+    @cached_property
     def rotary(self) -> tuple[str, ...]:
         """→ letters of the rotary axes, without the spindle."""
         return tuple(axis.name for axis in self.axes if axis.kind == "rotary")

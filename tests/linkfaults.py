@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import hashlib
 import random
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,6 +25,7 @@ from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import ACKNOWLEDGED, IDLE, SEQUENCE, STATUS, Registers
 from tango_cnc.files import read_cell, read_readings, read_world
 from tango_cnc.link import _measure
+from tango_cnc.link._layout import read_layout
 from tango_cnc.link._measure import Program, Wanted, measure
 from tango_cnc.link._wire import Parity
 from tango_cnc.link.transport import Lost
@@ -34,6 +36,8 @@ EXAMPLE = Path(__file__).parents[1] / "examples" / "hu40t"
 TOUCHES = 60
 CLOSE = 1e-3  # mm, deg: what the records are rounded to, and what their check sum lets through
 PERCENT, SEVEN = even(b"%"), bytes(byte & 0x7F for byte in range(256))
+RIGHT = bytes(byte for byte in range(256) if byte.bit_count() % 2 == 0)  # characters of even parity
+REMEMBERED = 10_000  # results kept of each kind
 ATTEMPTS = 400  # a line that spoils every second record needs its time; what counts is that nothing is lost or invented
 
 
@@ -52,19 +56,23 @@ def scene(turning: bool = True):
     return cell, plan(cell), rig(cell.machine, cell.artefact, world)
 
 
-def remembered(function: Callable) -> Callable:
-    """The same moves are made in every session: what they meet is computed once."""
+def remembered(function: Callable, key: Callable[..., object] | None = None) -> Callable:
+    """The same things are planned, posted and moved in every session: what comes of them is computed once."""
     known: dict = {}
 
     def again(*arguments):
-        key = tuple(
-            a.tobytes() if isinstance(a, np.ndarray) else id(a) if not isinstance(a, (int, float)) else a for a in arguments
-        )
-        if key not in known:
-            known[key] = function(*arguments)
-        return known[key]
+        name = (key or _key)(*arguments)
+        if name not in known:
+            if len(known) >= REMEMBERED:
+                known.clear()
+            known[name] = function(*arguments)
+        return known[name]
 
     return again
+
+
+def _key(*arguments) -> tuple:
+    return tuple(a.tobytes() if isinstance(a, np.ndarray) else a if isinstance(a, (int, float)) else id(a) for a in arguments)
 
 
 class Ledger:
@@ -108,7 +116,7 @@ class Tape:
             self._ran = True
         if not self._ran and self._marks == 2 and self._tape.rstrip().endswith(PERCENT):
             self._ran = True
-            self._run(self._tape.translate(SEVEN).decode().strip().strip("%").splitlines())
+            self._run(self._tape.translate(SEVEN).decode())
         return len(data)
 
     def _spoilt(self) -> bool:
@@ -116,17 +124,12 @@ class Tape:
         end = self._tape.rfind(b"\n") + 1
         blocks, self._read = self._tape[self._read : end], max(end, self._read)
         odd = any(len(block) % 2 == 0 and block != PERCENT for block in blocks.split(b"\n")[:-1])  # with its line end
-        return odd or any(byte.bit_count() % 2 for byte in blocks)
+        return odd or bool(blocks.translate(None, RIGHT))
 
-    def _run(self, lines: list[str]) -> None:
-        cell, _, truth = scene()
-        motion = Motion(truth, self._ledger.note, faults=self._faults)
-        printed: list[tuple[float, bytes]] = []
-        control = macro_b.Control(
-            motion, macro_b.default_profile(cell.machine), lambda data: printed.append((motion.time, data)), lambda e, **d: None
-        )
-        with contextlib.suppress(Alarm, Silence):
-            control.run([line for line in lines if line.strip()], False)
+    def _run(self, text: str) -> None:
+        events, printed = ran(text, self._faults)
+        for event, data in events:
+            self._ledger.note(event, **data)
         began, late = self.clock.seconds, 0.0
         for moment, data in printed:
             for more, piece in self._disturb(even(data)):
@@ -146,6 +149,30 @@ class Tape:
 
     def close(self) -> None:
         pass
+
+
+def _run(text: str, faults: Faults) -> tuple[list[tuple[str, dict]], list[tuple[float, bytes]]]:
+    """tape, faults of the machine → (what happened, what was printed and after how many s) on a control just switched on."""
+    cell, _, truth = scene()
+    events: list[tuple[str, dict]] = []
+    printed: list[tuple[float, bytes]] = []
+
+    def note(event: str, **data) -> None:
+        if event in NOTED:
+            events.append((event, data))
+
+    motion = Motion(truth, note, faults=faults)
+    control = macro_b.Control(
+        motion, macro_b.default_profile(cell.machine), lambda data: printed.append((motion.time, data)), lambda e, **d: None
+    )
+    with contextlib.suppress(Alarm, Silence):
+        control.run([line for line in text.strip().strip("%").splitlines() if line.strip()], False)
+    return events, printed
+
+
+NOTED = ("contact", "collision", "skip", "unsafe")
+# Nothing but the tape and the faults decides what such a control does.
+ran = remembered(_run, lambda text, faults: (hashlib.sha256(text.encode()).digest(), *faults.after.items()))
 
 
 class Cable:
@@ -252,23 +279,40 @@ class Bus:
             self._device.execute()  # the control finishes what it was told, whatever becomes of the line
 
 
-def post(part) -> list[Program]:
+def _post(part) -> list[Program]:
     cell, _, _ = scene()
     _, mark, lines = posts.program(posts.load("fanuc"), part, {}, plan_hash(part))
     return [Program("".join(line + "\n" for line in lines()), mark, cell.machine.names, part)]
+
+
+def _touched(strategy) -> tuple:
+    """→ what one plan of the scene differs by from another"""
+    return tuple((*indexation.position.items(), indexation.facets) for indexation in strategy.indexations)
+
+
+post = remembered(_post, lambda part: _touched(part.strategy))
+hashed = remembered(plan_hash, lambda part: _touched(part.strategy))
+lasting = remembered(_measure.durations, lambda part: _touched(part.strategy))
+replanned = remembered(plan, lambda cell, obstructed: _touched(cell.strategy))
+first_contact = remembered(motions.first_contact)
+gaps = remembered(
+    lambda r, row, positions, direction: motions.surfaces.gaps(
+        r.surfaces, motions.place(r.true, positions, np.broadcast_to(direction, positions.shape)).tip
+    )[:, row]
+)
+layout = functools.cache(read_layout)
 
 
 def patched(monkeypatch, clock: FakeClock) -> None:
     """Whole sessions in memory: no waiting, no disk."""
     monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
-    monkeypatch.setattr(motions, "first_contact", remembered(motions.first_contact))
-    monkeypatch.setattr(Motion, "_gaps", functools.partialmethod(_gaps, remembered(motions.surfaces.gaps)))
-
-
-def _gaps(self, known: Callable, row: int, positions, direction):
-    tip = motions.place(self.rig.true, positions, np.broadcast_to(direction, positions.shape)).tip
-    return known(self.rig.surfaces, tip)[:, row]
+    monkeypatch.setattr(_measure, "make_plan", replanned)
+    monkeypatch.setattr(_measure, "plan_hash", hashed)
+    monkeypatch.setattr(_measure, "durations", lasting)
+    monkeypatch.setattr("tango_cnc.link.modbus.read_layout", layout)
+    monkeypatch.setattr(motions, "first_contact", first_contact)
+    monkeypatch.setattr(Motion, "_gaps", lambda self, *move: gaps(self.rig, *move))
 
 
 def machine_faults(chance: random.Random) -> Faults:
@@ -346,7 +390,7 @@ def _until_all_is_measured(port: str, protocol: str, folder: Path, turning: bool
     cell, made, _ = scene(turning)
     resume = 0
     for attempt in range(ATTEMPTS):
-        wanted = Wanted(port, protocol, "fanuc", folder / "readings.csv", resume=attempt > 0)
+        wanted = Wanted(port, protocol, "fanuc", folder / "readings.csv", resume=attempt > 0, start_timeout=60.0)
         try:
             measure(cell, made, wanted, post, lambda step: None, lambda part, program: None)
             return resume

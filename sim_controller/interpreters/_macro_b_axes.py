@@ -75,17 +75,17 @@ class Axes:
         name = self._profile.axes[index]
         offset = self._offset(name)
         length = self._length if name == "Z" else 0.0
-        now = self._now()[name]
-        table = {
-            5001: now - offset - length,
-            5021: self._known[name],
-            5041: self._known[name] - offset,
-            5061: self._skipped[name] - offset,
-            5081: length,
-            5201: 0.0,
-        }
-        table |= {5221 + 20 * i: self._offset(name, 54 + i) for i in range(6)}
-        value = table.get(base)
+        if 5221 <= base < 5341:
+            value: float | None = self._offset(name, 54 + (base - 5221) // 20)
+        else:
+            value = {
+                5001: self._now()[name] - offset - length if base == 5001 else None,
+                5021: self._known[name],
+                5041: self._known[name] - offset,
+                5061: self._skipped[name] - offset,
+                5081: length,
+                5201: 0.0,
+            }.get(base)
         return None if value is None else value / self._unit(name)
 
     def set_variable(self, number: int, value: float) -> bool:

@@ -14,6 +14,7 @@ from ._macro_b_alarms import alarm
 Value = float | bool | None
 Get = Callable[[int], float | None]
 
+_INDEX = re.compile(r"\d+")
 _NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 _FUNCTION = re.compile(r"(ASIN|ACOS|ATAN|SQRT|ABS|SIN|COS|TAN|ROUND|FIX|FUP|LN|EXP|BIN|BCD)\[")
 _PRODUCT = re.compile(r"\*|/|AND|MOD")
@@ -61,7 +62,7 @@ class Expression:
         elif self.text.startswith("#", self.at):
             number = self._get(self.reference())
         else:
-            match = re.compile(r"\d+").match(self.text, self.at)
+            match = _INDEX.match(self.text, self.at)
             if match is None:
                 raise alarm("PS0114", f"variable number expected in {self.text!r}")
             self.at = match.end()

@@ -22,8 +22,8 @@ def endless(machine: Machine) -> tuple[str, ...]:
 def shown(motion: Motion, axes: Iterable[str], position: Array | None = None) -> dict[str, float]:
     """axis letters, mm rad or where the axes stand → {axis: mm deg}."""
     values, machine = motion.position if position is None else position, motion.machine
-    places = {name: float(values[machine.column(name)]) for name in axes}
-    return {name: value if name in machine.linear else math.degrees(value) for name, value in places.items()}
+    places = dict(zip(machine.names, values.tolist(), strict=True))
+    return {name: places[name] if name in machine.linear else math.degrees(places[name]) for name in axes}
 
 
 def commanded(motion: Motion, values: Mapping[str, float]) -> dict[str, float]:

@@ -37,7 +37,7 @@ class Dialogue:
 
     def __init__(self, patience: float) -> None:
         """s → ready to talk; `_allowed` is how long the other side may take from one `_done` to the next."""
-        self._out, self._line = b"", bytearray()
+        self._out = self._line = b""  # what is still to be sent; of a line, what has come
         self._events: list[Event] = []
         self._talk = self._conversation()
         self._started = self._over = self._asked = self._stopping = False
@@ -64,15 +64,13 @@ class Dialogue:
 
     def receive(self, data: bytes) -> list[Event]:
         """bytes from the transport, cut anywhere → the events they complete."""
-        for byte in data:
-            if byte != 0x0A:
-                self._line.append(byte)
-                del self._line[:-LINE_LIMIT]
-                continue
-            text = self._line.decode("latin-1").strip("\r\0 ")
-            self._line.clear()
+        *ended, rest = data.split(b"\n")
+        for part in ended:
+            text = (self._line + part)[-LINE_LIMIT:].decode("latin-1").strip("\r\0 ")
+            self._line = b""
             if self._asked and not self._over and self._wanted(text):
                 self._advance(text)
+        self._line = (self._line + rest)[-LINE_LIMIT:]
         events, self._events = self._events, []
         return events
 

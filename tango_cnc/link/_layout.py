@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from ..files.checked import Node, load
@@ -49,28 +50,28 @@ class Layout:
     commands: Mapping[str, int]
     statuses: Mapping[str, int]
 
-    @property
+    @cached_property
     def block(self) -> tuple[int, int]:
         """→ (address, count) of everything that the control says and of the command it was given, read in one request."""
         return self._range(CONTROL)
 
-    @property
+    @cached_property
     def resident(self) -> bool:
         """→ whether the control can be told to run the program that it has."""
         return RUN in self.commands and all(name in self.registers for name in RESIDENT)
 
-    @property
+    @cached_property
     def whole(self) -> tuple[int, int]:
         """→ (address, count) of the block and of what a running program writes beside it."""
         return self._range((*CONTROL, *(name for name in RESIDENT[:-1] if name in self.registers)))
 
-    @property
+    @cached_property
     def state(self) -> tuple[int, int]:
         """→ (address, count) of the beginning of the block: all but positions and constants."""
         first = self.block[0]
         return first, max(self.registers[name] + 1 for name in STATE) - first
 
-    @property
+    @cached_property
     def targets(self) -> tuple[int, int]:
         """→ (address, count) of what is written before a command."""
         return self._range(TARGET)
