@@ -16,6 +16,8 @@ from ._common import cell_option, dialect, json_option, write_json
 if TYPE_CHECKING:
     from ..link.transport import Transport
 
+SHOWN = 300  # characters of what came that are shown
+
 
 @click.command()
 @cell_option
@@ -76,7 +78,8 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
     fine, found = judged(data)
     result = {"format": "tango-link-test/1", "port": address, "recognised": fine, "bytes": len(data), "data": shown, "found": found}
     if not write_json(json_file, result):
-        click.echo("\n".join([*([shown] if shown else []), *found]))
+        more = " … (--json has all)" if len(shown) > SHOWN else ""
+        click.echo("\n".join([*found, *([f"what came, {len(data)} bytes: {shown[:SHOWN]}{more}"] if shown else [])]))
     return 0 if fine else 1
 
 
