@@ -91,7 +91,30 @@ def test_plan_writes_all_parts_and_one_plan_csv(tmp_path: Path) -> None:
     assert sorted(file.name for file in folder.iterdir()) == ["O8700.nc", "O8705.nc", "plan.csv"]
     assert (folder / "plan.csv").read_text() == (GOLDEN / "plan.csv").read_text()
     whole = Result("plan", "-C", tmp_path / "cell")
-    assert "O8705.nc is of an earlier plan and stays as it is: delete it" in whole.err
+    assert "O8705.nc is an earlier program of this plan and stays as it is: delete it" in whole.err
+
+
+def test_programs_of_another_plan_are_named_whatever_their_ending_and_of_a_resumed_run_too(tmp_path: Path) -> None:
+    folder = tmp_path / "cell"
+    shutil.copytree(GOLDEN / "cell", folder)
+    assert Result("plan", "-C", folder, "--post", "linuxcnc").code == 0
+    again = Result("plan", "-C", folder)
+    assert "delete it" not in again.err, "another control, the same plan"
+    (folder / "program" / "rest").mkdir()
+    (folder / "program" / "tango.ngc").rename(folder / "program" / "rest" / "tango.ngc")
+    strategy = (folder / "strategy.yaml").read_text()
+    (folder / "strategy.yaml").write_text(strategy.replace("standoff: 10", "standoff: 11"))
+    other = Result("plan", "-C", folder, "--post", "siemens").err
+    assert "O8700.nc is of another plan" in other and "rest/tango.ngc is of another plan" in other
+
+
+def test_a_dry_run_shows_the_parts() -> None:
+    result = Result("plan", "-C", GOLDEN / "cell", "--dry-run", "--split", 3)
+    assert [line for line in result.out.splitlines() if "part" in line] == [
+        "part 1 of 2: touches 1 … 3",
+        "part 2 of 2: touches 4 … 6",
+    ]
+    assert Result("plan", "-C", GOLDEN / "cell", "--dry-run", "--json", "-").code == 2
 
 
 @pytest.fixture
@@ -107,7 +130,9 @@ def test_parts_are_run_one_after_the_other_into_the_same_readings(cell: Path) ->
     with controller(cell, "--tcp", "127.0.0.1:0", once=False) as url:
         result = Result("run", "-C", cell, "--port", url, "--timeout", "10", "--split", "3")
     assert result.code == 0, result.err
-    assert "part 2 of 3: 2 touches" in result.err and "part 3 of 3: 2 touches" in result.err
+    assert (
+        "part 1 of 3: 3 touches" in result.err and "part 2 of 3: 2 touches" in result.err and "part 3 of 3: 2 touches" in result.err
+    )
     assert agree(cell)
     told = json.loads((cell / "readings.json").read_text())
     assert [segment["touches"] for segment in told["segments"]] == [3, 2, 2]

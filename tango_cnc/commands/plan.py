@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from postprocessors._base import Post
 
 NAMED = 3  # touches that a warning names
-PROGRAM = re.compile(rb"\bPROGRAM [0-9A-F]{12}\b")
+PROGRAM = re.compile(rb"\bPROGRAM [0-9A-F]{12} PLAN ([0-9A-F]{12})\b")
+REST = "rest"  # folder beside the program, for the touches that a run has left
 DRAWN = (".png", ".svg", ".pdf")
 HEAD = 2000  # bytes of a program within which its mark stands
 
@@ -82,6 +83,8 @@ def command(
     from .. import plan as planner
     from ..report import path, pictures
 
+    if dry_run and json_file is not None:
+        raise InputError("--dry-run and --json: a dry run makes no program to tell of; leave one of them out")
     if indexation is not None and picture is None:
         raise InputError("--indexation: it says what --picture draws; give --picture FILE too")
     if picture is not None:
@@ -103,7 +106,7 @@ def command(
     if picture is not None:
         pictures.write(path.picture(made, indexation), picture)
     if dry_run:
-        for line in _moves(made):
+        for line in _dry(made, most):
             click.echo(line)
         return
     assert name is not None
@@ -127,8 +130,8 @@ def command(
     result["companions"] = [str(target / name_beside) for name_beside in beside]
     if not write_json(json_file, result):
         click.echo(_text(made, result))
-    for file in stale(target, set(files)):
-        click.echo(f"{file} is of an earlier plan and stays as it is: delete it, so that nobody runs it", err=True)
+    for text in stale(target, set(files), result["plan_hash"]):
+        click.echo(text, err=True)
 
 
 @dataclass(frozen=True)
@@ -163,11 +166,26 @@ def programs(dialect: Post, whole: Plan, options: Mapping[str, Any], most: int |
     return found
 
 
-def stale(folder: Path, written: Collection[Path]) -> list[Path]:
-    """folder, files just written → programs there of an earlier plan: same ending, with a mark, but not written now."""
-    endings = {file.suffix for file in written} - {".csv", ".yaml"}
-    others = [file for file in sorted(folder.iterdir()) if file.suffix in endings and file.is_file() and file not in written]
-    return [file for file in others if PROGRAM.search(file.read_bytes()[:HEAD])]
+def stale(folder: Path, written: Collection[Path], plan_mark: str) -> list[str]:
+    """folder, files just written, hash of their plan → a sentence on each program there that is not theirs, those of `REST` too.
+
+    One of this plan for another control is none.
+    """
+    endings = {file.suffix for file in written}
+    found = []
+    for file in sorted(f for place in (folder, folder / REST) if place.is_dir() for f in place.iterdir()):
+        if file in written or not file.is_file() or not (mark := PROGRAM.search(_head(file))):
+            continue
+        other = mark[1].decode() != plan_mark
+        if other or file.suffix in endings:
+            what = "of another plan" if other else "an earlier program of this plan"
+            found.append(f"{file} is {what} and stays as it is: delete it, so that nobody runs it")
+    return found
+
+
+def _head(file: Path) -> bytes:
+    with file.open("rb") as opened:
+        return opened.read(HEAD)
 
 
 def proven(title: str, lines: Callable[[], Iterator[str]], plan: Plan, settings: Mapping[str, Any]) -> tuple[str, ...]:
@@ -191,6 +209,17 @@ def warning(plan: Plan) -> str:
         f"on a machine it would meet the table there and stop:{first}{more}\n"
         "Take them out of the strategy, or plan with --obstructed leave-out."
     )
+
+
+def _dry(whole: Plan, most: int | None) -> Iterator[str]:
+    """plan, touches a program may make → its moves, under the part of it that they belong to where there are several."""
+    from .. import plan as planner
+
+    parts = (whole,) if most is None else planner.split(whole, most)
+    for number, part in enumerate(parts, 1):
+        if len(parts) > 1:
+            yield f"part {number} of {len(parts)}: touches {part.touches[0].number} … {part.touches[-1].number}"
+        yield from _moves(part)
 
 
 def _moves(plan: Plan) -> list[str]:

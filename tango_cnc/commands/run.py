@@ -138,7 +138,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
     from ..files.plan import plan_lines, write_together
     from ..link._measure import Program
     from ..plan import plan_hash
-    from .plan import programs, proven
+    from .plan import REST, programs, proven, stale
 
     assert cell.controller is not None
     letters = post.record_letters(part.machine)
@@ -166,10 +166,12 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
         return [Program(text, mark, letters, whole)]
     with blamed_on(cell.folder / "tango.yaml"):
         written = programs(post, part, cell.controller.options, most)
-    target = cell.folder / "program" / ("" if part is whole else "rest")
+    target = cell.folder / "program" / ("" if part is whole else REST)
     files: dict[Path, Callable[[], Iterator[str]]] = {target / w.name: w.lines for w in written}
     files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, part, cell.controller.options).items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
+    for sentence in stale(target, set(files), plan_hash(part)):
+        click.echo(sentence, err=True)
     return [Program("".join(line + "\n" for line in w.lines()), w.mark, letters, w.plan) for w in written]
 
 
@@ -250,8 +252,8 @@ class _Bar:
         if self._terminal:
             click.echo(f"\r{text:<78}", err=True, nl=False)
             self._open = True
-        elif 10 * step.done // max(step.total, 1) > self._shown:
-            self._shown = 10 * step.done // max(step.total, 1)
+        elif (tenths := 10 * step.done // max(step.total, 1)) != self._shown:  # less: the next part of a run has begun
+            self._shown = tenths
             click.echo(text, err=True)
 
     def close(self) -> None:

@@ -90,6 +90,13 @@ def measure(
     protocol, address = protocol_of(wanted.port, wanted.protocol)
     jobs = _jobs(programs, again, left, wanted)
     client = protocol.Client(jobs[0], address.options)
+
+    def announced(number: int) -> None:
+        if len(jobs) > 1:
+            count = len(jobs[number - 1].numbers)
+            watch(Step(0, count, 0.0, None, f"part {number} of {len(jobs)}: {count} touches"))
+
+    announced(1)
     confirm(jobs[0].plan, programs[0])
     transport = open_port(address)
     try:
@@ -100,7 +107,7 @@ def measure(
             try:
                 for number, (program, job) in enumerate(zip(programs, jobs, strict=True), 1):
                     if number > 1:
-                        watch(Step(0, len(job.numbers), 0.0, None, f"part {number} of {len(jobs)}: {len(job.numbers)} touches"))
+                        announced(number)
                         confirm(job.plan, program)
                         client = protocol.Client(job, address.options)
                     journal.add("segment", **_segment(plan, program, job, wanted), part=[number, len(jobs)])
@@ -286,7 +293,7 @@ def _keep(entries: list[dict[str, Any]], plan: Plan, file: Path, advice: str) ->
     if readings is None:
         return ""
     _write(_partial(file), readings_text(readings), provenance(entries, plan))
-    return f"They are in {_partial(file)}{advice}."
+    return f"What was measured is in {_partial(file)}{advice}."
 
 
 def _finish(entries: list[dict[str, Any]], plan: Plan, file: Path) -> dict[str, Any]:
