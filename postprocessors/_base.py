@@ -147,7 +147,7 @@ def settings(post: Post, given: Mapping[str, Any]) -> dict[str, Any]:
     known = {option.name: option for option in post.options}
     for key in given:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
+            near = difflib.get_close_matches(str(key), ["port", *known], n=1)
             hint = f" Did you mean {near[0]!r}?" if near else ""
             raise InputError(f"controller: found the unknown key {key!r}; allowed: post, port, {', '.join(known)}.{hint}")
     return {name: _value(option, given[name]) if name in given else option.default for name, option in known.items()}
@@ -155,6 +155,8 @@ def settings(post: Post, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _value(option: Option, value: Any) -> Any:
     kind = type(option.default)
+    if kind is str and isinstance(value, int) and str(value) in option.choices:
+        value = str(value)  # 44 without quotes
     fits = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value, fits = float(value), True

@@ -66,6 +66,12 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         return 130
     except BrokenPipeError:
         return 0
+    except OSError as error:
+        if error.filename is None:
+            raise
+        where = error.filename2 or error.filename
+        click.echo(f"tango: {where}: {error.strerror}; check the path, its permissions and the room on the disk", err=True)
+        return 2
     return result if isinstance(result, int) else 0
 
 

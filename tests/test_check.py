@@ -103,6 +103,7 @@ def test_protected_moves_take_the_positioning_feed_of_the_post(cell: Path, capsy
     ("controller", "words"),
     [
         ("post: fanucc", "tango.yaml:8: controller.post: found 'fanucc'; allowed: brother, .* Did you mean 'fanuc'"),
+        ("post: fanuc\n  reste: G17", "tango.yaml:9: controller: found the unknown key 'reste'; .* Did you mean 'reset'"),
         ("post: fanuc\n  decimals: 5", "tango.yaml:9: controller.decimals: found 5; allowed: 3, 4"),
         (
             "post: fanuc\n  clamp: {D: M10}",
@@ -118,3 +119,36 @@ def test_what_plan_refuses_in_the_profile_is_refused_here_too(
     (cell / "tango.yaml").write_text(profile.replace("post: fanuc", controller), encoding="utf-8")
     assert call("check", "-C", cell) == 2
     assert re.search(words, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "socket://",
+            "sockte://",
+            r"tango.yaml:9: controller.port: found 'sockte://.*', in it found scheme 'sockte'; allowed: serial://, ",
+        ),
+        ("terms: S3", "terms: s3", "tango.yaml:6: terms: found 's3', .* Did you mean 'S3'"),
+        (
+            "machine: machine.yaml",
+            "machine: machin.yaml",
+            "tango.yaml:3: machine: found 'machin.yaml'; .* Did you mean 'machine.yaml'",
+        ),
+        ("post: fanuc", "post:", "tango.yaml:8: controller.post: found nothing; allowed: the name of a dialect"),
+    ],
+)
+def test_a_slip_in_tango_yaml_is_told_with_its_line(
+    cell: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
+) -> None:
+    profile = (cell / "tango.yaml").read_text(encoding="utf-8")
+    (cell / "tango.yaml").write_text(profile.replace(old, new), encoding="utf-8")
+    assert call("check", "-C", cell) == 2
+    assert re.search(words, capsys.readouterr().err)
+
+
+def test_numbers_that_are_words_need_no_quotes_and_terms_have_to_be_stated(cell: Path) -> None:
+    profile = (cell / "tango.yaml").read_text(encoding="utf-8")
+    (cell / "tango.yaml").write_text(profile.replace("post: fanuc", "post: fanuc\n  print_format: 53"), encoding="utf-8")
+    assert call("check", "-C", cell) == 0
+    assert call("check", "-C", cell, "--terms", "") == 2

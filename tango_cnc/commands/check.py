@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,8 @@ def command(folder: Path, terms: str | None, degree: int, json_file: str | None)
         # Whatever is beyond leaving out is still an error, and says so.
         made = plan(cell, "leave-out")
     _postable(cell, made)
-    data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree, positioning_feed(cell))
+    with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
+        data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree, positioning_feed(cell))
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
     return int(bool(data["left_out"]) or (bool(data["not_identifiable"]) and not data["mismatch_only"]))
@@ -68,10 +70,21 @@ def _postable(cell: Cell, made: Plan) -> None:
 
     if cell.controller is None:
         return
-    post, options = dialect(cell), cell.controller.options
+    post, port, options = dialect(cell), cell.controller.port, cell.controller.options
     with blamed_on(cell.folder / "tango.yaml"):
+        if port is not None:
+            _port(port, post.link)
         posts.program(post, made, options, plan_hash(made))
         programs(post, split(made, 1)[0], options)
+
+
+def _port(port: str, link: str) -> None:
+    from ..link._measure import protocol_of
+
+    try:
+        protocol_of(port, link)
+    except InputError as error:
+        raise InputError(f"controller.port: found {port!r}, in it {str(error).removeprefix(f'port {port!r}: ')}") from None
 
 
 def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed: float | None = None) -> dict[str, Any]:
@@ -122,7 +135,8 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         "  " + "  ".join(f"{n} {low:.1f} … {high:.1f}" for n, (low, high) in data["range"].items()),
     ]
     if left_out := data["left_out"]:
-        lines.append(f"{len(left_out)} more touches of the strategy cannot be made; what follows is without them:")
+        more = "one more touch" if len(left_out) == 1 else f"{len(left_out)} more touches"
+        lines.append(f"{more} of the strategy cannot be made; what follows is without {'it' if len(left_out) == 1 else 'them'}:")
         lines += [f"  {text}" for text in left_out[:NAMED]]
         lines += [f"  … and {len(left_out) - NAMED} more (--json lists all)"] if len(left_out) > NAMED else []
     if data["doubtful"]:

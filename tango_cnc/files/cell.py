@@ -43,12 +43,21 @@ def read_cell(folder: Path) -> Cell:
     fields = root.fields(["tango", "machine", "artefact", "strategy"], ["terms", "controller"])
     if fields["tango"].integer() != 1:
         raise fields["tango"].wrong("1, the version of the format that this program reads")
-    machine = read_machine(folder / fields["machine"].text())
-    artefact = read_artefact(folder / fields["artefact"].text())
-    strategy = read_strategy(folder / fields["strategy"].text(), machine, artefact)
+    machine = read_machine(_file(folder, fields["machine"]))
+    artefact = read_artefact(_file(folder, fields["artefact"]))
+    strategy = read_strategy(_file(folder, fields["strategy"]), machine, artefact)
     terms = _terms(fields["terms"]) if "terms" in fields else ("S3",)
     controller = _controller(fields["controller"]) if "controller" in fields else None
     return Cell(folder, machine, artefact, strategy, terms, controller)
+
+
+def _file(folder: Path, node: Node) -> Path:
+    """folder of a cell, name of one of its files → path. Raises InputError when it is a folder, or another one may be meant."""
+    file = folder / node.text()
+    there = sorted(f.name for f in folder.glob("*.yaml") if f.name != "tango.yaml")
+    if file == folder or (not file.exists() and suggestion(file.name, there)):
+        raise node.wrong(f"a file of the cell, which has {', '.join(there)}.{suggestion(file.name, there)}")
+    return file
 
 
 def read_terms(text: str) -> tuple[TermItem, ...]:
@@ -56,6 +65,8 @@ def read_terms(text: str) -> tuple[TermItem, ...]:
     from .checked import parse
 
     bare = text.strip()
+    if not bare:
+        raise InputError("--terms: found nothing; allowed: S1, S2, S3, S4 or a list of them, of coefficients (EYX2) and causes")
     return _terms(parse(Path("--terms"), bare if bare.startswith("[") else f"[{bare}]"))
 
 
@@ -74,7 +85,9 @@ def _controller(node: Node) -> Controller:
         raise complaint(node.file, node.line, node.path, "no key 'post'", "'post' is required here, e.g. post: fanuc")
     port = items["port"].text() if "port" in items else None
     options = {key: child.plain() for key, child in items.items() if key not in ("post", "port")}
-    return Controller(items["post"].text(), port, options)
+    if not isinstance(post := items["post"].plain(), str):
+        raise items["post"].wrong("the name of a dialect, e.g. fanuc, or the path of your own .py file")
+    return Controller(post, port, options)
 
 
 def read_machine(file: Path) -> Machine:

@@ -15,6 +15,8 @@ import yaml
 
 from ..records import Id, InputError, Vector
 
+NUMERAL = re.compile(r"-?\d+")
+COMMA = " Within { } a comma begins a new key: write decimals with a point, and lists in [ ]"
 MISSING = {  # file name → what to do when it is not there
     "tango.yaml": "give the folder of the cell with -C, or make one with 'tango init DIR'",
     "readings.csv": "'tango run' makes the readings of a cell, 'tango simulate' those of its world.yaml",
@@ -28,9 +30,10 @@ def complaint(file: Path | str, line: int | None, key: str, found: str, allowed:
 
 
 def suggestion(word: str, known: Collection[str]) -> str:
-    """misspelt word, known words → ' Did you mean …?' or nothing."""
-    near = difflib.get_close_matches(word, [str(k) for k in known], n=1, cutoff=0.6)
-    return f" Did you mean {near[0]!r}?" if near else ""
+    """misspelt word, known words → ' Did you mean …?' or nothing; capitals are not what makes words differ."""
+    words = {str(k).lower(): str(k) for k in known}
+    near = difflib.get_close_matches(word.lower(), words, n=1, cutoff=0.6)
+    return f" Did you mean {words[near[0]]!r}?" if near else ""
 
 
 @dataclass(frozen=True)
@@ -74,11 +77,11 @@ class Node:
 
     def fields(self, required: Collection[str], optional: Collection[str] = ()) -> dict[str, Node]:
         """mapping → {key: value}. Raises InputError for unknown and missing keys."""
-        known = [*required, *optional]
+        known = list(dict.fromkeys([*required, *optional]))
         found = dict(self.items())
         for key, child in found.items():
             if key not in known:
-                hint = suggestion(key, known)
+                hint = suggestion(key, known) or (COMMA if NUMERAL.fullmatch(key) else "")
                 raise complaint(self.file, child.line, child.path, f"the unknown key {key!r}", f"{', '.join(known)}.{hint}")
         for key in required:
             if key not in found:
@@ -89,7 +92,7 @@ class Node:
         """sequence → its values. Raises InputError for anything else or another length."""
         if not isinstance(self.raw, yaml.SequenceNode) or (length is not None and len(self.raw.value) != length):
             count = len(self.raw.value) if isinstance(self.raw, yaml.SequenceNode) else 0
-            what = f"{count} values" if isinstance(self.raw, yaml.SequenceNode) else None
+            what = f"{count} value{'s' if count != 1 else ''}" if isinstance(self.raw, yaml.SequenceNode) else None
             raise self.wrong("a list" if length is None else f"a list of {length} values", what)
         return [Node(self.file, value, f"{self.path}[{i}]") for i, value in enumerate(self.raw.value)]
 

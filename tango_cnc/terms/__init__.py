@@ -97,5 +97,5 @@ def find(item: TermItem, machine: Machine) -> list[Coefficient]:
     known += [name for name, module in modules.items() if hasattr(module, "cause")]
     raise InputError(
         f"terms: found {name!r}, which no term of machine {machine.topology} has; allowed: S1, S2, S3, S4, and names such as "
-        f"{', '.join(known[:6])} …{suggestion(name, known)}"
+        f"{', '.join(known[:6])} …{suggestion(name, ['S1', 'S2', 'S3', 'S4', *known])}"
     )
