@@ -133,7 +133,7 @@ def test_what_plan_refuses_in_the_profile_is_refused_here_too(
         (
             "machine: machine.yaml",
             "machine: machin.yaml",
-            "tango.yaml:3: machine: found 'machin.yaml'; .* Did you mean 'machine.yaml'",
+            "tango.yaml:3: machine: found 'machin.yaml', no such file; .* Did you mean 'machine.yaml'",
         ),
         ("post: fanuc", "post:", "tango.yaml:8: controller.post: found nothing; allowed: the name of a dialect"),
     ],

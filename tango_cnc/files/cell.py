@@ -43,21 +43,25 @@ def read_cell(folder: Path) -> Cell:
     fields = root.fields(["tango", "machine", "artefact", "strategy"], ["terms", "controller"])
     if fields["tango"].integer() != 1:
         raise fields["tango"].wrong("1, the version of the format that this program reads")
-    machine = read_machine(_file(folder, fields["machine"]))
-    artefact = read_artefact(_file(folder, fields["artefact"]))
-    strategy = read_strategy(_file(folder, fields["strategy"]), machine, artefact)
+    files = _files(folder, {key: fields[key] for key in ("machine", "artefact", "strategy")})
+    machine, artefact = read_machine(files["machine"]), read_artefact(files["artefact"])
+    strategy = read_strategy(files["strategy"], machine, artefact)
     terms = _terms(fields["terms"]) if "terms" in fields else ("S3",)
     controller = _controller(fields["controller"]) if "controller" in fields else None
     return Cell(folder, machine, artefact, strategy, terms, controller)
 
 
-def _file(folder: Path, node: Node) -> Path:
-    """folder of a cell, name of one of its files → path. Raises InputError when it is a folder, or another one may be meant."""
-    file = folder / node.text()
-    there = sorted(f.name for f in folder.glob("*.yaml") if f.name != "tango.yaml")
-    if file == folder or (not file.exists() and suggestion(file.name, there)):
-        raise node.wrong(f"a file of the cell, which has {', '.join(there)}.{suggestion(file.name, there)}")
-    return file
+def _files(folder: Path, nodes: dict[str, Node]) -> dict[str, Path]:
+    """folder of a cell, {what: name of its file} → paths. Raises InputError when a file that nothing names may be meant."""
+    files = {key: folder / node.text() for key, node in nodes.items()}
+    others = sorted({f.name for f in folder.glob("*.yaml")} - {f.name for f in files.values()} - {"tango.yaml"})
+    for key, file in files.items():
+        if file == folder or (not file.exists() and suggestion(file.name, others)):
+            hint = suggestion(file.name, others)
+            raise nodes[key].wrong(
+                f"the name of a file; beside it there are {', '.join(others)}.{hint}", f"{nodes[key].text()!r}, no such file"
+            )
+    return files
 
 
 def read_terms(text: str) -> tuple[TermItem, ...]:
