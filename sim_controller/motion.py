@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .faults import Faults
 from .probing import Rig, gap_along, rows_of, undisturbed
 from .roots import bracketed_zero
 from .search import first_contact
+from .shank import STYLUS, Entry, first_entry
 from .world import place
 
 STILL = 1e-9  # mm or rad: less is rounding, not a motion
@@ -25,6 +26,7 @@ BEND = 2.0  # mm that the stylus gives way before it breaks
 NEAR = 1.0  # mm around the undisturbed contact in which effects may move it
 
 Note = Callable[..., None]
+What = int | Entry  # what is met: by the ball, the number of a surface; else which part of the probe enters what
 
 
 class MotionStop(Exception):
@@ -46,9 +48,9 @@ class Skip:
 
 @dataclass(frozen=True)
 class _Pressed:
-    """The stylus is deflected by this surface; `gap` mm is what is geometrically left of it."""
+    """The stylus is deflected by this; `gap` mm is what is geometrically left of a surface."""
 
-    row: int
+    what: What
     gap: float
 
 
@@ -122,15 +124,16 @@ class Motion:
             self._note("skip", result="already deflected", **self._shown())
             return Skip(True, self.position, already=True)
         start, direction = self._position, self._turned(end)
-        contact = first_contact(self.rig, start, end, direction)
+        met = self._meets(end, direction, 0.0)
         length = self._length(end)
-        if contact is None:
-            self._arrive(end, length / (feed / 60))
-            self._note("skip", result="miss", **self._shown())
-            return Skip(False, self.position)
-        undisturbed_s, row = contact
-        s = self._disturbed(start, end, direction, undisturbed_s, row, length / (feed / 60), feed)
-        if s is None:
+        s: float | None = None
+        if met is not None:
+            s, what = met
+            if not isinstance(what, Entry):
+                s = self._disturbed(start, end, direction, s, what, length / (feed / 60), feed)
+            elif what.part != STYLUS:
+                self._collide("skip", end, s, what, length / (feed / 60))
+        if met is None or s is None:
             self._arrive(end, length / (feed / 60))
             self._note("skip", result="miss", **self._shown())
             return Skip(False, self.position)
@@ -139,9 +142,9 @@ class Motion:
         overrun = (speed * LATENCY + speed**2 / (2 * DECELERATION)) / length if length > 0 else 0.0
         stop = start + min(1.0, s + overrun) * (end - start)
         self._arrive(stop, s * length / speed)
-        self._pressed = _Pressed(row, float(self._gaps(row, stop[None], direction)[0]))
+        self._press(what, stop, direction)
         self.touches += 1
-        self._note("contact", touch=self.touches, surface=self._name(row), at=self._table(trigger), **self._shown())
+        self._note("contact", touch=self.touches, surface=self._name(what), at=self._table(trigger), **self._shown())
         fault = self._faults.after_touch(self.touches)
         if fault == "stuck":
             self._stuck = True
@@ -198,35 +201,57 @@ class Motion:
             self._arrive((self._position + end) / 2, seconds / 2)
             self._note("reset", **self._shown())
             raise MotionStop("fault", "reset")
-        tripped: tuple[float, int] | None
-        tripped = first_contact(self.rig, self._position, end, direction) if self._pressed is None else self._leave(end, direction)
-        if tripped is None:
-            self._arrive(end, seconds)
-            self._note(kind, **self._shown())
-            return
-        s, row = tripped
-        stop = self._position + s * (end - self._position)
-        self._arrive(stop, s * seconds)
-        self._pressed = _Pressed(row, 0.0)
-        text = f"probe tripped during a move that is not a probing move ({kind}, on {self._name(row)})"
-        self._note("collision", surface=self._name(row), at=self._table(stop), move=kind, **self._shown())
-        raise MotionStop("collision", text)
+        met = self._meets(end, direction, 0.0) if self._pressed is None else self._leave(end, direction)
+        if met is not None:
+            self._collide(kind, end, *met, seconds)
+        self._arrive(end, seconds)
+        self._note(kind, **self._shown())
 
-    def _leave(self, end: Array, direction: Array) -> tuple[float, int] | None:
-        """→ the contact of a move that starts with the stylus deflected: it must let go before it meets anything."""
+    def _meets(self, end: Array, direction: Array, after: float) -> tuple[float, What] | None:
+        """→ where on the move from here (s, not before `after`) the probe meets something first, and what."""
+        r = self.rig
+        ball = first_contact(r, self._position, end, direction, after)
+        entry = first_entry(r.shank, r.true, self._position, end, direction, after, 1.0 if ball is None else ball[0])
+        return ball if entry is None else (entry.s, entry)
+
+    def _collide(self, kind: str, end: Array, s: float, what: What, seconds: float) -> NoReturn:
+        """Stops there, on the record as a collision. Raises MotionStop."""
+        stop = self._position + s * (end - self._position)
+        direction = self._turned(end)
+        self._arrive(stop, s * seconds)
+        self._press(what, stop, direction)
+        felt = not isinstance(what, Entry) or what.part == STYLUS
+        how = f"probe tripped during a move that is not a probing move ({kind}, on" if felt else f"collision ({kind}, of"
+        self._note("collision", surface=self._name(what), at=self._table(stop), move=kind, **self._shown())
+        raise MotionStop("collision", f"{how} {self._name(what)})")
+
+    def _press(self, what: What, stop: Array, direction: Array) -> None:
+        """What holds the stylus deflected from here on."""
+        gap = 0.0 if isinstance(what, Entry) else float(self._gaps(what, stop[None], direction)[0])
+        self._pressed = _Pressed(what, gap)
+
+    def _leave(self, end: Array, direction: Array) -> tuple[float, What] | None:
+        """→ what a move meets that starts with the stylus deflected: it must let go before it meets anything."""
         assert self._pressed is not None
-        change, row = end - self._position, self._pressed.row
+        change, what = end - self._position, self._pressed.what
         finest = min(0.5, 0.001 / max(self._length(end), STILL))
         s = np.concatenate([[0.0], np.geomspace(finest, 1.0, 60)])
-        gaps = self._gaps(row, self._position + s[:, None] * change, direction)
-        free = gaps > max(self._pressed.gap, 0.0) + RELEASE
-        first = int(np.argmax(free)) if free.any() else len(gaps) - 1
-        if gaps[: first + 1].min() < self._pressed.gap - BEND:
-            return float(s[int(np.argmin(gaps[: first + 1]))]), row
+        positions = self._position + s[:, None] * change
+        if isinstance(what, Entry):
+            bent = s * self._length(end) <= BEND
+            free = np.array([first_entry(self.rig.shank, self.rig.true, p, p, direction) is None for p in positions[bent]])
+            if not free.any() and not bent.all():
+                return float(s[bent][-1]), what
+        else:
+            gaps = self._gaps(what, positions, direction)
+            free = gaps > max(self._pressed.gap, 0.0) + RELEASE
+            first = int(np.argmax(free)) if free.any() else len(gaps) - 1
+            if gaps[: first + 1].min() < self._pressed.gap - BEND:
+                return float(s[int(np.argmin(gaps[: first + 1]))]), what
         if not free.any():
             return None
         self._pressed = None
-        return first_contact(self.rig, self._position, end, direction, float(s[first]))
+        return self._meets(end, direction, float(s[int(np.argmax(free))]))
 
     def _gaps(self, row: int, positions: Array, direction: Array) -> Array:
         tip = place(self.rig.true, positions, np.broadcast_to(direction, positions.shape)).tip
@@ -282,9 +307,12 @@ class Motion:
         assert last.gap is not None
         return effects.Disturbance(last.gap + noise, last.work, last.table, last.errors)
 
-    def _name(self, row: int) -> str:
-        facets = self.rig.surfaces.facets
-        return f"facet {facets[row]}" if row < len(facets) else f"obstacle {row - len(facets) + 1}"
+    def _name(self, what: What) -> str:
+        if isinstance(what, Entry):
+            return f"{what.body} ({what.part})"
+        facets, solids = self.rig.surfaces.facets, len(self.rig.surfaces.obstacles)
+        beyond = what - len(facets)
+        return f"facet {facets[what]}" if beyond < 0 else f"obstacle {beyond + 1}" if beyond < solids else "the table"
 
     def _table(self, position: Array) -> dict[str, float]:
         """→ {axis: value} with every digit, mm and deg."""

@@ -16,6 +16,7 @@ from tango_cnc.records import Array, Artefact, Machine, World
 from . import effects, surfaces
 from .effects import Disturbance, History
 from .roots import Gap
+from .shank import Shank, shank
 from .world import Placement, TrueMachine, nominal_machine, place, tip_in_table, true_machine
 
 
@@ -27,6 +28,7 @@ class Rig:
     artefact: Artefact
     true: TrueMachine
     surfaces: surfaces.Surfaces
+    shank: Shank
     effects: tuple[effects.Effect, ...]
     noise: float  # mm, one standard deviation of a touch
     seed: int
@@ -34,11 +36,13 @@ class Rig:
 
 def rig(machine: Machine, artefact: Artefact, world: World, seed: int | None = None, extent: float = surfaces.EXTENT) -> Rig:
     """machine, artefact, world → what is true. Raises InputError for errors, facets or effects that do not exist."""
+    truly = surfaces.surfaces(artefact, world, machine.probe.tip_radius, extent)
     return Rig(
         machine,
         artefact,
         true_machine(machine, world),
-        surfaces.surfaces(artefact, world, machine.probe.tip_radius, extent),
+        truly,
+        shank(machine, artefact, truly.table),
         effects.checked(world.effects, machine, artefact),
         world.noise,
         world.seed if seed is None else seed,

@@ -1,7 +1,8 @@
 """The true surfaces of the table: how far the probe ball is from touching each of them.
 
 A facet is a patch of material under a plane, cylinder or sphere that ends `EXTENT` from the facet's point; a facet on a ball
-is that part of the ball which is nearer to it than to the ball's other facets; an obstacle is a solid without a name.
+is that part of the ball which is nearer to it than to the ball's other facets; an obstacle is a solid without a name. What is
+between the facets is in `solids.py`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from tango_cnc.records import Array, Artefact, Facet, Id, InputError, Obstacle, World
+
+from . import solids
 
 EXTENT = 15.0  # mm, radius of the patch around a facet's point
 
@@ -34,6 +37,7 @@ class Surfaces:
     extent: Array  # (m,) mm, inf for a ball
     ball: NDArray[np.int64]  # (m,) number of the ball, −1 for none
     obstacles: tuple[Obstacle, ...]
+    table: solids.Table | None
     tip_radius: float
 
 
@@ -46,6 +50,8 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
     facets = list(artefact.facets.values())
     bare = [Facet("", (0, 0, 0), (0, 0, 1), ball) for ball in balls if all(f.ball != ball for f in facets)]
     rows = [(f, *_shape(f, artefact, world.facets.get(f.id, 0.0))) for f in [*facets, *bare]]
+    own = [f for f in facets if f.ball is None]
+    truly = np.array([np.array(f.point) + world.facets.get(f.id, 0.0) * np.array(f.normal) for f in own])
     return Surfaces(
         tuple(f.id for f, *_ in rows),
         np.array([f.point for f, *_ in rows]),
@@ -58,6 +64,7 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
         np.array([extent if f.ball is None else np.inf for f, *_ in rows]),
         np.array([-1 if f.ball is None else balls.index(f.ball) for f, *_ in rows], dtype=np.int64),
         artefact.obstacles,
+        solids.table(own, truly, extent, tip_radius),
         tip_radius,
     )
 
@@ -99,7 +106,7 @@ def true_normal(s: Surfaces, rows: Any, tip: Array) -> Array:
 
 
 def gaps(s: Surfaces, tip: Array) -> Array:
-    """(n, 3) mm → (n, m + obstacles) mm between the ball and every patch and obstacle, positive = apart."""
+    """(n, 3) mm → (n, m + obstacles + table) mm between the ball and every patch, obstacle and the table, positive = apart."""
     rows = np.arange(len(s.facets))
     near = np.linalg.norm(tip[:, None, :] - s.point[rows], axis=-1)
     result = np.maximum(gap(s, rows, tip[:, None, :]), near - s.extent - s.tip_radius)
@@ -107,8 +114,9 @@ def gaps(s: Surfaces, tip: Array) -> Array:
         mine = np.flatnonzero(s.ball == ball)
         nearest = mine[np.argmin(near[:, mine], axis=1)]
         result[:, mine] = np.where(mine[None, :] == nearest[:, None], result[:, mine], np.inf)
-    solids = [_outside(obstacle, tip)[:, None] - s.tip_radius for obstacle in s.obstacles]
-    return np.hstack([result, *solids])
+    beside = [_outside(obstacle, tip)[:, None] - s.tip_radius for obstacle in s.obstacles]
+    table = [] if s.table is None else [s.table.gap(tip, s.tip_radius)[:, None]]
+    return np.hstack([result, *beside, *table])
 
 
 @lru_cache(maxsize=64)

@@ -118,10 +118,14 @@ def _branch(joints: Iterable[Joint], positions: Array, directions: Array, errors
     pose = transforms.translation(np.zeros((len(positions), 3)))
     for joint in joints:
         command, last = positions[:, joint.column], directions[:, joint.column]
+        own = [(c, value) for c, value in errors if c.axis == joint.name]
+        if not own:
+            perfect = joint.sense * command
+            motion = transforms.rotation(joint.base, perfect) if joint.rotary else transforms.shift(joint.base, perfect)
+            pose = pose @ joint.location @ motion
+            continue
         inter, intra = np.zeros((len(positions), 6)), np.zeros((len(positions), 6))
-        for c, value in errors:
-            if c.axis != joint.name:
-                continue
+        for c, value in own:
             if c.kind == "inter":
                 inter[:, c.component] += value
             elif c.kind == "backlash":

@@ -1,7 +1,8 @@
 """A thousand plans that nobody has thought of, each in every dialect: nothing is hit, nothing leaves its travel, nothing turns low.
 
 Machines, tables and probes are those of the examples; indexations, facets, stand-offs and feeds are random. Each program runs on
-the simulated control of its dialect, with a work offset and a tool length active. The machine stops at a collision or a limit;
+the simulated control of its dialect, with a work offset and a tool length active. The machine stops at a collision of ball,
+stylus, probe body or spindle nose with table, facet, ball or obstacle, and at a limit; it touches the facets that are meant;
 besides, whatever carries the probe is looked at while a rotary axis turns, by the simulator's transforms and without anything
 of the planner.
 """
@@ -11,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -87,7 +88,7 @@ class Watched:
     motion: Motion
     turns: int = 0
     lowest: float = math.inf  # mm between what carries the probe and the table while something turned
-    probed: int = 0
+    touched: list[str] = field(default_factory=list)
 
     def note(self, event: str, **data: Any) -> None:
         if event in ("rapid", "feed"):
@@ -104,7 +105,7 @@ class Watched:
             self.before = end
         elif event in ("contact", "skip"):
             self.before = self.motion.position
-            self.probed += event == "contact"
+            self.touched += [data["surface"]] if event == "contact" else []
 
     before: Array = None  # type: ignore[assignment]
 
@@ -195,7 +196,7 @@ def in_every_dialect(seed: int, count: int) -> dict[str, int]:
                 seen = carried_out(name, lines, made)
             except (Alarm, MotionStop, AssertionError) as stop:
                 pytest.fail(f"{where}: {stop!r}")
-            assert seen.probed == len(made.touches), where
+            assert seen.touched == [f"facet {touch.facet}" for touch in made.touches], where
             assert seen.lowest > AIR, f"{where}: something turns {seen.lowest:.2f} mm from the table"
             assert seen.turns or not made.machine.rotary, where
     return ran
@@ -230,6 +231,22 @@ def test_what_turns_low_is_seen() -> None:
         assert (gap(watched(made).rig, np.linspace(start, turned, 10)) > AIR) == safe
 
 
+ALONG = [
+    (178.2, -206.0, "would come through facet 26"),
+    (162.7, -240.0, "would come through facet 27"),
+    (-180.0, 165.0, "leans more"),
+]
+
+
+@pytest.mark.parametrize(("a", "c", "why"), ALONG)
+def test_a_slot_is_not_come_to_along_the_table(a: float, c: float, why: str) -> None:
+    """What a thousand plans have found when the machine knew that there is table between the facets: 250 mm of it on the way."""
+    cell = example("huron")
+    pose = Indexation({"A": math.radians(a), "C": math.radians(c), "S": 0.0}, ("10",))
+    with pytest.raises(InputError, match=why):
+        plan(replace(cell, strategy=replace(cell.strategy, indexations=(pose,))))
+
+
 @pytest.mark.parametrize(("degrees", "made"), [(-185.0, ["1"]), (70.0, ["1", "10"])])
 def test_an_inner_facet_is_not_come_to_through_the_table(degrees: float, made: list[str]) -> None:
     """What a thousand plans have found: the slot of the Huron's table, with the spindle across the table and above it."""
@@ -245,4 +262,4 @@ def test_a_head_that_points_nobody_knows_where_first_leaves_the_table_by_one_axi
     cell = example("fork_head")
     pose = Indexation({"A": math.radians(-49.0), "C": math.radians(-132.397), "S": math.pi}, ("205",))
     made = plan(replace(cell, strategy=replace(cell.strategy, indexations=(pose,))))
-    assert carried_out("fanuc", text_of("fanuc", made), made).probed == 1
+    assert carried_out("fanuc", text_of("fanuc", made), made).touched == ["facet 205"]

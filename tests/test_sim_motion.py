@@ -106,9 +106,9 @@ def test_a_rotary_move_into_a_facet_trips_too() -> None:
         motion.feed({"B": np.radians(-30)}, 600)  # lifts the +x side of the table
 
 
-def test_beside_the_patch_of_a_facet_there_is_nothing_to_touch() -> None:
+def test_beyond_the_patch_of_the_outermost_facet_there_is_nothing_to_touch() -> None:
     motion = machine_at()
-    motion.rapid({"X": -90.0 + 25})
+    motion.rapid({"X": -90.0 - 25})
     assert not motion.skip({"Z": LENGTH - 5}, 180).hit
 
 

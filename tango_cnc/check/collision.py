@@ -5,12 +5,14 @@ sweeps only its own extension upwards, then moves along the facet's normal: pose
 margin allows for, are judged one by one.
 
 Of the table body only what the facet bounds is asked: a facet that lies within the body (a slot, a step, a bore) contradicts it.
-But around the points of outer facets there is table all the same, and no way to an inner facet leads through there.
+But around the points of outer facets there is table all the same, and no part of the probe may be in there; and an inner facet
+is open towards the nearest outside and where it faces, for a probe that leans, but not along the table.
 A declared obstacle may be what is touched: a facet on its surface is touched like the table, every other facet keeps off it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -28,6 +30,8 @@ BODY_MARGIN = 2.0  # mm around the body
 BEHIND = 1000.0  # mm: what carries the probe is at least as thick as its body
 STEP = 1.0  # mm between the poses that are judged
 SLANT = 1e-6  # cosine below which a way runs along a plane
+LEAN = math.radians(60.0)  # of the probe from the shortest way out of a slot, or from the normal of what is touched in there
+SIDES = 8  # of a patch
 PATCH = 15.0  # mm around the point of a facet where there surely is table behind it
 CHUNK = 4096  # touches judged at once, so that memory does not grow with their number
 
@@ -101,8 +105,8 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
             yield from (
                 (bounding & hit, why, "shank") for hit, why in _touched(solid.table, "the table", part, pose, probe, approach)
             )
-        for outer in (artefact.facets[f] for f in sorted(solid.outer, key=str) if not bounding.all()):
-            yield ~bounding & _through(outer, pose, probe, approach), f"the probe would come through facet {outer.id}", "shank"
+        if not bounding.all():
+            yield from _inner(~bounding, solid, artefact, parts, pose, probe, approach)
         hit = _any(_crosses(solid.table, pose.tip + d * pose.normal, 0 * pose.tip, probe.tip_radius + MARGIN) for d in way)
         yield ball & hit, "the tip would hit the table", "tip"
     point = pose.tip - probe.tip_radius * pose.normal
@@ -118,14 +122,41 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
         yield from _ball(centre, float(size), f"ball {name}", own, parts, pose, probe, way)
 
 
-def _through(facet: Facet, pose: Pose, probe: Probe, approach: Approach) -> Mask:
-    """an outer facet → touches whose way up goes out by the patch around its point: there is table, whatever lies within it."""
-    normal, point, hit = np.array(facet.normal), np.array(facet.point), np.zeros(len(pose.facet), dtype=bool)
-    for begin in (pose.tip, pose.tip + approach.standoff * pose.normal):
-        behind, rate = (point - begin) @ normal, pose.spindle @ normal
-        out = begin + (behind / np.where(rate > SLANT, rate, np.inf))[:, None] * pose.spindle
-        hit |= (behind > 0) & (rate > SLANT) & (np.linalg.norm(out - point, axis=1) < PATCH + probe.stylus_radius)
-    return hit
+def _inner(
+    inner: Mask, solid: Solid, artefact: Artefact, parts: tuple[_Part, ...], pose: Pose, probe: Probe, approach: Approach
+) -> Iterator[Verdict]:
+    """Facets within the table body, which is not convex there: not by the patches of outer facets, nor far along the table."""
+    assert solid.table is not None
+    for outer in (artefact.facets[f] for f in sorted(solid.outer, key=str)):
+        patch = _patch(solid.table, outer)
+        for part in parts:
+            for hit, _ in _touched(patch, "", part, pose, probe, approach):
+                yield inner & hit, f"the probe would come through facet {outer.id}", "shank"
+    for lift in (0.0, approach.standoff):
+        why = f"the probe would come through the table: it leans more than {math.degrees(LEAN):.0f}° from every way out"
+        yield inner & _buried(solid.table, pose, lift), why, "shank"
+
+
+def _patch(table: Body, facet: Facet) -> Body:
+    """table, outer facet → what of the table is within PATCH of the facet's normal line and of its plane."""
+    normal, point = np.array(facet.normal), np.array(facet.point)
+    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    across /= np.linalg.norm(across)
+    turn = 2 * np.pi * np.arange(SIDES)[:, None] / SIDES
+    around = np.cos(turn) * across + np.sin(turn) * np.cross(normal, across)
+    planes = np.vstack([table.normal, around, -normal])
+    offset = np.concatenate([table.offset, around @ point + PATCH, [PATCH - normal @ point]])
+    return Body(planes, offset, table.corner)
+
+
+def _buried(table: Body, pose: Pose, lift: float) -> Mask:
+    """touches, mm off their facets → whose way up through the table leans farther than LEAN from every way out."""
+    begin = pose.tip + lift * pose.normal
+    room, rate = table.offset - begin @ table.normal.T, pose.spindle @ table.normal.T
+    way = np.where(rate > SLANT, room / np.where(rate > SLANT, rate, 1.0), np.inf).min(axis=1)
+    depth = room.min(axis=1)
+    facing = np.einsum("ij,ij->i", pose.normal, pose.spindle) >= math.cos(LEAN)
+    return np.asarray((depth > 0) & (way * math.cos(LEAN) > depth) & ~facing)
 
 
 def _facing(pose: Pose, probe: Probe, stem: float) -> Iterator[Verdict]:
