@@ -294,7 +294,7 @@ post = remembered(_post, lambda part: _touched(part.strategy))
 hashed = remembered(plan_hash, lambda part: _touched(part.strategy))
 lasting = remembered(_measure.durations, lambda part: _touched(part.strategy))
 replanned = remembered(plan, lambda cell, obstructed: _touched(cell.strategy))
-first_contact = remembered(motions.first_contact)
+SEARCHES = {name: remembered(search) for name, search in vars(motions).items() if name.startswith("first_")}
 gaps = remembered(
     lambda r, row, positions, direction: motions.surfaces.gaps(
         r.surfaces, motions.place(r.true, positions, np.broadcast_to(direction, positions.shape)).tip
@@ -303,16 +303,22 @@ gaps = remembered(
 layout = functools.cache(read_layout)
 
 
+def moves_remembered(monkeypatch) -> None:
+    """A machine without noise and effects meets on the same move the same thing."""
+    for name, search in SEARCHES.items():
+        monkeypatch.setattr(motions, name, search)
+    monkeypatch.setattr(Motion, "_gaps", lambda self, *move: gaps(self.rig, *move))
+
+
 def patched(monkeypatch, clock: FakeClock) -> None:
     """Whole sessions in memory: no waiting, no disk."""
+    moves_remembered(monkeypatch)
     monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
     monkeypatch.setattr(_measure, "make_plan", replanned)
     monkeypatch.setattr(_measure, "plan_hash", hashed)
     monkeypatch.setattr(_measure, "durations", lasting)
     monkeypatch.setattr("tango_cnc.link.modbus.read_layout", layout)
-    monkeypatch.setattr(motions, "first_contact", first_contact)
-    monkeypatch.setattr(Motion, "_gaps", lambda self, *move: gaps(self.rig, *move))
 
 
 def machine_faults(chance: random.Random) -> Faults:

@@ -13,8 +13,10 @@ import time
 
 import numpy as np
 import pytest
-from test_run_simulated import controller
+from linkfaults import moves_remembered
 
+from sim_controller import __main__ as sim_controller
+from tango_cnc import envelope
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_readings
@@ -27,8 +29,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="fork and kill a
 
 TOUCHES = 60
 CLOSE = 1e-3  # mm, deg
-LONGEST = {"dnc": 3.0, "modbus": 2.5, "grbl": 2.5}  # s until the kill
-SETTINGS = {"grbl": "?orient=m19"}
+SETTINGS = {"dnc": "", "modbus": "", "grbl": "?orient=m19"}
 KILLS = int(os.environ.get("TANGO_KILLS", "1000"))  # of the campaign
 
 
@@ -49,17 +50,46 @@ def cell(tmp_path):
     return folder
 
 
-def child(folder, url, resume):
-    """A `tango run` of its own process, without the seconds that starting Python takes. → its number"""
+def process(work, out=os.devnull):
+    """what to do, where its output goes → number of a process that does it, without the seconds that starting Python takes."""
     number = os.fork()
     if number:
         return number
     nothing = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
-        os.dup2(nothing, stream)
+        os.dup2(out if stream == 1 and isinstance(out, int) else nothing, stream)
     sys.stdin, sys.stdout, sys.stderr = os.fdopen(0, "r"), os.fdopen(1, "w"), os.fdopen(2, "w")  # pytest's are others
+    os._exit(work())
+
+
+def child(folder, url, resume):
+    """A `tango run` of its own process, which does not read its program back first: that is tested elsewhere. → its number"""
     arguments = ["run", "-C", str(folder), "--port", url, "--yes", "--timeout", "20", *(["--resume"] if resume else [])]
-    os._exit(guarded(tango.main, arguments, standalone_mode=False))
+
+    def work():
+        pytest.MonkeyPatch().setattr(envelope, "check", lambda *program: True)
+        return guarded(tango.main, arguments, standalone_mode=False)
+
+    return process(work)
+
+
+@contextlib.contextmanager
+def controller(folder, *options):
+    """A simulated control in a process of its own → its address. What it meets on a move that was made before, it remembers."""
+
+    def work():
+        moves_remembered(pytest.MonkeyPatch())
+        return sim_controller.run(["--cell", str(folder), *options])
+
+    read, write = os.pipe()
+    number = process(work, write)
+    os.close(write)
+    try:
+        with os.fdopen(read) as out:
+            yield out.readline().strip()
+    finally:
+        os.kill(number, signal.SIGKILL)
+        os.waitpid(number, 0)
 
 
 def ended(number, seconds):
@@ -91,13 +121,13 @@ def last_words(folder):
     return str(entries[-1].get("why", "")) if entries else ""
 
 
-def judge(folder, ledger, durable):
-    """→ (lost, invented, unsafe)"""
+def judge(folder, ledger, since, durable):
+    """cell, ledger and where in it the measurement began, readings that were on disk at a kill → (lost, invented, unsafe)"""
     cell = read_cell(folder)
     readings = read_readings(folder / "readings.csv", cell.machine, cell.artefact)
     scale = np.array([1.0 if axis.kind == "linear" else 180 / np.pi for axis in cell.machine.axes])
     # the line that is being written while we read is not finished
-    events = [json.loads(line) for line in ledger.read_text().splitlines(keepends=True) if line.endswith("\n")]
+    events = [json.loads(line) for line in ledger.read_bytes()[since:].splitlines(keepends=True) if line.endswith(b"\n")]
     contacts = np.array([[event["at"][name] for name in cell.machine.names] for event in events if event["event"] == "contact"])
     got = dict(zip(readings.touch.tolist(), readings.position, strict=True))
     lost = len({touch.number for touch in plan(cell).touches} - set(got))
@@ -112,45 +142,51 @@ def judge(folder, ledger, durable):
 
 
 def killed(protocol, kills, cell, seed):
-    """→ complete measurements that were made while `kills` processes were killed."""
+    """→ complete measurements that were made while `kills` processes were killed, at instants within what a whole one takes."""
     chance, ledger = random.Random(seed), cell.parent / "ledger"
     done, complete, durable = 0, 0, {}
-    with controller(cell, "--protocol", protocol, "--tcp", "127.0.0.1:0", "--ledger", str(ledger), once=False) as url:
-        url += SETTINGS.get(protocol, "")
+    with controller(cell, "--protocol", protocol, "--tcp", "127.0.0.1:0", "--ledger", str(ledger)) as url:
+        url += SETTINGS[protocol]
+        for _ in range(2):  # the control has to get to know the moves
+            began = time.monotonic()
+            assert ended(child(cell, url, False), 120.0) == 0, last_words(cell)
+            longest = time.monotonic() - began
+            (cell / "readings.journal").unlink()
+        since = ledger.stat().st_size
         while done < kills or durable or not complete:
             before, resume = on_disk(cell) if durable or complete == 0 else ({}, False)
             assert all(before.get(number) == position for number, position in durable.items())
             # the last one is left alone
             status = ended(
                 child(cell, url, resume),
-                chance.uniform(0, LONGEST[protocol]) if done < kills else 120.0,
+                chance.uniform(0, longest) if done < kills else 120.0,
             )
             if status is None:
                 done += 1
                 durable = on_disk(cell)[0]
             else:
                 assert status == 0, f"a run that nobody killed did not come to its end: {last_words(cell)}"
-                assert judge(cell, ledger, durable) == (0, 0, 0)
-                complete, durable = complete + 1, {}
+                assert judge(cell, ledger, since, durable) == (0, 0, 0)
+                complete, durable, since = complete + 1, {}, ledger.stat().st_size
                 with contextlib.suppress(OSError):
                     (cell / "readings.journal").unlink()
     return complete
 
 
-@pytest.mark.parametrize("protocol", LONGEST)
+@pytest.mark.parametrize("protocol", SETTINGS)
 def test_a_few_kills(cell, protocol):
     assert killed(protocol, 1, cell, 1) >= 1
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("protocol", LONGEST)
+@pytest.mark.parametrize("protocol", SETTINGS)
 def test_a_hundred_kills(cell, protocol):
     print(f"\n{protocol}: 34 kills, {killed(protocol, 34, cell, 2)} complete measurements")
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("protocol", LONGEST)
+@pytest.mark.parametrize("protocol", SETTINGS)
 @pytest.mark.parametrize("part", range(4))
 def test_a_thousand_kills(cell, protocol, part):
-    kills = -(-KILLS // (4 * len(LONGEST)))
+    kills = -(-KILLS // (4 * len(SETTINGS)))
     print(f"\n{protocol}: {kills} kills, {killed(protocol, kills, cell, 10 + part)} complete measurements")

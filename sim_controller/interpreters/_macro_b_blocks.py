@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from decimal import ROUND_DOWN, ROUND_HALF_UP, Decimal
+from functools import cached_property, lru_cache
 
 from ._macro_b_alarms import alarm
 from ._macro_b_expressions import Expression, Get, arithmetic
@@ -24,7 +25,7 @@ class Block:
     comment: str
     raw: str
 
-    @property
+    @cached_property
     def is_macro(self) -> bool:
         """→ whether it is a macro statement rather than an NC statement."""
         return MACRO.match(self.text) is not None
@@ -39,6 +40,7 @@ class Word:
     literal: str | None
 
 
+@lru_cache(4096)
 def block(line: str) -> Block:
     """line without its end → block. Raises Alarm for characters that the control does not know."""
     comment = " ".join(re.findall(r"\(([^)]*)\)?", line))
