@@ -171,6 +171,14 @@ def test_a_chip_is_no_heap_of_outliers(bench: blind.Bench) -> None:
     assert d.findings[0].detail["facet"] == "9" and not d.outliers
 
 
+def test_facets_that_are_exchanged_in_two_indexations_are_one_exchange_and_no_tilt(bench: blind.Bench) -> None:
+    d = told(bench, [{"cause": "swapped_facets", "facets": ["21", "25"], "at": 62, "until": 104}])  # 3 µm, four touches
+    assert [f.cause for f in d.findings] == ["swapped_facets"]
+    found = d.findings[0].detail
+    assert (found["facets"], found["at"], found["until"]) == (("21", "25"), 62, 104)
+    assert "facets 21, 25 are exchanged in the readings from touch 62 to 104" in " ".join(as_text(d).split())
+
+
 def test_seating_shows_in_the_spread_of_the_indexations(bench: blind.Bench) -> None:
     d = told(bench, [{"cause": "indexation_seating", "amplitude": 0.002}])
     assert [f.cause for f in d.findings] == ["indexation_seating"]

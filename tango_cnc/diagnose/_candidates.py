@@ -29,6 +29,7 @@ class Candidate:
     setting: Mapping[str, Any]
     columns: Array
     coefficients: tuple[Coefficient, ...] = ()
+    known: int = 0  # of the coefficients: their values follow from what is estimated already
 
     @property
     def named(self) -> bool:
@@ -46,7 +47,8 @@ def pattern(touches: Touches, coefficients: Collection[Coefficient]) -> Array:
 def candidate(touches: Touches, cause: str, setting: Mapping[str, Any]) -> Candidate:
     """cause with its setting → candidate. Raises InputError for settings that it does not have."""
     coefficients = terms.cause(cause, touches.machine, setting)
-    return Candidate(cause, dict(setting), pattern(touches, coefficients), tuple(coefficients))
+    known = getattr(terms.causes()[cause], "KNOWN", 0)
+    return Candidate(cause, dict(setting), pattern(touches, coefficients), tuple(coefficients), known)
 
 
 def named(touches: Touches, present: Collection[str], excluded: Collection[str] = ()) -> Iterator[Candidate]:

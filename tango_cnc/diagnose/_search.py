@@ -1,6 +1,6 @@
 """Which candidates are there: significance over all causes and shapes at once, selection forwards, backwards and by exchange.
 
-A candidate is compared by twice its log likelihood less a price: log m for every coefficient (Schwarz 1978) and twice the log
+A candidate is compared by twice its log likelihood less a price: log m for every free coefficient (Schwarz 1978), twice the log
 of the number of variants that were tried for it (Chen & Chen 2008). What counts as significant is learnt from noise alone:
 data drawn from the fitted noise go through the same search, and the largest score over the whole catalogue sets the limit.
 """
@@ -103,9 +103,12 @@ def catalogue(
 
 
 def cost(c: Candidate, tried: int, m: int) -> float:
-    """candidate, variants of its cause, degrees of freedom → its price; a shape must be clearly better than a name."""
+    """candidate, variants of its cause, degrees of freedom → its price; a shape must be clearly better than a name.
+
+    A coefficient whose value is known beforehand costs nothing: it is not free to follow the noise.
+    """
     flexible = SHAPELESS if c.cause == "" else 0.0
-    return float(c.columns.shape[1] * np.log(m) + 2 * np.log(max(tried, FEWEST_TRIED)) + flexible)
+    return float((c.columns.shape[1] - c.known) * np.log(m) + 2 * np.log(max(tried, FEWEST_TRIED)) + flexible)
 
 
 def _visibility(columns: Array, projected: Array) -> float:

@@ -155,6 +155,8 @@ def _words(f: Finding) -> Mapping[str, str]:
         known["period"] = f"{float(d['period_mm']):.2f} mm"
     if "at" in d:
         known["at"] = f"{d['at']:g}" if isinstance(d["at"], float) else str(d["at"])
+    if "until" in d:
+        known["until"] = str(d["until"])
     if "time_s" in d:
         known["clock"] = minutes(float(d["time_s"]))
     if f.cause == "compensation_kink":

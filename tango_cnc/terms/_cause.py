@@ -9,6 +9,7 @@ A cause is a family with, besides `TEXT` and `SOURCE`,
     ADVICE     what that person does about it
     REFINE     its shape parameters that are searched between the values of `variants`: name → log, linear or touch
     EXPECTED   True where every machine has it: it is then also tested alone, not only as one of hundreds (may be left out)
+    KNOWN      number of coefficients whose values follow from what is estimated already; `plausible` compares (may be left out)
     NEEDS      "tip" where it has to know how far a touch missed: a first estimate without it tells (may be left out)
     variants(touches)         → settings (mappings) that are worth trying on these touches
     cause(machine, **setting) → the coefficients that these settings stand for
