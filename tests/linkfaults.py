@@ -6,6 +6,7 @@ import contextlib
 import functools
 import hashlib
 import random
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -153,7 +154,7 @@ class Tape:
 
 def _run(text: str, faults: Faults) -> tuple[list[tuple[str, dict]], list[tuple[float, bytes]]]:
     """tape, faults of the machine → (what happened, what was printed and after how many s) on a control just switched on."""
-    cell, _, truth = scene()
+    truth = scene()[2]
     events: list[tuple[str, dict]] = []
     printed: list[tuple[float, bytes]] = []
 
@@ -162,11 +163,8 @@ def _run(text: str, faults: Faults) -> tuple[list[tuple[str, dict]], list[tuple[
             events.append((event, data))
 
     motion = Motion(truth, note, faults=faults)
-    control = macro_b.Control(
-        motion, macro_b.default_profile(cell.machine), lambda data: printed.append((motion.time, data)), lambda e, **d: None
-    )
     with contextlib.suppress(Alarm, Silence):
-        control.run([line for line in text.strip().strip("%").splitlines() if line.strip()], False)
+        resident(text, motion, lambda data: printed.append((motion.time, data)))
     return events, printed
 
 
@@ -222,14 +220,51 @@ class Cable:
         pass
 
 
+class Turns:
+    """A program of the control that waits for the other side: in a thread of its own, which runs only when it is its turn."""
+
+    def __init__(self) -> None:
+        self._go, self._back = threading.Semaphore(0), threading.Semaphore(0)
+        self._running = self._over = False
+
+    def waited(self) -> None:
+        """Called by the program: the other side's turn."""
+        self._back.release()
+        self._go.acquire()
+        if self._over:
+            raise Silence
+
+    def step(self, work: Callable[[], None]) -> None:
+        """what is to be done, or goes on → until it waits or has ended"""
+        if self._running:
+            self._go.release()
+        else:
+            self._running = True
+            threading.Thread(target=self._work, args=(work,), daemon=True).start()
+        self._back.acquire()
+
+    def _work(self, work: Callable[[], None]) -> None:
+        work()
+        self._running = False
+        self._back.release()
+
+    def end(self) -> None:
+        """Switches the control off."""
+        self._over = True
+        if self._running:
+            self.step(lambda: None)
+
+
 class Bus:
     """Modbus as it goes wrong: lost requests and answers, answers of before, answers half old and half new, a busy device."""
 
     chunk = 1024
     KINDS = ("request lost", "answer lost", "late answer", "torn", "busy", "line lost")
 
-    def __init__(self, device: Registers, clock: FakeClock, chance: random.Random, rates: dict[str, float]) -> None:
-        self._device, self.clock, self._chance, self._rates = device, clock, chance, rates
+    def __init__(
+        self, device: Registers, clock: FakeClock, chance: random.Random, rates: dict[str, float], turns: Turns | None = None
+    ) -> None:
+        self._device, self.clock, self._chance, self._rates, self._turns = device, clock, chance, rates, turns
         self._request, self._before, self._wait = b"", "", 0
         self._old = list(device.words)
 
@@ -261,7 +296,7 @@ class Bus:
         else:
             if self._device.pending and self._wait == 0:
                 self._old = list(self._device.words)
-                self._device.execute()
+                self._turns.step(self._device.execute) if self._turns else self._device.execute()
             self._wait = max(0, self._wait - 1)
             now = self._device.words
             if fault == "torn":
@@ -275,7 +310,7 @@ class Bus:
         return "- no answer" if fault == "answer lost" else reply
 
     def close(self) -> None:
-        if self._device.pending:
+        if self._device.pending and self._turns is None:  # a program waits until its record is taken
             self._device.execute()  # the control finishes what it was told, whatever becomes of the line
 
 
@@ -344,7 +379,12 @@ def tape_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tupl
 
 
 def bus_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple[Ledger, int]:
-    """seed → the ledger, how often the run was resumed; the control stays as it is between two attempts, but for its alarms."""
+    """seed → the ledger, how often the run was resumed; the control stays as it is between two attempts, but for its alarms.
+
+    In every third session it runs the program itself and hands its records over; now and then nobody has brought the new one.
+    """
+    if seed % 3 == 0:
+        return resident_session(seed, folder, monkeypatch, clock)
     chance, ledger = random.Random(seed), Ledger()
     rates = {kind: chance.choice([0.0, 3e-3, 3e-2]) for kind in Bus.KINDS[:-1]} | {"line lost": 1e-3}
     truth = scene()[2]
@@ -359,6 +399,41 @@ def bus_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple
 
     monkeypatch.setattr(_measure, "open_port", opened)
     return ledger, _until_all_is_measured("modbus+tcp://localhost:1/1", "dnc", folder)
+
+
+def resident_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple[Ledger, int]:
+    """seed → the ledger, how often the run was resumed; before each attempt somebody resets the control."""
+    chance, ledger = random.Random(seed), Ledger()
+    rates = {kind: chance.choice([0.0, 3e-3, 3e-2]) for kind in Bus.KINDS[:-1]} | {"line lost": 1e-3}
+    posted: list[str] = []
+    turns: list[Turns] = []
+
+    def brought(part) -> list[Program]:
+        found = post(part)
+        if not posted or chance.random() < 0.9:
+            posted.append(found[0].text)
+        return found
+
+    def opened(address):
+        for old in turns:
+            old.end()
+        turns[:] = [Turns()]
+        faults = machine_faults(chance) if chance.random() < 0.3 else Faults()
+        motion, text = Motion(scene()[2], ledger.note, faults=faults), posted[-1]
+        device = Registers(motion, ledger.note, program=lambda motion, punch: resident(text, motion, punch), waited=turns[0].waited)
+        return Bus(device, clock, chance, rates, turns[0])
+
+    monkeypatch.setattr(_measure, "open_port", opened)
+    resumed = _until_all_is_measured("modbus+tcp://localhost:1/1?run=program", "dnc", folder, posting=brought)
+    turns[0].end()
+    return ledger, resumed
+
+
+def resident(text: str, motion: Motion, punch: Callable[[bytes], None]) -> None:
+    """program, machine, where its output goes → run to its end. Raises Alarm and Silence."""
+    profile = macro_b.default_profile(scene()[0].machine)
+    control = macro_b.Control(motion, profile, punch, lambda event, **data: None)
+    control.run([line for line in text.strip().strip("%").splitlines() if line.strip()], False)
 
 
 def cable_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple[Ledger, int]:
@@ -392,13 +467,13 @@ def cable_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tup
     return ledger, _until_all_is_measured("grbl+serial:///dev/ttyACM0", "dnc", folder, turning=False)
 
 
-def _until_all_is_measured(port: str, protocol: str, folder: Path, turning: bool = True) -> int:
+def _until_all_is_measured(port: str, protocol: str, folder: Path, turning: bool = True, posting: Callable = post) -> int:
     cell, made, _ = scene(turning)
     resume = 0
     for attempt in range(ATTEMPTS):
         wanted = Wanted(port, protocol, "fanuc", folder / "readings.csv", resume=attempt > 0, start_timeout=60.0)
         try:
-            measure(cell, made, wanted, post, lambda step: None, lambda part, program: None)
+            measure(cell, made, wanted, posting, lambda step: None, lambda part, program: None)
             return resume
         except LinkError:
             resume += 1
