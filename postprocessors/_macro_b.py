@@ -134,7 +134,7 @@ class _Steps:
 
     def end(self, job: Job) -> Iterator[str]:
         yield f"#{FLAG}={len(job.plan.touches)}"
-        yield f"DPRNT[TANGO*END*#{FLAG}[60]]"
+        yield f"DPRNT[TANGO*END*{job.mark}*#{FLAG}[60]]"
         yield from self.words.close
         yield self.words.end
         if job.options["macros"] == "called":

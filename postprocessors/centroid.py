@@ -160,7 +160,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark, and what the stops say."""
-    yield f'M223 "TANGO END {len(job.plan.touches)}\\n"'
+    yield f'M223 "TANGO END {job.mark} {len(job.plan.touches)}\\n"'
     yield f"GOTO {LAST}"
     for label, text in enumerate(STOPS, 9001):
         yield f"N{label}"

@@ -165,7 +165,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark, end of program."""
-    yield f'#WRITE ["TANGO END {len(job.plan.touches)}"]'
+    yield f'#WRITE ["TANGO END {job.mark} {len(job.plan.touches)}"]'
     yield "#CLOSE"
     yield "M30"
 

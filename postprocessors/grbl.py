@@ -96,7 +96,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark; a program for grbl needs no word at its end."""
-    yield f"(TANGO END {len(job.plan.touches)})"
+    yield f"(TANGO END {job.mark} {len(job.plan.touches)})"
 
 
 def _search(leg: Leg, feed: float) -> str:

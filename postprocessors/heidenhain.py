@@ -153,7 +153,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark, end of program; behind it the labels and the stops."""
-    yield f'QS1 = "TANGO END {len(job.plan.touches)}"'
+    yield f'QS1 = "TANGO END {job.mark} {len(job.plan.touches)}"'
     yield printed(job)
     yield "M30"
     yield from guarded(job)

@@ -177,7 +177,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark and end of program."""
-    yield f"(LOG,TANGO END {len(job.plan.touches)})"
+    yield f"(LOG,TANGO END {job.mark} {len(job.plan.touches)})"
     yield "(LOGCLOSE)"
     yield "M2"
 

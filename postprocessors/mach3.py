@@ -112,7 +112,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark and end of program."""
-    yield f"M{basic.END} (TANGO END {len(job.plan.touches)})"
+    yield f"M{basic.END} (TANGO END {job.mark} {len(job.plan.touches)})"
     yield "M30"
 
 

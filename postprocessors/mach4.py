@@ -82,7 +82,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark and end of program."""
-    yield f"M{END}(TANGO END {len(job.plan.touches)})"
+    yield f"M{END}(TANGO END {job.mark} {len(job.plan.touches)})"
     yield "M30"
     yield "%"
 
@@ -125,7 +125,10 @@ def _scripts(job: Job) -> dict[str, list[str]]:
         f"m{END}.mcs": _script(
             END,
             "writes the end mark that stands in the loaded program",
-            ['local mark = text():match("TANGO END %d+")', 'if mark then say(mark) else stop("NO END MARK IN THE PROGRAM") end'],
+            [
+                'local mark = text():match("TANGO END %x+ %d+")',
+                'if mark then say(mark) else stop("NO END MARK IN THE PROGRAM") end',
+            ],
             job,
         ),
         f"m{WAIT}.mcs": _script(

@@ -146,7 +146,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark, end of program; behind it its stops and the subprograms with theirs."""
-    yield from _line(f"TANGO END {len(job.plan.touches)}")
+    yield from _line(f"TANGO END {job.mark} {len(job.plan.touches)}")
     yield "CLOSE C"
     yield "M02"
     yield from _stops(job, *([DEFLECTED] if job.options["probe_state"] else []), RESTARTED, SHIFTED)

@@ -158,7 +158,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark, end of program, and behind it the stops."""
-    yield from _write(job, f'"TANGO END {len(job.plan.touches)}"')
+    yield from _write(job, f'"TANGO END {job.mark} {len(job.plan.touches)}"')
     if _is_device(job):
         yield f'EXTCLOSE(TG_ERROR,"{job.options["output"]}")'
     yield "M30"

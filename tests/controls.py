@@ -151,7 +151,7 @@ def assert_as_planned(events: list[Any], made: Plan, post: str, options: Mapping
     """records of a program that this post has made with these options: every touch is there, within 3 µm of where it is planned."""
     begun, *touched, ended = events
     assert begun == Begun(program(load(post), made, options, plan_hash(made))[1], len(made.touches))
-    assert ended == Ended(len(made.touches))
+    assert ended == Ended(len(made.touches), begun.mark)
     assert [(t.number, t.flag) for t in touched] == [(t.number, 1) for t in made.touches]
     for planned, found in zip(made.touches, touched, strict=True):
         for name, value in zip(made.machine.names, planned.contact, strict=True):
@@ -165,10 +165,10 @@ def assert_as_planned(events: list[Any], made: Plan, post: str, options: Mapping
 def assert_as_it_happened(ran: Ran, made: Plan) -> None:
     """Every touch is on record where the machine really was when the probe was met, within 0.1 µm."""
     truly = [data["at"] for event, data in ran.events if event == "contact"]
-    *touched, ended = ran.records(made)[1:]
+    begun, *touched, ended = ran.records(made)
     for event, touch, there in zip(touched, made.touches, truly, strict=True):
         assert isinstance(event, Touched)
         assert (event.number, event.flag) == (touch.number, 1)
         for name in "XYZ":
             assert event.position[name] == pytest.approx(there[name], abs=1e-4)
-    assert ended == Ended(len(made.touches))
+    assert isinstance(begun, Begun) and ended == Ended(len(made.touches), begun.mark)

@@ -59,13 +59,15 @@ def test_options_of_the_profile_pass(post: str, options: dict[str, Any]) -> None
         ("VC101=1\n", "VC200=1\n", "allowed: VC101"),
         ("M19 RS=90.", "M3 S1000", "no line that a program of this kind"),
         ("CLOSE C\nM02", "M02", "ends without end mark, CLOSE C"),
-        ("PUT 'TANGO END 6'", "PUT 'TANGO END 5'", "the end mark says 5"),
+        ("PUT 'TANGO END MARK 6'", "PUT 'TANGO END MARK 5'", "the end mark says 5"),
+        ("PUT 'TANGO END MARK 6'", "PUT 'TANGO END 5AFE0000AFFE 6'", "the end mark is that of 5AFE0000AFFE"),
         ("OTNGO\n", "", "no name O"),
         ("F180.", "F1800.", "the feed is 1800; allowed: 180 mm/min"),
     ],
 )
 def test_what_is_dangerous_on_okuma_is_named(old: str, new: str, words: str) -> None:
-    told = refused(changed(lines_of("okuma", golden()), old, new), "okuma")
+    mark = next(line for line in lines_of("okuma", golden()) if line.startswith("(PROGRAM ")).split()[1]
+    told = refused(changed(lines_of("okuma", golden()), old.replace("MARK", mark), new.replace("MARK", mark)), "okuma")
     assert re.search(words, told), told
 
 

@@ -208,6 +208,6 @@ def test_the_judge_finds_the_right_program_harmless(case: Case) -> None:
     lines = renumbered(lines) if case.post == "heidenhain" else lines
     originals = [carried_out(case.post, lines, world) for world in worlds()]
     assert not danger(case.post, originals, lines)
-    assert "TANGO END 3" in " ".join(" ".join(originals[0][1]).split())
+    assert re.search(r"TANGO END \w+ 3", " ".join(" ".join(originals[0][1]).split()))
     assert [len(moves) for moves, _ in originals][4] < len(originals[0][0]), "a dead probe stops the program"
     assert read_back(lines, short(), case.post, **dict(case.options))

@@ -35,12 +35,14 @@ Trace = list[tuple[str, tuple[float, ...]]]
         ("G0 B-30. C-90.", "G0 B30. C-90.", "found B 30 deg"),
         ("G0 B-30. C-90.", "G0 B-30.", "the indexation lacks C"),
         ("G17 G21 ", "G17 G20 ", "no line that a program|is stated|before the start mark"),
-        ("(TANGO END 6)", "(TANGO END 5)", "the end mark says 5"),
-        ("(TANGO END 6)", "(TANGO END 6)\nG0 B0.", "behind the end mark"),
+        ("(TANGO END MARK 6)", "(TANGO END MARK 5)", "the end mark says 5"),
+        ("(TANGO END MARK 6)", "(TANGO END 5AFE0000AFFE 6)", "the end mark is that of 5AFE0000AFFE"),
+        ("(TANGO END MARK 6)", "(TANGO END MARK 6)\nG0 B0.", "behind the end mark"),
     ],
 )
 def test_what_is_dangerous_on_grbl_is_named(old: str, new: str, words: str) -> None:
-    told = refused(changed(lines_of("grbl", golden()), old, new), "grbl")
+    mark = lines_of("grbl", golden())[1].split()[1]
+    told = refused(changed(lines_of("grbl", golden()), old.replace("MARK", mark), new.replace("MARK", mark)), "grbl")
     assert re.search(words, told), told
 
 
@@ -164,7 +166,7 @@ def judged(count: int) -> tuple[int, list[tuple[str, ...]]]:
 
 
 def test_dangerous_mutants_for_grbl_are_refused() -> None:
-    found, through = judged(10)
+    found, through = judged(20)
     assert not through and found >= 3
 
 

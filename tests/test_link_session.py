@@ -66,6 +66,14 @@ def test_a_run_from_start_mark_to_end_mark(tmp_path):
     assert run.entries[-1]["complete"] is True
 
 
+def test_the_end_mark_of_another_program_ends_nothing(tmp_path):
+    assert Run(tmp_path, after_the_program(printed(*GOOD, end=f"TANGO END {MARK} 3"))).error == ""
+    (tmp_path / "other").mkdir()
+    other = Run(tmp_path / "other", after_the_program(printed(*GOOD, end="TANGO END 5AFE00000001 3")))
+    assert "silent" in other.error and "the end mark of another program" in other.kinds("refused")[0]["why"]
+    assert [entry["touch"] for entry in other.kinds("reading")] == [1, 2, 3]
+
+
 def test_every_reading_is_on_disk_before_another_byte_is_sent(tmp_path):
     """The control holds the line after the first record; while it does, the journal already has that reading."""
     seen = []

@@ -133,6 +133,8 @@ def test_what_is_no_record_is_refused(line, why):
 def test_marks():
     assert record("TANGO START 5AFE0001 393", LETTERS) == Begun("5AFE0001", 393)
     assert record("TANGO END 393", LETTERS) == Ended(393)
+    assert record("TANGO END 5AFE0001  393", LETTERS) == Ended(393, "5AFE0001")
+    assert isinstance(record("TANGO END 1234567890126", LETTERS), Refused)
     assert isinstance(record("TANGO START 393", LETTERS), Refused)
 
 

@@ -38,7 +38,7 @@ def test_its_program_has_every_touch_between_two_marks(cell: Path, capsys: pytes
     text = (cell / "program" / "TANGO.nc").read_text()
     made, mark = plan(read_cell(cell)), mark_of(text)
     printed = [line for line in text.splitlines() if line.startswith("PRINT")]
-    assert printed[0] == f'PRINT "TANGO START {mark} 6"' and printed[-1] == 'PRINT "TANGO END 6"'
+    assert printed[0] == f'PRINT "TANGO START {mark} 6"' and printed[-1] == f'PRINT "TANGO END {mark} 6"'
     assert [re.match(r'PRINT "P(\d+) H#1 X#X', line)[1] for line in printed[1:-1]] == list("123456")  # type: ignore[index]
     moves = [line.split()[0] for line in text.splitlines() if line.startswith(("G131", "G130", "G53 G1"))]
     wanted = {"probe": "G130", "back": "G53"}

@@ -92,7 +92,7 @@ def test_targets_are_machine_coordinates_whatever_the_work_offsets(made: Plan, t
 def test_records_are_machine_coordinates_in_order(made: Plan, shift: str, tmp_path: Path) -> None:
     lines = [match[1] for line in interpreted(shift + text_of(made), tmp_path) if (match := re.search(r'LOG\("(.*)"\)', line))]
     mark = program(load("linuxcnc"), made, {}, plan_hash(made))[1]
-    assert lines[0] == f"TANGO START {mark} 6" and lines[-1] == "TANGO END 6"
+    assert lines[0] == f"TANGO START {mark} 6" and lines[-1] == f"TANGO END {mark} 6"
     assert [re.match(r"P(\d+) ", line)[1] for line in lines[1:-1]] == list("123456")  # type: ignore[index]
     for line, touch in zip(lines[1:-1], made.touches, strict=True):
         # This interpreter's probe never trips, so it reports the search end and no contact.

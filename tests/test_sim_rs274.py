@@ -55,7 +55,7 @@ def test_every_touch_is_recorded_where_it_happened(made: Plan) -> None:
     ran = run(lines_of(made), made)
     begun, *touched, ended = [record(line, made.machine.names) for line in ran.lines]
     assert isinstance(begun, Begun) and begun.count == 6
-    assert ended == Ended(6)
+    assert isinstance(begun, Begun) and ended == Ended(6, begun.mark)
     truly = [data["at"] for event, data in ran.events if event == "contact"]
     for event, touch, there in zip(touched, made.touches, truly, strict=True):
         assert isinstance(event, Touched) and (event.number, event.flag) == (touch.number, 1)

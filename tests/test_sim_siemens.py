@@ -61,7 +61,7 @@ def test_records_in_a_file_of_the_control_are_the_same_lines(made: Plan) -> None
     assert device.count("\n") == len(made.touches) + 2
     ran = run(lines_of(made, output="_N_TANGO_MPF"), made)
     assert ran.out == b""
-    assert ran.files["_N_TANGO_MPF"].splitlines()[1:] == device.splitlines()[1:]
+    assert ran.files["_N_TANGO_MPF"].splitlines()[1:-1] == device.splitlines()[1:-1], "but for the marks"
 
 
 def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan) -> None:
@@ -82,7 +82,7 @@ def test_something_in_the_way_stops_with_a_text(made: Plan, alarm: int) -> None:
     else:
         assert ran.alarm is None
         assert [data["why"] for event, data in ran.events if event == "stop"] == ["M0"]
-        assert ran.records(made)[-1] != Ended(len(made.touches))
+        assert not isinstance(ran.records(made)[-1], Ended)
 
 
 def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: Plan) -> None:

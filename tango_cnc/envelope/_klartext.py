@@ -9,7 +9,7 @@ from ..records import InputError
 
 PIECE = re.compile(r'\s*(?:"([^"]*)"|(QS\d)|TOCHAR \( DAT\+(Q\d+) DECIMALS(\d) \))\s*')
 START = re.compile(r"TANGO START ([0-9A-F]{12}) (\d+)")
-END = re.compile(r"TANGO END (\d+)")
+END = re.compile(r"TANGO END ([0-9A-F]{12}) (\d+)")
 RECORD = re.compile(r"P\{(Q\d+):0\} H\{(Q\d+):0\}((?: [A-Z]\{Q\d+:4\})+)")
 STALE = "{}"  # a text that holds a parameter which has got another value since
 
@@ -70,7 +70,7 @@ class Texts:
         if match := START.fullmatch(text):
             return "start", [match[1], match[2]]
         if match := END.fullmatch(text):
-            return "end", [match[1]]
+            return "end", [match[1], match[2]]
         if match := RECORD.fullmatch(text):
             places = re.findall(r" ([A-Z])\{(Q\d+):4\}", match[3])
             return "record", [f"#<{match[1]}>", f"#<{match[2]}>", *(f"{letter}#<{q}>" for letter, q in places)]

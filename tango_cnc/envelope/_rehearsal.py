@@ -58,6 +58,7 @@ class Rehearsal:
         self._modal: set[str] = set()
         self._owed = False  # a touch has been made that is not on record
         self.records = 0
+        self._mark = ""
         self.begun = self.ended = False
 
     @property
@@ -181,11 +182,13 @@ class Rehearsal:
         """The start mark. Raises InputError when it is not that of this program."""
         if self.begun or mark != wanted or count != len(self.plan.touches):
             raise InputError(f"the start mark is {mark} {count:g}; this program is {wanted} {len(self.plan.touches)}")
-        self.begun = True
+        self.begun, self._mark = True, wanted
 
-    def end(self, count: float) -> None:
-        """The end mark. Raises InputError when touches or moves are missing."""
+    def end(self, mark: str, count: float) -> None:
+        """The end mark. Raises InputError when it is not that of this program, or touches or moves are missing."""
         self.watched()
+        if mark != self._mark:
+            raise InputError(f"the end mark is that of {mark}; this program is {self._mark}")
         if self.ended:
             raise InputError("a second end mark")
         if count != len(self.plan.touches) or self.records != count:

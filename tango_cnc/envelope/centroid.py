@@ -27,7 +27,7 @@ IF = re.compile(r"IF \[(.+)\] THEN (#\d+ = .+|GOTO \d+)")
 GOTO = re.compile(r"GOTO (\d+)")
 OPEN = re.compile(r'M121 "[A-Za-z0-9_.-]+"')
 START = re.compile(r'M223 "TANGO START ([0-9A-F]{12}) (\d+)\\n"')
-END = re.compile(r'M223 "TANGO END (\d+)\\n"')
+END = re.compile(r'M223 "TANGO END ([0-9A-F]{12}) (\d+)\\n"')
 RECORD = re.compile(r'M223 "P%\.0f H%\.0f((?: [A-Z]%\.[4-9]f)+)\\n"((?: #\d+)+)')
 STOP = re.compile(r'M225 #(\d+) "TANGO STOPPED\. [A-Z0-9 .]+"')
 MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
@@ -136,7 +136,7 @@ class _Program:
                 raise InputError(f"#{self._seconds} is not 0: what stops the program would be shown for a moment only")
             self._machine.start(match[1], float(match[2]), self._mark)
         elif match := END.fullmatch(code):
-            self._machine.end(float(match[1]))
+            self._machine.end(match[1], float(match[2]))
         elif match := RECORD.fullmatch(code):
             letters, values = [word[0] for word in match[1].split()], match[2].split()
             if len(values) != len(letters) + 2:

@@ -25,7 +25,7 @@ ERROR = re.compile(r'#ERROR \["[A-Z0-9 .]+"\]')
 OPEN = re.compile(r'#OPEN \["[A-Z]:[^"]+","A"\]')
 TEXT = re.compile(r'#WRITE \["P(\d+) H%(\.4F|[A-Z])((?: [A-Z]%(?:\.4F|[A-Z]))+) S(\d+\.\d*) K%(?:\.4F|[A-Z])",([^"]+)\]')
 START = re.compile(r'#WRITE \["TANGO START ([0-9A-F]{12}) (\d+)"\]')
-END = re.compile(r'#WRITE \["TANGO END (\d+)"\]')
+END = re.compile(r'#WRITE \["TANGO END ([0-9A-F]{12}) (\d+)"\]')
 MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
 SPELT = [("!=", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
@@ -191,7 +191,7 @@ class _Program:
         elif match := START.fullmatch(line):
             self._machine.start(match[1], float(match[2]), self._mark)
         elif match := END.fullmatch(line):
-            self._machine.end(float(match[1]))
+            self._machine.end(match[1], float(match[2]))
         elif match := TEXT.fullmatch(line):
             letters, values = re.findall(r" ([A-Z])%", match[3]), match[5].split(",")
             if len(values) != len(letters) + 2 or len(set(re.findall(r"%(\.4F|[A-Z])", line))) != 1:

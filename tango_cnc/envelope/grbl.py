@@ -23,7 +23,7 @@ OFF = re.compile(rf"G1((?: [XYZ]{NUMBER})+) F({NUMBER})")
 TURN = re.compile(rf"G0((?: [ABC]{NUMBER})+)")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 START = re.compile(r"\(TANGO START ([0-9A-F]{12}) (\d+)\)")
-END = re.compile(r"\(TANGO END (\d+)\)")
+END = re.compile(r"\(TANGO END ([0-9A-F]{12}) (\d+)\)")
 MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94"}
 FARTHEST = 2.0  # mm off a facet: with a wrong sign the stylus still gives way
 LEAST = 0.5  # mm: less does not let the probe come free
@@ -68,7 +68,7 @@ class _Program:
         elif match := START.fullmatch(line):
             self._start(match[1], int(match[2]))
         elif match := END.fullmatch(line):
-            self._end(int(match[1]))
+            self._end(match[1], int(match[2]))
         elif COMMENT.fullmatch(line) or (self._began and not self._relative and line in self._words):
             return
         elif not self._began and set(line.split()) <= MODAL:
@@ -83,7 +83,9 @@ class _Program:
             raise InputError(f"the start mark is {mark} {count}; this program is {self._mark} {len(self._plan.touches)}")
         self._began = True
 
-    def _end(self, count: int) -> None:
+    def _end(self, mark: str, count: int) -> None:
+        if mark != self._mark:
+            raise InputError(f"the end mark is that of {mark}; this program is {self._mark}")
         if self._relative or self._pressed or count != len(self._plan.touches):
             raise InputError(f"the end mark says {count}, or comes while the probe is at a facet")
         self._walk.ends()

@@ -280,7 +280,7 @@ class _Program:
             self._machine.reset(SURE)
             self._machine.start(values[0], float(values[1]), self._mark)
         elif kind == "end":
-            self._machine.end(float(values[0]))
+            self._machine.end(values[0], float(values[1]))
         else:
             number, flag, *places = values
             if len({text[0] for text in places}) < len(places):

@@ -21,6 +21,8 @@ from ._walk import PROTECTED
 
 PLACES = dict(enumerate("XYZABC", 5061))
 LOCAL = range(1, 31)
+WORK = {f"_{axis.lower()}": axis for axis in "XYZABC"}  # where the machine stands, in work and in machine coordinates
+MACHINE = {f"_abs_{axis.lower()}": axis for axis in "XYZABC"}
 COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
 MOVE = re.compile(rf"G53 G1((?: [XYZ]{NUMBER})+) F({NUMBER})")
 TURN = re.compile(rf"G53 G0 ([ABC])({NUMBER})")
@@ -33,7 +35,7 @@ IF = re.compile(r"O(\d+) IF (\[.+\])")
 ABORT = re.compile(r"\(ABORT,[A-Z0-9 .]+\)")
 OPEN = re.compile(r"\(LOGOPEN,[A-Za-z0-9._/-]+\)")
 START = re.compile(r"\(LOG,TANGO START ([0-9A-F]{12}) (\d+)\)")
-END = re.compile(r"\(LOG,TANGO END (\d+)\)")
+END = re.compile(r"\(LOG,TANGO END ([0-9A-F]{12}) (\d+)\)")
 RECORD = re.compile(r"\(LOG,P%d(#\d+) H(#<\w+>) ([A-Z])%\.[4-9]f(#<\w+>)((?: [A-Z](?:#<\w+>|#\d+))+)\)")
 STILL = 1e-4  # mm
 SYNCHRONOUS = "M66 E0 L0"  # the lines behind it are read when everything before it has been done
@@ -146,7 +148,7 @@ class _Program:
         elif match := START.fullmatch(line):
             self._machine.start(match[1], float(match[2]), self._mark)
         elif match := END.fullmatch(line):
-            self._machine.end(float(match[1]))
+            self._machine.end(match[1], float(match[2]))
         elif match := RECORD.fullmatch(line):
             rest = {item[0]: item[1:] for item in match[5].split()}
             self._machine.record(match[1], match[2], {match[3]: match[4], **rest})
@@ -221,11 +223,11 @@ class _Program:
 
     def _read(self, world: World, key: int | str) -> Value:
         if isinstance(key, str):
-            axis = key[-1].upper()
             if key == "_task":
                 return 1.0
-            if re.fullmatch(r"_(abs_)?[xyzabc]", key) and axis in world.position:
-                return world.position[axis] - (0.0 if "abs" in key else world.offset[axis])
+            axis = WORK.get(key) or MACHINE.get(key)
+            if axis is not None and axis in world.position:
+                return world.position[axis] - (world.offset[axis] if key in WORK else 0.0)
             if key not in world.shared:
                 raise InputError(f"#<{key}> is read before it has a value")
             return world.shared[key]

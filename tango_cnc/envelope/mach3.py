@@ -19,7 +19,7 @@ from ._walk import CLOSE, PROTECTED, Walk
 COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
 START = re.compile(r"M880 \(TANGO START ([0-9A-F]{12}) (\d+)\)")
-END = re.compile(r"M886 \(TANGO END (\d+)\)")
+END = re.compile(r"M886 \(TANGO END ([0-9A-F]{12}) (\d+)\)")
 TURN = re.compile(r"M884 P([456])")
 RECORD = re.compile(r"M885 P(\d+)")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
@@ -72,7 +72,7 @@ class _Program:
         elif match := START.fullmatch(line):
             self._start(match[1], int(match[2]))
         elif match := END.fullmatch(line):
-            self._end(int(match[1]))
+            self._end(match[1], int(match[2]))
         elif line == "M30" and self._ended:
             self.over = True
         elif not self._began or self._ended:
@@ -103,7 +103,9 @@ class _Program:
             raise InputError(f"begins before {' '.join(missing)} is stated")
         self._began = True
 
-    def _end(self, count: int) -> None:
+    def _end(self, mark: str, count: int) -> None:
+        if mark != self._mark:
+            raise InputError(f"the end mark is that of {mark}; this program is {self._mark}")
         if self._stage or self._ended or count != len(self._plan.touches) or count != self._records:
             raise InputError(f"the end mark says {count}; {self._records} of {len(self._plan.touches)} touches are on record")
         self._walk.ends()

@@ -16,7 +16,7 @@ from ._reading import read_through
 from .macro_b import _Program
 
 START = re.compile(r"M880\(TANGO START ([0-9A-F]{12}) (\d+)\)")
-END = re.compile(r"M882\(TANGO END (\d+)\)")
+END = re.compile(r"M882\(TANGO END ([0-9A-F]{12}) (\d+)\)")
 RECORD, WAIT = "M881(RECORD)", "M883"
 FLAG, SUM, SPINDLE, TOUCH = 110, 118, 119, 120
 LETTERS = "XYZABC"
@@ -50,7 +50,7 @@ class _Mach4(_Program):
             self._opened = True
             self._machine.start(match[1], float(match[2]), self._mark)
         elif (match := END.fullmatch(line)) and self._opened:
-            self._machine.end(float(match[1]))
+            self._machine.end(match[1], float(match[2]))
             self._closed = True
         elif line.startswith(("POPEN", "PCLOS", "DPRNT", "G65")) or line == "G53":
             raise InputError("no line that a program of this kind may have here")

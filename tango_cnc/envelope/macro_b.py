@@ -26,7 +26,7 @@ ASSIGN = re.compile(r"#(\d+)=(.+)")
 IF = re.compile(r"IF\[(.+)\]THEN(#\d+=.+)")
 CALL = re.compile(rf"G65 P(\d+)((?: [A-Z]{NUMBER})+)")
 START = re.compile(r"DPRNT\[TANGO\*START\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
-END = re.compile(r"DPRNT\[TANGO\*END\*(#\d+)\[60\]\]")
+END = re.compile(r"DPRNT\[TANGO\*END\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
 RECORD = re.compile(r"DPRNT\[P(#\d+)\[60\]\*H(#\d+)\[10\]((?:\*[A-Z]#\d+\[(?:44|43|53)\])+)\]")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 STOP = 3000
@@ -128,7 +128,7 @@ class _Program:
         if match := START.fullmatch(code):
             self._machine.start(match[1], self._machine.same(match[2]), self._mark)
         elif match := END.fullmatch(code):
-            self._machine.end(self._machine.same(match[1]))
+            self._machine.end(match[1], self._machine.same(match[2]))
         elif match := RECORD.fullmatch(code):
             items = match[3].split("*")[1:]
             places = {item[0]: item[1:].split("[")[0] for item in items}

@@ -33,7 +33,7 @@ PUT = re.compile(r"PUT '([A-Z0-9 ]*)'")
 VALUE = re.compile(r"PUT ([A-Z]{2}\d{0,3}),(\d{1,2})")
 OPEN = re.compile(r"FWRITC [A-Z]{2}\d:[A-Z0-9-]{1,16}\.[A-Z]{3};A")
 START = re.compile(r"TANGO START ([0-9A-F]{12}) (\d+)")
-END = re.compile(r"TANGO END (\d+)")
+END = re.compile(r"TANGO END ([0-9A-F]{12}) (\d+)")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 WORD = re.compile(r"[A-Z]\w*")
 OPERATORS = {"ABS", "SQRT", "FIX", "EQ", "NE", "GT", "GE", "LT", "LE", "AND", "OR"}
@@ -290,7 +290,7 @@ class _Program:
             if match := START.fullmatch(self._put):
                 self._machine.start(match[1], float(match[2]), self._mark)
             elif match := END.fullmatch(self._put):
-                self._machine.end(float(match[1]))
+                self._machine.end(match[1], float(match[2]))
             else:
                 raise InputError(f"nobody knows what {self._put!r} is")
             self._put = None

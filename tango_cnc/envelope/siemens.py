@@ -28,7 +28,7 @@ OPEN = re.compile(r'EXTOPEN\(TG_ERROR,"[^"]+","SYN","EXCL"\)')
 CLOSE = re.compile(r'EXTCLOSE\(TG_ERROR,"[^"]+"\)')
 TEXT = re.compile(r'TG_TEXT=SPRINT\("P(\d+) H%D((?: [A-Z]%\.4F)+) S(-?\d+\.\d*) K%\.4F",(.+)\)')
 START = re.compile(r'"TANGO START ([0-9A-F]{12}) (\d+)"')
-END = re.compile(r'"TANGO END (\d+)"')
+END = re.compile(r'"TANGO END ([0-9A-F]{12}) (\d+)"')
 MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
 STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"\)|SETAL\(\d+\)|M0')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
@@ -196,7 +196,7 @@ class _Program:
         elif match := START.fullmatch(text):
             self._machine.start(match[1], float(match[2]), self._mark)
         elif match := END.fullmatch(text):
-            self._machine.end(float(match[1]))
+            self._machine.end(match[1], float(match[2]))
         else:
             raise InputError(f"nobody knows what {text} is")
 

@@ -74,6 +74,7 @@ class Ended:
     """The end mark: the control ran the program to its end and made `count` touches."""
 
     count: int
+    mark: str = ""  # of the program, where the control prints it
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ._client import Ended, Event, Failed, Job, Touched
+from ._client import Ended, Event, Failed, Job, Refused, Touched
 from ._words import SUM, summed
 
 
@@ -25,6 +25,8 @@ class Listener:
         if isinstance(event, Touched) and event.number in self._job.numbers:
             self._position = max(self._position, self._job.numbers.index(event.number) + 1)
         if isinstance(event, Ended):
+            if event.mark not in ("", self._job.mark):
+                return [Refused(f"the end mark of another program, {event.mark}; this one is {self._job.mark}", text)]
             self._over = True
         return [event]
 

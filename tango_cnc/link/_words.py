@@ -2,7 +2,7 @@
 
 The format is known here and nowhere else. Three records exist:
 
-    TANGO START <mark> <count>      TANGO END <count>      P17 H1 X-12.3450 Y… Z… B… C… K…
+    TANGO START <mark> <count>      TANGO END <mark> <count>      P17 H1 X-12.3450 Y… Z… B… C… K…
 
 K is the sum of all coordinates, where the program prints one: lost and doubled characters pass every parity, but not this.
 A record of a touch has every letter exactly once. Numbers come as `-   91.200` (sign, then padding), `.5040`, `90.` and
@@ -19,7 +19,7 @@ from ._client import Begun, Ended, Event, Refused, Touched
 NUMBER = r"(?P<sign>[+-]?) *(?P<digits>\d+\.\d*|\.\d+|\d+)"
 WORD = re.compile(rf" *(?P<letter>[A-Z]) *{NUMBER}(?![\d.]) *")
 START = re.compile(r" *TANGO +START +(?P<mark>[0-9A-F]+) +(?P<count>\d+) *")
-END = re.compile(r" *TANGO +END +(?P<count>\d+) *")
+END = re.compile(r" *TANGO +END +(?:(?P<mark>[0-9A-F]+) +)?(?P<count>\d{1,9}) *")  # posts of earlier days print no mark
 SUM = "K"
 SUMMED = re.compile(r'P[^\n]*\*K#|SPRINT\("P[^\n]* K%|QS1 = QS1 \|\| " K"|CHECK SUM K')  # DPRNT, Siemens, Heidenhain; a remark
 
@@ -47,7 +47,7 @@ def record(line: str, letters: Sequence[str]) -> Event:
     if match := START.fullmatch(line):
         return Begun(match["mark"], int(match["count"]))
     if match := END.fullmatch(line):
-        return Ended(int(match["count"]))
+        return Ended(int(match["count"]), match["mark"] or "")
     if not line.isascii() or not line.isprintable():
         return Refused("characters that no control prints: the line is disturbed or its parity is set wrongly", line)
     if "," in line:

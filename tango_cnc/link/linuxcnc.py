@@ -166,6 +166,8 @@ class Client(Dialogue):
             if (event.mark, event.count) != (self._job.mark, len(self._job.numbers)) or self._begun:
                 raise Stop(f"the log is of another program, or of another run: {line!r}")
             self._begun = True
+        elif isinstance(event, Ended) and event.mark not in ("", self._job.mark):
+            raise Stop(f"the log has the end mark of another program: {line!r}")
         elif not self._begun and not isinstance(event, Refused):
             raise Stop(f"a record came before the start mark: {line!r}")
         if isinstance(event, Touched) and event.number in self._job.numbers:
