@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
@@ -61,12 +62,10 @@ class Table:
 
 def table(facets: Sequence[Facet], point: Array, extent: float, tip_radius: float) -> Table | None:
     """facets that lie on no ball, (p, 3) mm their true points, mm → the table; None where the facets enclose nothing."""
-    bounds = np.array([not (f.surface is not None and f.surface.inside) for f in facets], dtype=bool)
-    if not bounds.any():
-        return None
     normal = np.array([f.normal for f in facets], dtype=float)
-    beyond = normal @ point.T - np.einsum("ij,ij->i", normal, point)[:, None]
-    outer = bounds & (beyond.max(axis=1, initial=0.0, where=bounds[None, :]) <= LEVEL)
+    outer = _outer(facets, point)
+    if not outer.any():
+        return None
     sides = np.vstack([np.eye(3), -np.eye(3)])
     room = np.concatenate([point.max(axis=0), -point.min(axis=0)]) + extent
     planes = np.vstack([normal[outer], sides])
@@ -82,6 +81,26 @@ def table(facets: Sequence[Facet], point: Array, extent: float, tip_radius: floa
     patches = [(facets[i].id, _patch(planes, offset, normal[i], point[i], extent)) for i in bounding]
     known = tuple((name, patch) for name, patch in patches if patch is not None)
     return Table(hull, point, extent, point[into], normal[into], reach, known)
+
+
+def _outer(facets: Sequence[Facet], point: Array) -> NDArray[np.bool_]:
+    """facets, (p, 3) mm → (p,) which of them bound the table: no other one looks over them."""
+    bounds = np.array([not (f.surface is not None and f.surface.inside) for f in facets], dtype=bool)
+    if not bounds.any():
+        return bounds
+    normal = np.array([f.normal for f in facets], dtype=float)
+    beyond = normal @ point.T - np.einsum("ij,ij->i", normal, point)[:, None]
+    return np.asarray(bounds & (beyond.max(axis=1, initial=0.0, where=bounds[None, :]) <= LEVEL))
+
+
+def edges(facets: Sequence[Facet], point: Array) -> Array:
+    """facets that lie on no ball, (p, 3) mm their true points → (f, 4) normal and mm of the planes beyond which is no table.
+
+    Each lies `LEVEL` farther out than the facets do: what stands out by less is table still.
+    """
+    flat = _outer(facets, point) & np.array([f.surface is None for f in facets], dtype=bool)
+    normal = np.array([f.normal for f, is_flat in zip(facets, flat, strict=True) if is_flat], dtype=float).reshape(-1, 3)
+    return np.column_stack([normal, (normal @ point.reshape(-1, 3).T).max(axis=1, initial=-np.inf) + LEVEL])
 
 
 def _patch(planes: Array, offset: Array, normal: Array, point: Array, extent: float) -> Hull | None:

@@ -1,8 +1,8 @@
 """The true surfaces of the table: how far the probe ball is from touching each of them.
 
-A facet is a patch of material under a plane, cylinder or sphere that ends `EXTENT` from the facet's point; a facet on a ball
-is that part of the ball which is nearer to it than to the ball's other facets; an obstacle is a solid without a name. What is
-between the facets is in `solids.py`.
+A facet is a patch of material under a plane, cylinder or sphere that ends `EXTENT` from the facet's point, or before that at
+another side of the table; a facet on a ball is that part of the ball which is nearer to it than to the ball's other facets; an
+obstacle is a solid without a name. What is between the facets is in `solids.py`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from tango_cnc.records import Array, Artefact, Facet, Id, InputError, Obstacle, 
 from . import solids
 
 EXTENT = 15.0  # mm, radius of the patch around a facet's point
+OBLIQUE = 0.98  # cosine: facets that lie more alike than this are one side of the table, not two
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class Surfaces:
     offset: Array  # (m,) mm of material more than nominal on a facet of a ball; other facets are shifted along their normal
     extent: Array  # (m,) mm, inf for a ball
     ball: NDArray[np.int64]  # (m,) number of the ball, −1 for none
+    edge: Array  # (f, 4) planes at which patches end: normal and mm
+    ends: NDArray[np.bool_]  # (m, f) whether a patch ends at a plane
     obstacles: tuple[Obstacle, ...]
     table: solids.Table | None
     tip_radius: float
@@ -52,6 +55,8 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
     rows = [(f, *_shape(f, artefact, world.facets.get(f.id, 0.0))) for f in [*facets, *bare]]
     own = [f for f in facets if f.ball is None]
     truly = np.array([np.array(f.point) + world.facets.get(f.id, 0.0) * np.array(f.normal) for f in own])
+    edge = solids.edges(own, truly)
+    across = np.array([f.normal for f, *_ in rows]) @ edge[:, :3].T < OBLIQUE
     return Surfaces(
         tuple(f.id for f, *_ in rows),
         np.array([f.point for f, *_ in rows]),
@@ -63,6 +68,8 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
         np.array([world.facets.get(f.id, 0.0) if f.ball is not None else 0.0 for f, *_ in rows]),
         np.array([extent if f.ball is None else np.inf for f, *_ in rows]),
         np.array([-1 if f.ball is None else balls.index(f.ball) for f, *_ in rows], dtype=np.int64),
+        edge,
+        across & np.array([f.ball is None for f, *_ in rows])[:, None],
         artefact.obstacles,
         solids.table(own, truly, extent, tip_radius),
         tip_radius,
@@ -110,6 +117,8 @@ def gaps(s: Surfaces, tip: Array) -> Array:
     rows = np.arange(len(s.facets))
     near = np.linalg.norm(tip[:, None, :] - s.point[rows], axis=-1)
     result = np.maximum(gap(s, rows, tip[:, None, :]), near - s.extent - s.tip_radius)
+    beyond = tip @ s.edge[:, :3].T - s.edge[:, 3] - s.tip_radius
+    result = np.maximum(result, np.where(s.ends, beyond[:, None, :], -np.inf).max(axis=-1, initial=-np.inf))
     for ball in set(s.ball.tolist()) - {-1}:
         mine = np.flatnonzero(s.ball == ball)
         nearest = mine[np.argmin(near[:, mine], axis=1)]
