@@ -28,7 +28,8 @@ class Walk:
     def __init__(self, plan: Plan) -> None:
         """plan → nothing has moved yet."""
         self._plan, self._moves = plan, iter(plan.moves)
-        self._touches = {touch.number: touch for touch in plan.touches}
+        self._later = iter(plan.touches)
+        self._touch = next(self._later)
         self._chain, self._solid = kinematics.chain(plan.machine), check.solid(plan.artefact)
         self.at = {axis.name: _anywhere(axis) for axis in plan.machine.axes}
         self._known: set[str] = set()
@@ -40,7 +41,9 @@ class Walk:
     def touch(self) -> Touch:
         """→ the touch that the next motion serves."""
         assert self.next is not None
-        return self._touches[self.next.touch]
+        while self._touch.number != self.next.touch:  # moves serve the touches in their order
+            self._touch = next(self._later)
+        return self._touch
 
     @property
     def measures(self) -> bool:

@@ -1,4 +1,4 @@
-"""Cell → Plan. Everything is computed for all touches at once; a loop only writes the records.
+"""Cell → Plan. Everything is computed for all touches at once, and kept as arrays.
 
 Theory of operation. At one indexation the table stands still and the probe keeps its direction, so the tip moves in the
 table frame as the linear axes do, on straight lines. Seen from there, with the spindle "above":
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from .. import check, kinematics
 from ..check.travel import travel_text
-from ..records import Array, Cell, InputError, Plan, Probe, Touch, Turn
+from ..records import PLACES, Array, Cell, InputError, Plan, Probe, Touch, Touches, Turn
 from .clearance import MARGIN, Clearance
 from .travel import DROP, Roof, Travels
 
@@ -83,21 +83,11 @@ def plan(cell: Cell, obstructed: str = "warn") -> Plan:
     over = axes(ways.over)
     ends = {"contact": axes(tip), "stand-off": axes(standoff), "search end": axes(tip - approach.search * normal)}
     _within(cell, facets, at, {**ends, "clear level": over})
-    touches = tuple(
-        Touch(i + 1, facet, int(index), *positions)
-        for i, (facet, index, *positions) in enumerate(
-            zip(
-                facets,
-                at,
-                *(_rows(values) for values in (ends["stand-off"], ends["contact"], ends["search end"], over)),
-                _rows(axes(ways.enter)),
-                _rows(axes(ways.leave)),
-                strict=True,
-            )
-        )
-    )
+    positions = (*(ends[name] for name in ("stand-off", "contact", "search end")), over, axes(ways.enter), axes(ways.leave))
+    touches = Touches(1 + np.arange(len(facets)), facets, at, np.stack(positions, axis=1))
     turns = Clearance(machine, chain, solid, ways.level, station).turns(touches, lambda index: _pose(cell, index))
-    return Plan(machine, artefact, cell.strategy, _at_once(touches, turns, chain, spindle), turns, left_out, doubts)
+    _at_once(touches, turns, chain, spindle)
+    return Plan(machine, artefact, cell.strategy, touches, turns, left_out, doubts)
 
 
 def part(whole: Plan, numbers: Sequence[int]) -> Plan:
@@ -110,41 +100,48 @@ def part(whole: Plan, numbers: Sequence[int]) -> Plan:
     if unknown or not wanted:
         found = f"touch {min(unknown)}" if unknown else "no touch"
         raise InputError(f"part of a plan: found {found}; allowed: touches 1 … {whole.touches[-1].number} of the plan")
-    return of_touches(whole, [touch for touch in whole.touches if touch.number in wanted])
+    return of_rows(whole, [row for row, touch in enumerate(whole.touches) if touch.number in wanted])
 
 
-def of_touches(whole: Plan, touches: Sequence[Touch]) -> Plan:
-    """plan, some of its touches in their order → the plan of these, with a safe way between them."""
+def of_rows(whole: Plan, rows: Sequence[int]) -> Plan:
+    """plan, rows of its touches in their order → the plan of these, with a safe way between them."""
     machine, chain, solid = whole.machine, kinematics.chain(whole.machine), check.solid(whole.artefact)
     station = np.array([[i.position.get(name, 0.0) for name in machine.names] for i in whole.strategy.indexations])
     spindle = kinematics.spindle_axis(chain, station)
-    at = np.array([touch.indexation for touch in touches])
-    facets = [whole.artefact.facets[touch.facet] for touch in touches]
+    found = _columns(whole.touches, np.array(rows))
+    at = found.indexation
+    facets = [whole.artefact.facets[facet] for facet in found.facet]
     normal = np.array([facet.normal for facet in facets])
     tip = np.array([facet.point for facet in facets]) + machine.probe.tip_radius * normal
     standoff = tip + whole.strategy.approach.standoff * normal
     ways = _ways(machine.probe, solid, standoff, spindle, station, at)
-    places = [_rows(_inverse(chain, station[at], tips)) for tips in (ways.over, ways.enter, ways.leave)]
-    touches = tuple(
-        replace(touch, over=over, enter=enter, leave=leave) for touch, over, enter, leave in zip(touches, *places, strict=True)
-    )
+    places = (_inverse(chain, station[at], tips) for tips in (ways.over, ways.enter, ways.leave))
+    found.places[:, 3:] = np.stack(tuple(places), axis=1)
     clearance = Clearance(machine, chain, solid, ways.level, station)
-    turns = clearance.turns(touches, lambda index: _pose(whole, index))
-    return replace(whole, touches=_at_once(touches, turns, chain, spindle), turns=turns)
+    turns = clearance.turns(found, lambda index: _pose(whole, index))
+    _at_once(found, turns, chain, spindle)
+    return replace(whole, touches=found, turns=turns)
 
 
-def _at_once(touches: Sequence[Touch], turns: Sequence[Turn], chain: kinematics.Chain, spindle: Array) -> tuple[Touch, ...]:
-    """touches, turns between them → touches that are left all the way up to where axes turn, where that is straight above them."""
-    found, place = list(touches), {touch.number: i for i, touch in enumerate(touches)}
-    after = [place.get(turn.touch, len(found)) - 1 for turn in turns]
-    last = [(i, turn) for i, turn in zip(after, turns, strict=True) if i >= 0]
-    low, high = (kinematics.tip(chain, np.array(p)) for p in ([found[i].over for i, _ in last], [t.before for _, t in last]))
-    up = spindle[[found[i].indexation for i, _ in last]]
-    aside = np.linalg.norm(np.cross(high - low, up), axis=1)
-    for (i, turn), beside in zip(last, aside, strict=True):
-        if beside < STRAIGHT:
-            found[i] = replace(found[i], leave=turn.before)
-    return tuple(found)
+def _columns(touches: Sequence[Touch], rows: Rows) -> Touches:
+    """touches, some rows → these, as arrays."""
+    if isinstance(touches, Touches):
+        return touches.rows(rows)
+    some = [touches[row] for row in rows]
+    places = np.array([[getattr(t, name) or t.over for name in PLACES] for t in some])
+    return Touches(np.array([t.number for t in some]), [t.facet for t in some], np.array([t.indexation for t in some]), places)
+
+
+def _at_once(touches: Touches, turns: Sequence[Turn], chain: kinematics.Chain, spindle: Array) -> None:
+    """touches just made, turns between them → those are left all the way up to where axes turn that have it straight above them."""
+    after = np.searchsorted(touches.number, [turn.touch for turn in turns]) - 1
+    rows = after[after >= 0]
+    places = np.array([turn.before for turn, row in zip(turns, after, strict=True) if row >= 0])
+    low, high = kinematics.tip(chain, touches.places[rows, PLACES.index("over")]), kinematics.tip(chain, places)
+    aside = np.linalg.norm(np.cross(high - low, spindle[touches.indexation[rows]]), axis=1)
+    straight = aside < STRAIGHT
+    touches.places[rows[straight], PLACES.index("leave")] = places[straight]
+    touches.places.flags.writeable = False  # a plan is not changed
 
 
 @dataclass(frozen=True)
@@ -171,15 +168,6 @@ def _ways(probe: Probe, solid: check.Solid, standoff: Array, spindle: Array, sta
     leave[follows], enter[follows + 1] = Roof(solid, probe).lifts(travels, most)
     over, entered, left = (standoff + lift[:, None] * up for lift in (clear, enter, leave))
     return _Ways(over, entered, left, level)
-
-
-def _rows(values: Array) -> Iterable[tuple[float, ...]]:
-    """(n, k) → n tuples, one by one: a list of all would be there twice. Angles that stay are the same number in memory."""
-    before: tuple[float, ...] = ()
-    for row in values:
-        now = tuple(row.tolist())
-        before = tuple(old if old == new else new for old, new in zip(before or now, now, strict=True))
-        yield before
 
 
 def _highest(height: Array, at: Rows, count: int) -> Array:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from ..records import InputError, Plan, Touch
-from .build import of_touches
+from ..records import InputError, Plan
+from .build import of_rows
 
 
 def split(whole: Plan, most: int) -> tuple[Plan, ...]:
@@ -16,11 +16,12 @@ def split(whole: Plan, most: int) -> tuple[Plan, ...]:
     """
     if most < 1:
         raise InputError(f"split: found {most}; allowed: 1 touch a program or more")
-    parts: list[list[Touch]] = []
-    for _, found in groupby(whole.touches, key=lambda touch: whole.strategy.indexations[touch.indexation].position):
-        touches = list(found)
-        if parts and len(parts[-1]) + len(touches) <= most:
-            parts[-1] += touches
+    parts: list[list[int]] = []
+    poses = (whole.strategy.indexations[touch.indexation].position for touch in whole.touches)
+    for _, found in groupby(enumerate(poses), key=lambda item: item[1]):
+        rows = [row for row, _ in found]
+        if parts and len(parts[-1]) + len(rows) <= most:
+            parts[-1] += rows
         else:
-            parts.append(touches)
-    return (whole,) if len(parts) == 1 else tuple(of_touches(whole, touches) for touches in parts)
+            parts.append(rows)
+    return (whole,) if len(parts) == 1 else tuple(of_rows(whole, rows) for rows in parts)
