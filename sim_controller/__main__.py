@@ -42,7 +42,8 @@ from .session import Ledger, Session, Setup
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Parameters of the control, e.g. increment=0.0001.")
 @click.option("--g54", metavar="X,Y,Z", help="Work offset, mm.")
 @click.option("--stored", type=click.Path(path_type=Path), metavar="FILE", help="Programs or files that the control has.")
-@click.option("--parity", is_flag=True, help="7 data bits, even parity.")
+@click.option("--parity", is_flag=True, help="7 data bits, even parity; a character of wrong parity in a program is an alarm.")
+@click.option("--tv-check", "counted", is_flag=True, help="A block of an odd number of characters is an alarm.")
 @click.option("--baud", type=click.IntRange(110), help="Send no faster than this; default: as fast as it goes.")
 @click.option("--buffer", type=click.IntRange(64), default=4096, show_default=True, help="Bytes taken in ahead of execution.")
 @click.option("--seed", type=click.IntRange(0), help="Of noise and effects; default: the world's.")
@@ -66,6 +67,7 @@ def main(
     g54: str | None,
     stored: Path | None,
     parity: bool,
+    counted: bool,
     baud: int | None,
     buffer: int,
     seed: int | None,
@@ -87,7 +89,7 @@ def main(
     if g54 is not None:
         chosen["g54"] = " ".join(f"{name}:{value}" for name, value in zip("XYZ", g54.split(","), strict=False))
     library = tuple(line for line in read_text(stored).splitlines() if line.strip() != "%") if stored else ()
-    setup = Setup(language, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer)
+    setup = Setup(language, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer, counted)
     talk = server.protocol(protocol)
     journal = Ledger(ledger)
     session = Session(truth, setup, journal.note)
@@ -95,7 +97,7 @@ def main(
 
     def disturbed(line: Line) -> Line:
         paced = PacedLine(line, baud) if baud else line
-        return FaultyLine(paced, chances, line_seed) if chances else paced
+        return FaultyLine(paced, chances, line_seed, journal.note) if chances else paced
 
     try:
         if start is not None:

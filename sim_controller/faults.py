@@ -6,7 +6,7 @@ from __future__ import annotations
 import difflib
 import time
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,10 +40,11 @@ LINE_KINDS: Mapping[str, str] = {
     "flip": "a bit of a byte is turned over",
     "double": "a byte comes twice",
     "delay": "everything from this byte on comes late",
+    "late": "everything from this byte on comes so late that nobody waits for the answer any more",
     "split": "the bytes from here on come in a piece of their own",
     "merge": "what is sent here comes together with what is sent next",
 }
-LATE = 0.3  # s
+LATE = {"delay": 0.3, "late": 1.5}  # s
 BLOCK = 4096  # bytes whose fate is drawn at once
 
 
@@ -82,8 +83,8 @@ class Disturbance:
             byte, at = data[i], i + 1
             for kind in now:
                 self.happened[kind] = self.happened.get(kind, 0) + 1
-            if "delay" in now or "split" in now:
-                pieces.append((LATE if "delay" in now else 0.0, bytearray()))
+            if begins := [LATE.get(kind, 0.0) for kind in now if kind in ("delay", "late", "split")]:
+                pieces.append((max(begins), bytearray()))
             keep |= "merge" in now
             if "drop" in now:
                 continue
@@ -116,10 +117,10 @@ class Disturbance:
 
 
 class FaultyLine:
-    """A line whose bytes are disturbed in both directions."""
+    """A line whose bytes are disturbed in both directions; what happens to them goes into the ledger."""
 
-    def __init__(self, line: Line, chances: Mapping[str, float], seed: int) -> None:
-        self._line = line
+    def __init__(self, line: Line, chances: Mapping[str, float], seed: int, note: Callable[..., None]) -> None:
+        self._line, self._note = line, note
         self._out, self._in = Disturbance(chances, 2 * seed), Disturbance(chances, 2 * seed + 1)
 
     def receive(self, timeout: float) -> bytes:
@@ -139,7 +140,12 @@ class FaultyLine:
     def _late(self, disturbance: Disturbance, data: bytes) -> Iterable[bytes]:
         if not data:
             yield disturbance.rest()
-        for late, piece in disturbance(data):
+        before = dict(disturbance.happened)
+        pieces = disturbance(data)
+        for kind, count in disturbance.happened.items():
+            if count > before.get(kind, 0):
+                self._note("line fault", kind=kind, to="control" if disturbance is self._in else "computer")
+        for late, piece in pieces:
             time.sleep(late)
             yield piece
 

@@ -12,6 +12,7 @@ from typing import Protocol
 from tango_cnc.records import InputError, LinkError
 
 CHUNK = 4096
+BAD = 0x1A  # SUB: a character that was received in error
 READ_OUT = 1.0  # s without anybody reading after which what is left is thrown away
 
 
@@ -112,10 +113,10 @@ class ParityLine:
         self.errors = 0
 
     def receive(self, timeout: float) -> bytes:
-        """s → what has come, without parity; characters with wrong parity come as `?`, as a UART marks them."""
+        """s → what has come, without parity; characters with wrong parity come as `BAD`."""
         data = self._line.receive(timeout)
         self.errors += sum(byte.bit_count() % 2 for byte in data)
-        return bytes(byte & 0x7F if byte.bit_count() % 2 == 0 else ord("?") for byte in data)
+        return bytes(byte & 0x7F if byte.bit_count() % 2 == 0 else BAD for byte in data)
 
     def send(self, data: bytes) -> None:
         """7-bit bytes → sent with even parity."""

@@ -38,6 +38,7 @@ class Setup:
     faults: Faults = Faults()  # noqa: RUF009  frozen
     library: tuple[str, ...] = ()  # lines of programs that the control has stored
     buffer: int = BUFFER
+    counted: bool = False  # TV check: a block of an odd number of characters is an alarm
 
 
 class Ledger:
@@ -69,7 +70,7 @@ class Session:
         self._rig, self._setup, self.note = rig, setup, note
         self.family, self._language = setup.family, language(setup.family)
         self._profile = profile(self._language, rig.machine, setup.settings)
-        self.buffer = setup.buffer
+        self.buffer, self.counted = setup.buffer, setup.counted
         self.resident: Callable[[Motion, Callable[[bytes], None]], None] | None = None  # what a command starts
         self.device: Any = None  # of a protocol whose control outlives a connection
         self.serial = False  # the line is one of characters, not of packets

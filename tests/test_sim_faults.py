@@ -40,6 +40,7 @@ def test_each_kind_does_what_its_name_says(kind):
         "double": len(got) == len(DATA) + count,
         "flip": sum((a ^ b).bit_count() for a, b in zip(got, DATA, strict=False)) == count,
         "delay": got == DATA and sum(late > 0 for late, _ in found) == count,
+        "late": got == DATA and sum(late > 1.0 for late, _ in found) == count,
         "split": got == DATA and len(found) > 8,
         "merge": got == DATA and len(found) < 8,
     }[kind]

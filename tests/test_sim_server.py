@@ -262,5 +262,5 @@ def test_a_character_with_wrong_parity_is_marked() -> None:
         def close(self) -> None: ...
 
     line = ParityLine(Loop())
-    assert line.receive(0) == b"G0??"
+    assert line.receive(0) == b"G0\x1a\x1a"
     assert line.errors == 2

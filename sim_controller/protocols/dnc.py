@@ -57,7 +57,7 @@ def serve(line: Line, session: Session, once: bool) -> None:
     control = session.control(punch)
     waiting = b""
     while True:
-        tape = Tape(session.buffer)
+        tape = Tape(session.buffer, session.counted)
         outcome: list[str] = []
         runner = threading.Thread(target=_execute, args=(control, tape, session, outcome), daemon=True)
         try:
