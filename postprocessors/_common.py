@@ -12,7 +12,10 @@ from tango_cnc.records import InputError, Machine
 from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
 
 LONGEST = 1000  # characters of a remark before it is broken into lines
-SWITCH = re.compile(r"[GHM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
+SWITCH = re.compile(r"[HM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
+MODAL = re.compile(
+    r"(?<![A-Z])G *0*(?!(?:4|15|65)(?!\d))\d{1,2}(?!\d)"
+)  # what the moves behind it mean; not a dwell, the frame of G15, a call, G100 …
 LIMITS = {  # of options that are numbers; what is beyond them is a slip of the finger
     "positioning_feed": (1, 1_000_000),
     "tolerance": (0.001, 1),  # with more, a move that was stopped short would pass
@@ -178,6 +181,12 @@ def fits(job: Job, most: int = 9) -> None:
     for key, value in (("probe_on", ""), ("probe_off", ""), ("wait", ""), ("machine_frame", ""), ("orient", "0")):
         if isinstance(word := options.get(key), str) and _moves(job, word + value):
             raise InputError(f"controller.{key}: found {word!r}; allowed: words that move no axis of the machine, or a call by G65")
+
+    for key in ("probe_on", "probe_off", "orient", "wait", "machine_frame"):
+        if isinstance(word := options.get(key), str) and (found := MODAL.search(word)):
+            raise InputError(
+                f"controller.{key}: found {options[key]!r}; allowed: no {found[0]}, which may change what a move means"
+            )
 
 
 def _moves(job: Job, words: str) -> bool:

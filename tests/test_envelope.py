@@ -98,6 +98,14 @@ def test_the_rest_of_a_run_passes(post: str) -> None:
     assert read_back(lines_of(post, rest), rest, post)
 
 
+@pytest.mark.parametrize(
+    "options", [{"clamp": {"B": "G91"}}, {"probe_on": "M17G20"}, {"probe_off": "G 68"}, {"orient": "G91 M19 R"}]
+)
+def test_words_of_the_profile_that_change_what_moves_mean_are_refused_whatever_the_post_says(options: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="in the profile; allowed: words that switch something"):
+        read_back(lines_of("fanuc", golden()), golden(), "fanuc", **options)
+
+
 def test_a_dialect_that_nobody_reads_is_said_to_be_unread() -> None:
     assert not check(lambda: iter(["; SOMETHING", "L Z+100 R0 FMAX"]), golden(), {})
 

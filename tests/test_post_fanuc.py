@@ -172,6 +172,8 @@ def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
         ({"orient": "G0 Z"}, "move no axis"),
         ({"probe_on": "G0 Z-500"}, "move no axis"),
         ({"probe_on": "M17G00Z - .5"}, "move no axis"),
+        ({"probe_on": "M17G91"}, "no G91, which may change what a move means"),
+        ({"clamp": {"B": "G91"}}, "a word such as M10"),
         ({"probe_off": "G91 G28"}, "move no axis"),
         ({"positioning_feed": 1e9}, "controller.positioning_feed: found .*; allowed: 1 … 1000000"),
         ({"tolerance": 2.0}, "controller.tolerance: found 2; allowed: 0.001 … 1"),

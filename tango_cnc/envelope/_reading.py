@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
 from ..records import InputError, Plan
 from ._rehearsal import at_line, numbered
+
+HARMLESS = (4, 15, 65)  # dwell, the frame that Okuma counts by, a call of a macro
+OWN = 100  # G words from here on are the builder's own
 
 
 class Program(Protocol):
@@ -39,9 +43,17 @@ def read_through(lines: Callable[[], Iterator[str]], begin: Callable[[], Program
 
 
 def stated_words(options: Mapping[str, Any]) -> set[str]:
-    """options of a profile → the words that it wants in the program: the switches of the probe, clamps of rotary axes."""
+    """options of a profile → the words that it wants in the program: the switches of the probe, clamps of rotary axes.
+
+    Raises InputError for one that could change what the moves behind it mean: units, frame, increments, kind of motion.
+    """
     switches = {text for key in ("probe_on", "probe_off") if (text := options.get(key))}
-    return switches | {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+    found = switches | {word for key in ("clamp", "unclamp") for word in options.get(key, {}).values()}
+    others = {word for key in ("orient", "wait", "machine_frame") if isinstance(word := options.get(key), str)}
+    for text in sorted(found | others):
+        if any(int(number) < OWN and int(number) not in HARMLESS for number in re.findall(r"(?<![A-Z])G *(\d+)", text)):
+            raise InputError(f"found {text!r} in the profile; allowed: words that switch something, and calls by G65")
+    return found
 
 
 def axes_by_number(plan: Plan, options: Mapping[str, Any]) -> dict[int, str]:
