@@ -13,9 +13,8 @@ from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, 
 
 LONGEST = 1000  # characters of a remark before it is broken into lines
 SWITCH = re.compile(r"[HM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
-MODAL = re.compile(
-    r"(?<![A-Z])G *0*(?!(?:4|15|65)(?!\d))\d{1,2}(?!\d)"
-)  # what the moves behind it mean; not a dwell, the frame of G15, a call, G100 …
+# G words that change what the moves behind them mean: all but a dwell, the frame of G15, a call, and the builder's own G100 …
+MODAL = re.compile(r"(?<![A-Z])G *0*(?!(?:4|15|65)(?!\d))\d{1,2}(?!\d)")
 LIMITS = {  # of options that are numbers; what is beyond them is a slip of the finger
     "positioning_feed": (1, 1_000_000),
     "tolerance": (0.001, 1),  # with more, a move that was stopped short would pass
@@ -172,10 +171,8 @@ def fits(job: Job, most: int = 9) -> None:
                 raise InputError(f"controller.{key}: found {name!r}: {word!r}; allowed: {allowed}")
     turns = {round(touch.standoff[job.machine.column("S")], 9) for touch in job.plan.touches}
     if not options.get("orient", True) and len(turns) > 1:
-        wanted = "true" if options["orient"] is False else "the word that orients the spindle"
-        raise InputError(
-            f"controller.orient: found {options['orient'] or 'nothing'}; allowed: {wanted}, as this strategy turns the spindle"
-        )
+        given, wanted = ("false", "true") if options["orient"] is False else ("nothing", "the word that orients the spindle")
+        raise InputError(f"controller.orient: found {given}; allowed: {wanted}, as this strategy turns the spindle")
     if isinstance(word := options.get("orient"), str) and word and not word[-1].isalpha():  # M19 before 0 would be M190
         raise InputError(f"controller.orient: found {word!r}; allowed: words that end with the letter of the angle, e.g. M19 R")
     for key, value in (("probe_on", ""), ("probe_off", ""), ("wait", ""), ("machine_frame", ""), ("orient", "0")):

@@ -31,7 +31,8 @@ NAMED = 8  # touches that are named one by one
 def command(folder: Path, terms: str | None, degree: int, json_file: str | None) -> int:
     """Validates the cell, plans it, and says what the touches would and would not tell.
 
-    Exit status 1 when something that the terms ask for cannot be seen, or touches of the strategy cannot be made.
+    Keys under controller: that 'tango plan' would refuse are refused here too; nothing is written. Exit status 1 when something
+    that the terms ask for cannot be seen, or touches of the strategy cannot be made.
     """
     cell = read_cell(folder)
     try:

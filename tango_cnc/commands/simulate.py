@@ -42,7 +42,12 @@ def _moved(cell: Cell) -> Array | None:
 @click.option("--seed", type=click.IntRange(0), metavar="N", help="Of noise and effects; default: the world's.")
 @click.option("--exact", is_flag=True, help="Write every digit instead of six decimals, for checks without noise.")
 @click.option(
-    "--list-effects", is_flag=True, is_eager=True, expose_value=False, callback=_list_effects, help="What world.yaml may hide; end."
+    "--list-effects",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_list_effects,
+    help="List what world.yaml may hide, and end.",
 )
 @json_option
 def command(
