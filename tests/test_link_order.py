@@ -1,0 +1,79 @@
+"""Every reading is forced to the disk before the next motion is asked for, or its record acknowledged."""
+
+import os
+import random
+from types import SimpleNamespace
+
+import pytest
+from linkfaults import Bus, Cable, Ledger, Tape, Turns, post, resident, scene
+from linkparts import FakeClock
+
+from sim_controller.faults import Disturbance, Faults
+from sim_controller.interpreters import grbl
+from sim_controller.motion import Motion
+from sim_controller.protocols.grbl import Input
+from sim_controller.protocols.modbus import TAKEN, Registers
+from tango_cnc.link import _measure
+from tango_cnc.link._measure import Wanted, measure
+from tango_cnc.link._wire import Parity
+
+PORTS = {
+    "grbl": "grbl+serial:///dev/ttyACM0",
+    "modbus": "modbus+tcp://localhost:1/1",
+    "modbus, program": "modbus+tcp://localhost:1/1?run=program",
+    "dnc": "socket://localhost:1?tv=even",
+}
+
+
+class Overheard:
+    """A line on which somebody listens: before what asks for a motion goes out, `asked` is called."""
+
+    def __init__(self, line, asks, asked):
+        self._line, self._asks, self._asked = line, asks, asked
+        self.chunk, self.read, self.close = line.chunk, line.read, line.close
+
+    def write(self, data):
+        if self._asks(data):
+            self._asked()
+        return self._line.write(data)
+
+
+def controls(kind, ledger, clock, text):
+    """→ a control without faults on its line, and which of the bytes sent to it ask for motion"""
+    still, motion = Disturbance({}, 0), Motion(scene(kind != "grbl")[2], ledger.note)
+    if kind == "grbl":
+        return Cable(grbl.switched_on(motion, ledger.note), Input(True), clock, still, still, None), lambda data: data[:1] in b"GM"
+    if kind == "dnc":
+        return Parity(Tape(ledger, clock, Faults(), still, still, None), False), bool
+    turns = Turns() if kind == "modbus, program" else None
+    more = {"program": lambda motion, punch: resident(text, motion, punch), "waited": turns.waited} if turns else {}
+    bus = Bus(Registers(motion, ledger.note, **more), clock, random.Random(0), {}, turns)
+    wanted = b"16 %d " % TAKEN if turns else b"16 0 "  # what is taken; command and sequence
+    return bus, lambda data: data.startswith(wanted)
+
+
+@pytest.mark.parametrize("kind", PORTS)
+def test_no_motion_is_asked_for_before_the_last_reading_is_on_disk(kind, tmp_path, monkeypatch):
+    clock, ledger, order = FakeClock(), Ledger(), []
+    cell, made, _ = scene(kind != "grbl")
+    journal, durable = tmp_path / "readings.journal", [0]
+
+    def forced(handle):
+        durable[0] = journal.read_bytes().count(b'"kind":"reading"') if journal.exists() else 0
+
+    def opened(address):
+        line, asks = controls(kind, ledger, clock, post(made)[0].text)
+        return Overheard(line, asks, lambda: order.append((len(ledger.contacts), durable[0])))
+
+    monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(os, "fsync", forced)
+    monkeypatch.setattr(_measure, "open_port", opened)
+    wanted = Wanted(PORTS[kind], "dnc", "fanuc", tmp_path / "readings.csv")
+    measure(cell, made, wanted, post, lambda step: None, lambda part, program: None)
+    assert durable[0] == len(made.touches)
+    made_before = [contacts for contacts, _ in order]
+    if kind == "dnc":  # all of it goes out before the first motion; nothing is sent after the first record
+        assert set(made_before) == {0}
+    else:
+        assert set(made_before) == set(range(len(made.touches) + 1))
+        assert all(contacts == on_disk for contacts, on_disk in order)
