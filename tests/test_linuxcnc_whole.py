@@ -23,6 +23,8 @@ from tango_cnc.records import Array
 pytestmark = [pytest.mark.system("linuxcnc", "linuxcncrsh"), pytest.mark.xdist_group("linuxcnc")]
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "examples" / "hu40t"
+RETOUCHED = 3  # facets that a resumed run touches again first
+CLOSE = 0.05  # mm or rad
 # (B, C, S, which of the indexations like that, facets or all of the strategy): every parameter of S3 can be seen.
 PART: tuple[tuple[float, float, float, int, Sequence[object] | None], ...] = (
     (30, -90, 0, 0, None),
@@ -85,13 +87,13 @@ def measured(folder: Path) -> None:
     """The whole flow of the product on the real control, and what it has to give. Prints what the control does to the readings."""
     tango("plan", "-C", folder, "--post", "linuxcnc")
     with linuxcnc(folder) as control:
-        tango("run", "-C", folder, "--port", control.url, "--yes")
+        resumed = run(folder, control.url)
         contacts = control.contacts()
     cell, world = read_cell(folder), read_world(folder / "world.yaml")
     readings = read_readings(folder / "readings.csv", cell.machine, cell.artefact)
     made = plan(cell)
-    assert set(readings.status) == {"ok"} and len(readings) == len(made.touches) == len(contacts)
-    assert [contact["surface"] for contact in contacts] == [touch.facet for touch in made.touches]
+    assert set(readings.status) == {"ok"} and len(readings) == len(made.touches) == len(contacts) - RETOUCHED * resumed
+    contacts = of_these(readings.position, made.touches, contacts)
 
     # The position is taken at the first look at the probe that finds it on: after the contact, by less than a period's way.
     way = cell.strategy.approach.feed / 60 * PERIOD
@@ -126,6 +128,33 @@ def measured(folder: Path) -> None:
     print(tango("diagnose", "-C", folder))
     named = {finding["cause"] for finding in result("diagnose", "-C", folder)["findings"]}  # type: ignore[attr-defined]
     assert "noise_level" in named
+
+
+def run(folder: Path, url: str) -> int:
+    """cell, port → how often it had to be resumed, as LinuxCNC 2.9 loses count of its own motions now and then."""
+    command = [sys.executable, "-m", "tango_cnc", "run", "-C", str(folder), "--port", url, "--yes"]
+    for resumed in range(10):
+        done = subprocess.run(
+            [*command, *(["--resume"] if resumed else [])], capture_output=True, text=True, check=False, timeout=5400
+        )
+        if done.returncode == 0:
+            print(f"resumed {resumed} times after 'Queue is not empty after probing'")
+            return resumed
+        assert "a known fault of LinuxCNC" in done.stderr, done.stdout[-2000:] + done.stderr[-2000:]
+    pytest.fail("resumed ten times: this is not the fault that comes now and then")
+
+
+def of_these(positions: Array, touches: Sequence[object], contacts: list[dict[str, object]]) -> list[dict[str, object]]:
+    """(n, k) readings, touches, contacts in their order → the contact of every reading; what was touched again is left out."""
+    rest = iter(contacts)
+    return [
+        next(
+            contact
+            for contact in rest
+            if contact["surface"] == touch.facet and np.abs(np.array(contact["at"]) - position).max() < CLOSE  # type: ignore[attr-defined]
+        )
+        for touch, position in zip(touches, positions, strict=True)
+    ]
 
 
 def lateness(names: Sequence[str], touches: Sequence[object], positions: Array, contacts: Array) -> Array:

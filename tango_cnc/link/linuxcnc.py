@@ -7,6 +7,9 @@ The dialects differ in what they answer to `set`, and with which line end (2.9~p
 linuxcncrsh has no way to send a file or to read one: the transport puts the program at `file` and hands the lines of `log` in,
 with LOG in front. Emergency stop is not released, the machine not switched on and nothing homed from here: people do that.
 
+LinuxCNC 2.9 now and then loses count of its own motions between two probing moves and ends the program (`LOST_COUNT`). Nothing
+has been met then: the machine goes back as after an end that the user wants, and the run can be resumed at once.
+
 An end that the user wants is an abort, wherever the machine is then, and in MDI the way back that the plan came: from the
 measuring move to the stand-off, from the approach to where it began. Elsewhere it stands on a way that is clear already.
 """
@@ -33,6 +36,7 @@ ADVICE = {"estop": "release emergency stop", "machine": "switch the machine on"}
 PLACES = "XYZABC"  # order of the values of abs_act_pos
 BESIDE, TURNED = 0.5, 0.1  # mm, deg from a move that the machine still is on
 THERE = 0.01  # mm
+LOST_COUNT = "QUEUE IS NOT EMPTY AFTER PROBING"  # github.com/LinuxCNC/linuxcnc, issues 263, 662, 3650
 LEAVING = 1000.0  # mm/min
 
 
@@ -110,8 +114,12 @@ class Client(Dialogue):
         idle = 0
         while not self._finished:
             if self._stopping:
-                yield from self._leave()
+                yield from self._leave("stopped by the user")
             trouble = yield from self._get("error")
+            if LOST_COUNT in trouble.upper():
+                yield from self._leave(
+                    f"the control says {trouble!r}, a known fault of LinuxCNC 2.9 and none of the program: resume it"
+                )
             if trouble.upper().split()[-1:] != ["OK"]:
                 raise Stop(f"the control says {trouble!r}")
             running = "IDLE" not in (yield from self._get("program_status")).upper()
@@ -119,7 +127,7 @@ class Client(Dialogue):
             if idle > IDLE_POLLS and not self._finished:
                 raise Stop("the program has ended before its end mark")
 
-    def _leave(self) -> Talk:
+    def _leave(self, why: str) -> Talk:
         """Aborts the program, draws the probe clear and ends the conversation."""
         self._done()
         yield from self._set("set abort", "program_status")
@@ -136,9 +144,9 @@ class Client(Dialogue):
             while max(abs(value - at[name]) for name, value in target.items()) > THERE:
                 trouble = yield from self._get("error")
                 if trouble.upper().split()[-1:] != ["OK"]:
-                    raise Stop(f"stopped by the user; the probe is not drawn clear: the control says {trouble!r}")
+                    raise Stop(f"{why}; the probe is not drawn clear: the control says {trouble!r}")
                 at = yield from self._where()
-        raise Stop("stopped by the user; the program is aborted and the probe " + ("has been drawn clear" if way else "is clear"))
+        raise Stop(f"{why}; the program is aborted and the probe " + ("has been drawn clear" if way else "is clear"))
 
     def _where(self) -> Generator[str, str, dict[str, float]]:
         """→ {axis: mm or deg}, machine coordinates."""
