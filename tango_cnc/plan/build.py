@@ -80,11 +80,13 @@ def plan(cell: Cell, obstructed: str = "warn") -> Plan:
 
     standoff = tip + approach.standoff * normal
     ways = _ways(machine.probe, solid, standoff, spindle, station, at)
-    over = axes(ways.over)
-    ends = {"contact": axes(tip), "stand-off": axes(standoff), "search end": axes(tip - approach.search * normal)}
-    _within(cell, facets, at, {**ends, "clear level": over})
-    positions = (*(ends[name] for name in ("stand-off", "contact", "search end")), over, axes(ways.enter), axes(ways.leave))
-    touches = Touches(1 + np.arange(len(facets)), facets, at, np.stack(positions, axis=1))
+    tips = (standoff, tip, tip - approach.search * normal, ways.over, ways.enter, ways.leave)
+    places = np.empty((len(facets), len(PLACES), len(machine.names)))
+    for column, at_tips in enumerate(tips):
+        places[:, column] = axes(at_tips)
+    said_of = {"contact": "contact", "standoff": "stand-off", "end": "search end", "over": "clear level"}
+    _within(cell, facets, at, {text: places[:, PLACES.index(name)] for name, text in said_of.items()})
+    touches = Touches(1 + np.arange(len(facets)), facets, at, places)
     turns = Clearance(machine, chain, solid, ways.level, station).turns(touches, lambda index: _pose(cell, index))
     _at_once(touches, turns, chain, spindle)
     return Plan(machine, artefact, cell.strategy, touches, turns, left_out, doubts)
