@@ -19,7 +19,7 @@ from tango_cnc.diagnose import Diagnosis, _gain, diagnose
 from tango_cnc.diagnose._explain import values
 from tango_cnc.diagnose._gain import add, held_out, residual_maker
 from tango_cnc.diagnose._richer import richer
-from tango_cnc.diagnose._space import space
+from tango_cnc.diagnose._space import Beside, best_noise, level, space
 from tango_cnc.diagnose.words import as_json, as_text
 from tango_cnc.diagnose.world import world
 from tango_cnc.estimate import estimate
@@ -254,6 +254,16 @@ def test_what_the_model_reaches_is_not_in_the_space() -> None:
     assert place.m == 44
     assert np.abs(place.project(design)).max() < 1e-12
     assert np.trace(place.kernels[0]) == pytest.approx(44)
+
+
+def test_quicker_ways_to_a_likelihood_lead_to_the_same(two: Diagnosis) -> None:
+    e = two.explanation
+    first, second = e.chosen[0].columns, e.chosen[1].columns
+    every = e.place.grid()
+    plain = [float(level(e.place, ratios, e.place.y, np.hstack([first, second]))[2][0]) for ratios in every]
+    assert Beside(e.place, first, every).likelihood(second) == pytest.approx(max(plain), abs=1e-6)
+    for selected in (first, first[:, :0], np.hstack([first, second])):
+        assert best_noise(e.place, selected)[1] == max(float(level(e.place, r, e.place.y, selected)[2][0]) for r in every)
 
 
 @pytest.fixture(scope="module")

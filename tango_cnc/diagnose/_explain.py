@@ -163,7 +163,8 @@ def values(e: Explanation, tangents: Mapping[int, Array]) -> tuple[Array, Array]
     design = root @ every
     solution = np.asarray(linalg.lstsq(root @ selected, root @ e.place.y)[0])
     # All columns of one length: a time constant moves a touch by millionths of a mm a second, and is no null space for that.
-    length = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    length = np.linalg.norm(design, axis=0)
+    length = np.where(length > 0, length, 1.0)
     design = design / length
     inverse = np.linalg.pinv(design.T @ design, rcond=1e-12) / length / length[:, None]
     return solution, np.asarray(e.sigma**2 * inverse, dtype=float)

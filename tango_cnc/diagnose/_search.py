@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..records import Array
 from ._candidates import Candidate
-from ._space import Library, Space, below, best_noise, level, library, scan
+from ._space import Beside, Library, Space, below, best_noise, level, library, scan
 
 LEVEL = 0.02  # of a false name anywhere in the catalogue, at every step: 5 % over the few steps that a search takes
 EXPECTED_LEVEL = 0.01  # of a false name, for a cause that every machine has: it is not one of hundreds
@@ -173,9 +173,10 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
     tried = int((cat.group == cat.causes.index(start.cause)).sum())
 
     inside = searched_range(cat, start.cause)
+    beside = Beside(place, others, settings)
 
     def value(c: Candidate) -> float:
-        return likelihood(place, np.hstack([others, place.project(c.columns)]), settings)
+        return beside.likelihood(place.project(c.columns))
 
     best, score = start, value(start)
     for name, way in cat.refine.get(start.cause, {}).items():
@@ -349,15 +350,24 @@ def rival(place: Space, cat: Catalogue, cause: str, selected: Array, ratios: tup
 def searched(place: Space, cat: Catalogue, limits: Limits, usual: Array, start: list[Chosen]) -> list[Chosen]:
     """space, catalogue, limits, what to begin with → selected forwards, backwards and by exchange."""
     chosen = start
+    known: dict[frozenset[int], tuple[Sequence[Chosen], Chosen | None]] = {}
+
+    def addition(others: Sequence[Chosen]) -> Chosen | None:
+        """What is best beside the others: exchanges ask for the same again and again. They are kept, so that no id comes twice."""
+        key = frozenset(map(id, others))
+        if key not in known:
+            known[key] = others, best_addition(place, cat, others, limits, usual)
+        return known[key][1]
+
     for _ in range(MOST):
-        new = best_addition(place, cat, chosen, limits, usual)
+        new = addition(chosen)
         if new is None or (new.candidate.named and sum(c.candidate.named for c in chosen) >= MOST_NAMED):
             break
         chosen = [*chosen, new]
         if new.candidate.cause != "outlier":
-            chosen = exchanged(place, cat, chosen, limits, usual)
+            chosen = exchanged(place, chosen, addition)
         chosen = pruned(place, chosen)
-    return pruned(place, loosened(place, cat, pruned(place, exchanged(place, cat, chosen, limits, usual))))
+    return pruned(place, loosened(place, cat, pruned(place, exchanged(place, chosen, addition))))
 
 
 def loosened(place: Space, cat: Catalogue, chosen: list[Chosen]) -> list[Chosen]:
@@ -401,8 +411,8 @@ def proven(
     return chosen
 
 
-def exchanged(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits, usual: Array) -> list[Chosen]:
-    """chosen → chosen, each replaced by what does its work better beside the others, until nothing changes."""
+def exchanged(place: Space, chosen: list[Chosen], addition: Callable[[Sequence[Chosen]], Chosen | None]) -> list[Chosen]:
+    """chosen, what is best beside some → chosen, each replaced by what does its work better, until nothing changes."""
     value = total(place, chosen)
     for _ in range(3):
         changed = False
@@ -410,7 +420,7 @@ def exchanged(place: Space, cat: Catalogue, chosen: list[Chosen], limits: Limits
             if old.candidate.cause == "outlier" or len(chosen) < 2:
                 continue
             others = [c for c in chosen if c is not old]
-            new = best_addition(place, cat, others, limits, usual)
+            new = addition(others)
             trial = others if new is None else [*others[:i], new, *others[i:]]
             score = total(place, trial)
             if score > value + 0.5:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,9 @@ from scipy import linalg, optimize
 from ..records import Array
 
 RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 40.0)  # variance of a kernel over that of the white noise
+COARSE = (0.0, 0.1, 3.0)  # of them, where the search begins
 UNSEEN = 1e-3  # part of a column outside the model that is as good as none
+REPEATED = 1e-9  # of a whitened pattern's own length: no more than rounding is left of it beside the selected ones
 RIDGE = 1e-5  # of a pattern's own length: less than this is left of it when it repeats what is selected
 
 
@@ -153,17 +156,57 @@ def level(place: Space, ratios: tuple[float, ...], y: Array, selected: Array) ->
     return white, basis, -0.5 * setting.logdet - 0.5 * place.m * np.log(np.sum(white**2, axis=0))
 
 
+class Beside:
+    """What a few more columns add to the likelihood beside the selected ones, which are whitened once."""
+
+    def __init__(self, place: Space, selected: Array, settings: Sequence[tuple[float, ...]]) -> None:
+        self.place = place
+        self.at = [(place.setting(ratios), *level(place, ratios, place.y, selected)[:2]) for ratios in settings]
+
+    def likelihood(self, columns: Array) -> float:
+        """(m, k) projected → log likelihood with them at the best of the settings."""
+        best = -np.inf
+        for setting, white, basis in self.at:
+            more = setting.root @ columns
+            length = np.linalg.norm(more, axis=0)
+            for _ in range(2):  # twice is enough (Kahan, in Parlett 1980): what is nearly selected already keeps its digits
+                more = more - basis @ (basis.T @ more)
+            more = orthonormal(more * (np.linalg.norm(more, axis=0) > REPEATED * length))
+            rest = float(np.sum(white**2)) - float(np.sum((more.T @ white) ** 2))
+            best = max(best, -0.5 * setting.logdet - 0.5 * self.place.m * float(np.log(max(rest, 1e-300))))
+        return best
+
+
 def best_noise(place: Space, selected: Array, y: Array | None = None) -> tuple[tuple[float, ...], float]:
     """space, selected (m, s) → ratios of highest likelihood on the grid, its log likelihood."""
     data = place.y if y is None else y
     key = np.ascontiguousarray(selected).tobytes()  # a search comes back to the same patterns again and again
     if y is None and key in place._best:
         return place._best[key]
-    scored = [(float(level(place, ratios, data, selected)[2][0]), ratios) for ratios in place.grid()]
-    value, ratios = max(scored)
+    scored: dict[tuple[float, ...], float] = {}
+
+    def at(ratios: tuple[float, ...]) -> float:
+        if ratios not in scored:
+            scored[ratios] = float(level(place, ratios, data, selected)[2][0])
+        return scored[ratios]
+
+    # The likelihood has one top over the ratios: uphill from the best of a few places, not over the whole grid.
+    ratios = max((r for r in place.grid() if place.white or set(r) <= set(COARSE)), key=at)
+    while not place.white:
+        higher = max(around(ratios), key=at)
+        if at(higher) <= at(ratios):
+            break
+        ratios = higher
+    value = at(ratios)
     if y is None:
         place._best[key] = ratios, value
     return ratios, value
+
+
+def around(ratios: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """ratios of the grid → themselves and their neighbours on it."""
+    near = [RATIOS[max(i - 1, 0) : i + 2] for i in map(RATIOS.index, ratios)]
+    return [tuple(r) for r in product(*near)]
 
 
 def fine_noise(place: Space, selected: Array) -> tuple[tuple[float, ...], float]:
