@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, overload
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -267,47 +267,6 @@ class Touch:
     leave: tuple[float, ...] | None = None
 
 
-PLACES = ("standoff", "contact", "end", "over", "enter", "leave")  # of a touch, in the order of `Touches.places`
-
-
-class Touches(Sequence[Touch]):
-    """n touches held as arrays, some 300 bytes each; the record of one is made when it is asked for. Nobody changes the arrays."""
-
-    __slots__ = ("facet", "indexation", "number", "places")
-
-    def __init__(self, number: NDArray[np.int64], facet: Sequence[Id], indexation: NDArray[np.int64], places: Array) -> None:
-        """(n,) numbers, n facets, (n,) indexations from 0, (n, 6, k) mm rad: PLACES → touches."""
-        self.number, self.facet, self.indexation, self.places = number, tuple(facet), indexation, places
-
-    def rows(self, rows: NDArray[np.int64]) -> Touches:
-        """(m,) → the touches of those rows."""
-        return Touches(self.number[rows], [self.facet[row] for row in rows], self.indexation[rows], self.places[rows])
-
-    def __len__(self) -> int:
-        return len(self.number)
-
-    @overload
-    def __getitem__(self, row: int) -> Touch: ...
-    @overload
-    def __getitem__(self, row: slice) -> Touches: ...
-    def __getitem__(self, row: int | slice) -> Touch | Touches:
-        if isinstance(row, slice):
-            return self.rows(np.arange(len(self))[row])
-        places = map(tuple, self.places[row].tolist())
-        return Touch(int(self.number[row]), self.facet[row], int(self.indexation[row]), *places)
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Sequence) or len(self) != len(other):
-            return False
-        return all(mine == theirs for mine, theirs in zip(self, other, strict=True))
-
-    def __hash__(self) -> int:
-        return hash((len(self), self.facet))
-
-    def __repr__(self) -> str:
-        return f"Touches({len(self)})"
-
-
 @dataclass(frozen=True, slots=True)
 class Turn:
     """Where rotary axes and spindle turn before touch `touch`: clear of all that they sweep; linear axes stand still.
@@ -344,7 +303,7 @@ class Plan:
     machine: Machine
     artefact: Artefact
     strategy: Strategy
-    touches: Sequence[Touch]  # out of the planner: `Touches`
+    touches: Sequence[Touch]  # out of the planner: `plan.touches.Planned`
     turns: tuple[Turn, ...]
     left_out: tuple[str, ...] = ()  # touches of the strategy that are not in the plan, in words
     doubtful: tuple[str, ...] = ()  # touches of the plan that a straight stylus can hardly make, in words

@@ -12,7 +12,8 @@ import pytest
 
 from tango_cnc.files import read_cell
 from tango_cnc.plan import part, plan, plan_hash, split
-from tango_cnc.records import PLACES, Plan, Touch, Touches
+from tango_cnc.plan.touches import PLACES, Planned
+from tango_cnc.records import Plan, Touch
 
 GOLDEN = Path(__file__).parent / "golden" / "cell"
 
@@ -26,7 +27,7 @@ def made(times: int = 1) -> Plan:
 def test_they_are_indexed_iterated_and_cut_like_a_tuple() -> None:
     touches = made().touches
     one_by_one = tuple(touches)
-    assert isinstance(touches, Touches) and all(isinstance(touch, Touch) for touch in one_by_one)
+    assert isinstance(touches, Planned) and all(isinstance(touch, Touch) for touch in one_by_one)
     assert len(touches) == len(one_by_one) and touches[-1] == one_by_one[-1] and tuple(touches[1:4]) == one_by_one[1:4]
     assert tuple(reversed(touches)) == one_by_one[::-1]
     assert [touch.number for touch in touches] == list(range(1, len(touches) + 1))
@@ -52,7 +53,7 @@ def test_numbers_are_plain_and_places_have_a_column_per_axis() -> None:
 
 def test_nobody_changes_them() -> None:
     touches = made().touches
-    assert isinstance(touches, Touches)
+    assert isinstance(touches, Planned)
     with pytest.raises(ValueError, match="read-only"):
         touches.places[0, 0, 0] = 1.0
     with pytest.raises(FrozenInstanceError):
@@ -68,8 +69,8 @@ def test_a_plan_of_records_made_by_hand_is_split_and_resumed_like_the_planner_s_
 
 
 def test_a_touch_takes_the_numbers_of_its_places_and_little_else() -> None:
-    def taken(touches: Touches | tuple[Touch, ...]) -> float:
-        copy = (lambda: touches[:]) if isinstance(touches, Touches) else (lambda: tuple(touches_again(touches)))
+    def taken(touches: Planned | tuple[Touch, ...]) -> float:
+        copy = (lambda: touches[:]) if isinstance(touches, Planned) else (lambda: tuple(touches_again(touches)))
         tracemalloc.start()
         kept = copy()
         size = tracemalloc.get_traced_memory()[0] / len(kept)
@@ -80,7 +81,7 @@ def test_a_touch_takes_the_numbers_of_its_places_and_little_else() -> None:
         return [replace(t, **{name: tuple(v + 0.0 for v in getattr(t, name)) for name in PLACES}) for t in touches]
 
     touches = made(40).touches
-    assert isinstance(touches, Touches)
+    assert isinstance(touches, Planned)
     numbers = np.dtype(float).itemsize * len(PLACES) * len(made().machine.names)
     assert taken(touches) < numbers + 60
     assert taken(tuple(touches)) > 4 * numbers, "records take so much that this measures it"

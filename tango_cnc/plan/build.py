@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from .. import check, kinematics
 from ..check.travel import travel_text
-from ..records import PLACES, Array, Cell, InputError, Plan, Probe, Touch, Touches, Turn
+from ..records import Array, Cell, InputError, Plan, Probe, Touch, Turn
 from .clearance import MARGIN, Clearance
+from .touches import PLACES, Planned
 from .travel import DROP, Roof, Travels
 
 OBSTRUCTED = ("warn", "refuse", "leave-out")  # what to do with touches that the probe cannot make
@@ -86,7 +87,7 @@ def plan(cell: Cell, obstructed: str = "warn") -> Plan:
         places[:, column] = axes(at_tips)
     said_of = {"contact": "contact", "standoff": "stand-off", "end": "search end", "over": "clear level"}
     _within(cell, facets, at, {text: places[:, PLACES.index(name)] for name, text in said_of.items()})
-    touches = Touches(1 + np.arange(len(facets)), facets, at, places)
+    touches = Planned(1 + np.arange(len(facets)), facets, at, places)
     turns = Clearance(machine, chain, solid, ways.level, station).turns(touches, lambda index: _pose(cell, index))
     _at_once(touches, turns, chain, spindle)
     return Plan(machine, artefact, cell.strategy, touches, turns, left_out, doubts)
@@ -125,16 +126,16 @@ def of_rows(whole: Plan, rows: Sequence[int]) -> Plan:
     return replace(whole, touches=found, turns=turns)
 
 
-def _columns(touches: Sequence[Touch], rows: Rows) -> Touches:
+def _columns(touches: Sequence[Touch], rows: Rows) -> Planned:
     """touches, some rows → these, as arrays."""
-    if isinstance(touches, Touches):
+    if isinstance(touches, Planned):
         return touches.rows(rows)
     some = [touches[row] for row in rows]
     places = np.array([[getattr(t, name) or t.over for name in PLACES] for t in some])
-    return Touches(np.array([t.number for t in some]), [t.facet for t in some], np.array([t.indexation for t in some]), places)
+    return Planned(np.array([t.number for t in some]), [t.facet for t in some], np.array([t.indexation for t in some]), places)
 
 
-def _at_once(touches: Touches, turns: Sequence[Turn], chain: kinematics.Chain, spindle: Array) -> None:
+def _at_once(touches: Planned, turns: Sequence[Turn], chain: kinematics.Chain, spindle: Array) -> None:
     """touches just made, turns between them → those are left all the way up to where axes turn that have it straight above them."""
     after = np.searchsorted(touches.number, [turn.touch for turn in turns]) - 1
     rows = after[after >= 0]

@@ -25,6 +25,7 @@ REFINE: dict[str, str] = {}
 KNOWN = 1  # an exchange is as large as the two offsets differ
 LONGEST = 3  # indexations in a row that see the same two facets, of touches that nobody has made yet
 CLOSE = 5.0  # mm
+FOREVER = 2**31
 
 
 def variants(touches: Touches) -> Variants:
@@ -72,7 +73,7 @@ def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, f
     return bool(abs(values[0] - (two - one)) < 0.002 + 0.5 * abs(values[0]))
 
 
-def cause(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = 2**31) -> list[Coefficient]:
+def cause(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = FOREVER) -> list[Coefficient]:
     """machine, two facets, touches between which they are exchanged → difference of their offsets, mm."""
     one, two = (str(f) for f in facets)
 
@@ -81,7 +82,7 @@ def cause(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = 2
         inside = (number >= at) & (number <= until)
         return inside * ((facet == one).astype(float) - (facet == two))
 
-    return [early(label("swapped_facets", one, two, at), pattern)]
+    return [early(label("swapped_facets", one, two, at, until if until < FOREVER else None), pattern)]
 
 
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
