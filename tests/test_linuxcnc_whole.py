@@ -83,7 +83,7 @@ def hu40t(folder: Path, part: bool) -> Path:
     return folder
 
 
-def measured(folder: Path) -> None:
+def measured(folder: Path, probability: float) -> None:
     """The whole flow of the product on the real control, and what it has to give. Prints what the control does to the readings."""
     tango("plan", "-C", folder, "--post", "linuxcnc")
     with linuxcnc(folder) as control:
@@ -111,9 +111,9 @@ def measured(folder: Path) -> None:
     assert abs(found["mean_um"] - latch["mean_um"]) < 4 * latch["std_um"] / math.sqrt(count) + backlash  # type: ignore[operator]
     assert found["std_um"] == pytest.approx(latch["std_um"], rel=0.25)
 
-    # Every parameter within the interval in which all are together with p = 0.95, by a budget that knows of the looks at the probe.
+    # Every parameter within the interval in which all are together with this probability, by a budget that knows of the looks at the probe.
     estimate = result("estimate", "-C", folder)
-    budget = result("uncertainty", "-C", folder)
+    budget = result("uncertainty", "-C", folder, "--probability", probability)
     parameters, joint = budget["parameters"], budget["joint"]
     assert isinstance(parameters, dict) and isinstance(joint, dict) and set(parameters) >= set(world.errors)
     size = {n: abs(p["value"] - world.errors.get(n, 0.0)) / p["std"] for n, p in parameters.items()}
@@ -168,12 +168,13 @@ def lateness(names: Sequence[str], touches: Sequence[object], positions: Array, 
 
 @pytest.mark.long
 def test_a_hundred_touches_give_the_parameters_within_their_uncertainties(tmp_path: Path) -> None:
-    measured(hu40t(tmp_path / "cell", part=True))
+    measured(hu40t(tmp_path / "cell", part=True), 0.95)
 
 
 @pytest.mark.campaign
 def test_the_whole_strategy_on_the_real_control(tmp_path: Path) -> None:
-    measured(hu40t(tmp_path / "cell", part=False))
+    """Resumed or not, its draws are others each time: at p = 0.95 a perfect control would fail once in twenty times."""
+    measured(hu40t(tmp_path / "cell", part=False), 0.999)
 
 
 # What a program does when the table is not where it is expected: six touches, read from the log of the control
