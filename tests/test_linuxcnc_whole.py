@@ -111,7 +111,7 @@ def measured(folder: Path, probability: float) -> None:
     assert abs(found["mean_um"] - latch["mean_um"]) < 4 * latch["std_um"] / math.sqrt(count) + backlash  # type: ignore[operator]
     assert found["std_um"] == pytest.approx(latch["std_um"], rel=0.25)
 
-    # Every parameter within the interval in which all are together with this probability, by a budget that knows of the looks at the probe.
+    # Every parameter within the interval in which all are with this probability, by a budget that knows of the looks at the probe.
     estimate = result("estimate", "-C", folder)
     budget = result("uncertainty", "-C", folder, "--probability", probability)
     parameters, joint = budget["parameters"], budget["joint"]
