@@ -87,7 +87,8 @@ class Traced(Motion):
         place = tuple(float(v) for v in np.round(self.position, 6))
         before = self.trace[-1][1] if self.trace else ()
         linear = len(self.machine.linear)
-        if kind == "skip" or place != before:
+        stays = bool(before) and max(abs(a - b) for a, b in zip(place, before, strict=True)) <= NEAR
+        if kind == "skip" or not stays:
             if kind == "rapid" and self.trace and self.trace[-1][0] == "rapid" and place[:linear] == before[:linear]:
                 self.trace.pop()  # which axis turns first at one place is all the same
             self.trace.append((kind, place))
