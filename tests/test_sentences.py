@@ -14,7 +14,7 @@ from tango_cnc import terms
 from tango_cnc.diagnose import Finding, _seen, diagnose
 from tango_cnc.diagnose._candidates import candidate
 from tango_cnc.diagnose._search import Chosen
-from tango_cnc.diagnose._size import _one
+from tango_cnc.diagnose._size import _one, _told
 from tango_cnc.diagnose.sentences import advice, chance, covariate, meaning, minutes, said
 from tango_cnc.diagnose.words import telling
 from tango_cnc.estimate import Estimate, estimate
@@ -39,7 +39,9 @@ def finding(fitted: Estimate, cause: str, setting: dict[str, Any]) -> Finding:
     touches = fitted.model.touches
     c = candidate(touches, cause, setting)
     k = c.columns.shape[1]
-    s = _one(Chosen(c, c.columns, 0.0), np.linspace(1e-3, 2e-3, k), np.eye(k) * 1e-8, touches, np.ones(len(touches)))
+    chosen, v = Chosen(c, c.columns, 0.0), np.linspace(1e-3, 2e-3, k)
+    amplitude = _told(chosen, np.ones(len(touches)))(v, c.columns @ v)
+    s = _one(chosen, v, np.full(k, 1e-4), amplitude, 1e-4, touches)
     return Finding(cause, setting, s.detail, s, 1e-7, None, {}, (), (), s.effect, c.columns[:, 0])
 
 
