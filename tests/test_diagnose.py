@@ -129,6 +129,7 @@ def test_a_wandering_machine_gets_no_false_name(bench: blind.Bench) -> None:
     assert [r.shape for r in d.unexplained] == ["random walk"]
 
 
+@pytest.mark.long
 def test_a_size_knows_what_its_time_constant_leaves_open(bench: blind.Bench) -> None:
     slow = {"cause": "thermal_drift", "amplitude": 0.009, "tau": 1650, "direction": [0.3, 0.87, 0.33]}  # as long as the test
     (drift,) = told(bench, [slow], seed=4).findings
@@ -144,6 +145,7 @@ def test_the_unit_of_a_shape_parameter_does_not_change_what_is_known_of_a_size(t
     assert spread[0] == pytest.approx(spread[1], rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_cause_beside_something_larger_without_a_name_is_told_and_not_named(bench: blind.Bench) -> None:
     d = told(bench, [LOBES | {"amplitude": 0.006}, DRIFT | {"amplitude": 0.005}], excluded=("probe_lobing",))
     assert (d.verdict, d.findings) == ("unexplained", ())
@@ -165,12 +167,14 @@ def test_a_cause_that_brings_nothing_to_held_out_touches_is_told_and_not_named(
     assert "not named: touches that were not fitted do not gain" in text
 
 
+@pytest.mark.long
 def test_a_chip_is_no_heap_of_outliers(bench: blind.Bench) -> None:
     d = told(bench, [{"cause": "chip", "facet": "9", "amplitude": 0.006, "at": 200}])
     assert [f.cause for f in d.findings] == ["chip"]
     assert d.findings[0].detail["facet"] == "9" and not d.outliers
 
 
+@pytest.mark.long
 def test_facets_that_are_exchanged_in_two_indexations_are_one_exchange_and_no_tilt(bench: blind.Bench) -> None:
     d = told(bench, [{"cause": "swapped_facets", "facets": ["21", "25"], "at": 62, "until": 104}])  # 3 µm, four touches
     assert [f.cause for f in d.findings] == ["swapped_facets"]
@@ -179,12 +183,14 @@ def test_facets_that_are_exchanged_in_two_indexations_are_one_exchange_and_no_ti
     assert "facets 21, 25 are exchanged in the readings from touch 62 to 104" in " ".join(as_text(d).split())
 
 
+@pytest.mark.long
 def test_seating_shows_in_the_spread_of_the_indexations(bench: blind.Bench) -> None:
     d = told(bench, [{"cause": "indexation_seating", "amplitude": 0.002}])
     assert [f.cause for f in d.findings] == ["indexation_seating"]
     assert d.findings[0].size.amplitude == pytest.approx(0.002, rel=0.3)
 
 
+@pytest.mark.long
 def test_rough_facets_are_named_one_by_one(bench: blind.Bench) -> None:
     d = told(bench, [{"cause": "surface_form", "amplitude": 0.003, "facets": ["16", "22", "28"]}])
     assert [f.cause for f in d.findings] == ["surface_form"]

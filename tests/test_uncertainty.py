@@ -233,6 +233,7 @@ def test_a_wrong_budget_names_file_line_and_what_is_allowed(tmp_path: Path, text
 # Monte Carlo
 
 
+@pytest.mark.long
 def test_trials_and_propagation_agree_within_3_percent_for_the_thesis_plan(cell: Cell, readings: Readings) -> None:
     for terms in ("S3", "S4"):
         a = analyse(cell.machine, cell.artefact, readings, (terms,), 3, FULL, Options(trials=10_000))
@@ -290,6 +291,7 @@ def test_any_number_of_workers_gives_the_same_trials(found: dict[str, Estimate])
     assert not np.array_equal(backwards.deviation, trials.run(s, 2500, 8).deviation)
 
 
+@pytest.mark.long
 def test_adaptive_trials_stop_when_stable_and_say_when_not(cell: Cell, readings: Readings) -> None:
     one: Analysis = analyse(cell.machine, cell.artefact, readings, ("S2",), 3, None, Options(adaptive=True))
     assert one.stable and one.blocks >= 2 and one.run.count == one.blocks * 10_000
