@@ -1,7 +1,7 @@
 # Everything from a fresh checkout: python3 (3.11 or newer) with venv, and make. On Debian: apt install python3-venv make
 PYTHON ?= python3
 BIN := .venv/bin
-# Two workers share two cores only when the linear algebra of each keeps to one.
+# Workers share the cores only when the linear algebra of each keeps to one.
 export OPENBLAS_NUM_THREADS ?= 1
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 

@@ -63,6 +63,7 @@ SPOKEN = {
 }
 
 DRIVEN = {"grbl": Spoken("grbl", resolution=1e-3)}  # no logic of its own: its driver decides and records
+QUICK = ("fanuc", "grbl", "heidenhain", "linuxcnc", "siemens")  # one of each way to speak; the others are many seconds together
 EVERY = {**SPOKEN, **DRIVEN}
 
 
@@ -155,7 +156,7 @@ def measured(made: Plan, name: str, world: World) -> Readings:
     )
 
 
-@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.long) for n in sorted(EVERY)])
 def test_the_dialect_gives_the_parameters_of_the_true_machine(
     name: str, cell: Cell, world: World, true: Readings, limits: tuple[dict[str, float], dict[str, float]]
 ) -> None:

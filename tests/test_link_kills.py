@@ -173,7 +173,7 @@ def killed(protocol, kills, cell, seed):
     return complete
 
 
-@pytest.mark.parametrize("protocol", ["dnc", "grbl"])
+@pytest.mark.parametrize("protocol", SETTINGS)
 def test_a_few_kills(cell, protocol):
     assert killed(protocol, 1, cell, 1) >= 1
 
