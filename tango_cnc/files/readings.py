@@ -14,6 +14,7 @@ from ..records import Array, Artefact, Machine, Readings
 from .checked import complaint, read_text, suggestion
 
 STATUSES = ("ok", "miss", "early")
+NUMBER = "a finite number; delete the row or give it the status 'miss'"
 
 
 def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
@@ -34,7 +35,7 @@ def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
     at = [line for line, _ in body]
 
     def numbers(name: str) -> Array:
-        return np.array([_number(file, line, name, text) for line, text in zip(at, cells[name], strict=True)])
+        return np.array([finite(file, line, name, text, NUMBER) for line, text in zip(at, cells[name], strict=True)])
 
     def whole(name: str) -> np.ndarray:
         values = numbers(name) if name in cells else np.ones(len(body))
@@ -91,13 +92,14 @@ def _check_header(file: Path, header: Sequence[str], machine: Machine) -> None:
             )
 
 
-def _number(file: Path, line: int, name: str, text: str) -> float:
+def finite(file: Path, line: int, name: str, text: str, allowed: str) -> float:
+    """text in a cell of a table → its number. Raises InputError for anything else; `allowed` says what would be right."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise complaint(file, line, name, repr(text), "a finite number; delete the row or give it the status 'miss'")
+        raise complaint(file, line, name, repr(text), allowed)
     return value
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..estimate import Estimate
 from ..files.checked import complaint, read_text, suggestion
+from ..files.readings import finite
 from ..records import Array, Artefact, Id, InputError, Readings
 from ..terms import GAP
 from ..touches import from_readings
@@ -65,7 +66,9 @@ def read_cmm(file: Path, artefact: Artefact) -> dict[Id, Array]:
             raise complaint(file, line, "row", f"{len(row)} values", f"{len(header)}, one for each column")
         cells = dict(zip(header, (cell.strip() for cell in row), strict=True))
         facet = _planar(file, line, cells["facet"], artefact)
-        values = [_number(file, line, name, cells[name]) for name in (("x", "y", "z") if points else ("offset",))]
+        values = [
+            finite(file, line, name, cells[name], "a finite number of mm") for name in (("x", "y", "z") if points else ("offset",))
+        ]
         nominal, normal = np.array(artefact.facets[facet].point), np.array(artefact.facets[facet].normal)
         point = np.array(values) if points else nominal + values[0] * normal
         if abs(away := float((point - nominal) @ normal)) > FARTHEST:
@@ -87,16 +90,6 @@ def _planar(file: Path, line: int, facet: str, artefact: Artefact) -> Id:
     if facet not in planes:
         raise complaint(file, line, "facet", repr(facet), f"a facet that is no part of a ball: {', '.join(planes)}")
     return facet
-
-
-def _number(file: Path, line: int, name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise complaint(file, line, name, repr(text), "a finite number of mm")
-    return value
 
 
 def compare_artefact(result: Estimate, measured: Mapping[Id, Array]) -> Comparison:
