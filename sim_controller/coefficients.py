@@ -44,7 +44,10 @@ def coefficient(name: str, machine: Machine) -> Coefficient:
 
 
 def _nearest(name: str, machine: Machine) -> str:
-    near = difflib.get_close_matches(name, list(_all_names(machine)), n=20, cutoff=0.5)
+    words = {known.lower(): known for known in _all_names(machine)}
+    if (small := name.lower()) in words:
+        return f" Did you mean {words[small]!r}?"
+    near = difflib.get_close_matches(name, list(words.values()), n=20, cutoff=0.5)
     best = max(near, key=lambda known: sum(a == b for a, b in zip(name, known, strict=False)), default=None)
     return f" Did you mean {best!r}?" if best else ""
 

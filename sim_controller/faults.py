@@ -3,7 +3,6 @@ line by a seeded chance (`--line-fault NAME=CHANCE`, `--line-seed N`)."""
 
 from __future__ import annotations
 
-import difflib
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
@@ -13,6 +12,7 @@ import numpy as np
 
 from tango_cnc.records import InputError
 
+from .hints import did_you_mean
 from .lines import Line
 
 KINDS: Mapping[str, str] = {
@@ -178,7 +178,7 @@ def line_faults(texts: Iterable[str]) -> dict[str, float]:
 def _named(text: str, option: str, known: Iterable[str], unit: str) -> tuple[str, str]:
     name, _, value = text.partition("=")
     if name not in known:
-        near = difflib.get_close_matches(name, list(known), n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise InputError(f"{option}: found {name!r}; allowed: {', '.join(f'{k}={unit}' for k in known)}.{hint}")
+        raise InputError(
+            f"{option}: found {name!r}; allowed: {', '.join(f'{k}={unit}' for k in known)}.{did_you_mean(name, known)}"
+        )
     return name, value

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import importlib
 import json
 import math
@@ -21,6 +20,7 @@ from tango_cnc.records import InputError, Machine
 
 from . import interpreters
 from .faults import Faults
+from .hints import did_you_mean
 from .motion import Motion
 from .probing import Rig
 
@@ -122,9 +122,7 @@ def families() -> list[str]:
 def language(family: str) -> Any:
     """name → its module. Raises InputError for one that there is no file for."""
     if family not in families():
-        near = difflib.get_close_matches(family, families(), n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise InputError(f"--language: found {family!r}; allowed: {', '.join(families())}.{hint}")
+        raise InputError(f"--language: found {family!r}; allowed: {', '.join(families())}.{did_you_mean(family, families())}")
     return importlib.import_module(f"{interpreters.__name__}.{family}")
 
 
@@ -135,9 +133,7 @@ def profile(module: Any, machine: Machine, settings: Mapping[str, str]) -> Any:
     values: dict[str, Any] = {}
     for name, text in settings.items():
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
-            raise InputError(f"--set: found {name!r}; allowed: {', '.join(sorted(known))}.{hint}")
+            raise InputError(f"--set: found {name!r}; allowed: {', '.join(sorted(known))}.{did_you_mean(name, known)}")
         values[name] = _setting(name, text, hints[name])
     for name in values.get("axes", ()) + values.get("rollover", ()) + tuple(values.get("g54", ())):
         if name not in (*machine.linear, *machine.rotary):

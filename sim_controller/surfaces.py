@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 from tango_cnc.records import Array, Artefact, Facet, Id, InputError, Obstacle, World
 
 from . import solids
+from .hints import did_you_mean
 
 EXTENT = 15.0  # mm, radius of the patch around a facet's point
 OBLIQUE = 0.98  # cosine: facets that lie more alike than this are one side of the table, not two
@@ -48,7 +49,8 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
     """artefact, world, mm, mm → true surfaces. Raises InputError for an offset of a facet that the artefact lacks."""
     for name in world.facets:
         if name not in artefact.facets:
-            raise InputError(f"facets: found {name!r}; allowed: facets of artefact {artefact.name!r}: {', '.join(artefact.facets)}")
+            allowed = f"{', '.join(artefact.facets)}.{did_you_mean(name, artefact.facets)}"
+            raise InputError(f"facets: found {name!r}; allowed: facets of artefact {artefact.name!r}: {allowed}")
     balls = list(artefact.balls)
     facets = list(artefact.facets.values())
     bare = [Facet("", (0, 0, 0), (0, 0, 1), ball) for ball in balls if all(f.ball != ball for f in facets)]

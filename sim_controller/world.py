@@ -14,6 +14,7 @@ from tango_cnc.records import Array, InputError, Machine, World
 
 from . import transforms
 from .coefficients import STYLUS, Coefficient, coefficient
+from .hints import did_you_mean
 
 Term = tuple[Coefficient, Array | float]
 BASE = {"X": 0, "A": 0, "Y": 1, "B": 1, "Z": 2, "C": 2, "S": 2}
@@ -63,7 +64,7 @@ def true_machine(machine: Machine, world: World) -> TrueMachine:
     errors = tuple((coefficient(name, machine), value) for name, value in world.errors.items())
     for name in world.stylus:
         if name not in STYLUS:
-            raise InputError(f"stylus: found {name!r}; allowed: {', '.join(STYLUS)}")
+            raise InputError(f"stylus: found {name!r}; allowed: {', '.join(STYLUS)}.{did_you_mean(name, STYLUS)}")
     spindle = machine.spindle
     tip = np.array(spindle.point) - machine.probe.length * np.array(spindle.direction)
     return TrueMachine(

@@ -147,6 +147,27 @@ def test_a_slip_in_tango_yaml_is_told_with_its_line(
     assert re.search(words, capsys.readouterr().err)
 
 
+FORGETFUL = """
+from dataclasses import replace
+from postprocessors.fanuc import POST as FANUC
+
+def retract(job, leg):
+    return iter(()) if leg.touch.number == len(job.plan.touches) else FANUC.retract(job, leg)
+
+POST = replace(FANUC, retract=retract)
+"""
+
+
+def test_the_whole_program_is_read_back(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A post of one's own that forgets the last way up only."""
+    (cell / "forgetful.py").write_text(FORGETFUL, encoding="utf-8")
+    profile = (cell / "tango.yaml").read_text(encoding="utf-8")
+    (cell / "tango.yaml").write_text(profile.replace("post: fanuc", "post: ./forgetful.py"), encoding="utf-8")
+    assert call("check", "-C", cell) == 2
+    said = capsys.readouterr()
+    assert "the program ends before the retract move of touch 393" in said.err and not said.out
+
+
 def test_numbers_that_are_words_need_no_quotes_and_terms_have_to_be_stated(cell: Path) -> None:
     profile = (cell / "tango.yaml").read_text(encoding="utf-8")
     (cell / "tango.yaml").write_text(profile.replace("post: fanuc", "post: fanuc\n  print_format: 53"), encoding="utf-8")

@@ -114,6 +114,8 @@ BAD_CELLS = {
     "infinity": ("artefact.yaml", "[100, 0, 0], normal", "[1e999, 0, 0], normal", 3, "facets.1.point[0]", "a finite number"),
     "a radius of zero": ("artefact.yaml", "60], radius: 12.7", "60], radius: 0", 8, "balls.1.radius", "greater than 0"),
     "feed with exponent": ("strategy.yaml", "feed: 180", "feed: 1e9", 2, "approach.feed", "at least 0.1 and at most 100000"),
+    "stand-off on the facet": ("strategy.yaml", "standoff: 10", "standoff: 0.5", 2, "approach.standoff", "at least 2: there the probe"),
+    "search without way": ("strategy.yaml", "search: 5", "search: 0.02", 2, "approach.search", "at least 0.1: a contact"),
     "negative search": ("strategy.yaml", "search: 5", "search: -5", 2, "approach.search", "greater than 0"),
     "number for a list": ("artefact.yaml", "point: [0, 100, 0]", "point: 100", 4, "facets.2.point", "a list of 3 values"),
     "two coordinates": ("artefact.yaml", "point: [0, 100, 0]", "point: [0, 100]", 4, "facets.2.point", "2 values; allowed"),
@@ -138,6 +140,7 @@ BAD_CELLS = {
     "not YAML": ("strategy.yaml", "facets: [top, 1]}", "facets: [top, 1}", 5, "", "not valid YAML"),
     "tab": ("tango.yaml", "machine: machine.yaml", "machine:\n\tx: 1", 3, "", "not valid YAML"),
     "error that no machine has": ("world.yaml", "EX0C", "EX0Q", 1, "errors", "found 'EX0Q'; allowed"),
+    "stylus in capitals": ("world.yaml", "EXt", "EXT", 2, "stylus", "Did you mean 'EXt'"),
     "effect that nobody knows": ("world.yaml", "thermal_", "termal_", 5, "effects[0].cause", "Did you mean 'thermal_drift'"),
     "effect with a misspelt key": ("world.yaml", "tau:", "tao:", 5, "effects[0]", "the unknown key 'tao'"),
     "effect without cause": ("world.yaml", "cause: thermal_drift, ", "", 5, "effects[0]", "no cause"),
@@ -330,7 +333,9 @@ def cells(draw: st.DrawFn) -> tuple[Machine, Artefact, Strategy]:
     return (
         machine,
         artefact,
-        Strategy(draw(texts), draw(st.builds(Approach, positive, positive, st.floats(0.1, 1e5))), tuple(indexations)),
+        Strategy(
+            draw(texts), draw(st.builds(Approach, st.floats(2, 1e4), st.floats(0.1, 1e4), st.floats(0.1, 1e5))), tuple(indexations)
+        ),
     )
 
 

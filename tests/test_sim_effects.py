@@ -169,6 +169,8 @@ def test_the_lever_of_a_rotary_axis_is_what_a_wrong_angle_does(letter: str) -> N
     ("effect", "complaint"),
     [
         ({"cause": "thermal_drfit"}, r"effects\[0\]\.cause: found 'thermal_drfit'.*Did you mean 'thermal_drift'"),
+        ({"cause": "Thermal_Drift"}, r"effects\[0\]\.cause: found 'Thermal_Drift'.*Did you mean 'thermal_drift'"),
+        ({"cause": "step", "AMPLITUDE": 1}, r"effects\[0\]: found the unknown key 'AMPLITUDE'.*Did you mean 'amplitude'"),
         ({"cause": "step", "amplitud": 1}, r"effects\[0\]: found the unknown key 'amplitud'.*Did you mean 'amplitude'"),
         ({"cause": "step", "amplitude": 0.1, "at": 3}, "found no key 'direction'; step requires it"),
         ({"cause": "step", "amplitude": "big", "at": 3, "direction": [0, 0, 1]}, "found 'big'; allowed: a finite number"),

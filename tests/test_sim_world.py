@@ -158,7 +158,7 @@ def test_coefficients_may_change_from_touch_to_touch() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "nearest"), [("EXC", "EXC"), ("EX0A", "EX0"), ("EYX1x", "EYX1"), ("EXXB", "EXX"), ("XX1", "EXX1"), ("EB0c", "EB0")]
+    ("name", "nearest"), [("EXC", "EXC"), ("EX0A", "EX0"), ("EYX1x", "EYX1"), ("EXXB", "EXXb"), ("XX1", "EXX1"), ("eb0c", "EB0C")]
 )
 def test_an_unknown_coefficient_is_refused_with_the_nearest_one(name: str, nearest: str) -> None:
     with pytest.raises(InputError, match=rf"found '{name}'.*Did you mean '{nearest}"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import inspect
 import pkgutil
@@ -15,6 +14,7 @@ import numpy as np
 
 from tango_cnc.records import Artefact, InputError, Machine
 
+from ..hints import did_you_mean
 from . import _kinds
 from ._history import Disturbance, History, no_touches
 
@@ -48,15 +48,12 @@ def checked(
 def _checked(given: dict[str, Any], where: str, machine: Machine | None, artefact: Artefact | None) -> Effect:
     cause = str(given.pop("cause", ""))
     if cause not in names():
-        near = difflib.get_close_matches(cause, names(), n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise InputError(f"{where}.cause: found {cause!r}; allowed: {', '.join(names())}.{hint}")
+        raise InputError(f"{where}.cause: found {cause!r}; allowed: {', '.join(names())}.{did_you_mean(cause, names())}")
     parameters, hints = _keys(cause)
     for key in given:
         if key not in parameters:
-            near = difflib.get_close_matches(key, list(parameters), n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
-            raise InputError(f"{where}: found the unknown key {key!r}; allowed for {cause}: {', '.join(parameters)}.{hint}")
+            allowed = f"{', '.join(parameters)}.{did_you_mean(key, parameters)}"
+            raise InputError(f"{where}: found the unknown key {key!r}; allowed for {cause}: {allowed}")
     for key, parameter in parameters.items():
         if key not in given and parameter.default is inspect.Parameter.empty:
             raise InputError(f"{where}: found no key {key!r}; {cause} requires it")

@@ -14,7 +14,7 @@ from ..duration import duration, spoken
 from ..files import blamed_on, read_cell, read_terms
 from ..identify import condition_number, select, summary
 from ..model import known, linearise
-from ..plan import last_motion, plan, plan_hash, split
+from ..plan import last_motion, plan
 from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
@@ -31,8 +31,8 @@ NAMED = 8  # touches that are named one by one
 def command(folder: Path, terms: str | None, degree: int, json_file: str | None) -> int:
     """Validates the cell, plans it, and says what the touches would and would not tell.
 
-    Keys under controller: that 'tango plan' would refuse are refused here too; nothing is written. Exit status 1 when something
-    that the terms ask for cannot be seen, or touches of the strategy cannot be made.
+    What 'tango plan' would refuse is refused here too: the whole program is made and read back, and nothing is written. Exit
+    status 1 when something that the terms ask for cannot be seen, or touches of the strategy cannot be made.
     """
     cell = read_cell(folder)
     try:
@@ -61,12 +61,7 @@ def positioning_feed(cell: Cell) -> float | None:
 
 
 def _postable(cell: Cell, made: Plan) -> None:
-    """cell, its plan → nothing. Raises InputError for what 'tango plan' would refuse in `controller:`.
-
-    The whole program is made, and its first indexation is read back.
-    """
-    from postprocessors import _base as posts
-
+    """cell, its plan → nothing. Raises InputError for what 'tango plan' would refuse: the whole program is made and read back."""
     from .plan import programs
 
     if cell.controller is None:
@@ -75,8 +70,7 @@ def _postable(cell: Cell, made: Plan) -> None:
     with blamed_on(cell.folder / "tango.yaml"):
         if port is not None:
             _port(port, post.link)
-        posts.program(post, made, options, plan_hash(made))
-        programs(post, split(made, 1)[0], options)
+        programs(post, made, options)
 
 
 def _port(port: str, link: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,12 @@ from ..records import (
 from .checked import Node, complaint, load, suggestion
 from .hull import corners, read_hull
 
+# How near a touch may begin and how little past the facet it may end, mm. A probe comes free within hundredths of a mm, controls
+# call a move of some hundredths less than programmed arrived, and grbl's post backs off 1.5 mm before a guarded move can follow.
+LEAST = {
+    "standoff": (2.0, "there the probe has to be free again, which takes a way back from the contact; raise standoff"),
+    "search": (0.1, "a contact nearer than that to the end of the move is taken for none; raise search"),
+}
 TOPOLOGY = re.compile(r"w(?P<workpiece>[XYZABC]*)[fb](?P<tool>[XYZABC]*)\(S\)t")
 
 
@@ -252,8 +259,15 @@ def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
     indexations = [_indexation(item, machine, artefact) for item in fields["indexations"].list()]
     if not indexations:
         raise fields["indexations"].wrong("at least one indexation", "none")
-    values = {key: child.number(0.1, 100_000) if key == "feed" else child.number(above=0) for key, child in approach.items()}
-    return Strategy(fields["name"].text(), Approach(**values), tuple(indexations))
+    return Strategy(fields["name"].text(), Approach(**_approach(approach)), tuple(indexations))
+
+
+def _approach(fields: Mapping[str, Node]) -> dict[str, float]:
+    values = {key: child.number(0.1, 100_000) if key == "feed" else child.number(above=0) for key, child in fields.items()}
+    for key, (least, why) in LEAST.items():
+        if values[key] < least:
+            raise fields[key].wrong(f"a finite number at least {least:g}: {why}")
+    return values
 
 
 def _indexation(node: Node, machine: Machine, artefact: Artefact) -> Indexation:
@@ -282,11 +296,12 @@ def read_world(file: Path) -> World:
     stylus = numbers("stylus")
     for name in stylus:
         if name not in ("EXt", "EYt", "EZt"):
-            raise fields["stylus"].wrong("EXt, EYt, EZt", repr(name))
+            raise fields["stylus"].wrong(f"EXt, EYt, EZt.{suggestion(name, ('EXt', 'EYt', 'EZt'))}", repr(name))
     effects = []
     for item in fields["effects"].list() if "effects" in fields else ():
         if "cause" not in dict(item.items()):
-            raise item.wrong("a mapping with the key 'cause'", "no cause")
+            near = next((f"; found {key!r}" for key, _ in item.items() if key.lower() == "cause"), "")
+            raise item.wrong(f"a mapping with the key 'cause'{near}", "no cause")
         effects.append(item.plain())
     return World(
         numbers("errors"),
