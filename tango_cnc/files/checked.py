@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
@@ -36,41 +36,112 @@ def suggestion(word: str, known: Collection[str]) -> str:
     return f" Did you mean {words[near[0]]!r}?" if near else ""
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
+class Scalar:
+    """One word of a YAML file, the line (from 0) where it stands, and the marks of quotation around it."""
+
+    tag: str
+    line: int
+    value: str
+    style: str | None
+    start_mark: ClassVar[None] = None  # what yaml asks of an anchor given twice, and the complaint about that does not need
+
+
+@dataclass(slots=True)
+class Series:
+    """A list of a YAML file; `line` from 0."""
+
+    tag: str
+    line: int
+    value: list[Raw]
+    start_mark: ClassVar[None] = None
+
+
+@dataclass(slots=True)
+class Pairs:
+    """A mapping of a YAML file, keys as often as they are given; `line` from 0."""
+
+    tag: str
+    line: int
+    value: list[tuple[Raw, Raw]]
+    start_mark: ClassVar[None] = None
+
+
+Raw = Scalar | Series | Pairs
+
+
+class _Loader(yaml.SafeLoader):
+    """Composes `Raw` in place of yaml's own nodes, whose marks take ten times the memory of what they mark."""
+
+    def __init__(self, stream: str) -> None:
+        super().__init__(stream)
+        self._words: dict[str, str] = {}  # the same word again and again is kept once
+
+    def compose_scalar_node(self, anchor: Any) -> Any:
+        event = self.get_event()
+        tag = self._tag(yaml.ScalarNode, event, event.value)
+        node = Scalar(tag, event.start_mark.line, self._words.setdefault(event.value, event.value), event.style)
+        return self._anchored(anchor, node)
+
+    def compose_sequence_node(self, anchor: Any) -> Any:
+        event = self.get_event()
+        node = self._anchored(anchor, Series(self._tag(yaml.SequenceNode, event), event.start_mark.line, []))
+        while not self.check_event(yaml.SequenceEndEvent):
+            node.value.append(self.compose_node(node, 0))
+        self.get_event()
+        return node
+
+    def compose_mapping_node(self, anchor: Any) -> Any:
+        event = self.get_event()
+        node = self._anchored(anchor, Pairs(self._tag(yaml.MappingNode, event), event.start_mark.line, []))
+        while not self.check_event(yaml.MappingEndEvent):
+            node.value.append((self.compose_node(node, 0), self.compose_node(node, 0)))
+        self.get_event()
+        return node
+
+    def _tag(self, kind: type[yaml.Node], event: Any, value: str | None = None) -> str:
+        return str(self.resolve(kind, value, event.implicit) if event.tag in (None, "!") else event.tag)
+
+    def _anchored(self, anchor: Any, node: Any) -> Any:
+        if anchor is not None:
+            self.anchors[anchor] = node
+        return node
+
+
+@dataclass(frozen=True, slots=True)
 class Node:
     """One value of a YAML file with the path of keys that leads to it."""
 
     file: Path
-    raw: yaml.Node
+    raw: Raw
     path: str
 
     @property
     def line(self) -> int:
         """→ line in the file, from 1."""
-        return int(self.raw.start_mark.line) + 1
+        return self.raw.line + 1
 
     def wrong(self, allowed: str, found: str | None = None) -> InputError:
         """what is allowed here → the error to raise."""
         return complaint(self.file, self.line, self.path, found or self._shown(), allowed)
 
     def _shown(self) -> str:
-        if isinstance(self.raw, yaml.ScalarNode):
+        if isinstance(self.raw, Scalar):
             return repr(self.raw.value) if self.raw.value else "nothing"
-        return "a list" if isinstance(self.raw, yaml.SequenceNode) else "a mapping"
+        return "a list" if isinstance(self.raw, Series) else "a mapping"
 
     def items(self) -> list[tuple[str, Node]]:
         """mapping → (key, value) in file order. Raises InputError for anything else and for a key given twice."""
-        if not isinstance(self.raw, yaml.MappingNode):
+        if not isinstance(self.raw, Pairs):
             raise self.wrong("a mapping (key: value)")
         result: list[tuple[str, Node]] = []
         seen: set[str] = set()
         for key, value in self.raw.value:
-            if not isinstance(key, yaml.ScalarNode):
+            if not isinstance(key, Scalar):
                 raise self.wrong("keys that are plain words or numbers")
             child = Node(self.file, value, f"{self.path}.{key.value}" if self.path else str(key.value))
             if key.value in seen:
-                line = int(key.start_mark.line) + 1
-                raise complaint(self.file, line, child.path, "the same key twice", "each key once; remove one")
+                raise complaint(self.file, key.line + 1, child.path, "the same key twice", "each key once; remove one")
             seen.add(key.value)
             result.append((str(key.value), child))
         return result
@@ -90,15 +161,15 @@ class Node:
 
     def list(self, length: int | None = None) -> list[Node]:
         """sequence → its values. Raises InputError for anything else or another length."""
-        if not isinstance(self.raw, yaml.SequenceNode) or (length is not None and len(self.raw.value) != length):
-            count = len(self.raw.value) if isinstance(self.raw, yaml.SequenceNode) else 0
-            what = f"{count} value{'s' if count != 1 else ''}" if isinstance(self.raw, yaml.SequenceNode) else None
+        if not isinstance(self.raw, Series) or (length is not None and len(self.raw.value) != length):
+            count = len(self.raw.value) if isinstance(self.raw, Series) else 0
+            what = f"{count} value{'s' if count != 1 else ''}" if isinstance(self.raw, Series) else None
             raise self.wrong("a list" if length is None else f"a list of {length} values", what)
         return [Node(self.file, value, f"{self.path}[{i}]") for i, value in enumerate(self.raw.value)]
 
     def text(self, allowed: Collection[str] | None = None) -> str:
         """scalar → text. Raises InputError when it is empty or not among `allowed`."""
-        if not isinstance(self.raw, yaml.ScalarNode) or not self.raw.value or self.raw.tag == "tag:yaml.org,2002:null":
+        if not isinstance(self.raw, Scalar) or not self.raw.value or self.raw.tag == "tag:yaml.org,2002:null":
             raise self.wrong("a text" if allowed is None else ", ".join(allowed))
         value = str(self.raw.value)
         if allowed is not None and value not in allowed:
@@ -119,7 +190,7 @@ class Node:
         if high < math.inf:
             bounds.append(f"at most {high:g}")
         allowed = "a finite number" + (" " + " and ".join(bounds) if bounds else "")
-        if not isinstance(self.raw, yaml.ScalarNode):
+        if not isinstance(self.raw, Scalar):
             raise self.wrong(allowed)
         if self.raw.style in ("'", '"'):
             raise self.wrong(allowed, f"the text {self.raw.value!r} in quotes")
@@ -140,7 +211,7 @@ class Node:
 
     def boolean(self) -> bool:
         """true or false → bool. Raises InputError for anything else."""
-        if self.raw.tag != "tag:yaml.org,2002:bool":
+        if not isinstance(self.raw, Scalar) or self.raw.tag != "tag:yaml.org,2002:bool":
             raise self.wrong("true or false")
         return bool(yaml.safe_load(self.raw.value))
 
@@ -159,17 +230,17 @@ class Node:
 
     def plain(self) -> Any:
         """anything → plain Python values (numbers finite), for settings whose meaning is decided elsewhere."""
-        if isinstance(self.raw, yaml.MappingNode):
+        if isinstance(self.raw, Pairs):
             return {key: child.plain() for key, child in self.items()}
-        if isinstance(self.raw, yaml.SequenceNode):
+        if isinstance(self.raw, Series):
             return [child.plain() for child in self.list()]
         if self.raw.tag == "tag:yaml.org,2002:null":
             return None
         if self.raw.tag == "tag:yaml.org,2002:bool":
             return self.boolean()
         if self.raw.tag == "tag:yaml.org,2002:int":
-            return yaml.safe_load(self.raw.value)
-        if not isinstance(self.raw, yaml.ScalarNode) or self.raw.style not in ("'", '"'):
+            return yaml.safe_load(str(self.raw.value))
+        if not isinstance(self.raw, Scalar) or self.raw.style not in ("'", '"'):
             try:
                 float(self.raw.value)
             except ValueError:
@@ -181,7 +252,7 @@ class Node:
 def parse(file: Path, text: str) -> Node:
     """YAML text → its root. Raises InputError when it is empty or not YAML."""
     try:
-        raw = yaml.compose(text, Loader=yaml.SafeLoader)
+        raw: Any = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise complaint(
@@ -226,11 +297,11 @@ def blamed_on(file: Path) -> Iterator[None]:
 
 
 def _where(node: Node, match: re.Match[str]) -> int:
-    if match[2] is not None and isinstance(node.raw, yaml.SequenceNode):
+    if match[2] is not None and isinstance(node.raw, Series):
         node = node.list()[int(match[2])]
-    if isinstance(node.raw, yaml.MappingNode):
+    if isinstance(node.raw, Pairs):
         inside = dict(node.items())
         node = inside.get(match[3] or match[4], node)
-    elif isinstance(node.raw, yaml.SequenceNode):
+    elif isinstance(node.raw, Series):
         node = next((item for item in node.list() if item.plain() == match[4]), node)
     return node.line
