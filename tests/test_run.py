@@ -158,7 +158,7 @@ def test_resume_makes_the_missing_touches_and_ends_with_what_one_run_would_have_
     result = run(cell, control, "--resume")
     assert result.code == 0
     facets = [text.decode() for text in re.findall(rb"\(TOUCH \d+ FACET (\d+)\)", control.tape)]
-    assert facets == ["3", "5", "5", "7"]  # touch 4 once more, then touches 5, 6 and 7
+    assert facets == ["3", "7", "3", "5", "5", "7"]  # touches 1, 3 and 4 once more, then 5, 6 and 7
     resumed = readings(cell)
     assert list(resumed.touch) == list(whole.touch)
     assert resumed.facet == whole.facet
@@ -167,7 +167,7 @@ def test_resume_makes_the_missing_touches_and_ends_with_what_one_run_would_have_
     assert not (cell / "readings.partial.csv").exists()
     origin = json.loads((cell / "readings.json").read_text())
     assert [segment["touches"] for segment in origin["segments"]] == [7, 3]
-    assert origin["repeated"] == [{"touch": 4, "status": "ok", "moved_mm": 0.0}]
+    assert origin["repeated"] == [{"touch": number, "status": "ok", "moved_mm": 0.0} for number in (1, 3, 4)]
 
 
 def test_resume_makes_a_touch_whose_record_was_not_believed(cell):
@@ -180,7 +180,7 @@ def test_resume_makes_a_touch_whose_record_was_not_believed(cell):
     control = Control(cell)
     assert run(cell, control, "--resume").code == 0
     facets = [text.decode() for text in re.findall(rb"\(TOUCH \d+ FACET (\d+)\)", control.tape)]
-    assert facets == ["5", "7", "7"]  # touches 6 and 7 once more, then touch 3
+    assert facets == ["3", "5", "7", "7"]  # touches 4, 6 and 7 once more, then touch 3
     assert list(readings(cell).touch) == [1, 2, 4, 5, 6, 7, 3]
 
 
@@ -188,18 +188,20 @@ def test_resume_on_a_table_that_was_moved_is_refused_before_anything_new_is_meas
     run(cell, Control(cell, stop=4), "--timeout", "0.4")
     result = run(cell, Control(cell, proud=0.05), "--resume")
     assert result.code == 3
-    assert "touch 4 was repeated and is 40 µm away, 20 µm are allowed" in result.err
+    assert "touch 1 was repeated and is 40 µm away, 20 µm are allowed" in result.err
     assert "Run without --resume" in result.err
     assert "makes the missing touches" not in result.err
     assert list(readings(cell, "readings.partial.csv").touch) == [1, 2, 3, 4]
 
 
-def test_touches_are_repeated_where_the_machine_stands_and_look_in_different_directions(cell):
+def test_three_touches_are_repeated_where_the_machine_stands_and_before_and_look_in_different_directions(cell):
     made = plan(read_cell(cell))
     entries = [{"kind": "reading", "touch": n, "status": "ok"} for n in (1, 2, 3)]
     assert repeatable(entries, made) == (1, 2, 3)
     assert repeatable([*entries, {"kind": "reading", "touch": 4, "status": "miss"}], made) == (1, 2, 3)
-    assert repeatable([*entries, {"kind": "reading", "touch": 4, "status": "ok"}], made) == (4,)
+    assert repeatable([*entries, {"kind": "reading", "touch": 4, "status": "ok"}], made) == (1, 3, 4)
+    fewer = [{"kind": "reading", "touch": n, "status": "ok"} for n in (1, 2)]
+    assert repeatable(fewer, made) == (1, 2)
     assert repeatable([], made) == ()
 
 

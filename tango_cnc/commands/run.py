@@ -163,7 +163,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
             raise InputError(f"{program_file}: {error}; nothing was sent") from None
         for doubt in doubts:
             click.echo(f"{program_file}: {doubt}", err=True)
-        return [Program(text, mark, letters, whole)]
+        return [Program(text, mark, letters, whole, str(program_file))]
     with blamed_on(cell.folder / "tango.yaml"):
         written = programs(post, part, cell.controller.options, most)
     target = cell.folder / "program" / ("" if part is whole else REST)
@@ -172,7 +172,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
     for sentence in stale(target, set(files), plan_hash(part)):
         click.echo(sentence, err=True)
-    return [Program("".join(line + "\n" for line in w.lines()), w.mark, letters, w.plan) for w in written]
+    return [Program("".join(line + "\n" for line in w.lines()), w.mark, letters, w.plan, str(target / w.name)) for w in written]
 
 
 def _ask(part: Plan, address: str, feed: float | None) -> None:

@@ -5,7 +5,8 @@ and, where a control can be asked what it is, `hello(options)`, bytes that ask a
 the answer says: whether it can be worked with, and sentences for `tango link-test`. The session gives the client the bytes that
 came (`receive`), the seconds that passed (`elapsed`) and the news that the line is gone (`closed`); it asks for bytes when the
 line takes some (`bytes_to_send`). Whatever the events carry is on disk before the client is asked for bytes again, so that an
-acknowledgement never precedes the record it acknowledges.
+acknowledgement never precedes the record it acknowledges. A client whose program the person brings to the control has an
+attribute `brought` that is true, and the person is told which file before anything begins.
 
     received bytes ──Client──▶ Begun, Touched, …, Ended ──trust──▶ statuses ──journal──▶ disk
 """

@@ -13,6 +13,7 @@ from ..records import Machine, Move, Touch
 from ._client import Event, Failed
 
 LINE_LIMIT = 1024  # characters kept of a line that does not end
+STOOD_STILL = 10.0  # s between two looks; none of what is done between them takes as long, however bad line and disk are
 Talk = Generator[str, str, None]
 
 
@@ -34,6 +35,8 @@ class Stop(Exception):
 
 class Dialogue:
     """Four of the five verbs of a client, for a subclass that has a `_conversation` and says how much is `sent`."""
+
+    drives = True  # every motion is asked for; where a program runs by itself, what it said meanwhile can still be read
 
     def __init__(self, patience: float) -> None:
         """s → ready to talk; `_allowed` is how long the other side may take from one `_done` to the next."""
@@ -82,7 +85,12 @@ class Dialogue:
         """s since the last call → Failed when the other side takes longer than it may."""
         if self._over:
             return []
-        self._silence += seconds
+        if seconds > STOOD_STILL and self.drives:
+            return self._fail(
+                f"this computer stood still for {seconds:.0f} s (suspended, or stopped with Ctrl-Z): nobody knows what happened "
+                "at the machine meanwhile"
+            )
+        self._silence += min(seconds, STOOD_STILL)
         if self._silence <= self._allowed:
             return []
         return self._fail(f"the control has not {self._late()} within {self._allowed:.0f} s")

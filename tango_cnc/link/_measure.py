@@ -47,6 +47,7 @@ class Program:
     mark: str  # in its start record
     letters: tuple[str, ...]  # axis letters of its records
     plan: Plan
+    file: str = ""  # that it was written to
 
 
 @dataclass(frozen=True)
@@ -92,9 +93,11 @@ def measure(
     client = protocol.Client(jobs[0], address.options)
 
     def announced(number: int) -> None:
-        if len(jobs) > 1:
-            count = len(jobs[number - 1].numbers)
-            watch(Step(0, count, 0.0, None, f"part {number} of {len(jobs)}: {count} touches"))
+        count, file = len(jobs[number - 1].numbers), programs[number - 1].file
+        said = [f"part {number} of {len(jobs)}: {count} touches"] if len(jobs) > 1 else []
+        said += [f"the control has to have {file} now: it is not sent"] if getattr(client, "brought", False) else []
+        if said:
+            watch(Step(0, count, 0.0, None, "; ".join(said)))
 
     announced(1)
     confirm(jobs[0].plan, programs[0])
@@ -107,14 +110,12 @@ def measure(
             try:
                 for number, (program, job) in enumerate(zip(programs, jobs, strict=True), 1):
                     if number > 1:
+                        client = protocol.Client(job, address.options)
                         announced(number)
                         confirm(job.plan, program)
-                        client = protocol.Client(job, address.options)
                     journal.add("segment", **_segment(plan, program, job, wanted), part=[number, len(jobs)])
                     with _signals() as stop:
-                        Session(job, client, journal, watch, clock=time.monotonic, transcript=wanted.transcript, stop=stop).run(
-                            transport
-                        )
+                        Session(job, client, journal, watch, clock=_clock, transcript=wanted.transcript, stop=stop).run(transport)
             except LinkError as error:
                 advice = "" if isinstance(error, Moved) else "; 'tango run --resume' makes the missing touches"
                 raise LinkError(f"{error} {_keep(journal.entries, plan, wanted.readings, advice)}".rstrip()) from None
@@ -123,6 +124,12 @@ def measure(
             journal.close()
     finally:
         transport.close()
+
+
+def _clock() -> float:
+    """→ s that always pass, those for which this computer is suspended included where it counts them."""
+    counting = getattr(time, "CLOCK_BOOTTIME", None)
+    return time.monotonic() if counting is None else time.clock_gettime(counting)
 
 
 @contextlib.contextmanager
@@ -174,10 +181,14 @@ def follow(file: Path, watch: Callable[[Step], None], pause: Callable[[], None])
 
 
 def repeatable(entries: Sequence[Mapping[str, Any]], plan: Plan) -> tuple[int, ...]:
-    """entries of a journal, its plan → up to three touches of its last indexation that look as differently as they can."""
+    """entries of a journal, its plan → up to three touches that look as differently as they can.
+
+    They are of the indexation where the run stopped; where that has fewer than three readings, of those before it as well.
+    """
     touches = {touch.number: touch for touch in plan.touches}
-    good = [touches[entry["touch"]] for entry in entries if entry["kind"] == "reading" and entry["status"] == "ok"]
-    there = [touch for touch in good if touch.indexation == good[-1].indexation][::-1]
+    good = [touches[entry["touch"]] for entry in entries if entry["kind"] == "reading" and entry["status"] == "ok"][::-1]
+    last = good[min(3, len(good)) - 1].indexation if good else 0
+    there = [touch for i, touch in enumerate(good) if i < 3 or touch.indexation == last]
     away = np.array([np.subtract(touch.standoff, touch.contact) for touch in there])
     chosen = [0] if there else []
     while len(chosen) < min(3, len(there)):

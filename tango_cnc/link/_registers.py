@@ -84,6 +84,7 @@ class Registers(Dialogue):
         """job, layout → ready to ask."""
         self._job, self._layout = job, layout
         self._given = self._sequence = 0
+        self._unanswered = False  # a request since the block was read last: the control may have been switched off and on meanwhile
         super().__init__(job.start_patience)
 
     def _late(self) -> str:
@@ -100,6 +101,7 @@ class Registers(Dialogue):
             reply = (yield f"{code} {where[0]} {where[1]}").split()
             if reply[:1] == [str(code)] and len(reply) == where[1] + 1 and all(_is_word(word) for word in reply[1:]):
                 return [int(word) for word in reply[1:]]
+            self._unanswered = True
             why = self._refusal(reply) or why
         raise Stop(f"{UNANSWERED} requests for registers {where[0]}… were not answered{why}")
 
@@ -114,8 +116,10 @@ class Registers(Dialogue):
 
     def _write(self, address: int, words: Words) -> Generator[str, str, None]:
         """Writes once; whether it was done is for the caller to read."""
-        reply = yield f"{self._layout.functions['write']} {address} {' '.join(map(str, words))}"
-        self._refusal(reply.split())
+        code = self._layout.functions["write"]
+        reply = (yield f"{code} {address} {' '.join(map(str, words))}").split()
+        self._unanswered |= reply[:1] != [str(code)]
+        self._refusal(reply)
 
     def _settled(self) -> Talk:
         """→ the block when nothing moves and no command is open, be it of a run that was cut off."""

@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..records import Array, Machine, Touch
 from ._client import Touched
@@ -48,10 +49,11 @@ def judge(record: Touched, touch: Touch, machine: Machine, gate: Gate) -> Judged
     position = _position(record, touch, machine)
     contact = np.array(touch.contact)
     turned = np.array([axis.kind != "linear" for axis in machine.axes])
-    if record.flag == 0:
-        return Judged("miss", position, None)
     if record.flag == 2:
         return Judged("early", position, None)
+    if record.flag == 0:
+        _missed(position, touch, turned, gate)
+        return Judged("miss", position, None)
     for i in np.flatnonzero(turned & (np.abs(position - contact) > gate.turned)):
         said, sent = math.degrees(position[i]), math.degrees(contact[i])
         raise Distrust(f"{machine.names[i]} is {said:.4f} deg where {sent:.4f} was commanded")
@@ -71,6 +73,22 @@ def judge(record: Touched, touch: Touch, machine: Machine, gate: Gate) -> Judged
     if way < max(length - 2 * searched, (length - searched) / 10) - gate.resolution:
         return Judged("early", position, None)
     return Judged("ok", position, float((contact[~turned] - position[~turned]) @ along) * 1e3)
+
+
+def _missed(position: Array, touch: Touch, turned: NDArray[np.bool_], gate: Gate) -> None:
+    """(k,) mm, rad of a record that says 'no contact'. Raises Distrust where only a contact can have stopped the machine.
+
+    One bit makes a 0 of a 1. A control that misses stands at the end of its search, or says a place of any other move.
+    """
+    start, contact, end = (np.array(place)[~turned] for place in (touch.standoff, touch.contact, touch.end))
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+    went = position[~turned] - start
+    way = float(went @ along)
+    searched = float(np.linalg.norm(end - contact))
+    on_line = float(np.linalg.norm(went - way * along)) <= gate.sideways and length - 2 * searched <= way
+    if on_line and way < length - gate.sideways and bool((np.abs(position - np.array(touch.contact))[turned] <= gate.turned).all()):
+        raise Distrust(f"its flag says that nothing was met, but the axes stand {length - way:.3f} mm before the end of the search")
 
 
 def _position(record: Touched, touch: Touch, machine: Machine) -> Array:

@@ -3,6 +3,8 @@
     idle ──DC1 or start=now──▶ sending ──last byte──▶ running ──end mark──▶ done
               DC3 holds and DC1 releases the sending at any time; every state ends in failed on silence or a closed line
 
+With program=stored nothing is sent: the control has the program already, and only its records are taken.
+
 The control prints (`DPRNT`, `PRINT`, `PUT`) lines ended by CR, LF, CR LF or LF CR CR, with NUL and DEL as leader, most between
 DC2 and DC4, some without. What is no record is complained of where records are printed; elsewhere it is somebody else's.
 DC1 and DC3 are obeyed here, whatever the driver of a serial port does about them as well: behind a pty or a TCP converter
@@ -24,6 +26,7 @@ LINE_LIMIT = 256  # characters; no control prints a longer one, so this is a los
 EOB = {"lf": "\n", "crlf": "\r\n", "lfcrcr": "\n\r\r"}
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "program": ("send", "stored"),  # stored: the control has it already, nothing is sent
     "start": ("now", "xon"),  # send at once, or when the control asks with DC1
     "eob": tuple(EOB),
     "bits": ("8", "7"),  # 7: the eighth bit is parity and is dropped
@@ -66,7 +69,10 @@ class Client(Listener):
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a program that cannot go over the line."""
         chosen = {name: options.get(name, allowed[0]) for name, allowed in OPTIONS.items()}
         super().__init__(job)
-        self._data = tape(job.program, EOB[chosen["eob"]], chosen["tv"] == "even")
+        self.brought = chosen["program"] == "stored"  # the program comes to the control by other ways
+        self._data = b"" if self.brought else tape(job.program, EOB[chosen["eob"]], chosen["tv"] == "even")
+        if self.brought:
+            self.advice = "nothing is sent: start the program at the control"
         self._at = 0
         self._mask = 0x7F if chosen["bits"] == "7" else 0xFF
         self._punching = self._punches = False  # now between DC2 and DC4; this control sends them at all
@@ -158,7 +164,9 @@ class Client(Listener):
             return []
         at, total = self.sent
         where = f"{at} of {total} bytes are sent" + (" and the control holds the line (DC3)" if self._held and at else "")
-        if at == 0:
+        if self.brought:
+            where = "was the program started, and does it print to this port?"
+        elif at == 0:
             where = "it never asked for the program (DC1)"
         return self._fail(f"the control has been silent for longer than {allowed:.0f} s; {where}")
 

@@ -42,6 +42,7 @@ class Client(Listener):
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client."""
         super().__init__(job)
+        self.brought = True  # the program comes to the control by other ways
         self.advice = "nothing is sent over this link: bring the program to the control and start it there"
 
     @property

@@ -65,6 +65,8 @@ def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
 class Client(Dialogue):
     """Runs one program and reads its log."""
 
+    drives = False
+
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client."""
         self._job, self._options = job, options

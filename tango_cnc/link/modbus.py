@@ -43,7 +43,7 @@ class Client(Registers):
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a layout that cannot carry the plan."""
         self._job, self._layout = job, read_layout(options.get("layout", ""))
-        self._program = options.get("run", "touches") == "program"
+        self._program = self.brought = options.get("run", "touches") == "program"  # then it comes to the control by other ways
         if self._program and not self._layout.resident:
             raise InputError(f"run=program: the layout has no registers {', '.join(RESIDENT)}, or no command {RUN}")
         moves = [move for move in job.plan.moves if move.kind != "back"]
@@ -180,9 +180,11 @@ class Client(Registers):
                 break
         else:
             raise Stop("what is written as target does not stand in the registers afterwards: does the layout fit the control?")
-        if not self._last:
-            self._last = yield from self._settled()
-        self._free(self._last)
+        block = self._last
+        if not block or self._unanswered:
+            block = yield from self._settled()
+        self._ready(block)
+        self._unmoved(block)
         name = "probe" if move.kind == "probe" else "turn" if move.kind == "index" else "move"
         block = yield from self._command(name, self._allowed)
         if name == "probe":
@@ -191,7 +193,27 @@ class Client(Registers):
             raise Stop(f"the registers keep changing after command {self._sequence} is done")
         else:
             self._arrived(target, block)
-        self._last = block
+        self._last, self._unanswered = block, False
+
+    def _ready(self, block: Words) -> None:
+        """Raises Stop unless the control is as the last command has left it, free for the next one."""
+        self._idle(block)
+        self._free(block)
+        done = self._said("sequence", block), self._said("acknowledged", block)
+        if done != (self._sequence, self._sequence):
+            ours = f"{self._sequence} was the last one of this end"
+            raise Stop(
+                f"the control speaks of command {done[0]}, done {done[1]}, where {ours}: it has been switched off and on, or "
+                "another program drives it as well"
+            )
+
+    def _unmoved(self, block: Words) -> None:
+        """Raises Stop when the axes have been moved since the last command: while requests were not answered."""
+        if self._last and block != self._last:
+            before, now = self._position(self._last), self._position(block)
+            away = [letter for letter, value in now.items() if abs(value - before[letter]) > CLOSE]
+            if away:
+                raise Stop(f"{' '.join(away)} moved while requests were not answered, and nothing had been asked for")
 
     def _record(self, number: int, block: Words) -> Event:
         if not block:

@@ -211,11 +211,24 @@ class Session:
             elif isinstance(event, Begun):
                 self._begun()
             elif isinstance(event, Identified):
-                self._journal.add("identity", text=event.text)
+                self._identified(event.text)
             elif isinstance(event, Ended):
                 self._ended = True
             elif isinstance(event, Failed) and not self._ended:
                 raise LinkError(event.why)
+
+    def _identified(self, text: str) -> None:
+        """Raises LinkError where a run is resumed at a control that calls itself otherwise; nothing has been asked for yet.
+
+        It does so once: a new version may do what the old one did, and a wrong character may have been in what it said before.
+        """
+        before = [entry["text"] for entry in self._journal.entries if entry["kind"] == "identity"]
+        self._journal.add("identity", text=text)
+        if before and text not in before:
+            raise LinkError(
+                f"the control says it is {text!r}, and the run was begun at {before[0]!r}: readings of two machines do not go "
+                "together. Only if it is the same machine, resume once more"
+            )
 
     def _begun(self) -> None:
         moment, today = self._clock(), self._now()

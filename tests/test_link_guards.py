@@ -1,0 +1,226 @@
+"""What keeps a run from a motion that nobody can vouch for, and from a reading that was none: a guard a test."""
+
+import random
+from types import SimpleNamespace
+
+import pytest
+from linkfaults import Bus, Ledger, Turns, post, resident, scene
+from linkparts import MARK, FakeClock, job, machine, plan
+from test_link_session import Run, after_the_program, printed
+
+from sim_controller.motion import Motion
+from sim_controller.protocols.modbus import STATUS, Registers
+from tango_cnc.link import _measure, dnc
+from tango_cnc.link._client import Begun, Failed, Identified, Touched
+from tango_cnc.link._measure import Wanted, measure
+from tango_cnc.link._trust import Distrust, Gate, judge
+from tango_cnc.records import LinkError
+
+FIRST = plan().touches[0]
+RECORDS = (
+    "P1 H1 X20.0000 Y0.0000 Z50.0000 B0.0000 C0.0000",
+    "P2 H1 X0.0000 Y30.0000 Z50.0000 B0.0000 C0.0000",
+    "P3 H1 X-5.0000 Y5.0000 Z70.0000 B30.0000 C-90.0000",
+)
+
+
+class Spoilt(Bus):
+    """Registers that obey, until the `n`-th request that begins so; `does` then changes them and says whether it is answered."""
+
+    def __init__(self, device, clock, begins, n, does):
+        super().__init__(device, clock, random.Random(0), {})
+        self.begins, self.left, self.does, self.asked = begins, n, does, []
+
+    def _answer(self, code, address, *words):
+        self.asked.append((code, address))
+        answer = super()._answer(code, address, *words)
+        if (code, address) == self.begins:
+            self.left -= 1
+            if self.left == 0 and not self.does(self._device):
+                return "- no answer"
+        return answer
+
+
+def stopped(tmp_path, monkeypatch, begins, n, does):
+    """→ why a run touch by touch ended, the ledger of the machine, commands that it was given after the fault"""
+    clock, ledger, lines = FakeClock(), Ledger(), []
+    cell, made, rig = scene()
+    commands = []
+
+    def note(event, **data):
+        ledger.note(event, **data)
+        if event == "command":
+            commands.append(data["code"])
+
+    def happened(device):
+        commands.clear()
+        return does(device)
+
+    def opened(address):
+        lines.append(Spoilt(Registers(Motion(rig, note), note), clock, begins, n, happened))
+        return lines[-1]
+
+    monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
+    wanted = Wanted("modbus+tcp://localhost:1/1", "dnc", "fanuc", tmp_path / "readings.csv")
+    with pytest.raises(LinkError) as error:
+        measure(cell, made, wanted, post, lambda step: None, lambda part, program: None)
+    return str(error.value), ledger, commands
+
+
+TARGET, BLOCK = (16, 40), (3, 0)
+
+
+def restarted(device):
+    """Off and on again: its registers are as new, and so is what it believes of its axes."""
+    device.words[:] = Registers(device.motion).words
+    return False
+
+
+def jogged(device):
+    device.motion.rapid({"X": device.motion.position[0] + 30.0})
+    device._here()
+    return False
+
+
+def opened_door(device):
+    device.words[STATUS] = 3
+    return True
+
+
+def driven_by_another(device):
+    device.words[1:3] = [77, 77]
+    return False
+
+
+@pytest.mark.parametrize(
+    ("does", "why"),
+    [
+        (restarted, "it has been switched off and on"),
+        (driven_by_another, "another program drives it as well"),
+        (jogged, "X moved while requests were not answered"),
+    ],
+)
+def test_a_control_that_was_away_is_looked_at_before_it_moves_again(tmp_path, monkeypatch, does, why):
+    """Its silence is short enough for the request to be put again; what happened in it is asked for all the same."""
+    said, _, commands = stopped(tmp_path, monkeypatch, TARGET, 3, does)
+    assert why in said
+    assert commands == []
+
+
+def test_a_door_that_opens_when_a_move_has_been_acknowledged_is_seen_before_the_next_one(tmp_path, monkeypatch):
+    """The block that is read last says it; the state that was read before it does not."""
+    said, _, commands = stopped(tmp_path, monkeypatch, BLOCK, 30, opened_door)
+    assert "its door is open" in said
+    assert commands == []
+
+
+def contact(flag, **changed):
+    planned = {"X": 20.0, "Y": 0.0, "Z": 50.0, "B": 0.0, "C": 0.0}
+    return judge(Touched(1, flag, {**planned, **changed}, ""), FIRST, machine(), Gate())
+
+
+def test_a_contact_whose_flag_was_turned_into_a_0_is_no_miss():
+    with pytest.raises(Distrust, match=r"5\.000 mm before the end of the search"):
+        contact(0)
+    with pytest.raises(Distrust, match=r"0\.510 mm before the end"):
+        contact(0, X=24.49)
+
+
+@pytest.mark.parametrize("changed", [{"X": 24.51}, {"X": 25.0}, {"X": 14.9}, {"Y": 0.6}, {"B": 0.2}])
+def test_a_miss_stands_at_the_end_of_its_search_or_says_a_place_that_is_none_of_it(changed):
+    assert contact(0, **changed).status == "miss"
+
+
+def test_a_run_is_not_resumed_at_another_control_before_somebody_has_said_so(tmp_path, monkeypatch):
+    """Nothing is asked for: the start mark of this one-way link comes later, and a machine that is driven has not moved yet."""
+    names = iter(["grbl 1.1h", "grblHAL 1.1f", "grblHAL 1.1f"])
+
+    class Named(dnc.Client):
+        def receive(self, data):
+            events = super().receive(data)
+            named = [Identified(next(names))] if any(isinstance(event, Begun) for event in events) else []
+            return [*named, *events]
+
+    monkeypatch.setattr(dnc, "Client", Named)
+    Run(tmp_path, after_the_program(printed(*RECORDS[:1], end="")))
+    rest = job(original=(2, 3), plan=plan())
+    second = Run(tmp_path, after_the_program(printed(*RECORDS)), resume=True, this_job=rest)
+    assert "the control says it is 'grblHAL 1.1f', and the run was begun at 'grbl 1.1h'" in second.error
+    assert [entry["touch"] for entry in second.kinds("reading")] == [1]
+    again = Run(tmp_path, after_the_program(printed(*RECORDS)), resume=True)
+    assert "the control says" not in again.error
+
+
+def test_a_computer_that_stood_still_asks_for_no_further_motion(monkeypatch):
+    from tango_cnc.link.modbus import Client
+
+    client = Client(job(), {})
+    assert client.bytes_to_send(1000)
+    assert client.elapsed(9.0) == []
+    said = client.elapsed(11.0)
+    assert isinstance(said[0], Failed)
+    assert "this computer stood still for 11 s" in said[0].why
+    assert client.bytes_to_send(1000) == b""
+
+
+def test_what_a_control_printed_while_the_computer_stood_still_is_still_read():
+    client = dnc.Client(job(), {})
+    while client.bytes_to_send(1000):
+        pass
+    client.receive(f"TANGO START {MARK} 3\n".encode())
+    assert client.elapsed(3600.0) == []
+    assert isinstance(client.receive(RECORDS[0].encode() + b"\n")[0], Touched)
+
+
+def test_a_program_that_the_control_has_already_is_not_sent(tmp_path):
+    client = dnc.Client(job(program="100 % SURE\n"), {"program": "stored"})  # need not go over a line
+    assert client.bytes_to_send(1000) == b""
+    assert client.sent == (0, 0)
+    events = client.receive(b"".join(line.encode() + b"\r\n" for line in (f"TANGO START {MARK} 3", *RECORDS, "TANGO END 3")))
+    assert [type(event).__name__ for event in events] == ["Begun", "Touched", "Touched", "Touched", "Ended"]
+    other = dnc.Client(job(), {"program": "stored"}).receive(b"TANGO START 0BAD0BAD 3\r\n")
+    assert "the control runs another program" in other[0].why
+    silent = dnc.Client(job(), {"program": "stored"})
+    said = [event for _ in range(200) for event in silent.elapsed(4.0)]
+    assert "was the program started" in said[0].why
+
+
+def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatch):
+    """run=program: the control has what was brought last; it is said which file, before the question whether to go on."""
+    clock, ledger, order = FakeClock(), Ledger(), []
+    cell, made, rig = scene()
+    halves = [_measure.rest_of(cell, made, (), tuple(range(a, a + 30))) for a in (1, 31)]
+    parts = [SimpleNamespace(**{**vars(post(half)[0]), "file": f"O870{i}.nc"}) for i, half in enumerate(halves)]
+    at_the_control, turns = [], Turns()
+    motion = Motion(rig, ledger.note)
+
+    def opened(address):
+        def started(motion, punch):
+            resident(at_the_control[-1], motion, punch)
+
+        device = Registers(motion, ledger.note, program=started, waited=turns.waited)
+        return Bus(device, clock, random.Random(0), {}, turns)
+
+    def brought(part, program):
+        order.append("asked")
+        at_the_control.append(program.text)
+
+    monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
+    wanted = Wanted("modbus+tcp://localhost:1/1?run=program", "dnc", "fanuc", tmp_path / "readings.csv")
+
+    def seen(step):
+        if step.remark and "now" in step.remark:
+            order.append(step.remark)
+
+    origin = measure(cell, made, wanted, lambda part: parts, seen, brought)
+    assert (origin["ok"], origin["missing"]) == (60, [])
+    assert order == [
+        "part 1 of 2: 30 touches; the control has to have O8700.nc now: it is not sent",
+        "asked",
+        "part 2 of 2: 30 touches; the control has to have O8701.nc now: it is not sent",
+        "asked",
+    ]
