@@ -162,6 +162,11 @@ def fits(job: Job, most: int = 9) -> None:
     for name, (low, high) in LIMITS.items():
         if name in options and not low <= options[name] <= high:
             raise InputError(f"controller.{name}: found {options[name]:g}; allowed: {low} … {high}")
+    if "tolerance" in options and options["tolerance"] > (half := job.plan.strategy.approach.search / 2):
+        raise InputError(
+            f"controller.tolerance: found {options['tolerance']:g}; allowed: at most {half:g}, half of approach.search: "
+            "a contact within it of the search end counts as none"
+        )
     if "axis_numbers" in options:
         _axis_numbers(job, most)
     for key in ("unclamp", "clamp"):

@@ -29,6 +29,7 @@ from ._base import Job, Leg, Option, comment, is_endless, number
 from ._macro_b_text import FLAG, FRAME, MISSES, Words
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
+LENGTH = "#4008 is 49 while no tool length is on, else the program ends at once: G49 alone may move Z by it; false: it is not asked"
 ROLLOVER = (
     "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned; "
     "signed: as auto where the sign is the sense of the turn"
@@ -40,6 +41,7 @@ OPTIONS: tuple[Option, ...] = (
         "macros", "inline", "where the macro text stands: in every touch, or called from behind M30", True, ("inline", "called")
     ),
     Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
+    Option("length_check", True, LENGTH),
     Option("probe_on", "", "words that switch the probe on, e.g. G65 P9832", codes=True),
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
@@ -80,6 +82,8 @@ class _Steps:
         yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
         for remark in common.doubted(job, 80):
             yield f"({remark})"
+        if job.options["length_check"]:
+            yield f"IF[#4008NE49]THEN{self.words.stop(4, 'CANCEL TOOL LENGTH FIRST')}"
         yield job.options["reset"]
         yield "(MACHINE MINUS WORK COORDINATES)"
         yield self.words.wait

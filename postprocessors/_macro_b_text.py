@@ -30,7 +30,7 @@ class Words:
     o_digits: int = 4
 
     def stop(self, which: int, text: str) -> str:
-        """number from 0, at most 31 characters → the statement that ends everything with this message."""
+        """number from 0, at most 26 characters (older controls show no more) → the statement that ends everything."""
         return self.alarm.format(number=self.first_alarm + which, text=text)
 
 
@@ -44,7 +44,7 @@ def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
             yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}=#{5020 + axis}"
     yield from _targets(job, given)
     yield f"G31 X#31 Y#32 Z#33 F{_value(given, 'F')}"
-    yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE MET SOMETHING ON ITS WAY')}"
+    yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE MET SOMETHING')}"
 
 
 def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
@@ -62,7 +62,7 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     yield f"IF[{_short(job)}LT{number(job.options['tolerance'])}]THEN#{FLAG}=0"
     yield f"#{MISSES}=#{MISSES}+1"
     yield f"IF[#{FLAG}NE0]THEN#{MISSES}=0"
-    yield f"IF[#{MISSES}GE{job.options['misses']}]THEN{words.stop(2, 'NO CONTACT. IS THE PROBE ALIVE')}"
+    yield f"IF[#{MISSES}GE{job.options['misses']}]THEN{words.stop(2, 'NO CONTACT. CHECK PROBE')}"
 
 
 def record(job: Job, words: Words, given: Arguments) -> Iterator[str]:

@@ -170,6 +170,8 @@ def test_a_thousand_random_plans_pass() -> None:
         ("F180.", "F1800.", "the feed is 1800; allowed: 180 mm/min"),
         ("F3000.", "F30000.", "the feed is 30000; allowed: 3000 mm/min"),
         ("\nG17 G21 ", "\nG17 G20 ", "no line that a program of this kind"),
+        ("IF[#4008NE49]THEN#3000=85(CANCEL TOOL LENGTH FIRST)\n", "", "G49 by itself may move Z by a tool length"),
+        ("IF[#4008NE49]", "IF[#4007NE49]", "#4007 is read before it has a value"),
         ("#110=6", "#110=7", "the start mark is"),
         ("#20=2.", "#20=3.", "the record is of touch 3; this is touch 2"),
         ("*Y#112[44]", "*Y#113[44]", "the record has Y"),

@@ -84,14 +84,14 @@ def test_something_in_the_way_is_an_alarm_not_a_touch(made: Plan) -> None:
     """The top is 12 mm higher than everybody thinks: the way down to its stand-off is a protected move."""
     events = run(lines_of(made), made, artefact=shifted(made, "top", 12.0))
     assert [type(e) for e in events] == [Begun, Touched, str], "the touch before it is on record, this one is not"
-    assert "PROBE MET SOMETHING ON ITS WAY" in events[-1]
+    assert "PROBE MET SOMETHING" in events[-1]
 
 
 def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: Plan) -> None:
     away = {key: replace(f, point=(0.0, 0.0, -500.0), ball=None) for key, f in made.artefact.facets.items()}
     events = run(lines_of(made), made, artefact=replace(made.artefact, facets=away, balls={}))
     assert flags(events) == [0, 0]
-    assert "NO CONTACT. IS THE PROBE ALIVE" in events[-1]
+    assert "NO CONTACT. CHECK PROBE" in events[-1]
 
 
 def test_a_work_offset_changed_on_the_way_is_an_alarm(made: Plan) -> None:
@@ -100,6 +100,20 @@ def test_a_work_offset_changed_on_the_way_is_an_alarm(made: Plan) -> None:
     events = run([*lines[:at], "#5221=11.9", *lines[at:]], made)
     assert flags(events) == [1, 1]
     assert "WORK OFFSET CHANGED" in events[-1]
+
+
+def test_a_tool_length_that_is_on_is_an_alarm_before_anything_moves(made: Plan) -> None:
+    """With G49 by itself this control would send Z down by the length, and nothing guards that."""
+    lines = [*lines_of(made)[:2], "G0 G43 H1 Z400.", *lines_of(made)[2:]]
+    length: dict[str, Any] = {"tool_lengths": {1: 250.0}, "length_moves": True}
+    assert run(lines, made, **length) == ["MC3085 CANCEL TOOL LENGTH FIRST"]
+    assert flags(run([line for line in lines if "#4008" not in line], made, tool_lengths={1: 250.0})) == [1] * 6, "without a move"
+
+
+@pytest.mark.parametrize("macros", ["inline", "called"])
+def test_alarms_are_short_enough_for_the_screen_of_an_old_control(made: Plan, macros: str) -> None:
+    texts = {line.rpartition("(")[2].rstrip(")") for line in lines_of(made, macros=macros) if "THEN#3000=" in line}
+    assert len(texts) == 5 and max(map(len, texts)) <= 26
 
 
 def test_a_rotary_axis_that_went_elsewhere_is_an_alarm_before_anything_is_touched(made: Plan) -> None:

@@ -387,6 +387,8 @@ def test_incremental_inch_offsets_and_machine_coordinates() -> None:
     assert position("G53 G0 X10.", g54="X:100")["X"] == pytest.approx(10)
     assert position("G55 G0 X10.", g54="X:100")["X"] == pytest.approx(10)
     assert position("G43 H2 G0 Z500.", tool_lengths="2:120.5")["Z"] == pytest.approx(620.5)
+    assert position("G43 H2 G0 Z500.\nG49", tool_lengths="2:120.5")["Z"] == pytest.approx(620.5)
+    assert position("G43 H2 G0 Z500.\nG49", tool_lengths="2:120.5", length_moves="true")["Z"] == pytest.approx(500)
     assert position("G0 X10. Z500.\nG91 G28 Z0.")["Z"] == pytest.approx(800)
 
 

@@ -27,11 +27,14 @@ class Axes:
         """The control has waited for the axes: what it knows of them is true again."""
         self._known = self._now()
 
-    def select_length(self, number: int) -> None:
-        """G43 H, or 0 for G49. Raises Alarm for an offset number that the control lacks."""
+    def select_length(self, number: int, alone: bool) -> None:
+        """G43 H, or 0 for G49; whether no axis stands beside it. Raises Alarm for an offset number that the control lacks."""
         if number and number not in self._profile.tool_lengths:
             raise alarm("PS0030", f"H{number}")
-        self._length = self._profile.tool_lengths[number] if number else 0.0
+        before, self._length = self._length, self._profile.tool_lengths[number] if number else 0.0
+        if alone and self._profile.length_moves:
+            self._motion.rapid(commanded(self._motion, {"Z": self._now()["Z"] + self._length - before}))
+            self._after_move()
 
     def rapid(self, found: list[Word]) -> None:
         """axis words → G00."""

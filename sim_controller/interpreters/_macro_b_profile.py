@@ -19,6 +19,7 @@ class Profile:
     calculator: bool = False  # a number without decimal point is whole mm (3401#0 DPI)
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # H → mm
+    length_moves: bool = False  # G43 and G49 without an axis word move Z by the length there and then (5001, 5006#6)
     rollover: tuple[str, ...] = ()  # rotary axes of type 'roll-over' (1008#0 ROA)
     signed_direction: bool = False  # the sign of a roll-over command is its direction (1008#1 RAB)
     straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)

@@ -213,7 +213,7 @@ class Control:
             self._dwell(others.get("P"), next((word for word in axes if word.letter == "X"), None))
             return
         if 43 in g_codes or 49 in g_codes:
-            self._axes.select_length(int(others["H"].value) if "H" in others and 43 in g_codes else 0)
+            self._axes.select_length(int(others["H"].value) if "H" in others and 43 in g_codes else 0, not axes)
         self._axes.incremental = self._modal[3] == 91
         if 28 in g_codes:
             self._axes.reference(axes)

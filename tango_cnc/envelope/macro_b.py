@@ -1,6 +1,7 @@
 """Programs of the Macro-B family: G31 that says nothing of what it met, so the text itself has to look and to stop.
 
 Facts: arguments of G65 and system variables #5021 (machine), #5041 (work), #5061 (skip position, work) by axis number;
+#4008 the word in force of G43 G44 G49;
 local variables #1 … #33 of a called program are its own; a statement behind THEN is carried out when the condition is not 0.
 """
 
@@ -28,6 +29,7 @@ CALL = re.compile(rf"G65 P(\d+)((?: [A-Z]{NUMBER})+)")
 START = re.compile(r"DPRNT\[TANGO\*START\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
 END = re.compile(r"DPRNT\[TANGO\*END\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
 RECORD = re.compile(r"DPRNT\[P(#\d+)\[60\]\*H(#\d+)\[10\]((?:\*[A-Z]#\d+\[(?:44|43|53)\])+)\]")
+LENGTH = re.compile(r"IF\[#4008NE49\]THEN#3000=\d{1,3}")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 STOP = 3000
 ENDS = ("M30", "M2")
@@ -70,6 +72,7 @@ class _Program:
         self._signed = options.get("rollover") == "signed"
         self._moving = True  # since the last motion nothing has waited for the axes
         self._depth = 0
+        self._ask, self._asked = bool(options.get("length_check")), False  # whether no tool length is on
         self._begun = self._opened = self._closed = False
         self.over = False
 
@@ -91,7 +94,11 @@ class _Program:
                 raise InputError(f"a second {code}")
             self._opened |= code == "POPEN"
             self._closed |= code == "PCLOS"
+        elif LENGTH.fullmatch(code) and not self._opened:
+            self._asked = True
         elif code == self._reset:
+            if self._ask and not self._asked and "G49" in code.split():
+                raise InputError("G49 by itself may move Z by a tool length: IF[#4008NE49]THEN#3000=… has to stand before it")
             self._machine.reset(code)
         elif code in self._words:
             return
