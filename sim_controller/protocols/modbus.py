@@ -115,6 +115,9 @@ class Registers:
                 raise MotionStop("fault", "silence") from None
             except Alarm:
                 raise MotionStop("fault", "alarm") from None
+            except OSError as error:
+                self._note("program", state=f"cannot be read: {error.strerror}")
+                raise MotionStop("fault", "alarm") from None
         elif command not in (BEGIN, END):
             raise MotionStop("fault", "alarm")
         return None

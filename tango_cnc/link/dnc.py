@@ -165,7 +165,7 @@ class Client(Listener):
         at, total = self.sent
         where = f"{at} of {total} bytes are sent" + (" and the control holds the line (DC3)" if self._held and at else "")
         if self.brought:
-            where = "was the program started, and does it print to this port?"
+            where = "start the program there; it has to print to this port"
         elif at == 0:
             where = "it never asked for the program (DC1)"
         return self._fail(f"the control has been silent for longer than {allowed:.0f} s; {where}")

@@ -147,7 +147,7 @@ class Session:
         warning = "" if quiet else " The control may still execute what it has received: look at the machine."
         done, of = self._accepted, len(self._job.numbers)
         due = f", touch {self._job.original[self._place]} was due" if self._place < of else ""
-        return LinkError(f"{why}. {done} of {of} touches are recorded{due}.{warning}")
+        return LinkError(f"{why}{'' if why.endswith('?') else '.'} {done} of {of} touches are recorded{due}.{warning}")
 
     def _converse(self, transport: Transport) -> None:
         last = self._clock()
