@@ -44,7 +44,7 @@ def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
             yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}=#{5020 + axis}"
     yield from _targets(job, given)
     yield f"G31 X#31 Y#32 Z#33 F{_value(given, 'F')}"
-    yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE MET SOMETHING')}"
+    yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE ON OR MET SOMETHING')}"
 
 
 def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:

@@ -34,6 +34,7 @@ OPTIONS = (
         codes=True,
     ),
     common.ROLLOVER,
+    *common.clamping("M811", "M810"),
     Option("positioning_feed", 1500.0, "mm/min of protected moves", verified=True),
     common.TOLERANCE,
     common.MISSED,
@@ -86,7 +87,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
     for name in job.machine.rotary:
         if name in leg.target:
             yield f"#{basic.ANGLE}={common.angle(job, name, leg.target[name])}"
-            yield f"M{basic.TURN} P{basic.PLACE[name] + 1}"
+            yield from common.unclamped(job, name, f"M{basic.TURN} P{basic.PLACE[name] + 1}")
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:

@@ -79,7 +79,7 @@ def test_a_miss_an_early_contact_and_contact_on_the_way(made: Plan) -> None:
     assert flags(run(lines_of(made), made, world=World(facets={"4": -8.0}))[0], made)[-1] == 0
     assert flags(run(lines_of(made), made, world=World(facets={"4": 7.0}))[0], made)[-1] == 2
     lines, stop = run(lines_of(made), made, world=World(facets={"top": 40.0}))
-    assert "PROBE MET SOMETHING" in stop and len(lines) == 2
+    assert "PROBE ON OR MET SOMETHING" in stop and len(lines) == 2
 
 
 def test_without_its_scripts_nothing_moves(made: Plan) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from postprocessors._base import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
+from tango_cnc import envelope
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import plan_lines
 from tango_cnc.plan import part, plan, plan_hash
@@ -165,6 +166,19 @@ def test_touches_come_in_the_order_of_the_plan(post: Post, made: Plan) -> None:
     list(program(replace(post, probe=noted("probe"), record=noted("record")), made, {}, "P")[2]())
     calls = calls[len(calls) // 2 :]  # the program is written twice: once for its mark
     assert calls == [(kind, touch.number) for touch in made.touches for kind in ("probe", "record")]
+
+
+def test_a_rotary_axis_turns_between_the_words_that_free_and_hold_it(name: str, post: Post, made: Plan) -> None:
+    if "clamp" not in {option.name for option in post.options}:
+        assert name == "grbl", "whose driver sends no words of clamps"
+        return
+    stated = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}}
+    said = [text for line in code_of(text_of(post, made, stated)) if (text := re.sub(r"^\d+ ", "", line))]
+    turns = [i for i, line in enumerate(said) if line == "M711"]
+    assert len(turns) == said.count("M710") == sum(move.kind == "index" and "C" in move.target for move in made.moves)
+    plain = [text for line in code_of(text_of(post, made)) if (text := re.sub(r"^\d+ ", "", line))]
+    assert {said[i + 2] for i in turns} == {"M710"} and {said[i + 1] for i in turns} <= set(plain)
+    assert envelope.check(lambda: iter(text_of(post, made, stated).splitlines()), made, settings(post, stated))
 
 
 def test_what_is_unverified_is_in_the_header_until_the_profile_states_it(post: Post, made: Plan) -> None:
