@@ -82,7 +82,8 @@ def test_a_silent_line_is_exit_status_1(cell):
     assert "nothing came" in result.out
 
 
-GRBL = b"[VER:1.1h.20190825:]\r\nok\r\n$10=1\r\n$13=1\r\nok\r\n<Idle|MPos:0.000,0.000,0.000|FS:0,0|Pn:XP>\r\n"
+GRBL = b"[VER:1.1h.20190825:]\r\nok\r\n$10=1\r\n$13=1\r\nok\r\nok\r\n[MSG:38.3000]\r\nok\r\n"
+GRBL += b"<Idle|MPos:0.000,0.000,0.000|FS:0,0|Pn:XP>\r\n"
 
 
 def test_what_grbl_says_of_itself():
@@ -90,6 +91,17 @@ def test_what_grbl_says_of_itself():
     assert fine
     assert sentences[0] == "grbl, VER:1.1h.20190825, which does not name its axes"
     assert "positions come in inches ($13=1)" in sentences
+    assert "it confirms targets before it moves" in sentences
+
+
+def test_a_grbl_that_cannot_confirm_targets_is_told_from_one_that_need_not():
+    data = GRBL.replace(b"|Pn:XP", b"").replace(b"ok\r\n[MSG:38.3000]\r\nok", b"error:1\r\nok")
+    fine, sentences = grbl.told(data, {})
+    assert not fine
+    assert "built with expressions" in sentences[-1]
+    fine, sentences = grbl.told(data, {"targets": "plain"})
+    assert fine
+    assert "a hand on feed hold" in sentences[-1]
 
 
 @pytest.mark.parametrize(

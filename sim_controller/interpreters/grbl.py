@@ -2,7 +2,8 @@
 
 There is no logic in this language: a line is a move, a setting or a question. What differs between the three is a row of
 `FIRMWARE`. Facts: gnea/grbl 1.1h (protocol.c, gcode.c, motion_control.c, report.c), grblHAL core of August 2026 (the same files and
-errors.h), FluidNC where it keeps to grbl. Searches away from contact (G38.4, G38.5) are not simulated and answered as unknown.
+errors.h), FluidNC where it keeps to grbl. Parameters and brackets are in `_grbl_numbers.py`. The places of G28 and G30 are machine
+zero. Searches away from contact (G38.4, G38.5) are not simulated and answered as unknown.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from tango_cnc.records import Array, Machine
 
 from ..motion import Motion, MotionStop, Note
 from ._alarm import Alarm, Silence
+from ._grbl_numbers import Parameters, Refusal, code
 from ._scales import shown
 
 __all__ = ["Control", "Profile", "default_profile", "switched_on"]
@@ -24,12 +26,13 @@ __all__ = ["Control", "Profile", "default_profile", "switched_on"]
 LETTERS = "XYZABC"
 WORDS = "FGMNPRST" + LETTERS
 MOTIONS = (0.0, 1.0, 38.2, 38.3)
-KNOWN = {*MOTIONS, 4, 17, 20, 21, 40, 49, 53, 54, 55, 56, 57, 58, 59, 80, 90, 91, 94}
+HOMES = (28, 30)
+FRAMES = (54, 55, 56, 57, 58, 59)
+KNOWN = {*MOTIONS, *HOMES, *FRAMES, 4, 17, 20, 21, 40, 49, 53, 80, 90, 91, 94}
 INCH = 25.4
 RESET = 0x18
 REALTIME = {ord("?"), ord("!"), ord("~"), RESET, *range(0x80, 0x100)}  # acted on wherever they stand, unknown ones dropped
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
-HINT = re.compile(r"\([^)]*\)?|;.*")
+HINT = re.compile(r"\(([^)]*)\)?|;.*")
 
 
 @dataclass(frozen=True)
@@ -45,13 +48,14 @@ class Firmware:
     repeats_errors: bool  # after an error nothing is executed before an empty line or a $-command
     one_line_end: bool  # CR LF is one end of a line, not two
     orients: bool  # knows M19
+    expressions: bool  # knows parameters, brackets and (PRINT,…), where the build has them
     more: tuple[float, ...] = ()  # G-codes that the others lack, without effect here
 
 
 FIRMWARE: Mapping[str, Firmware] = {
-    "grbl": Firmware("[VER:1.1h.20190825:]", 80, False, "XYZ", False, True, False, False, False),
-    "grblHAL": Firmware("[VER:1.1f.20260818:]", 256, True, LETTERS, True, False, True, True, True, (50, 61, 98, 99)),
-    "FluidNC": Firmware("[VER:3.9 FluidNC v3.9.1:]", 255, False, LETTERS, False, True, False, False, False),
+    "grbl": Firmware("[VER:1.1h.20190825:]", 80, False, "XYZ", False, True, False, False, False, False),
+    "grblHAL": Firmware("[VER:1.1f.20260818:]", 256, True, LETTERS, True, False, True, True, True, True, (50, 61, 98, 99)),
+    "FluidNC": Firmware("[VER:3.9 FluidNC v3.9.1:]", 128, False, LETTERS, False, True, False, False, False, True),
 }
 
 
@@ -63,6 +67,7 @@ class Profile:
     inches: bool = False  # $13: positions are shown in inches, whatever G20 and G21 say
     protection: bool = True  # $65 bit 5 of grblHAL, probe_hard_limit of FluidNC: contact in any other move is an alarm
     probe_reports: bool = True  # $10 bit 7 of grblHAL: a search is answered with [PRB:…]
+    expressions: bool = True  # NGC_EXPRESSIONS_ENABLE of grblHAL; FluidNC has them in any case, grbl in none
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
 
 
@@ -87,7 +92,9 @@ class Control:
         self.axes = tuple(name for name in self.kind.letters if name in motion.machine.names)
         self.state = "Idle"
         self._probed, self._flag = dict.fromkeys(self.axes, 0.0), 0
-        self._modal, self._relative, self._inch, self._feed = 0.0, False, False, 0.0
+        self._modal, self._relative, self._inch, self._feed, self._frame = 0.0, False, False, 0.0, 54
+        self._knows = self.kind.expressions and (profile.expressions or profile.firmware != "grblHAL")
+        self._parameters = Parameters(self._knows, profile.firmware == "grblHAL")
         self._error = "ok"
         self._silent = False
 
@@ -112,13 +119,15 @@ class Control:
         """one line without its end → what is answered."""
         if self._silent:
             return []
-        code = HINT.sub("", text).replace(" ", "").replace("\t", "").upper()
-        if len(text.lstrip() if self.kind.comments_count else code) >= self.kind.room:
+        text = text.partition("\0")[0]
+        words = "".join(c for c in HINT.sub("", text) if c > " ").upper()
+        if len(text.lstrip() if self.kind.comments_count else words) >= self.kind.room:
             return self._told(["error:11"])
-        if not code:
-            return self._told(["ok"])
-        if code.startswith("$"):
-            return self._told(self._dollar(code))
+        said = self._printed(text) if self.state == "Idle" and self._error == "ok" and not words.startswith("$") else []
+        if not words:
+            return self._told([*said, "ok"])
+        if words.startswith("$"):
+            return self._told(self._dollar(words))
         if self.state == "Hold:0":
             return []  # it stays in the buffer and nothing moves; nobody here lets it go on
         if self.state != "Idle":
@@ -128,9 +137,11 @@ class Control:
             return [self._error]
         self.state = "Run"
         try:
-            answers = self._block(code)
+            answers = [*said, *self._block(words)]
         except MotionStop as stop:
             return self._stopped(stop)
+        except Refusal as refusal:
+            answers = [f"error:{refusal.number if self.profile.firmware == 'grblHAL' else min(refusal.number, 2)}"]
         self.state = "Idle" if self.state == "Run" else self.state
         return self._told(answers)
 
@@ -141,7 +152,7 @@ class Control:
         if self._silent:
             return []
         if code == RESET:
-            self._modal, self._relative, self._inch, self._feed, self._error = 0.0, False, False, 0.0, "ok"
+            self._modal, self._relative, self._inch, self._feed, self._error, self._frame = 0.0, False, False, 0.0, "ok", 54
             self.state = "Alarm" if self.state in ("Alarm", "Run") else "Idle"
             return ["", "Grbl 1.1f ['$' for help]"]
         if code == ord("!") and self.state in ("Idle", "Run"):
@@ -149,6 +160,22 @@ class Control:
         elif code == ord("~") and self.state == "Hold:0":
             self.state = "Idle"
         return []
+
+    def _printed(self, text: str) -> list[str]:
+        """line as it came → what its remarks make the control say."""
+        self._system()
+        found = [self._parameters.printed(hint[1]) for hint in HINT.finditer(text) if hint[1]]
+        begin, end = ("[MSG:", "]") if self.profile.firmware == "grblHAL" else ("[MSG:INFO: PRINT,", "]")
+        return [f"{begin}{said}{end}" for said in found if said is not None]
+
+    def _system(self) -> None:
+        """What parameters tell that nobody sets."""
+        if not self._knows:
+            return
+        here, work = self._place(), self._work()
+        self._parameters.system = {f"_{name.lower()}": here[name] - work[name] for name in self.axes}
+        self._parameters.system |= {f"_abs_{name.lower()}": here[name] for name in self.axes}
+        self._parameters.system |= {"_feed": self._feed, "_metric": float(not self._inch), "_absolute": float(not self._relative)}
 
     def _told(self, answers: list[str]) -> list[str]:
         self._error = answers[-1]
@@ -171,14 +198,14 @@ class Control:
             return [*(["[MSG:Caution: Unlocked]"] if locked else []), "ok"]
         zero = self._shown(dict.fromkeys(self.axes, 0.0))
         named = [f"[AXS:{len(self.axes)}:{''.join(self.axes)}]"] if self.kind.names_axes else []
-        frames = [f"[G{g}:{self._shown(self._work()) if g == 54 else zero}]" for g in range(54, 60)]
+        news = [f"[NEWOPT:ENUMS,RT+{',EXPR' if self._knows else ''},SED]"] if self.profile.firmware == "grblHAL" else []
+        modes = f"G{self._modal:g} G{self._frame} G17 G{20 if self._inch else 21} G{91 if self._relative else 90}"
+        frames = [f"[G{g}:{self._shown(self._work(g))}]" for g in FRAMES]
         others = [f"[{name}:{zero}]" for name in ("G28", "G30", "G92")]
         answers = {
-            "$I": [self.kind.version, "[OPT:VNMSL,100,1024]", *named],
+            "$I": [self.kind.version, "[OPT:VNMSL,100,1024]", *news, *named],
             "$$": [f"$10={511 if self.profile.probe_reports else 383}", f"$13={int(self.profile.inches)}", "$22=0"],
-            "$G": [
-                f"[GC:G{self._modal:g} G54 G17 G{20 if self._inch else 21} G{91 if self._relative else 90} G94 M5 M9 T0 F0. S0.]"
-            ],
+            "$G": [f"[GC:{modes} G94 M5 M9 T0 F{self._feed:g} S0]"],
             "$#": [*frames, *others, "[TLO:0.000]", f"[PRB:{self._shown(self._probed)}:{self._flag}]"],
         }
         return [*answers[text], "ok"] if text in answers else ["error:3"]
@@ -187,35 +214,46 @@ class Control:
         """condensed line → everything is checked before anything is done."""
         words: list[tuple[str, float]] = []
         at = 0
+        self._system()
         while at < len(text):
+            if text[at] == "#":
+                at = self._parameters.assigned(text, at + 1)
+                continue
             if not "A" <= text[at] <= "Z":
                 return ["error:1"]
-            number = NUMBER.match(text, at + 1)
-            if number is None:
-                return ["error:2"]
-            words.append((text[at], float(number[0])))
-            at = number.end()
+            value, end = self._parameters.value(text, at + 1)
+            words.append((text[at], code(value) if text[at] in "GM" else value))
+            at = end
         codes = [number for letter, number in words if letter == "G"]
         others = [letter for letter, _ in words if letter != "G"]
         values = {letter: number for letter, number in words if letter != "G"}
-        motions = [code for code in codes if code in MOTIONS]
+        motions = [code for code in codes if code in (*MOTIONS, 80)]
         orient = values.get("M") == 19 and self.kind.orients
         if any(code not in KNOWN and code not in self.kind.more for code in codes) or any(letter not in WORDS for letter in others):
             return ["error:20"]
         if any(letter in LETTERS and letter not in self.axes for letter in others) or ("M" in values and not orient):
             return ["error:20"]
+        if any(sum(code in group for code in codes) > 1 for group in (FRAMES, (20, 21), (90, 91), (4, 53, *HOMES))):
+            return ["error:21"]
+        if motions and any(code in HOMES for code in codes):
+            return ["error:24"]
         if len(motions) > 1:
             return ["error:24"]
         if len(set(others)) != len(others):
             return ["error:25"]
         if values.get("F", 0.0) < 0:
             return ["error:4"]
+        if ("P" in values and 4 not in codes) or ("R" in values and not orient):
+            return ["error:36"]
         motion = motions[0] if motions else self._modal
         if 53 in codes and motion > 1:
             return ["error:30"]
+        if motion == 80 and any(name in values for name in self.axes):
+            return ["error:31"]
         self._modal, self._feed = motion, values.get("F", self._feed)
         self._relative = (self._relative or 91 in codes) and 90 not in codes
         self._inch = (self._inch or 20 in codes) and 21 not in codes
+        self._frame = next((int(code) for code in codes if code in FRAMES), self._frame)
         return self._done(codes, values, orient)
 
     def _done(self, codes: list[float], values: Mapping[str, float], orient: bool) -> list[str]:
@@ -224,6 +262,8 @@ class Control:
             return ["ok"] if "P" in values else ["error:28"]
         if orient:
             self.motion.rapid({"S": math.radians(values.get("R", 0.0))})
+        if any(code in HOMES for code in codes):
+            self.motion.rapid(dict.fromkeys(self.axes, 0.0))
             return ["ok"]
         if not any(name in values for name in self.axes):
             return ["error:26"] if any(code >= 38 and code in MOTIONS for code in codes) else ["ok"]
@@ -268,8 +308,9 @@ class Control:
             return ["ALARM:5", *report, "ok"]
         return [*report, "ok"]
 
-    def _work(self) -> dict[str, float]:
-        return {name: float(self.profile.g54.get(name, 0.0)) for name in self.axes}
+    def _work(self, frame: int | None = None) -> dict[str, float]:
+        offset = self.profile.g54 if (frame or self._frame) == 54 else {}
+        return {name: float(offset.get(name, 0.0)) for name in self.axes}
 
     def _place(self, position: Array | None = None) -> dict[str, float]:
         return shown(self.motion, self.axes, position)

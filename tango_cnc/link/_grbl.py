@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from . import _grbl_targets as targets
+
 ALARMS = {
     "1": "hard limit",
     "2": "target outside the travel",
@@ -18,8 +20,9 @@ ERRORS = {"9": "it is locked, in alarm", "20": "unsupported word", "33": "invali
 
 
 def hello(options: Mapping[str, str]) -> bytes:
-    """→ questions that move nothing: what are you, your settings, your state."""
-    return b"$I\n$$\n?"
+    """→ what moves nothing: what are you, your settings, a parameter that you set and say, your state."""
+    tried = [*targets.assignments({"G": targets.SEARCH}), targets.question(("G",))]
+    return "".join(f"{line}\n" for line in ("$I", "$$", *tried)).encode("ascii") + b"?"
 
 
 def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
@@ -43,4 +46,14 @@ def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
     ready = state.partition(":")[0] in ("Idle", "Run", "Jog")
     sentences.append(f"its state is {state}" + ("" if ready else ": nothing will move before that is cleared"))
     sentences.append(f"the probe signal is {'on: is it free, and its polarity right ($6)?' if 'P' in pin else 'off'}")
-    return fine and ready and "P" not in pin, sentences
+    able = targets.confirmed([targets.SEARCH], lines)
+    plain = options.get("targets") == "plain"
+    if able:
+        sentences.append("it confirms targets before it moves")
+    elif ready:
+        sentences.append(
+            "it does not confirm targets, and targets=plain says that it need not: keep a hand on feed hold"
+            if plain
+            else f"it cannot be used as it is: {targets.CANNOT.format('it does not say a parameter that was set')}"
+        )
+    return fine and ready and (able or plain) and "P" not in pin, sentences

@@ -1,6 +1,6 @@
 """grbl 1.1, grblHAL, FluidNC: one line in flight, each waited for; the plan goes out move by move, the status is asked meanwhile.
 
-    $I $$ $G $# ? ▶ { G38.3 guarded moves · G0 rotary axes · G38.3 measuring, $# once more, G91 G1 off the facet } per touch
+    $I $$ $G $# ? ▶ { G38.3 guarded moves · G0 rotary axes · G38.3 measuring, $# once more, G1 off the facet } per touch
 
 The facts are of the sources of grbl and grblHAL: a probing move ends in `[PRB:…:1]` or `:0`, then `ok`; the flag decides, as
 some report the contact before when they miss. Its numbers are machine coordinates, in inches when `$13` says so, whatever G21
@@ -8,26 +8,28 @@ says. A probe that is on when a search begins is ALARM:4 without `[PRB]`. CR LF 
 an `ok` that answers nothing is found by the `[PRB]` that is missing before it and by the place that is asked for after
 every move. Positioning is a probing move as well, so that it stops when the probe trips. Targets are work coordinates:
 machine minus work offset, G92 and tool length as the control lists them. The line has no check sums, and a control has obeyed
-a line with a lost digit before anybody can know. Therefore no line can do harm with one character wrong: what moves the
-linear axes is stopped by the probe, except the move off a facet, which is short and relative, as `$G` has confirmed before;
-the place is compared after every move, and where it is not the right one nothing more is sent.
+a line with a lost digit before anybody can know. Therefore the target of every move is confirmed by the control before it moves
+(`_grbl_targets.py`); the place is compared after every move, and where it is not the right one nothing more is sent. What
+`targets=plain` has instead: what moves the linear axes is stopped by the probe, except the move off a facet, which is short and
+relative, as `$G` has confirmed before; the body of the probe is guarded by nothing.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Generator, Mapping, Sequence
 
 from ..records import InputError, Move, Touch
-from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
-from ._dialogue import Dialogue, Stop, Talk, low
-from ._grbl import ALARMS, ERRORS
+from . import _grbl_targets as targets
+from ._client import Begun, Ended, Event, Job, Refused, Touched
+from ._dialogue import Stop, Talk, low
 from ._grbl import hello as hello
 from ._grbl import told as told
+from ._grbl_control import Control, Lines
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "feed": (),  # mm/min of guarded moves
+    "targets": ("confirmed", "plain"),  # whether the control says a target before it moves there
     "orient": ("refuse", "m19"),  # plans that turn the spindle; M19 R is not known of every build
 }
 FEED = 2000.0
@@ -37,18 +39,15 @@ SAME = 0.0015  # mm: the control shows three places
 OFF = 1.5  # mm of the move off a facet: with a wrong sign the stylus still gives way
 ASIDE, TURNED = 0.5, 0.1  # mm beside the line of a measuring move, deg beside its angles: somewhere else
 MISSES = 3  # touches in a row without contact: a probe that is dead guards nothing
-INCH = 25.4
-LETTERS = "XYZABC"
-FRAMES = re.compile(r"\bG5[4-9](?:\.[1-3])?\b")
-Lines = Generator[str, str, list[str]]
 
 
-class Client(Dialogue):
+class Client(Control):
     """Drives one plan and collects its readings."""
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a plan that the control cannot be told."""
-        self._job, self._moves = job, list(job.plan.moves)
+        self._moves = list(job.plan.moves)
+        self._plain = options.get("targets", "confirmed") == "plain"
         self._orient = options.get("orient", "refuse") == "m19"
         if not self._orient and len({touch.standoff[job.plan.machine.column("S")] for touch in job.plan.touches}) > 1:
             raise InputError("grbl: found a plan that turns the spindle; allowed: one angle S, or orient=m19 in the port's URL")
@@ -60,13 +59,13 @@ class Client(Dialogue):
             raise InputError(f"grbl: feed: found {options['feed']!r}; allowed: mm/min greater than 0")
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._order = {number: i for i, number in enumerate(job.numbers)}
-        self._axes: tuple[str, ...] = ("X", "Y", "Z")
-        self._unit = 1.0
-        self._offset: dict[str, float] = {}
         self._at: dict[str, float] = {}
-        self._given, self._since, self._misses = 0, 0.0, 0
+        self._goal: dict[str, float] = {}  # where each axis was sent to, by the scales of the machine
+        self._set: dict[str, float] = {}  # parameters as the control has confirmed them
+        self._searching = False  # whether the last motion was a search
+        self._since, self._misses = 0.0, 0
         self._low = self._pressed = False
-        super().__init__(job.start_patience)
+        super().__init__(job)
 
     @property
     def sent(self) -> tuple[int, int]:
@@ -86,8 +85,12 @@ class Client(Dialogue):
 
     def _conversation(self) -> Talk:
         yield from self._look()
+        yield from self._report()
+        if not self._plain:
+            yield from self._able()
+        yield from self._modes("G21 G90 G94", self._plain)
         yield from self._where(start=True)
-        yield from self._modes("G21 G90 G94")
+        self._goal = dict(self._at)
         yield from self._clear()
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))
         for move in self._moves:
@@ -109,100 +112,8 @@ class Client(Dialogue):
                 yield from self._make(Move("retract", self._linear(touch.over), touch.number))
                 return
 
-    def _look(self) -> Talk:
-        """Who is there, with which axes, units and offsets; raises Stop when it cannot do the plan."""
-        who = yield from self._say("$I")  # what a run that was cut off left in the control's buffer is no line any more with $
-        for line in who:
-            if found := re.fullmatch(r"\[AXS:\d+:([A-Z]+)\]", line):
-                self._axes = tuple(found[1])
-        settings = yield from self._twice("$$")
-        if "$13=1" in settings:
-            self._unit = INCH
-        modes = " ".join((yield from self._say("$G")))
-        frame = FRAMES.search(modes)
-        if frame is None:
-            raise Stop(f"the control does not say which work offset is active: {modes!r}")
-        listed = yield from self._twice("$#")
-        if not any(line.startswith("[AXS:") for line in who):  # grbl 1.1 and FluidNC do not name their axes: they are in this order
-            count = next((line.count(",") + 1 for line in listed if line.startswith(f"[{frame[0]}:")), len(self._axes))
-            self._axes = tuple(LETTERS[:count])
-        missing = [name for name in (*self._job.plan.machine.linear, *self._job.plan.machine.rotary) if name not in self._axes]
-        if missing:
-            raise Stop(f"the control has the axes {' '.join(self._axes)}; the plan moves {' '.join(missing)} as well")
-        self._offset = dict.fromkeys(self._axes, 0.0)
-        for line in listed:
-            name, _, rest = line.strip("[]").partition(":")
-            if name in (frame[0], "G92"):
-                self._add(self._numbers(rest))
-            elif name == "TLO":
-                values = rest.split(",")
-                self._add(self._numbers(rest) if len(values) > 1 else {"Z": float(values[0]) * self._unit})
-        self._events.append(Identified(f"{' '.join(who)} {'inches' if self._unit != 1 else 'mm'}, {frame[0]}"))
-
-    def _twice(self, line: str) -> Lines:
-        """question → its answer. Raises Stop when the second one is another: a digit of it would shift every target."""
-        first = yield from self._say(line)
-        if (yield from self._say(line)) != first:
-            raise Stop(f"asked twice, {line} is answered differently: the line is disturbed")
-        return first
-
-    def _modes(self, line: str) -> Lines:
-        """modal words → set, and confirmed by the control. Raises Stop when it says otherwise."""
-        yield from self._say(line)
-        said = yield from self._say("$G")
-        words = " ".join(said).strip("[]").split(":")[-1].split()
-        if not set(line.split()) <= set(words):
-            raise Stop(f"the control was told {line} and says {' '.join(said)}")
-        return said
-
-    def _add(self, values: Mapping[str, float]) -> None:
-        for name, value in values.items():
-            self._offset[name] += value
-
-    def _numbers(self, text: str) -> dict[str, float]:
-        """'1.000,2.000,…' → {axis: mm or deg}. Raises Stop for anything else."""
-        try:
-            values = [float(number) for number in text.split(",")]
-            pairs = dict(zip(self._axes, values, strict=True))
-        except ValueError:
-            raise Stop(f"found {text!r} where {len(self._axes)} numbers were due: the line is disturbed") from None
-        return {name: value * (self._unit if name in "XYZ" else 1.0) for name, value in pairs.items()}
-
-    def _say(self, line: str) -> Lines:
-        """one line → what came before its ok. Raises Stop for errors, alarms, resets, an open door."""
-        found: list[str] = []
-        answer = yield line
-        while answer != "ok":
-            if answer.startswith("error:"):
-                raise Stop(f"the control refuses {line!r}: {answer} ({ERRORS.get(answer[6:], 'see its list of errors')})")
-            if answer.startswith("ALARM:"):
-                raise Stop(f"the control is in alarm: {answer} ({ALARMS.get(answer[6:], 'see its list of alarms')})")
-            if answer.lower().startswith("grbl"):
-                if self._given:
-                    raise Stop(f"the control has been reset: {answer}")
-                found, answer = [], (yield line)
-                continue
-            if answer.startswith("<"):
-                self._state(answer)
-            elif answer:
-                found.append(answer)
-            answer = yield ""
-        self._done()
-        return found
-
-    def _state(self, report: str) -> dict[str, str]:
-        """'<Idle|MPos:…|…>' → its fields. Raises Stop in a state that lets nothing move."""
-        state, *fields = report.strip("<>").split("|")
-        word = state.partition(":")[0]
-        if word in ("Alarm", "Door", "Sleep", "Hold", "Check", "Tool"):
-            raise Stop(f"the control cannot move: its state is {state}")
-        return {"state": word} | {name: rest for name, _, rest in (field.partition(":") for field in fields)}
-
-    def _where(self, start: bool = False) -> Generator[str, str, None]:
-        """Asks where the axes stand, until they do. Raises Stop when the probe signal is on.
-
-        At the start it may be on because a run was cut off in contact: where a touch of this plan stands, the probe is drawn off.
-        """
+    def _report(self) -> Generator[str, str, dict[str, str]]:
+        """Asks where the axes stand, until they do → the fields of the answer."""
         while True:
             answer = yield "?"
             while not answer.startswith("<"):
@@ -213,8 +124,21 @@ class Client(Dialogue):
             if "MPos" not in fields:
                 raise Stop("the control reports work positions: set $10=1, so that it reports machine positions")
             if fields["state"] == "Idle":
-                break
-        self._at = self._numbers(fields["MPos"])
+                self._at = self._numbers(fields["MPos"])
+                return fields
+
+    def _where(self, start: bool = False) -> Generator[str, str, None]:
+        """Where the axes stand. Raises Stop when the probe signal is on.
+
+        At the start it is asked twice, as a target may come of it, and the probe may be on because a run was cut off in contact:
+        where a touch of this plan stands, it is drawn off.
+        """
+        fields = yield from self._report()
+        if start:
+            first = self._at
+            fields = yield from self._report()
+            if self._at != first:
+                raise Stop(f"asked twice where it stands, it says {_shown(first)} and {_shown(self._at)}: the line is disturbed")
         if "P" not in fields.get("Pn", ""):
             return
         touch = next((touch for touch in self._job.plan.touches if start and self._on_its_line(touch)), None)
@@ -226,29 +150,76 @@ class Client(Dialogue):
     def _make(self, move: Move) -> Generator[str, str, None]:
         target = {name: value if name in "XYZ" else math.degrees(value) for name, value in move.target.items()}
         angle = target.pop("S", None)
-        if angle is not None and self._orient:
-            yield from self._say(f"M19 R{angle % 360:.3f}")
-        away = {name: value for name, value in target.items() if abs(value - self._at[name]) > SAME}
-        words = " ".join(f"{name}{value - self._offset[name]:.4f}" for name, value in target.items())
+        if not self._orient:
+            angle = None
         if move.kind == "probe":
-            lines = yield from self._say(f"G38.3 {words} F{self._job.plan.strategy.approach.feed:g}")
+            lines = yield from self._go(targets.SEARCH, target, self._job.plan.strategy.approach.feed)
             yield from self._record(self._touches[move.touch], lines)
             return
-        if not away:
+        if angle is None and not any(abs(self._aim(name, value) - self._at[name]) > SAME for name, value in target.items()):
             return
         if self._pressed:
             yield from self._off(self._touches[move.touch])
         if move.kind == "index":
-            yield from self._say(f"G0 {words}")
-            yield from self._say("G4 P0.01")
+            yield from self._go(targets.RAPID, target, self._feed, angle)
         else:
-            flag, place = self._contact((yield from self._say(f"G38.3 {words} F{self._feed:g}")))
+            flag, place = self._contact((yield from self._go(targets.SEARCH, target, self._feed)))
             if flag:
                 raise Stop(f"the probe tripped on the way to touch {move.touch}, at {_shown(place)}")
         yield from self._where()
-        for name, value in target.items():
-            if abs(self._at[name] - value) > CLOSE:
-                raise Stop(f"{name} stands at {self._at[name]:.4f} after it was sent to {value:.4f}")
+        for name in target:
+            if abs(self._at[name] - self._goal[name]) > CLOSE:
+                raise Stop(f"{name} stands at {self._at[name]:.4f} after it was sent to {self._goal[name]:.4f}")
+
+    def _go(self, code: float, target: Mapping[str, float], feed: float, angle: float | None = None) -> Lines:
+        """code of the motion, {axis: mm or deg}, mm/min, angle of the spindle → moved; what the control answers."""
+        self._goal |= target
+        if self._plain:
+            return (yield from self._go_plainly(code, target, feed, angle))
+        self._goal = {name: self._aim(name, self._goal[name]) for name in self._axes}
+        values = {name: round(self._goal[name] - self._offset[name], 4) for name in self._axes}
+        values |= {"F": targets.apart(feed), "G": code}
+        if angle is not None:
+            values |= {"M": targets.ORIENT, "R": targets.apart(angle % 360)}
+        yield from self._confirm(values)
+        lines = yield from self._say(targets.motion(tuple(values), self._searching))
+        self._searching = code == targets.SEARCH
+        if not self._searching:
+            yield from self._say(targets.WAIT)
+        return lines
+
+    def _aim(self, axis: str, value: float) -> float:
+        """axis, mm or deg by the scales of the machine → where it is sent for that."""
+        return value if self._plain else targets.apart(value - self._offset[axis]) + self._offset[axis]
+
+    def _go_plainly(self, code: float, target: Mapping[str, float], feed: float, angle: float | None) -> Lines:
+        if angle is not None:
+            yield from self._say(f"M19 R{angle % 360:.3f}")
+        words = " ".join(f"{name}{value - self._offset[name]:.4f}" for name, value in target.items())
+        if code == targets.SEARCH:
+            return (yield from self._say(f"G38.3 {words} F{feed:g}"))
+        lines = yield from self._say(f"G0 {words}")
+        yield from self._say("G4 P0.01")
+        return lines
+
+    def _confirm(self, values: Mapping[str, float]) -> Generator[str, str, None]:
+        """{letter: number} → set, and said by the control as it was meant. Raises Stop when it says anything else."""
+        for line in targets.assignments({name: value for name, value in values.items() if self._set.get(name) != value}):
+            yield from self._say(line)
+        lines = yield from self._say(targets.question(tuple(values)))
+        if not targets.confirmed(list(values.values()), lines):
+            meant = " ".join(f"{name}{value:.4f}" for name, value in values.items())
+            raise Stop(
+                f"the control was told {meant}, and says {' '.join(lines) or 'nothing'} before it moves: the line is disturbed"
+            )
+        self._set |= values
+
+    def _able(self) -> Generator[str, str, None]:
+        """Raises Stop when this control cannot confirm targets."""
+        try:
+            yield from self._confirm({"F": targets.apart(self._feed), "G": targets.SEARCH})
+        except Stop as reason:
+            raise Stop(targets.CANNOT.format(reason)) from None
 
     def _contact(self, lines: Sequence[str]) -> tuple[int, dict[str, float]]:
         """lines of an answer → flag and place of its one `[PRB:…]`. Raises Stop when there is none: an ok that answers nothing."""
@@ -270,6 +241,12 @@ class Client(Dialogue):
             yield from self._where(start=True)  # flag and place are of no use, where it stands is
             self._pressed = False
             return
+        if flag and not self._plain:
+            fed = yield from self._say(targets.FED)
+            if not targets.confirmed([targets.apart(self._job.plan.strategy.approach.feed)], fed):
+                raise Stop(
+                    f"touch {touch.number} was made at another feed, the control says {' '.join(fed)}: the line is disturbed"
+                )
         machine = self._job.plan.machine
         self._pressed, self._at = flag == 1, place
         if flag == 0:  # what a miss shows is the contact before on some controls: where it stands counts
@@ -313,11 +290,15 @@ class Client(Dialogue):
         columns = [machine.column(name) for name in machine.linear]
         away = [touch.standoff[i] - touch.contact[i] for i in columns]
         steps = {name: OFF * value / math.hypot(*away) for name, value in zip(machine.linear, away, strict=True)}
-        yield from self._modes("G21 G91")
-        words = " ".join(f"{name}{value:.2f}" for name, value in steps.items() if abs(value) >= 0.005)
-        yield from self._say(f"G1 {words} F{self._feed:g}")
-        yield from self._say("G4 P0.01")
-        yield from self._modes("G90")
+        if self._plain:
+            yield from self._modes("G21 G91", True)
+            words = " ".join(f"{name}{value:.2f}" for name, value in steps.items() if abs(value) >= 0.005)
+            yield from self._say(f"G1 {words} F{self._feed:g}")
+            yield from self._say("G4 P0.01")
+            yield from self._modes("G90", True)
+        else:
+            self._goal = {**self._at, **{name: self._goal[name] for name in machine.rotary if name in self._goal}}
+            yield from self._go(targets.FEED, {name: self._at[name] + step for name, step in steps.items()}, self._feed)
         self._pressed = False
         yield from self._where()
 

@@ -1,0 +1,96 @@
+"""Targets that a grbl control confirms before it moves: parameters are set, printed by the control, and only then moved to.
+
+    {axis: mm or deg}, F, G ─▶ #<qxx>=[…]… ─▶ (PRINT,…) ─▶ [MSG:…] compared ─▶ X#<qxx>Y#<qyy>…F#<qff>G#<qgg>
+
+What is sent moves nothing, or to the confirmed place, whatever becomes of one of its characters:
+
+* a line that sets has no letter outside names and brackets, and a letter in brackets is a syntax error. A line that moves has no
+  digit;
+* every axis of the control stands in every motion, so that a letter turned into another axis comes twice, which is an error;
+* no name becomes another one, or one of the control's own (`_x`), by one character lost, doubled or replaced;
+* `##<qxx>` is the parameter whose number is the target, 0 where nobody set it: grblHAL refuses it when that is no whole number,
+  so no target is one. That shifts a whole one by 0.2 µm or 0.0002°;
+* behind G or M a target would be a code. Two places count there, so those that would change a mode (`HARMFUL`) are kept 6 µm or
+  0.006° away, and then are no code; all others are unknown codes or clash with the search.
+
+What remains: an axis word that becomes N, S or T, or the end of a line that becomes a remark, leaves out axes: these stay where
+they are, and the others stay between their place and their target, guarded by the probe.
+
+Facts: ngc_expr.c, ngc_params.c, gcode.c of grblHAL core of August 2026; Parameters.cpp, GCode.cpp of FluidNC.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+SEARCH, FEED, RAPID, ORIENT = 38.3, 1.003, 0.003, 19.003  # codes, no whole numbers either: two places count behind G and M
+LINE = 100  # characters: FluidNC takes 127
+CODE, WHOLE = 0.006, 0.0002  # mm or deg that a target keeps from the codes below, and from whole numbers
+HARMFUL = {2, 3, 4, 6, 7, 8, *range(17, 22), 30, *range(40, 44), *range(48, 62), *range(64, 68), *range(70, 74), *range(91, 94)}
+HARMFUL |= {*range(95, 100), 7.1, 8.1, 28.1, 30.1, 41.1, 42.1, 43.1, 43.2, 59.1, 59.2, 59.3, 66.1, 91.1, 92.1, 92.2, 92.3}
+CANNOT = (
+    "the control does not confirm a target before it moves: {}. The line has no check sums: a wrong digit could drive the probe's "
+    "body into the table, which nothing guards. Nothing has moved. Allowed: grblHAL built with expressions (a tick in its web "
+    "builder: NGC_EXPRESSIONS_ENABLE, EXPR in $I), a newer FluidNC, or targets=plain in the port's URL with a short shielded "
+    "cable or the network, and a hand on feed hold. Where $I says EXPR, look at the line instead"
+)
+
+
+def apart(value: float) -> float:
+    """mm, deg or mm/min → the nearest that does no harm behind another letter or as `##`."""
+    value = round(value, 4)
+    tenth = round(value, 1)
+    return _off(value, tenth, CODE) if tenth in HARMFUL else _off(value, round(value), WHOLE)
+
+
+def assignments(values: Mapping[str, float]) -> list[str]:
+    """{letter: number} → the lines that set its parameters."""
+    lines = [""]
+    for letter, value in values.items():
+        text = f"#<{_name(letter)}>=[{value:.4f}]"
+        if len(lines[-1]) + len(text) > LINE:
+            lines.append("")
+        lines[-1] += text
+    return lines
+
+
+def question(letters: Sequence[str]) -> str:
+    """letters → the line that makes the control print them. FluidNC swallows a character behind each."""
+    return "(PRINT,%.4f" + "  ".join(f"#<{_name(letter)}>" for letter in letters) + ")"
+
+
+WAIT = "G4P[.01]"  # until the motion before has ended
+FED = "(PRINT,%.4f#<_feed>)"  # the feed of the last move
+
+
+def said(lines: Sequence[str]) -> list[float]:
+    """lines of an answer → the numbers that were printed; none when it is not exactly one message."""
+    found = [line for line in lines if line.startswith("[MSG:")]
+    return [float(number) for number in re.findall(r"-?\d+\.\d{4}", found[0])] if len(found) == 1 else []
+
+
+def confirmed(wanted: Sequence[float], lines: Sequence[str]) -> bool:
+    """numbers, lines of the answer → whether these were printed, to the last place that single precision has."""
+    numbers = said(lines)
+    return len(numbers) == len(wanted) and all(
+        abs(number - value) <= 1.5e-4 + abs(value) * 2**-23 for number, value in zip(numbers, wanted, strict=True)
+    )
+
+
+def motion(letters: Sequence[str], searching: bool) -> str:
+    """letters with G, whether the last motion was a search → the line that moves.
+
+    What is left of a line goes by the motion that is modal: G comes last where that is a search, first where it is not.
+    """
+    order = [letter for letter in letters if letter != "G"]
+    return "".join(f"{letter}#<{_name(letter)}>" for letter in ([*order, "G"] if searching else ["G", *order]))
+
+
+def _name(letter: str) -> str:
+    return f"q{letter.lower() * 2}"
+
+
+def _off(value: float, grid: float, least: float) -> float:
+    return round(grid + math.copysign(least, value - grid), 4) if abs(value - grid) < least else value
