@@ -43,6 +43,7 @@ LINE_KINDS: Mapping[str, str] = {
     "late": "everything from this byte on comes so late that nobody waits for the answer any more",
     "split": "the bytes from here on come in a piece of their own",
     "merge": "what is sent here comes together with what is sent next",
+    "other": "a byte has become any other one",
 }
 LATE = {"delay": 0.3, "late": 1.5}  # s
 BLOCK = 4096  # bytes whose fate is drawn at once
@@ -65,6 +66,7 @@ class Disturbance:
     def __init__(self, chances: Mapping[str, float], seed: int) -> None:
         self._chances = np.array([chances.get(kind, 0.0) for kind in LINE_KINDS])
         self._random = np.random.default_rng([seed, 0xFA17])
+        self._others = np.random.default_rng([seed, 0x07E4])  # of its own, so that a seed means what it meant without them
         self._kept = b""
         self._ahead: deque[tuple[int, list[str]]] = deque()  # bytes that something will happen to, counted from the first
         self._seen = self._drawn = 0
@@ -89,6 +91,7 @@ class Disturbance:
             if "drop" in now:
                 continue
             turned = byte ^ 1 << int(self._random.integers(8)) if "flip" in now else byte
+            turned = (turned + int(self._others.integers(1, 256))) % 256 if "other" in now else turned
             pieces[-1][1].extend([turned, turned] if "double" in now else [turned])
         pieces[-1][1].extend(data[at:])
         if keep and not any(late for late, _ in pieces):
@@ -99,7 +102,8 @@ class Disturbance:
     def _hits(self, count: int) -> list[tuple[int, list[str]]]:
         """→ (index, what happens to it) of the bytes among the next `count` that something happens to."""
         while self._drawn < self._seen + count:
-            hits = self._random.random((BLOCK, len(LINE_KINDS))) < self._chances
+            hits = self._random.random((BLOCK, len(LINE_KINDS) - 1)) < self._chances[:-1]
+            hits = np.column_stack([hits, self._others.random(BLOCK) < self._chances[-1]])
             for row in np.flatnonzero(hits.any(axis=1)).tolist():
                 self._ahead.append((self._drawn + row, [kind for kind, hit in zip(LINE_KINDS, hits[row], strict=True) if hit]))
             self._drawn += BLOCK

@@ -33,6 +33,7 @@ LINES = {
     "late": ("modbus", "--pty", 5e-4),  # the answer to a request that has been given up
     "split": ("modbus", "--pty", 2e-3),
     "merge": ("grbl", "--tcp", 3e-4),
+    "other": ("grbl", "--tcp", 3e-4),
 }
 
 
