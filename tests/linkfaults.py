@@ -443,7 +443,7 @@ def cable_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tup
     """
     chance, ledger = random.Random(seed), Ledger()
     rates = [
-        {kind: chance.choice([0.0, 1e-5, 1e-4]) for kind in ("drop", "flip", "double", "other")} | {"split": 5e-3, "merge": 0.0}
+        {kind: chance.choice([0.0, 1e-5, 5e-5]) for kind in ("drop", "flip", "double", "other")} | {"split": 5e-3, "merge": 0.0}
         for _ in range(2)
     ]
     truth = scene()[2]

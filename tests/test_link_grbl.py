@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from blockcell import NORMALS, block, machine
 from blockcell import cell as block_cell
+from linkfaults import scene
 from linkparts import job
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
@@ -104,8 +105,8 @@ def test_the_same_place_is_no_target(control):
     assert one.line("G38.3 X1") == ["[PRB:1.000,0.000,800.000,0.000,0.000:0]", "ok"], "F stays"
 
 
-def driven(made, one, until=None, **options):
-    """plan, simulated control, line after which the PC dies, options → events of the conversation, every line that it sent."""
+def driven(made, one, until=None, arrives=lambda line: line, **options):
+    """plan, control, line after which the PC dies, what arrives of a line, options → events, every line that was sent."""
     numbers = tuple(touch.number for touch in made.touches)
     client = Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19", **options})
     events, sent = [], []
@@ -115,7 +116,7 @@ def driven(made, one, until=None, **options):
         if until and until(sent):
             one.line(asked.strip())
             break
-        answer = one.report() if asked == "?" else one.line(asked.strip())
+        answer = one.report() if asked == "?" else one.line(arrives(asked.strip()))
         events += client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii"))
     return events, sent
 
@@ -136,6 +137,20 @@ def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, cut):
     assert [event.flag for event in events if isinstance(event, Touched)] == [1, 1]
 
 
+@pytest.mark.parametrize(("targets", "said"), [("plain", "ALARM"), ("confirmed", "says [MSG:")])
+def test_a_digit_lost_in_the_height_of_an_approach_drives_nothing_into_the_table(targets, said):
+    """The stylus is beside the table and meets nothing: the body of the probe does, when the control is not asked first."""
+    _, made, truth = scene(turning=False)
+    height = "321.8535"
+    assert any(f"{move.target.get('Z'):.4f}" == height for move in made.moves if move.kind == "approach")
+    met = []
+    one = switched_on(Motion(truth, lambda event, **data: met.append(event)))
+    events, sent = driven(made, one, arrives=lambda line: line.replace(height, height[1:]), targets=targets)
+    assert ("collision" in met) == (targets == "plain")
+    assert said in events[-1].why
+    assert any(height in line for line in sent), "or it has not been tried"
+
+
 def test_three_touches_in_a_row_without_contact_end_the_run(cell):
     parts = read_cell(cell)
     made = plan(parts)
@@ -143,6 +158,27 @@ def test_three_touches_in_a_row_without_contact_end_the_run(cell):
     events, _ = driven(made, switched_on(Motion(rig(parts.machine, parts.artefact, world))))
     assert [event.flag for event in events if isinstance(event, Touched)] == [0, 0, 0]
     assert "3 touches in a row without contact" in events[-1].why
+
+
+@pytest.mark.parametrize(
+    ("firmware", "able"), [("grblHAL", {}), ("FluidNC", {}), ("grblHAL", {"expressions": False}), ("grbl", {})]
+)
+def test_what_cannot_confirm_targets_is_refused_before_anything_moves(firmware, able):
+    """Of FluidNC, grbl 1.1 and a grblHAL built without expressions, the last two; the plan needs no rotary axis."""
+    places = {name: np.zeros(3) for name in NORMALS}
+    made = plan(block_cell(machine("wXYfZ(S)t"), block((0.0, 0.0, 0.0), places), [{"S": 0.0}]), "leave-out")
+    one = switched_on(Motion(rig(made.machine, made.artefact, World())), firmware=firmware, **able)
+    here = one.motion.position
+    events, _ = driven(made, one, orient="refuse")
+    if firmware != "grbl" and not able:
+        assert events[-1] == Ended(len(made.touches))
+        return
+    assert "targets=plain" in events[-1].why
+    assert (one.motion.position == here).all()
+    if firmware != "grbl":
+        return
+    events, _ = driven(made, one, targets="plain", orient="refuse")
+    assert events[-1] == Ended(len(made.touches))
 
 
 def test_a_control_that_does_not_report_contacts_is_told_which_setting_does(cell, control):

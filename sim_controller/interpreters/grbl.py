@@ -163,14 +163,14 @@ class Control:
 
     def _printed(self, text: str) -> list[str]:
         """line as it came → what its remarks make the control say."""
-        self._system()
+        self._system(text)
         found = [self._parameters.printed(hint[1]) for hint in HINT.finditer(text) if hint[1]]
         begin, end = ("[MSG:", "]") if self.profile.firmware == "grblHAL" else ("[MSG:INFO: PRINT,", "]")
         return [f"{begin}{said}{end}" for said in found if said is not None]
 
-    def _system(self) -> None:
-        """What parameters tell that nobody sets."""
-        if not self._knows:
+    def _system(self, text: str) -> None:
+        """line → what parameters tell that nobody sets, where it may speak of one."""
+        if not self._knows or "<_" not in text.replace(" ", ""):
             return
         here, work = self._place(), self._work()
         self._parameters.system = {f"_{name.lower()}": here[name] - work[name] for name in self.axes}
@@ -214,7 +214,7 @@ class Control:
         """condensed line → everything is checked before anything is done."""
         words: list[tuple[str, float]] = []
         at = 0
-        self._system()
+        self._system(text)
         while at < len(text):
             if text[at] == "#":
                 at = self._parameters.assigned(text, at + 1)
