@@ -172,6 +172,7 @@ def test_a_thousand_random_plans_pass() -> None:
         ("\nG17 G21 ", "\nG17 G20 ", "no line that a program of this kind"),
         ("IF[#4008NE49]THEN#3000=85(CANCEL TOOL LENGTH FIRST)\n", "", "G49 by itself may move Z by a tool length"),
         ("IF[#4008NE49]", "IF[#4007NE49]", "#4007 is read before it has a value"),
+        ("(NO WORDS STATED THAT SWITCH THE PROBE ON)", "M711", "no line that a program of this kind"),
         ("#110=6", "#110=7", "the start mark is"),
         ("#20=2.", "#20=3.", "the record is of touch 3; this is touch 2"),
         ("*Y#112[44]", "*Y#113[44]", "the record has Y"),
@@ -192,6 +193,7 @@ def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
+        (" G61 ", " G64 ", "G61 is missing"),
         ("G53 G1 X-113. Y-10. Z383. F3000.\n(TOUCH 1", "G0 Z383.\n(TOUCH 1", "no line that a program of this kind"),
         ("O<tango_free> CALL [-113.] [-10.] [318.] [3000.]\n", "", "the plan has a protected move .retract. here"),
         ("O<tango_free> CALL [-113.] [-10.] [318.] [3000.]", "G53 G1 Z318. F3000.", "the plan has a protected move .retract. here"),
@@ -219,6 +221,11 @@ def test_what_is_dangerous_on_linuxcnc_is_named(old: str, new: str, words: str) 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
+        ("TRAFOOF\n", "", "something moves before TRAFOOF"),
+        ("CYCLE800()\n", "", r"something moves before CYCLE800\(\)"),
+        ("MEAS=1 X-118.", "MEAS=2 X-118.", "found MEAS=2; the probe is at input 1"),
+        ("IF $A_PROBE[1]", "IF $A_PROBE[2]", r"found \$A_PROBE\[2; the probe is at input 1"),
+        ("($AC_MEA[1]<>0)", "($AC_MEA[2]<>0)", r"found \$AC_MEA\[2"),
         ("G1 MEAS=1 X-113. Y-10. Z280.", "G1 X-113. Y-10. Z280.", "found a linear move; the plan has a protected move"),
         ("SUPA D0 G1 MEAS=1 X-113. Y-10. Z280.", "G1 MEAS=1 X-113. Y-10. Z280.", "no line that a program of this kind"),
         ("MEAS=1 X-98. ", "MEAS=1 X98. ", r"found X 98\.000 mm"),
@@ -280,6 +287,26 @@ def test_what_is_dangerous_on_siemens_is_named(old: str, new: str, words: str) -
 def test_what_is_dangerous_in_klartext_is_named(old: str, new: str, words: str) -> None:
     told = refused(renumbered(changed(bare("heidenhain", golden()), old, new)), "heidenhain")
     assert re.search(words, told), told
+
+
+SWITCHES = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}, "probe_on": "M720", "probe_off": "M721"}
+
+
+@pytest.mark.parametrize("post", [name for name in READ if name != "grbl"])
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("M720\n", "", "something moves before M720 has switched the probe on"),
+        ("M720\n", "M721\n", "something moves before M720 has switched the probe on"),
+        ("M721\n", "", "the program ends before M721 has switched the probe off"),
+        ("M711\n", "", "C turns before M711 has freed it"),
+        ("M710\n", "", "something else happens before M710 holds C"),
+        ("M710\n", "M711\n", "something else happens before M710 holds C"),
+    ],
+)
+def test_the_words_of_the_profile_stand_where_they_belong(post: str, old: str, new: str, words: str) -> None:
+    lines = changed(bare(post, golden(), **SWITCHES), old, new)
+    assert words in refused(renumbered(lines) if post == "heidenhain" else lines, post, **SWITCHES)
 
 
 def test_blocks_that_do_not_count_are_refused() -> None:

@@ -50,7 +50,7 @@ class Rehearsal:
         self._latches = latches
         self._astray = astray or (latched_elsewhere if latches else offset_changed)
         self.plan, self.options, self._read = plan, options, read
-        self.walk = Walk(plan)
+        self.walk = Walk(plan, options)
         start = dict(self.walk.at)
         self.worlds = [World("1", "nothing", start, dict(start), dict(OFFSET))]
         self._silent: World | None = None  # where this touch and all after it miss

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from .. import check, kinematics
 from ..records import Array, Axis, InputError, Move, Plan, Touch
+from ._switches import Switches
 
 CLOSE = 6e-4  # mm or deg: programs have three decimals
 AIR = 1.0  # mm between the probe and everything on the table while rotary axes turn: less than any planner leaves
@@ -25,9 +27,10 @@ PROTECTED = ("retract", "clear", "approach")
 class Walk:
     """One plan, as far as a program has carried it out."""
 
-    def __init__(self, plan: Plan) -> None:
-        """plan → nothing has moved yet."""
+    def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
+        """plan, options of its profile → nothing has moved yet."""
         self._plan, self._moves = plan, iter(plan.moves)
+        self._switched = Switches(options)
         self._later = iter(plan.touches)
         self._touch = next(self._later)
         self._chain, self._solid = kinematics.chain(plan.machine), check.solid(plan.artefact)
@@ -54,9 +57,14 @@ class Walk:
         """positions of the plan (mm, rad) → {axis letter: mm or deg}."""
         return {a.name: _unit(a, v) for a, v in zip(self._plan.machine.axes, positions, strict=True)}
 
+    def switch(self, word: str) -> None:
+        """A word of the profile that switches the probe or a clamp; any other does nothing."""
+        self._switched.switch(word)
+
     def linear(self, target: Mapping[str, float], kinds: tuple[str, ...]) -> None:
         """{X Y Z: mm}, kinds of moves that what protects this one is good for → it is done. Raises InputError when it is wrong."""
         self._settled()
+        self._switched.moves()
         move = self._due(target)
         if move.kind not in kinds:
             asked = {"probe": "a measuring move", "index": "an indexation"}.get(move.kind, f"a protected move ({move.kind})")
@@ -77,6 +85,7 @@ class Walk:
 
     def rotary(self, name: str, value: float) -> bool:
         """axis letter, deg → it is turned; whether an indexation begins with it. Raises InputError when it is wrong."""
+        self._switched.turns(name)
         begins = not self._begun()
         if begins:
             self._begin(name, value)
@@ -95,6 +104,7 @@ class Walk:
     def ends(self) -> None:
         """The program is over. Raises InputError when the plan is not."""
         self._settled()
+        self._switched.ends()
         if self.next is not None:
             raise InputError(f"the program ends before the {self.next.kind} move of touch {self.next.touch}")
 

@@ -105,6 +105,7 @@ class _Program:
             self._mark = match[1]
         code = line.partition(";")[0].strip() if '"' not in line else line
         if not code or code in self._words:
+            self._machine.walk.switch(code)
             return
         if code == WAIT:
             self._moving = False

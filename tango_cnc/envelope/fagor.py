@@ -94,6 +94,7 @@ class _Program:
     def _block(self, line: str) -> None:
         orient = self._options.get("orient", "")
         if line in self._words:
+            self._machine.walk.switch(line)
             return
         if line in self._off:
             self._said.add(line)

@@ -45,7 +45,7 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
-        self._plan, self._options, self._walk = plan, options, Walk(plan)
+        self._plan, self._options, self._walk = plan, options, Walk(plan, options)
         self._words = stated_words(options)
         self._orient = options.get("orient", "")
         self._mark = ""
@@ -70,7 +70,7 @@ class _Program:
         elif match := END.fullmatch(line):
             self._end(match[1], int(match[2]))
         elif COMMENT.fullmatch(line) or (self._began and not self._relative and line in self._words):
-            return
+            self._walk.switch(line)
         elif not self._began and set(line.split()) <= MODAL:
             self._modal |= set(line.split())
         elif self._relative:

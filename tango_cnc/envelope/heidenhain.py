@@ -148,7 +148,7 @@ class _Program:
         elif code in self._head:
             self._head.discard(code)
         elif code in self._words:
-            return
+            self._machine.walk.switch(code)
         elif match := ANGLE.fullmatch(code):
             self._angle = float(match[1])
         elif match := TEXT.fullmatch(code):

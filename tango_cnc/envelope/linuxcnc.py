@@ -84,7 +84,7 @@ class _Program:
         elif match := MARK.match(line):
             self._mark = match[1]
         elif (COMMENT.fullmatch(line) and line != "(LOGCLOSE)") or (self._opened and line in self._words):
-            return
+            self._machine.walk.switch(line)
         elif match := ASSIGN.fullmatch(line):
             self._assign(match[1], match[2])
         elif match := IF.fullmatch(line):
@@ -128,6 +128,8 @@ class _Program:
         elif match := CALL.fullmatch(line):
             self._call(match[1], [machine.same(text) for text in match[2].split()])
         elif re.fullmatch(r"G[\d.]+(?: G[\d.]+)*", line):
+            if "G61" not in line.split():
+                raise InputError("G61 is missing: the control would round the corners between moves")
             machine.reset(line)
         else:
             raise InputError("no line that a program of this kind may have here")

@@ -41,7 +41,7 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
-        self._plan, self._options, self._walk = plan, options, Walk(plan)
+        self._plan, self._options, self._walk = plan, options, Walk(plan, options)
         self._words = stated_words(options)
         self._orient, self._reset = options.get("orient", ""), options.get("reset", "")
         self._values: dict[int, float] = {}
@@ -62,7 +62,7 @@ class _Program:
         if match := MARK.match(line):
             self._mark = match[1]
         elif COMMENT.fullmatch(line) or (self._began and line in self._words):
-            return
+            self._walk.switch(line)
         elif line == self._reset and not self._began:
             self._modal |= set(line.split())
             if strange := [word for word in line.split() if not RESETS.fullmatch(word)]:

@@ -101,7 +101,7 @@ class _Program:
                 raise InputError("G49 by itself may move Z by a tool length: IF[#4008NE49]THEN#3000=… has to stand before it")
             self._machine.reset(code)
         elif code in self._words:
-            return
+            self._machine.walk.switch(code)
         elif code == "G53":
             self._moving = False
         elif code in ENDS and self._depth == 0:

@@ -125,7 +125,7 @@ class _Program:
         elif code == self._wait:
             self._moving = False
         elif code in self._words:
-            return
+            self._machine.walk.switch(code)
         elif code == self._options.get("reset"):
             words = code.split()
             self._machine.reset(" ".join(["G49" if word == "G53" else word for word in words if word not in FRAME - {"G53"}]))

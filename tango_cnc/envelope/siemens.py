@@ -16,6 +16,7 @@ from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, Statement, World, numbered
 
 FEED = re.compile(rf"SUPA D0 G1( MEAS=[12])?((?: [XYZ]{NUMBER})+) F({NUMBER})")
+INPUT = re.compile(r"(?:MEAS=|\$A_PROBE\[|\$AC_MEA\[)(\d+)")
 TURN = re.compile(rf"SUPA D0 G0 ([ABC])=(?:AC|DC)\(({NUMBER})\)")
 ORIENT = re.compile(rf"SPOS=({NUMBER})")
 ASSIGN = re.compile(r"(TG_[A-Z]+)=([^\"]+)")
@@ -71,6 +72,8 @@ class _Program:
         self._machine = Rehearsal(plan, options, self._read, latches=True)
         self._words = stated_words(options) | {"D0"}
         self._words |= {"TRAFOOF", "CYCLE800()"}
+        self._head = {word for option, word in (("trafoof", "TRAFOOF"), ("cycle800", "CYCLE800()")) if options.get(option)}
+        self._input = str(options.get("probe_input", 1))
         self._stops, self._options = stops, options
         self._text: tuple[str, str, dict[str, str]] | None = None  # of the record that is next
         self._moving, self._asked, self._within = True, False, False
@@ -84,6 +87,8 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
+        if (asked := INPUT.search(line)) and asked[1] != self._input:
+            raise InputError(f"found {asked[0]}; the probe is at input {self._input}")
         if line.startswith(";"):
             self._mark = match[1] if (match := MARK.match(line)) else self._mark
         elif match := JUMP.fullmatch(line):
@@ -102,7 +107,8 @@ class _Program:
         elif line == "STOPRE":
             self._moving = False
         elif line in self._words or DEFINE.fullmatch(line):
-            return
+            self._machine.walk.switch(line)
+            self._head.discard(line)
         elif line == self._options.get("reset"):
             self._machine.reset(" ".join([*(SAME_AS.get(word, word) for word in line.split()), *MADE_SURE]))
         elif line == "M30":
@@ -121,6 +127,8 @@ class _Program:
     def _feed(self, watching: bool, words: list[str], feed: float) -> None:
         machine = self._machine
         target = {name: machine.base.position[name] for name in "XYZ"} | {word[0]: float(word[1:]) for word in words}
+        if self._head:
+            raise InputError(f"something moves before {' '.join(sorted(self._head))}")
         if watching and self._options.get("probe_state") and not self._asked:
             raise InputError("moves without having asked whether the probe is deflected")
         if not watching:
