@@ -192,6 +192,7 @@ def distance(a, b):
 
 def test_targets_are_shifted_by_micrometres_and_twice_is_once():
     for value in [*np.round(np.random.default_rng(5).uniform(-999, 999, 500), 4), *range(-120, 120), *np.arange(0, 100, 0.1)]:
+        assert abs(targets.apart(float(value), targets.TURNED) - value) <= 0.0062
         near = targets.apart(float(value))
         assert abs(near - value) <= 0.0062
         assert abs(near - round(near)) >= 0.0002 - 1e-9, "## of it is no parameter"

@@ -9,7 +9,7 @@ What is sent moves nothing, or to the confirmed place, whatever becomes of one o
 * every axis of the control stands in every motion, so that a letter turned into another axis comes twice, which is an error;
 * no name becomes another one, or one of the control's own (`_x`), by one character lost, doubled or replaced;
 * `##<qxx>` is the parameter whose number is the target, 0 where nobody set it: grblHAL refuses it when that is no whole number,
-  so no target is one. That shifts a whole one by 0.2 µm or 0.0002°;
+  so no target is one. That shifts a whole one by 0.2 µm, or by 0.001°, which the control shows: readings have the angle that was;
 * behind G or M a target would be a code. Two places count there, so those that would change a mode (`HARMFUL`) are kept 6 µm or
   0.006° away, and then are no code; all others are unknown codes or clash with the search.
 
@@ -27,7 +27,8 @@ from collections.abc import Mapping, Sequence
 
 SEARCH, FEED, RAPID, ORIENT = 38.3, 1.003, 0.003, 19.003  # codes, no whole numbers either: two places count behind G and M
 LINE = 100  # characters: FluidNC takes 127
-CODE, WHOLE = 0.006, 0.0002  # mm or deg that a target keeps from the codes below, and from whole numbers
+CODE = 0.006  # mm or deg that a target keeps from the codes below
+WHOLE, TURNED = 0.0002, 0.001  # mm and deg that it keeps from whole numbers; an angle by the last place that is shown
 HARMFUL = {2, 3, 4, 6, 7, 8, *range(17, 22), 30, *range(40, 44), *range(48, 62), *range(64, 68), *range(70, 74), *range(91, 94)}
 HARMFUL |= {*range(95, 100), 7.1, 8.1, 28.1, 30.1, 41.1, 42.1, 43.1, 43.2, 59.1, 59.2, 59.3, 66.1, 91.1, 92.1, 92.2, 92.3}
 CANNOT = (
@@ -38,11 +39,11 @@ CANNOT = (
 )
 
 
-def apart(value: float) -> float:
-    """mm, deg or mm/min → the nearest that does no harm behind another letter or as `##`."""
+def apart(value: float, least: float = WHOLE) -> float:
+    """mm, deg or mm/min, what it keeps from whole ones → the nearest that does no harm behind another letter or as `##`."""
     value = round(value, 4)
     tenth = round(value, 1)
-    return _off(value, tenth, CODE) if tenth in HARMFUL else _off(value, round(value), WHOLE)
+    return _off(value, tenth, CODE) if tenth in HARMFUL else _off(value, round(value), least)
 
 
 def assignments(values: Mapping[str, float]) -> list[str]:

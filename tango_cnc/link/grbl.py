@@ -190,7 +190,9 @@ class Client(Control):
 
     def _aim(self, axis: str, value: float) -> float:
         """axis, mm or deg by the scales of the machine → where it is sent for that."""
-        return value if self._plain else targets.apart(value - self._offset[axis]) + self._offset[axis]
+        if self._plain:
+            return value
+        return targets.apart(value - self._offset[axis], targets.WHOLE if axis in "XYZ" else targets.TURNED) + self._offset[axis]
 
     def _go_plainly(self, code: float, target: Mapping[str, float], feed: float, angle: float | None) -> Lines:
         if angle is not None:
