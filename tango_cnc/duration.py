@@ -56,6 +56,8 @@ def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, se
         return search
     travelled = {name: abs(value - at.get(name, value)) for name, value in move.target.items()}
     moving = [name for name, distance in travelled.items() if distance > 1e-9]
+    if move.kind == "index":  # programs turn one axis after the other
+        return sum(axes[name].clamp_time + _axis_time(axes[name], travelled[name]) for name in moving)
     clamp = max((axes[name].clamp_time for name in moving), default=0.0)
     rapid = max((_axis_time(axes[name], travelled[name]) for name in moving), default=0.0)
     linear = [name for name in moving if axes[name].kind == "linear"]

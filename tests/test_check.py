@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 
 from tango_cnc.cli import guarded, tango
+from tango_cnc.duration import duration
+from tango_cnc.files import read_cell
+from tango_cnc.plan import plan
 
 
 def call(*arguments: object) -> int:
@@ -84,6 +87,23 @@ def test_predicted_time_is_the_sum_of_its_parts(cell: Path, capsys: pytest.Captu
     parts = found["predicted_time_s"]
     assert all(math.isfinite(s) and s >= 0 for s in parts.values()) and len(parts) > 2
     assert sum(parts.values()) > 10 * 60
+
+
+def test_axes_that_index_turn_one_after_the_other(cell: Path) -> None:
+    """As in the programs: B and the spindle at a turn in 6 s, C in 3 s, 5 rad/s², B and C 1.5 s to clamp."""
+    made = plan(read_cell(cell))
+    speed = {"B": math.tau / 6, "C": math.tau / 3, "S": math.tau / 6}
+    at: dict[str, float] = {}
+    wanted = 0.0
+    for move in made.moves:
+        for name in move.target if move.kind == "index" else ():
+            way = abs(move.target[name] - at.get(name, move.target[name]))
+            at[name] = move.target[name]
+            if way:
+                long = way * 5 >= speed[name] ** 2
+                wanted += way / speed[name] + speed[name] / 5 if long else 2 * math.sqrt(way / 5)
+                wanted += 1.5 * (name != "S")
+    assert duration(made)["index and clamp"] == pytest.approx(wanted)
 
 
 def test_protected_moves_take_the_positioning_feed_of_the_post(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
