@@ -284,14 +284,10 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
         "probe": post.probe,
         "back": post.back,
     }
-    touches = iter(job.plan.touches)
-    touch = next(touches)
     to: dict[str, float] = {}
     yield from post.begin(job)
     yield from post.probe_on(job)
-    for move in job.plan.moves:
-        while touch.number != move.touch:
-            touch = next(touches)
+    for move, touch in job.plan.served:
         came = dict(to)
         to.update(move.target)
         leg = Leg(move.kind, move.target, dict(to), touch, came)

@@ -256,6 +256,13 @@ def inverse(chain: Chain, position: Array, tip_position: Array) -> Array:
     Nominal machine: for fixed rotary positions the tip is an affine function of the three linear axes.
     Raises numpy.linalg.LinAlgError when the linear axes are not independent.
     """
+    base, origin, jacobian = affine(chain, position)
+    base[:, list(chain.linear_columns)] = np.linalg.solve(jacobian, (tip_position - origin)[:, :, None])[:, :, 0]
+    return base
+
+
+def affine(chain: Chain, position: Array) -> tuple[Array, Array, Array]:
+    """(n, k) with rotary columns set → (n, k) with the linear ones 0, (n, 3) mm tip there, (n, 3, 3) its way per linear axis."""
     columns = list(chain.linear_columns)
     base = np.array(position, dtype=float)
     base[:, columns] = 0.0
@@ -265,8 +272,7 @@ def inverse(chain: Chain, position: Array, tip_position: Array) -> Array:
         moved = base.copy()
         moved[:, column] = 1.0
         jacobian[:, :, i] = tip(chain, moved) - origin
-    base[:, columns] = np.linalg.solve(jacobian, (tip_position - origin)[:, :, None])[:, :, 0]
-    return base
+    return base, origin, jacobian
 
 
 def spindle_axis(chain: Chain, position: Array) -> Array:

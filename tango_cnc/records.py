@@ -192,7 +192,7 @@ class Approach:
     feed: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Indexation:
     """Rotary and spindle positions (rad) at which the facets are touched in this order."""
 
@@ -304,7 +304,7 @@ class Plan:
     artefact: Artefact
     strategy: Strategy
     touches: Sequence[Touch]  # out of the planner: `plan.touches.Planned`
-    turns: tuple[Turn, ...]
+    turns: Sequence[Turn]  # out of the planner: `plan.turns.Turned`
     left_out: tuple[str, ...] = ()  # touches of the strategy that are not in the plan, in words
     doubtful: tuple[str, ...] = ()  # touches of the plan that a straight stylus can hardly make, in words
 
@@ -332,6 +332,16 @@ class Plan:
         last = self.touches[-1].number
         if turn is not None and turn.touch == last + 1:
             yield from self._turn(turn, at, last)
+
+    @property
+    def served(self) -> Iterator[tuple[Move, Touch]]:
+        """→ every motion in its order, with the touch that it serves."""
+        touches = iter(self.touches)
+        touch = next(touches)
+        for move in self.moves:
+            while touch.number != move.touch:
+                touch = next(touches)
+            yield move, touch
 
     def _turn(self, turn: Turn, at: tuple[float, ...] | None, touch: int) -> Iterator[Move]:
         turning = (*self.machine.rotary, "S")

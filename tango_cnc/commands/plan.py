@@ -222,19 +222,24 @@ def _dry(whole: Plan, most: int | None) -> Iterator[str]:
         yield from _moves(part)
 
 
-def _moves(plan: Plan) -> list[str]:
-    rows = []
+def _moves(plan: Plan) -> Iterator[str]:
+    linear = plan.machine.linear
+    number = max(len(str(move.touch)) for move in plan.moves)
+    kind = max(len(move.kind) for move in plan.moves)
     for move in plan.moves:
-        linear = plan.machine.linear
         target = " ".join(f"{n}{v if n in linear else math.degrees(v):.3f}" for n, v in move.target.items())
-        rows.append([str(move.touch), move.kind, target])
-    return table(rows, "><<").splitlines()
+        yield f"{move.touch:>{number}}  {move.kind:<{kind}}  {target}".rstrip()
 
 
 def _result(plan: Plan, post: str, folder: Path, written: Sequence[Written], doubts: tuple[str, ...]) -> dict[str, Any]:
     used = {}
     low, high = dict.fromkeys(plan.machine.names, math.inf), dict.fromkeys(plan.machine.names, -math.inf)
+    least, most = (tuple(sign * math.inf for _ in plan.machine.names) for sign in (1, -1))  # of the contacts
     kinds: Counter[str] = Counter()
+    facets = set()
+    for touch in plan.touches:
+        facets.add(touch.facet)
+        least, most = tuple(map(min, least, touch.contact)), tuple(map(max, most, touch.contact))
     for move in plan.moves:
         kinds[move.kind] += 1
         for letter, value in move.target.items():
@@ -246,7 +251,7 @@ def _result(plan: Plan, post: str, folder: Path, written: Sequence[Written], dou
             "to": round(unit(high[axis.name]), 6),
             "travel": None if axis.travel is None else [round(unit(v), 6) for v in axis.travel],
             "unit": "mm" if axis.kind == "linear" else "deg",
-            "contact": [round(unit(f(t.contact[i] for t in plan.touches)), 6) for f in (min, max)],
+            "contact": [round(unit(end[i]), 6) for end in (least, most)],
         }
     return {
         "format": "tango-plan/1",
@@ -267,7 +272,7 @@ def _result(plan: Plan, post: str, folder: Path, written: Sequence[Written], dou
         ],
         "touches": len(plan.touches),
         "indexations": len(plan.turns) - 1,
-        "facets": len({touch.facet for touch in plan.touches}),
+        "facets": len(facets),
         "left_out": list(plan.left_out),
         "doubtful": list(plan.doubtful),
         "moves": dict(kinds),

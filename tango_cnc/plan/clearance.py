@@ -9,6 +9,7 @@ Turning the spindle moves only the probe about its own axis and is done at the s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from .. import check, kinematics
 from ..check.travel import travel_text
 from ..records import Array, Axis, InputError, Machine, Touch, Turn
 from . import preload
+from .places import Rows, Scene
+from .turns import Turned
 
 MARGIN = 20.0  # mm between the tip and everything on the table when the probe is clear
 TRIES = 8  # a lift that also moves what it is lifted from is approached step by step
@@ -24,28 +27,27 @@ TRIES = 8  # a lift that also moves what it is lifted from is approached step by
 class Clearance:
     """One machine with what stands on its table; answers where the probe goes between indexations."""
 
-    def __init__(self, machine: Machine, chain: kinematics.Chain, solid: check.Solid, level: Array, station: Array) -> None:
-        """machine, its chain, bodies on the table, clear level (m,) mm of each indexation, rotary positions (m, k)."""
-        self._machine, self._chain, self._solid, self._level, self._station = machine, chain, solid, level, station
-        self._columns = list(chain.linear_columns)
-        self._swivels = any(machine.axis(name).kind == "rotary" for name in machine.tool_branch)
-        self._spindle = kinematics.spindle_axis(chain, station)
-        self._orients = bool(np.ptp(station[:, machine.column("S")]))  # a spindle that only ever stands one way is not turned
+    def __init__(self, scene: Scene, level: Array) -> None:
+        """machine with what is on its table, clear level (m,) mm of each indexation."""
+        self._machine, self._chain, self._solid = scene.machine, scene.chain, scene.solid
+        self._level, self._station, self._spindle = level, scene.station, scene.up
+        self._columns = list(self._chain.linear_columns)
+        self._swivels = any(self._machine.axis(name).kind == "rotary" for name in self._machine.tool_branch)
+        # A spindle that only ever stands one way is not turned.
+        self._orients = bool(np.ptp(self._station[:, self._machine.column("S")]))
 
-    def turns(self, touches: Sequence[Touch], name: Callable[[int], str]) -> tuple[Turn, ...]:
-        """touches, indexation → its name → a turn wherever rotary axes move, and the parting retract.
+    def turns(self, touches: Sequence[Touch], begins: Rows, name: Callable[[int], str]) -> Turned:
+        """touches, rows of those before which axes turn, indexation → its name → the turns, and the parting retract.
 
         Raises InputError when the travels leave no place to turn.
         """
-        found = []
-        previous: Touch | None = None
-        for touch in touches:
-            if previous is None or not np.array_equal(self._station[previous.indexation], self._station[touch.indexation]):
-                found.append(self._turn(previous, touch, name))
-            previous = touch
-        last = touches[-1]
-        place = self._place(np.array(last.over), last.indexation, self._up(last.indexation), name)
-        return (*found, Turn(last.number + 1, _tuple(place), _tuple(place)))
+        turns = (self._turn(touches[row - 1] if row else None, touches[row], name) for row in begins.tolist())
+        parting = (self._parting(last, name) for last in touches[-1:])  # its turn comes last, and so do its faults
+        return Turned(chain(turns, parting), len(begins) + 1, self._station.shape[1])
+
+    def _parting(self, last: Touch, name: Callable[[int], str]) -> Turn:
+        place = _tuple(self._place(np.array(last.over), last.indexation, self._up(last.indexation), name))
+        return Turn(last.number + 1, place, place)
 
     def _turn(self, previous: Touch | None, touch: Touch, name: Callable[[int], str]) -> Turn:
         start = previous or touch

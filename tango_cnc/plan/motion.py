@@ -23,17 +23,17 @@ def last_moves(plan: Plan) -> Array:
     """
     names = plan.machine.names
     axes = {axis.name: axis for axis in plan.machine.axes}
-    contact = {touch.number: dict(zip(names, touch.contact, strict=True)) for touch in plan.touches}
     at: dict[str, float] = {}
     last = dict.fromkeys(names, 0.0)
-    rows = []
-    for move in plan.moves:
+    found, row = np.empty((len(plan.touches), len(names))), 0
+    for move, touch in plan.served:
         for name, target in move.target.items():
-            goal = contact[move.touch][name] if move.kind == "probe" else target
+            goal = touch.contact[plan.machine.column(name)] if move.kind == "probe" else target
             change = turned(axes[name], goal - at.get(name, goal))
             if abs(change) > STEP:
                 last[name] = change
             at[name] = target
         if move.kind == "probe":
-            rows.append([last[name] for name in names])
-    return np.array(rows)
+            found[row] = [last[name] for name in names]
+            row += 1
+    return found[:row]

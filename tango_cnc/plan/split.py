@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import groupby
+from itertools import pairwise
+
+import numpy as np
 
 from ..records import InputError, Plan
-from .build import of_rows
+from .build import of_rows, planned
 
 
 def split(whole: Plan, most: int) -> tuple[Plan, ...]:
@@ -16,12 +18,13 @@ def split(whole: Plan, most: int) -> tuple[Plan, ...]:
     """
     if most < 1:
         raise InputError(f"split: found {most}; allowed: 1 touch a program or more")
-    parts: list[list[int]] = []
-    poses = (whole.strategy.indexations[touch.indexation].position for touch in whole.touches)
-    for _, found in groupby(enumerate(poses), key=lambda item: item[1]):
-        rows = [row for row, _ in found]
-        if parts and len(parts[-1]) + len(rows) <= most:
-            parts[-1] += rows
+    at = planned(whole).indexation
+    position = [indexation.position for indexation in whole.strategy.indexations]
+    changes = (row for row in (1 + np.flatnonzero(np.diff(at))).tolist() if position[at[row - 1]] != position[at[row]])
+    ends = [0]  # of the parts, the first of which begins at 0
+    for end in (*changes, len(at)):
+        if len(ends) > 1 and end - ends[-2] <= most:
+            ends[-1] = end
         else:
-            parts.append(rows)
-    return (whole,) if len(parts) == 1 else tuple(of_rows(whole, rows) for rows in parts)
+            ends.append(end)
+    return (whole,) if len(ends) == 2 else tuple(of_rows(whole, np.arange(*rows)) for rows in pairwise(ends))

@@ -1,43 +1,64 @@
-"""The touches of a plan as arrays: a hundred thousand of them are small, and each is the record that everything works with."""
+"""The touches of a plan: a hundred thousand of them are small, and each is the record that everything works with."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..records import Array, Id, Touch
+from .places import Rows, blocks
 
 PLACES = ("standoff", "contact", "end", "over", "enter", "leave")  # of a touch, in the order of `Planned.places`
+BLOCK = 256  # touches whose records are made at once
 
 
 class Planned(Sequence[Touch]):
-    """n touches held as arrays, some 300 bytes each; the record of one is made when it is asked for. Nobody changes the arrays."""
+    """n touches, some tens of bytes each; the records of a block of them are made when one is asked for. Nobody changes them."""
 
-    __slots__ = ("facet", "indexation", "number", "places")
+    __slots__ = ("_block", "facet", "indexation", "names", "number", "places")
 
-    def __init__(self, number: NDArray[np.int64], facet: Sequence[Id], indexation: NDArray[np.int64], places: Array) -> None:
-        """(n,) numbers, n facets, (n,) indexations from 0, (n, 6, k) mm rad: PLACES → touches."""
-        self.number, self.facet, self.indexation, self.places = number, tuple(facet), indexation, places
+    def __init__(self, number: Rows, facet: Rows, names: tuple[Id, ...], indexation: Rows, places: Callable[[Rows], Array]) -> None:
+        """(n,) numbers, (n,) facets as rows of their names, (n,) indexations from 0, (m,) rows → (m, 6, k) mm rad: PLACES."""
+        self.number, self.facet, self.names, self.indexation, self.places = number, facet, names, indexation, places
+        for column in (number, facet, indexation):
+            column.flags.writeable = False
+        self._block: tuple[int, tuple[Touch, ...]] = (-1, ())
 
-    def rows(self, rows: NDArray[np.int64]) -> Planned:
+    def rows(self, rows: Rows) -> Planned:
         """(m,) → the touches of those rows."""
-        return Planned(self.number[rows], [self.facet[row] for row in rows], self.indexation[rows], self.places[rows])
+        return Planned(self.number[rows], self.facet[rows], self.names, self.indexation[rows], lambda some: self.places(rows[some]))
+
+    def _records(self, block: int) -> tuple[Touch, ...]:
+        """number of a block, from 0 → its records; those asked for last are kept."""
+        kept, records = self._block
+        if kept != block:
+            rows = np.arange(block * BLOCK, min((block + 1) * BLOCK, len(self)))
+            names, places = self.names, self.places(rows).tolist()
+            columns = zip(
+                self.number[rows].tolist(), self.facet[rows].tolist(), self.indexation[rows].tolist(), places, strict=True
+            )
+            records = tuple(Touch(number, names[facet], at, *map(tuple, six)) for number, facet, at, six in columns)
+            self._block = block, records
+        return records
 
     def __len__(self) -> int:
         return len(self.number)
+
+    def __iter__(self) -> Iterator[Touch]:
+        for block, _ in enumerate(blocks(len(self), BLOCK)):
+            yield from self._records(block)
 
     @overload
     def __getitem__(self, row: int) -> Touch: ...
     @overload
     def __getitem__(self, row: slice) -> Planned: ...
     def __getitem__(self, row: int | slice) -> Touch | Planned:
-        if isinstance(row, slice):
-            return self.rows(np.arange(len(self))[row])
-        places = map(tuple, self.places[row].tolist())
-        return Touch(int(self.number[row]), self.facet[row], int(self.indexation[row]), *places)
+        found = range(len(self))[row]
+        if isinstance(found, range):
+            return self.rows(np.array(found, dtype=np.int64))
+        return self._records(found // BLOCK)[found % BLOCK]
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Sequence) or len(self) != len(other):
@@ -45,7 +66,7 @@ class Planned(Sequence[Touch]):
         return all(mine == theirs for mine, theirs in zip(self, other, strict=True))
 
     def __hash__(self) -> int:
-        return hash((len(self), self.facet))
+        return hash((len(self), *(self.names[facet] for facet in self.facet[:BLOCK])))
 
     def __repr__(self) -> str:
         return f"Planned({len(self)})"
