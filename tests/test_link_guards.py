@@ -11,7 +11,7 @@ from test_link_session import Run, after_the_program, printed
 from sim_controller.motion import Motion
 from sim_controller.protocols.modbus import STATUS, Registers
 from tango_cnc.link import _measure, dnc
-from tango_cnc.link._client import Begun, Failed, Identified, Touched
+from tango_cnc.link._client import Begun, Identified, Touched
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link._trust import Distrust, Gate, judge
 from tango_cnc.records import LinkError
@@ -153,25 +153,25 @@ def test_a_run_is_not_resumed_at_another_control_before_somebody_has_said_so(tmp
     assert "the control says" not in again.error
 
 
-def test_a_computer_that_stood_still_asks_for_no_further_motion(monkeypatch):
-    from tango_cnc.link.modbus import Client
+@pytest.mark.parametrize("drives", [True, False])
+def test_a_computer_that_stood_still_asks_for_no_further_motion_and_reads_what_was_printed_meanwhile(tmp_path, monkeypatch, drives):
+    """Ten minutes pass between two looks: the control is not to blame for that silence."""
+    monkeypatch.setattr(dnc.Client, "drives", drives, raising=False)
 
-    client = Client(job(), {})
-    assert client.bytes_to_send(1000)
-    assert client.elapsed(9.0) == []
-    said = client.elapsed(11.0)
-    assert isinstance(said[0], Failed)
-    assert "this computer stood still for 11 s" in said[0].why
-    assert client.bytes_to_send(1000) == b""
+    class Suspended(Run):
+        def answer(self, written):
+            answer = after_the_program(printed(*RECORDS))(written)
+            if answer and not self.slept:
+                self.slept, self.clock.seconds = True, self.clock.seconds + 600.0
+            return answer
 
+        def __init__(self):
+            self.slept = False
+            super().__init__(tmp_path, self.answer)
 
-def test_what_a_control_printed_while_the_computer_stood_still_is_still_read():
-    client = dnc.Client(job(), {})
-    while client.bytes_to_send(1000):
-        pass
-    client.receive(f"TANGO START {MARK} 3\n".encode())
-    assert client.elapsed(3600.0) == []
-    assert isinstance(client.receive(RECORDS[0].encode() + b"\n")[0], Touched)
+    run = Suspended()
+    assert ("this computer stood still for 600 s" in run.error) == drives
+    assert len(run.kinds("reading")) == 3
 
 
 def test_a_program_that_the_control_has_already_is_not_sent(tmp_path):

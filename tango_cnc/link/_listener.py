@@ -5,8 +5,6 @@ from __future__ import annotations
 from ._client import Ended, Event, Failed, Job, Refused, Touched
 from ._words import SUM, summed
 
-LOOK = 5.0  # s; more between two looks is this computer's own silence (suspended, stopped with Ctrl-Z), not the control's
-
 
 class Listener:
     """How far the program is, by the records that have come."""
@@ -36,7 +34,7 @@ class Listener:
         """s since the last call → s of silence that were allowed and are over; None while they are not, and behind the end."""
         if self._over:
             return None
-        self._silence += min(seconds, LOOK)
+        self._silence += seconds
         allowed = self._job.patience[self._position] if self._begun else self._job.start_patience
         return allowed if self._silence > allowed else None
 

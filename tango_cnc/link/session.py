@@ -20,6 +20,7 @@ from .transport import Lost, Transport
 POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the control are noticed this soon
 BLOCKED = 0.01  # s between attempts while the line takes no bytes
 BANNER = re.compile(rb"\bGrbl\w* ", re.IGNORECASE)
+STOOD_STILL = 10.0  # s between two looks; nothing that is done between them takes as long, however bad line and disk are
 REFUSALS = 10  # records in a row that are not believed
 
 
@@ -175,9 +176,21 @@ class Session:
             elif lost:
                 cut = [event for event in self._client.closed() if not isinstance(event, Failed)]
                 self._handle([*cut, Failed(str(lost))])
-            self._handle(self._client.elapsed(moment - last))
+            self._passed(moment - last)
             last = moment
             self._tell()
+
+    def _passed(self, seconds: float) -> None:
+        """s between two looks → what the waiting means. Raises LinkError where this computer has not looked for too long to go on.
+
+        Of a control that runs its program alone everything can still be read that it said meanwhile: that was not its silence.
+        """
+        if seconds > STOOD_STILL and getattr(self._client, "drives", False):
+            raise LinkError(
+                f"this computer stood still for {seconds:.0f} s (suspended, or stopped with Ctrl-Z): nobody knows what happened at "
+                "the machine meanwhile"
+            )
+        self._handle(self._client.elapsed(min(seconds, STOOD_STILL)))
 
     def _stopping(self) -> None:
         """Raises LinkError when the user wants an end and the client cannot draw the probe clear first, or is not to."""
