@@ -255,6 +255,8 @@ def mark_of(text: str) -> str:
 
 def _lines(post: Post, job: Job) -> Iterator[str]:
     for line in post.finish(_own_errors(post, _steps(post, job))):
+        if not isinstance(line, str):
+            raise InputError(f"post {post.title}: a step gave {line!r}; allowed: lines of text; correct the post")
         if not line.isascii() or not (line.isprintable() or not line):
             raise InputError(f"post {post.title}: the line {line!r} has characters that no control reads; correct the post")
         yield line
@@ -269,7 +271,10 @@ def _own_errors(post: Post, lines: Iterator[str]) -> Iterator[str]:
     except Exception as error:
         code = getattr(post.end, "__code__", None)
         here = code.co_filename if code is not None and Path(code.co_filename).parent != FOLDER else None
-        at = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == here]
+        frames = traceback.extract_tb(error.__traceback__)
+        at = [frame for frame in frames if frame.filename == here]
+        if not at and here is not None and isinstance(error, TypeError) and frames[-1].filename == __file__:
+            raise InputError(f"post {here}: {error}; a step is a function of job, or of job and leg, that yields lines") from error
         if not at:
             raise
         raise InputError(f"post {here}:{at[-1].lineno}: {type(error).__name__}: {error}") from error
@@ -285,17 +290,24 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
         "back": post.back,
     }
     to: dict[str, float] = {}
-    yield from post.begin(job)
-    yield from post.probe_on(job)
+    yield from _said(post.begin(job))
+    yield from _said(post.probe_on(job))
     for move, touch in job.plan.served:
         came = dict(to)
         to.update(move.target)
         leg = Leg(move.kind, move.target, dict(to), touch, came)
-        yield from steps[move.kind](job, leg)
+        yield from _said(steps[move.kind](job, leg))
         if move.kind == "back":
-            yield from post.record(job, leg)
-    yield from post.probe_off(job)
-    yield from post.end(job)
+            yield from _said(post.record(job, leg))
+    yield from _said(post.probe_off(job))
+    yield from _said(post.end(job))
+
+
+def _said(lines: Iterable[str]) -> Iterator[str]:
+    """What a step gives, checked: one text would be taken for a line a letter."""
+    if isinstance(lines, str):
+        raise TypeError(f"a step gave the text {lines!r}")
+    return iter(lines)
 
 
 def number(value: float, decimals: int = 4) -> str:

@@ -7,7 +7,7 @@ positioning feed of the dialect. Without it the moves are taken to be rapid.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from .records import Axis, Move, Plan
 
@@ -37,18 +37,18 @@ def _axis_time(axis: Axis, distance: float) -> float:
     return trapezoid(distance, speed, acceleration * (1000 if axis.kind == "linear" else 1))
 
 
-def of_moves(plan: Plan, feed: float | None = None) -> list[float]:
-    """plan, mm/min of protected moves → s for each of its moves; a measuring move ends at the nominal contact."""
+def of_moves(plan: Plan, feed: float | None = None) -> Iterator[float]:
+    """plan, mm/min of protected moves → s for each of its moves, one at a time; a measuring move ends at the nominal contact."""
     axes = {axis.name: axis for axis in plan.machine.axes}
-    contacts = {touch.number: dict(zip(plan.machine.names, touch.contact, strict=True)) for touch in plan.touches}
     at: dict[str, float] = {}
-    times = []
     search = plan.strategy.approach.standoff / (plan.strategy.approach.feed / 60)
-    for move in plan.moves:
-        time = _move_time(axes, at, move, search, feed)
-        at |= {name: contacts[move.touch][name] for name in move.target} if move.kind == "probe" else move.target
-        times.append(time)
-    return times
+    for move, touch in plan.served:
+        yield _move_time(axes, at, move, search, feed)
+        if move.kind == "probe":
+            contact = dict(zip(plan.machine.names, touch.contact, strict=True))
+            at |= {name: contact[name] for name in move.target}
+        else:
+            at |= move.target
 
 
 def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, search: float, feed: float | None) -> float:

@@ -82,3 +82,25 @@ def test_a_mistake_in_it_is_told_with_its_line_and_nothing_is_written(cell: Path
     assert call("plan", "-C", cell, "--post", cell / "acme.py") == 2
     assert f"acme.py:{line}: KeyError: 'rest'" in capsys.readouterr().err
     assert not (cell / "program").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "def back(job, leg):",
+            "def back(job):",
+            r"acme.py: back\(\) takes 1 positional argument but 2 were given; a step is a function of job",
+        ),
+        ('    yield f"G53 G1', '    return f"G53 G1', "acme.py: a step gave the text 'G53 G1 "),
+        ('    yield f"G53 G1', '    word = f"G53 G1', "acme.py: 'NoneType' object is not iterable; a step is a function of job"),
+        ('    yield "M30"', "    yield 30", "post ACME 3000: a step gave 30; allowed: lines of text"),
+    ],
+)
+def test_a_step_that_is_none_is_told_so(cell: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str) -> None:
+    text = (cell / "acme.py").read_text()
+    assert old in text
+    (cell / "acme.py").write_text(text.replace(old, new, 1))
+    assert call("plan", "-C", cell, "--post", cell / "acme.py") == 2
+    assert re.search(words, capsys.readouterr().err)
+    assert not (cell / "program").exists()
