@@ -31,6 +31,7 @@ from tango_cnc.link._measure import Program, Wanted, measure
 from tango_cnc.plan import plan
 
 LIMIT = 50.0  # ms a touch
+NEAR = 0.01  # mm between the end of a measuring move as planned and as sent
 EXAMPLE = Path(__file__).parents[1] / "examples" / "hu40t"
 
 
@@ -40,7 +41,8 @@ class Still:
     def __init__(self, cell, made) -> None:
         self.machine, self.deflected, self.time = cell.machine, False, 0.0
         self.position = home(cell.machine)
-        self._contacts = {np.round(touch.end[:3], 3).tobytes(): np.array(touch.contact) for touch in made.touches}
+        self._ends = np.array([touch.end[:3] for touch in made.touches])
+        self._contacts = np.array([touch.contact[:3] for touch in made.touches])
 
     def rapid(self, target, **_) -> None:
         for name, value in target.items():
@@ -54,10 +56,11 @@ class Still:
 
     def skip(self, target, feed) -> Skip:
         self.rapid(target)
-        contact = self._contacts.get(np.round(self.position[:3], 3).tobytes())
-        if contact is not None:
-            self.position[:3] = contact[:3]
-        return Skip(contact is not None, self.position.copy())
+        away = np.abs(self._ends - self.position[:3]).max(axis=1)
+        hit = bool(away.min() < NEAR)
+        if hit:
+            self.position[:3] = self._contacts[away.argmin()]
+        return Skip(hit, self.position.copy())
 
 
 def tape(connection: socket.socket, made) -> None:

@@ -22,7 +22,7 @@ from ._common import PROBE_SWITCHES, approaching, fits, indexed, steps, switches
 RESET = "G17 G21 G40 G49 G80 G90 G94"
 OFF = 1.5  # mm off a facet, before which no search can begin
 SMALL = 0.005  # mm: less is no word
-ROOM = {"grblHAL": 255, "FluidNC": 254, "grbl": 79}  # characters of a line, comments apart
+ROOM = {"grblHAL": 255, "FluidNC": 127, "grbl": 79}  # characters of a line, comments apart
 
 OPTIONS = (
     Option("control", "grblHAL", "what the control runs; grbl 1.1 has X Y Z only", choices=("grblHAL", "FluidNC", "grbl")),
