@@ -21,7 +21,7 @@ from ._base import Job, Leg, Option, Post, degrees, early_distance, named, numbe
 VARIABLE = re.compile(r"V\.A\.[A-Z]{2,12}")
 STATE = re.compile(r"(V\.[A-Z0-9.]{2,20})?")
 FILE = re.compile(r"[A-Z]:(\\[A-Z0-9_-]{1,20}){1,5}\.[A-Z]{3}")
-ARRIVED = 0.01  # deg
+ARRIVED = 0.000087  # sine of half of 0.01 deg: the names of rounding functions differ between the controls
 CHANGED = 0.001  # mm
 LAG = 1.0  # mm that the axes may have run on between the contact and their stop
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
@@ -115,8 +115,8 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             there = common.angle(job, name, leg.target[name])
             yield from common.unclamped(job, name, f"#MCS G0 {name}{there}")
             yield f"{SHORT}=ABS[{there}-{_machine(job, name)}]"
-            yield f"{SHORT}=ABS[{SHORT}-360.*FIX[{SHORT}/360.+0.5]]"
-            yield from _stop_if(f"{SHORT}>{number(ARRIVED)}", "ROTARY AXIS NOT IN PLACE")
+            yield f"{SHORT}=ABS[SIN[{SHORT}/2.]]"
+            yield from _stop_if(f"{SHORT}>{number(ARRIVED, 6)}", "ROTARY AXIS NOT IN PLACE")
 
 
 retract = clear = move
