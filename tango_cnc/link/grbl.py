@@ -253,7 +253,7 @@ class Client(Control):
         self._pressed, self._at = flag == 1, place
         if flag == 0:  # what a miss shows is the contact before on some controls: where it stands counts
             yield from self._where()
-            away = max(abs(self._at[name] - touch.end[machine.column(name)]) for name in machine.linear)
+            away = max(abs(self._at[name] - self._goal[name]) for name in machine.linear)
             if away > CLOSE:
                 raise Stop(f"touch {touch.number} met nothing and ends at {_shown(self._at)}, {away:.3f} mm from where it was sent")
         named = {name: self._at[name] for name in (*machine.linear, *machine.rotary)}
