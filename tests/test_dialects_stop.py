@@ -19,7 +19,10 @@ from tango_cnc.link._trust import Gate, judge
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import Plan, World
 
-every_dialect = pytest.mark.parametrize("name", sorted(EVERY))
+AS_FANUC = ("brother", "mazak", "mitsubishi")  # the same text but for names and one word
+every_dialect = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long if name in AS_FANUC else ()) for name in sorted(EVERY)]
+)
 
 
 @pytest.fixture(scope="module")
