@@ -9,11 +9,13 @@ from linkparts import MARK, FakeClock, job, machine, plan
 from test_link_session import Run, after_the_program, printed
 
 from sim_controller.motion import Motion
-from sim_controller.protocols.modbus import STATUS, Registers
+from sim_controller.protocols.modbus import POINT, RECORD, RUN, STATUS, TAKEN, Registers
 from tango_cnc.link import _measure, dnc
 from tango_cnc.link._client import Begun, Identified, Touched
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link._trust import Distrust, Gate, judge
+from tango_cnc.link.modbus import Client
+from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import LinkError
 
 FIRST = plan().touches[0]
@@ -114,6 +116,140 @@ def test_a_door_that_opens_when_a_move_has_been_acknowledged_is_seen_before_the_
     said, _, commands = stopped(tmp_path, monkeypatch, BLOCK, 30, opened_door)
     assert "its door is open" in said
     assert commands == []
+
+
+def deaf(device):
+    """A register that keeps another value than was written."""
+    write = device.write
+    device.write = lambda address, values: write(address, [*values[:4], values[4] ^ 1, *values[5:]] if address == 40 else values)
+    return True
+
+
+def beside(device):
+    """Axes that end up a millimetre from where they were sent."""
+    target = device._target
+    device._target = lambda: {name: value + (name == "X") for name, value in target().items()}
+    return True
+
+
+def absent_minded(device):
+    """A control that speaks of another touch than the one that was made."""
+    perform = device._perform
+
+    def performed(command):
+        found = perform(command)
+        device.words[POINT] = 99
+        return found
+
+    device._perform = performed
+    return True
+
+
+@pytest.mark.parametrize(
+    ("does", "why", "given"),
+    [
+        (deaf, "what is written as target does not stand in the registers afterwards", [2]),
+        (beside, "X stands at", [2]),
+        (absent_minded, "the control speaks of touch 99 where touch", None),
+    ],
+)
+def test_what_a_control_made_of_a_target_is_compared(tmp_path, monkeypatch, does, why, given):
+    """The third target is still written rightly, and its move made: the first wrong thing is the last."""
+    said, _, commands = stopped(tmp_path, monkeypatch, TARGET, 3, does)
+    assert why in said
+    assert given is None or commands == given
+
+
+MARKED = [0, int(MARK[:4], 16), int(MARK[4:], 16)]
+
+
+def played(options, started, words, keeps=()):
+    """options of the client, what the RUN command and each look do to the registers → its events, its requests"""
+    client, events, requests = Client(job(), options), [], []
+    for _ in range(30):
+        request = client.bytes_to_send(1000).decode().split()
+        if not request:
+            break
+        requests.append(request[0])
+        code, address, *values = map(int, request)
+        if code == 16:
+            words[address : address + len(values)] = [
+                words[address + i] if address + i in keeps else v for i, v in enumerate(values)
+            ]
+            answer = [16, address, len(values)]
+        else:
+            started(words, len(requests))
+            answer = [3, *words[address : address + values[0]]]
+        events += client.receive((" ".join(map(str, answer)) + "\n").encode())
+    return events, requests
+
+
+def resting(**changed):
+    words = list(Registers(Motion(scene()[2])).words)
+    for name, value in changed.items():
+        words[{"sequence": 1, "acknowledged": 2, "record": RECORD}[name]] = value
+    return words
+
+
+PROGRAM = {"run": "program"}
+
+
+def test_nothing_is_asked_for_while_a_command_of_before_is_open():
+    _, requests = played({}, lambda words, n: None, resting(sequence=7, acknowledged=6))
+    assert set(requests) == {"3"}
+
+
+def test_a_record_that_was_skipped_ends_the_run():
+    def started(words, n):
+        words[RECORD] = 2 if words[0] == RUN else 0
+
+    events, _ = played(PROGRAM, started, resting())
+    assert "record 2 came where record 1 was due" in events[-1].why
+
+
+def test_a_record_of_the_run_before_is_none_of_this_one():
+    def started(words, n):
+        if words[0] == RUN and n > 10:
+            words[RECORD] = 0
+        if words[0] == RUN and n > 12:
+            words[34:37], words[9], words[4], words[RECORD] = MARKED, 3, 0, 1
+
+    events, _ = played(PROGRAM, started, resting(record=5))
+    assert [type(event).__name__ for event in events] == ["Identified", "Begun"]
+
+
+def test_what_is_taken_has_to_stand_in_the_registers():
+    words = resting()
+    words[TAKEN] = 9
+    events, _ = played(PROGRAM, lambda words, n: None, words, keeps=(TAKEN,))
+    assert "what is written as taken does not stand" in events[-1].why
+
+
+def test_a_start_mark_with_another_number_of_touches_is_of_another_program():
+    assert "the control runs another program" in dnc.Client(job(), {}).receive(f"TANGO START {MARK} 4\n".encode())[0].why
+
+
+def test_a_repeated_touch_that_meets_nothing_is_no_facet_that_stayed(tmp_path):
+    Run(tmp_path, after_the_program(printed(*RECORDS[:1], end="")))
+    missed = RECORDS[0].replace("H1 X20", "H0 X25")
+    run = Run(tmp_path, after_the_program(printed(missed, *RECORDS[1:])), resume=True, this_job=job(again=1))
+    assert "touch 1 was repeated and is miss" in run.error
+    assert [entry["touch"] for entry in run.kinds("reading")] == [1]
+
+
+def test_ten_records_in_a_row_end_a_run_and_nine_twice_do_not(tmp_path):
+    bad = ["P9 H1 X1.0000"] * 9
+    assert Run(tmp_path, after_the_program(printed(*bad, RECORDS[0], *bad, *RECORDS[1:]))).error == ""
+
+
+def test_lines_behind_the_nuls_of_a_file_wait_for_what_the_nuls_stand_for(tmp_path):
+    file = tmp_path / "records.txt"
+    file.write_bytes(b"")
+    port = open_port(parse(file.as_uri(), {"from": ("now", "last")}))
+    file.write_bytes(b"P1 H1 X1\n" + b"\0" * 8 + b"\nP3 H1 X3\n")
+    assert port.read(0) == b"P1 H1 X1\n"
+    file.write_bytes(b"P1 H1 X1\nP2 H1 X2\nP3 H1 X3\n")
+    assert port.read(0) == b"P2 H1 X2\nP3 H1 X3\n"
 
 
 def contact(flag, **changed):
