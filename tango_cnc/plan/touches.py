@@ -11,11 +11,11 @@ from ..records import Array, Id, Touch
 from .places import Rows, blocks
 
 PLACES = ("standoff", "contact", "end", "over", "enter", "leave")  # of a touch, in the order of `Planned.places`
-BLOCK = 256  # touches whose records are made at once
+BLOCK = 2048  # touches whose places are worked out at once
 
 
 class Planned(Sequence[Touch]):
-    """n touches, some tens of bytes each; the records of a block of them are made when one is asked for. Nobody changes them."""
+    """n touches, some tens of bytes each; the places of a block of them are worked out when one is asked for."""
 
     __slots__ = ("_block", "facet", "indexation", "names", "number", "places")
 
@@ -24,31 +24,31 @@ class Planned(Sequence[Touch]):
         self.number, self.facet, self.names, self.indexation, self.places = number, facet, names, indexation, places
         for column in (number, facet, indexation):
             column.flags.writeable = False
-        self._block: tuple[int, tuple[Touch, ...]] = (-1, ())
+        self._block: tuple[int, Array] = (-1, np.empty(0))
 
     def rows(self, rows: Rows) -> Planned:
         """(m,) → the touches of those rows."""
         return Planned(self.number[rows], self.facet[rows], self.names, self.indexation[rows], lambda some: self.places(rows[some]))
 
-    def _records(self, block: int) -> tuple[Touch, ...]:
-        """number of a block, from 0 → its records; those asked for last are kept."""
-        kept, records = self._block
+    def _worked_out(self, block: int) -> Array:
+        """number of a block, from 0 → the places of its touches; those asked for last are kept."""
+        kept, places = self._block
         if kept != block:
-            rows = np.arange(block * BLOCK, min((block + 1) * BLOCK, len(self)))
-            names, places = self.names, self.places(rows).tolist()
-            columns = zip(
-                self.number[rows].tolist(), self.facet[rows].tolist(), self.indexation[rows].tolist(), places, strict=True
-            )
-            records = tuple(Touch(number, names[facet], at, *map(tuple, six)) for number, facet, at, six in columns)
-            self._block = block, records
-        return records
+            places = self.places(np.arange(block * BLOCK, min((block + 1) * BLOCK, len(self))))
+            self._block = block, places
+        return places
+
+    def _record(self, row: int, places: Array) -> Touch:
+        name = self.names[self.facet[row]]
+        return Touch(int(self.number[row]), name, int(self.indexation[row]), *map(tuple, places.tolist()))
 
     def __len__(self) -> int:
         return len(self.number)
 
     def __iter__(self) -> Iterator[Touch]:
-        for block, _ in enumerate(blocks(len(self), BLOCK)):
-            yield from self._records(block)
+        for block, rows in enumerate(blocks(len(self), BLOCK)):
+            places = self._worked_out(block)
+            yield from map(self._record, range(rows.start, rows.stop), places)
 
     @overload
     def __getitem__(self, row: int) -> Touch: ...
@@ -58,7 +58,7 @@ class Planned(Sequence[Touch]):
         found = range(len(self))[row]
         if isinstance(found, range):
             return self.rows(np.array(found, dtype=np.int64))
-        return self._records(found // BLOCK)[found % BLOCK]
+        return self._record(found, self._worked_out(found // BLOCK)[found % BLOCK])
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Sequence) or len(self) != len(other):
