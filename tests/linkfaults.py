@@ -180,14 +180,29 @@ class Cable:
     LATENCY = 0.005  # s from a line to its answer beyond what the motion takes
 
     def __init__(
-        self, control: grbl.Control, into: Input, clock: FakeClock, there: Disturbance, back: Disturbance, cut: int | None
+        self,
+        control: grbl.Control,
+        into: Input,
+        ledger: Ledger,
+        clock: FakeClock,
+        there: Disturbance,
+        back: Disturbance,
+        cut: int | None,
     ):
-        self.control, self.clock, self._cut = control, clock, cut
+        self.control, self.clock, self._ledger, self._cut = control, clock, ledger, cut
         self._into, self._there, self._back = into, there, back
         self._answers: list[tuple[float, bytes]] = []
         self._free = clock.seconds  # when the control has executed what it has
 
     def write(self, data: bytes) -> int:
+        """A line asked for before an alarm is not asked for in it, when a fault cuts it in two and its beginning raises one."""
+        could, before = self.control.state == "Idle", len(self._ledger.unsafe)
+        self._taken(data)
+        if could:
+            self._ledger.unsafe[before:] = [event for event in self._ledger.unsafe[before:] if "in alarm" not in event]
+        return len(data)
+
+    def _taken(self, data: bytes) -> None:
         for _, piece in self._there(data):
             for byte in piece:
                 taken = self._into.take(byte)
@@ -198,7 +213,6 @@ class Cable:
                     answer = self.control.line(taken)
                     self._free = began + self.control.motion.time - at + self.LATENCY
                     self._say(answer, self._free)
-        return len(data)
 
     def _say(self, lines: list[str], moment: float) -> None:
         for late, piece in self._back("".join(f"{line}\r\n" for line in lines).encode()):
@@ -461,7 +475,7 @@ def cable_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tup
             state["control"] = grbl.switched_on(Motion(truth, ledger.note), ledger.note)
         cut = chance.choice([None, None, None, None, chance.randrange(1, 60000)])
         there, back = (Disturbance(part, chance.randrange(1 << 30)) for part in rates)
-        return Cable(state["control"], state["into"], clock, there, back, cut)
+        return Cable(state["control"], state["into"], ledger, clock, there, back, cut)
 
     monkeypatch.setattr(_measure, "open_port", opened)
     return ledger, _until_all_is_measured("grbl+serial:///dev/ttyACM0", "dnc", folder, turning=False)

@@ -46,7 +46,7 @@ def control(kind, ledger, clock, faults, text, turns):
     """→ a line to a control whose machine has these faults"""
     still, motion = Disturbance({}, 0), Motion(scene(kind != "grbl")[2], ledger.note, faults=faults)
     if kind == "grbl":
-        return Cable(grbl.switched_on(motion, ledger.note), Input(True), clock, still, still, None)
+        return Cable(grbl.switched_on(motion, ledger.note), Input(True), ledger, clock, still, still, None)
     if kind == "dnc":
         return Parity(Tape(ledger, clock, faults, still, still, None), False)
     more = {"program": lambda motion, punch: resident(text, motion, punch), "waited": turns.waited} if turns else {}

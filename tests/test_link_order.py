@@ -42,7 +42,9 @@ def controls(kind, ledger, clock, text):
     """→ a control without faults on its line, and which of the bytes sent to it ask for motion"""
     still, motion = Disturbance({}, 0), Motion(scene(kind != "grbl")[2], ledger.note)
     if kind == "grbl":
-        return Cable(grbl.switched_on(motion, ledger.note), Input(True), clock, still, still, None), lambda data: data[:1] in b"GM"
+        return Cable(grbl.switched_on(motion, ledger.note), Input(True), ledger, clock, still, still, None), lambda data: data[
+            :1
+        ] in b"GM"
     if kind == "dnc":
         return Parity(Tape(ledger, clock, Faults(), still, still, None), False), bool
     turns = Turns() if kind == "modbus, program" else None
