@@ -271,7 +271,7 @@ def _approach(fields: Mapping[str, Node]) -> Approach:
     for key, (least, why) in LEAST.items():
         if values[key] < least:
             raise fields[key].wrong(f"a finite number at least {least:g}: {why}")
-    single = Approach(**values)
+    single = Approach(values["standoff"], values["search"], values["feed"])
     return replace(single, find=_find(fields["find"].fields(["feed", "retreat"]), single)) if "find" in fields else single
 
 

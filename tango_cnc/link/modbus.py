@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping
 
-from ..records import InputError, Move, Touch
+from ..records import InputError, Move
 from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
 from ._dialogue import Stop, low
 from ._layout import RESIDENT, RUN, read_layout
