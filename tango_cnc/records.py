@@ -295,11 +295,7 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """One motion: the axes that move and where to (mm, rad); `touch` is the number it serves; `probe` is the measuring move.
-
-    Of a double touch `find` is a measuring move whose contact nobody records, `off` goes back from it as `back` does, and `near`
-    is protected as a retract is.
-    """
+    """One motion: the axes that move and where to (mm, rad); `touch` is the number it serves; `probe` is the measuring move."""
 
     kind: MoveKind
     target: Mapping[str, float]
@@ -327,6 +323,7 @@ class Plan:
         turns = iter(self.turns)
         turn = next(turns, None)
         at: tuple[float, ...] | None = None
+        found = 3 if self.strategy.approach.find else 0  # moves of a double touch more
         for touch in self.touches:
             if turn is not None and turn.touch == touch.number:
                 yield from self._turn(turn, at, touch.number)
@@ -335,7 +332,7 @@ class Plan:
             for kind, target in (
                 ("clear", touch.enter or touch.over),
                 ("approach", touch.standoff),
-                *self._found(touch),
+                *(("find", touch.end), ("off", touch.standoff), ("near", self.near(touch)))[:found],
                 ("probe", touch.end),
                 ("back", touch.standoff),
                 ("retract", touch.leave or touch.over),
@@ -352,11 +349,6 @@ class Plan:
         approach = self.strategy.approach
         part = approach.find.retreat / approach.standoff if approach.find else 1.0
         return tuple(c + part * (s - c) for s, c in zip(touch.standoff, touch.contact, strict=True)) if part < 1 else touch.standoff
-
-    def _found(self, touch: Touch) -> tuple[tuple[str, tuple[float, ...]], ...]:
-        if self.strategy.approach.find is None:
-            return ()
-        return ("find", touch.end), ("off", touch.standoff), ("near", self.near(touch))
 
     @property
     def served(self) -> Iterator[tuple[Move, Touch]]:

@@ -235,12 +235,11 @@ def test_a_post_that_does_not_know_of_it_measures_twice_and_records_once(golden:
 # Time
 
 
-def test_the_predicted_time_is_that_of_the_simulated_control() -> None:
+def test_the_predicted_time_is_that_of_the_simulated_control(cell: Cell, world: World) -> None:
     """Of both, and what is told to be saved: the control checks that it is in position after every move, which is not predicted."""
     spoken, spent, told = language("macro_b"), [], []
-    cell = read_cell(GOLDEN)
     for made in (plan(cell), plan(twice(cell))):
-        motion = Motion(rig(made.machine, made.artefact, World()))
+        motion = Motion(rig(made.machine, made.artefact, world))
         profile = replace(spoken.default_profile(made.machine), g54=OFFSETS)
         spoken.Control(motion, profile, lambda data: None, lambda event, **data: None, ()).run(
             lines_of(load("fanuc"), made)[1:-1], False
