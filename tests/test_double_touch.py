@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import random
 import re
 import shutil
 from collections.abc import Iterator
@@ -12,20 +14,26 @@ from typing import Any
 import numpy as np
 import pytest
 from controls import GOLDEN
+from linkfaults import Bus, scene
+from linkparts import FakeClock
 from test_dialects import DRIVEN, EVERY, EXAMPLE, OFFSETS, PRINTED, measured, s3
 from test_dialects_stop import ran
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
 
 from postprocessors._base import Job, Leg, Post, _steps, load, program, settings
+from sim_controller.interpreters.grbl import switched_on
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
+from sim_controller.protocols.modbus import Registers
 from sim_controller.session import language
 from sim_controller.simulate import simulate
 from tango_cnc.duration import duration, saved
 from tango_cnc.envelope import check
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.write import strategy_text
+from tango_cnc.link._client import Failed
+from tango_cnc.link._client import Job as LinkJob
 from tango_cnc.plan import last_motion, last_moves, plan, plan_hash
 from tango_cnc.records import Cell, Find, InputError, Plan, World
 
@@ -332,3 +340,39 @@ def test_a_whole_run(folder: Path, name: str) -> None:
 def test_the_driver_of_grbl_takes_no_reading_from_finding(golden: Plan) -> None:
     assert "grbl" in DRIVEN
     assert ran(golden, "grbl", World(facets={"4": -8.0}))[0] == ["ok"] * 5 + ["miss"]
+
+
+@pytest.mark.parametrize("protocol", ["modbus", "grbl"])
+@pytest.mark.parametrize("kind", ["find", "near", "probe"])
+def test_ctrl_c_within_a_touch_draws_the_probe_clear(protocol: str, kind: str) -> None:
+    """By the stand-off, the way that is known to be free, wherever between both contacts it comes."""
+    cell, _, truth = scene(turning=False)
+    made = plan(twice(cell))
+    motion = Motion(truth)
+    device: Any = Registers(motion) if protocol == "modbus" else switched_on(motion)
+    numbers = tuple(touch.number for touch in made.touches)
+    this = LinkJob(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
+    client = importlib.import_module(f"tango_cnc.link.{protocol}").Client(this, {})
+    before = next(i for i, move in enumerate(client._moves) if (move.touch, move.kind) == (3, kind))
+    before += protocol == "modbus"  # its first command is none of the plan's
+    events: list[Any] = []
+    went: list[tuple[float, ...]] = []
+    while not any(isinstance(event, Failed) for event in events):
+        request = client.bytes_to_send(1 << 16)
+        if protocol == "modbus":
+            bus = Bus(device, FakeClock(), random.Random(0), {})
+            bus.write(request)
+            answer = bus.read(0.0)
+            if device.pending:
+                device.execute()
+        else:
+            lines = device.report() if request == b"?" else device.line(request.decode().strip())
+            answer = "".join(f"{line}\n" for line in lines).encode()
+        went.append(tuple(motion.position))
+        events += client.receive(answer)
+        if client.sent[0] > before:
+            client.stop()
+    assert events[-1] == Failed("stopped by the user; the probe has been drawn clear")
+    standoff, over = (np.array(place) for place in (made.touches[2].standoff, made.touches[2].over))
+    assert np.abs(np.array(went[-1]) - over)[:3].max() < 0.01
+    assert min(np.abs(np.array(place) - standoff)[:3].max() for place in went[-40:]) < 0.01
