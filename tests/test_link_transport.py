@@ -64,6 +64,8 @@ def test_ports_have_many_names(url, scheme, target):
     [
         ("http://host:80", "http"),
         ("socket://host", "host:port"),
+        ("socket://host:65536", "65535"),
+        ("socket://host:0", "65535"),
         ("serial://", "no device"),
         ("/dev/ttyS0?baud=9600", None),
         ("serial:///dev/ttyS0?speed=9600", "'speed'"),

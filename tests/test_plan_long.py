@@ -28,7 +28,7 @@ GOLDEN = Path(__file__).parent / "golden" / "cell"
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is worked on at once is little, so that short plans show what long ones take."""
     for module, name in ((places, "BLOCK"), (touches, "BLOCK"), (collision, "CHUNK"), (travel, "CHUNK")):
-        monkeypatch.setattr(module, name, 30)
+        monkeypatch.setattr(module, name, 15)
 
 
 @cache
@@ -62,7 +62,7 @@ def a_byte(lines: Callable[[Plan], Iterable[str]]) -> float:
     def of(times: int) -> tuple[int, int]:
         return peak(lambda: deque(lines(planned(times)), maxlen=0)), sum(len(line) for line in lines(planned(times)))
 
-    (little, short), (much, long) = of(10), of(40)
+    (little, short), (much, long) = of(5), of(20)
     return (much - little) / (long - short)
 
 
@@ -82,7 +82,7 @@ def test_lines_that_are_kept_would_be_noticed() -> None:
 
 def a_touch(work: Callable[[int], object]) -> float:
     """work on so many times six touches → bytes a touch that its peak grows by."""
-    return (peak(lambda: work(40)) - peak(lambda: work(10))) / 180
+    return (peak(lambda: work(20)) - peak(lambda: work(5))) / 90
 
 
 @pytest.mark.parametrize(("kept", "least", "most"), [(plan, 100, 300), (lambda cell: list(plan(cell).touches), 1000, 9000)])
@@ -94,7 +94,7 @@ def test_a_plan_takes_little_more_than_the_list_of_its_touches(kept: Callable[[C
 def test_a_strategy_is_read_into_little_more_than_its_words(tmp_path: Path) -> None:
     cell, file = read_cell(GOLDEN), tmp_path / "strategy.yaml"
 
-    texts = {times: strategy_text(repeated(times).strategy) for times in (10, 40)}
+    texts = {times: strategy_text(repeated(times).strategy) for times in (5, 20)}
 
     def read(times: int) -> None:
         file.write_text(texts[times], encoding="utf-8")

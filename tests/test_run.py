@@ -282,6 +282,14 @@ def test_nobody_listening_changes_nothing_but_the_program(cell):
     assert {file.name for file in cell.iterdir()} - before == {"program"}
 
 
+def test_a_port_that_cannot_be_meant_changes_nothing(cell):
+    before = {file.name for file in cell.iterdir()}
+    result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:70000")
+    assert result.code == 2
+    assert "allowed: host:port, port 1 … 65535" in result.err
+    assert {file.name for file in cell.iterdir()} == before
+
+
 @pytest.mark.parametrize(
     ("edit", "why"),
     [

@@ -23,6 +23,7 @@ SCHEMES = ("serial", "socket", "rfc2217")
 # First part of a scheme → the protocol that it stands for and the schemes that may follow it.
 SPOKEN: Mapping[str, tuple[str, ...]] = {"modbus": ("tcp", "rtu"), "grbl": ("serial", "socket"), "linuxcnc": (), "file": ()}
 ALONE = {"linuxcnc": "rsh", "file": "file"}  # protocols with one way to travel
+LAST_PORT = 65535
 HOST = r"(\[[0-9A-Fa-f:.]+\]|[^:\[\]@/]+):\d{1,5}"
 
 
@@ -59,8 +60,12 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         unit = int(number)
     if scheme in ("serial", "rtu") and not target:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
-    if scheme in ("socket", "rfc2217", "tcp", "rsh") and not re.fullmatch(HOST, target):
-        raise InputError(f"port {url!r}: found {target!r}; allowed: host:port, e.g. socket://192.168.1.20:8193")
+    if scheme in ("socket", "rfc2217", "tcp", "rsh") and not (
+        re.fullmatch(HOST, target) and 0 < int(target.rpartition(":")[2]) <= LAST_PORT
+    ):
+        raise InputError(
+            f"port {url!r}: found {target!r}; allowed: host:port, port 1 … {LAST_PORT}, e.g. socket://192.168.1.20:8193"
+        )
     if scheme == "file" and not target:
         raise InputError(f"port {url!r}: no file; e.g. file:///mnt/control/TANGO.TXT, on Windows file://Z:/TANGO.TXT")
     uart = scheme not in ("socket", "tcp", "rsh", "file") and not target.startswith(PTY)

@@ -78,6 +78,7 @@ def measure(
     `confirm` is asked before the first byte of each is sent; it raises what stops the run. Raises InputError before anything is
     opened, LinkError when the port does not open or the run does not end; then what is measured is in the partial files.
     """
+    protocol, address = protocol_of(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
     file = wanted.readings.with_suffix(".journal")
     before = _started(file, plan) if wanted.resume else []
     left = missing(before, plan)
@@ -88,7 +89,6 @@ def measure(
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before else plan
     programs = post(part)
-    protocol, address = protocol_of(wanted.port, wanted.protocol)
     jobs = _jobs(programs, again, left, wanted)
     client = protocol.Client(jobs[0], address.options)
 

@@ -93,7 +93,9 @@ class Client(Listener):
         if allowed is None:
             return []
         what = "record" if self._begun else "start mark"
-        return self._fail(f"no {what} was written within {allowed:.0f} s: start the program at the control; it has to write into this file")
+        return self._fail(
+            f"no {what} was written within {allowed:.0f} s: start the program at the control; it has to write into this file"
+        )
 
     def closed(self) -> list[Event]:
         """the file cannot be read any more → what was cut off by it."""
