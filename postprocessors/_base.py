@@ -5,6 +5,8 @@ TypeError when its file is read, because `Post` has no defaults for them. `progr
 
     begin · probe_on · { retract clear index approach probe back record } per move · probe_off · end
 
+Of a double touch, finding is a `probe` at another feed without `record`, then `back`, then a `retract` to where measuring begins.
+
 Lines are produced one by one, so that the length of a plan does not matter.
 """
 
@@ -21,7 +23,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from tango_cnc.records import InputError, Machine, Plan, Touch
+from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
 FOLDER = Path(__file__).parent
 BLANK = "000000000000"  # stands for the mark while the mark is computed
@@ -216,7 +218,7 @@ def program(
         plan_mark = f"{plan_mark} PART {part[0]} OF {part[1]}"
 
     def job(mark: str) -> Job:
-        return Job(plan, options, plan_mark, mark, doubts, part)
+        return Job(plan, _counted(plan, options), plan_mark, mark, doubts, part)
 
     digest = hashlib.sha256()
     for line in _lines(post, job(BLANK)):
@@ -286,6 +288,9 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
         "clear": post.clear,
         "index": post.index,
         "approach": post.approach,
+        "find": lambda job, leg: post.probe(finding(job), leg),
+        "off": post.back,
+        "near": post.retract,
         "probe": post.probe,
         "back": post.back,
     }
@@ -301,6 +306,26 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
             yield from _said(post.record(job, leg))
     yield from _said(post.probe_off(job))
     yield from _said(post.end(job))
+
+
+def of_approach(plan: Plan, approach: Approach) -> Plan:
+    """plan, how its facets are to be touched → the plan with that, its touches as they were."""
+    return replace(plan, strategy=replace(plan.strategy, approach=approach))
+
+
+def finding(job: Job) -> Job:
+    """job → the same with the feed that finds as the measuring one. Raises InputError where the strategy has no find."""
+    approach = job.plan.strategy.approach
+    if approach.find is None:
+        raise InputError("the strategy finds nothing before it measures; see approach.find")
+    return replace(job, plan=of_approach(job.plan, replace(approach, feed=approach.find.feed)))
+
+
+def _counted(plan: Plan, options: dict[str, Any]) -> dict[str, Any]:
+    """plan, options → those that the steps see: a program counts both moves of a double touch that meet nothing."""
+    return (
+        options if plan.strategy.approach.find is None or "misses" not in options else options | {"misses": 2 * options["misses"]}
+    )
 
 
 def _said(lines: Iterable[str]) -> Iterator[str]:

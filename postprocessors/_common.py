@@ -160,8 +160,9 @@ def fits(job: Job, most: int = 9) -> None:
     """
     options = job.options
     for name, (low, high) in LIMITS.items():
-        if name in options and not low <= options[name] <= high:
-            raise InputError(f"controller.{name}: found {options[name]:g}; allowed: {low} … {high}")
+        each = 2 if name == "misses" and job.plan.strategy.approach.find else 1
+        if name in options and not low <= options[name] / each <= high:
+            raise InputError(f"controller.{name}: found {options[name] / each:g}; allowed: {low} … {high}")
     if "tolerance" in options and options["tolerance"] > (half := job.plan.strategy.approach.search / 2):
         raise InputError(
             f"controller.tolerance: found {options['tolerance']:g}; allowed: at most {half:g}, half of approach.search: "

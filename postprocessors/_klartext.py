@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ._base import Job, early_distance, number, search_distance
 
 ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
-GUARDED, MEASURING, RECORD = 1, 2, 3  # labels
+GUARDED, MEASURING, RECORD, FINDING = 1, 2, 3, 4  # labels
 MET, DEAD, ELSEWHERE, TURNED = 91, 92, 93, 94
 STOPS = {
     MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
@@ -46,9 +46,13 @@ def guarded(job: Job) -> Iterator[str]:
     yield "LBL 0"
 
 
-def measuring(job: Job) -> Iterator[str]:
-    """Probes from Q24 Q25 Q26 to Q21 Q22 Q23; puts the flag into Q46, the contact into Q41 Q42 Q43, rotary axes into Q51 and on."""
-    yield f"LBL {MEASURING} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
+def measuring(job: Job, label: int = MEASURING) -> Iterator[str]:
+    """Probes from Q24 Q25 Q26 to Q21 Q22 Q23; puts the flag into Q46, the contact into Q41 Q42 Q43, rotary axes into Q51 and on.
+
+    `label` FINDING is the first move of a double touch: only its feed and the numbers of the places that it jumps to differ.
+    """
+    missed, early, done = (10 * label + i for i in (1, 2, 3))
+    yield f"LBL {label} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
     for name in "XYZ":
         yield f"{NOW[name]} = {TARGET[name]} - {START[name]}"
     yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
@@ -57,26 +61,26 @@ def measuring(job: Job) -> Iterator[str]:
     for name, parameter in zip(job.machine.rotary, ROTARY, strict=False):
         yield reading(job, parameter, name)
     yield f"{FLAG} = 0"
-    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL 21"
+    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL {missed}"
     went = {name: f"( {FOUND[name]} - {START[name]} )" for name in "XYZ"}
     yield f"Q35 = SQRT ( {' + '.join(f'{w} ^ 2' for w in went.values())} )"
     yield f"Q36 = ( {' + '.join(f'{w} * {NOW[name]}' for name, w in went.items())} ) / {WAY}"
     yield f"FN 11: IF +Q35 GT +{search_distance(job.plan) + ASIDE:.4f} GOTO LBL {ELSEWHERE}"
     yield "Q37 = ABS ( Q35 ^ 2 - Q36 ^ 2 )"
     yield f"FN 11: IF +Q37 GT +{ASIDE**2:.4f} GOTO LBL {ELSEWHERE}"
-    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL 21"
+    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL {missed}"
     yield f"{FLAG} = 1"
-    yield f"FN 11: IF +Q35 GT +{early_distance(job.plan):.4f} GOTO LBL 22"
+    yield f"FN 11: IF +Q35 GT +{early_distance(job.plan):.4f} GOTO LBL {early}"
     yield f"{FLAG} = 2"
-    yield "LBL 22"
+    yield f"LBL {early}"
     yield f"{MISSES} = 0"
-    yield "FN 9: IF +0 EQU +0 GOTO LBL 23"
-    yield "LBL 21"
+    yield f"FN 9: IF +0 EQU +0 GOTO LBL {done}"
+    yield f"LBL {missed}"
     yield f"{MISSES} = {MISSES} + 1"
     for name in "XYZ":
         yield f"{FOUND[name]} = {TARGET[name]}"
     yield f"FN 11: IF +{MISSES} GT +{job.options['misses'] - 0.5:.1f} GOTO LBL {DEAD}"
-    yield "LBL 23"
+    yield f"LBL {done}"
     yield "LBL 0"
 
 

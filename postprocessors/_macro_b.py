@@ -95,7 +95,7 @@ class _Steps:
         yield f"DPRNT[TANGO*START*{job.mark}*#{FLAG}[60]]"
 
     def retract(self, job: Job, leg: Leg) -> Iterator[str]:
-        yield "(UP)"
+        yield "(NEAR)" if leg.kind == "near" else "(UP)"
         yield from self._protected(job, leg)
 
     def clear(self, job: Job, leg: Leg) -> Iterator[str]:

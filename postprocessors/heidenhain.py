@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 from tango_cnc.records import InputError
 
 from . import _common as common
-from ._base import Job, Leg, Option, Post, degrees, is_endless, named, number, rolled, search_distance
+from ._base import Job, Leg, Option, Post, degrees, finding, is_endless, named, number, of_approach, rolled, search_distance
 from ._klartext import (
+    FINDING,
     GUARDED,
     MEASURING,
     MISSES,
@@ -76,7 +78,7 @@ def begin(job: Job) -> Iterator[str]:
     _check(job)
     yield f"BEGIN PGM {named(job, NAME)} MM"
     yield from common.titled(job, "; %s")
-    yield f"; MEASURING FEED {number(plan.strategy.approach.feed)} SEARCH {number(search_distance(plan))}"
+    yield f"; MEASURING FEED {number(plan.strategy.approach.feed)} SEARCH {number(search_distance(_from_near(job).plan))}"
     yield from common.warned(job, "; %s")
     if options["plane_reset"]:
         yield "PLANE RESET STAY"
@@ -129,13 +131,13 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
-    """The measuring move by its label, from the stand-off to the search end."""
-    start = common.standoff(job, leg)
+    """The measuring move by its label, to the search end: its length is the way from where it begins."""
+    start = dict(zip(job.machine.names, leg.touch.standoff if leg.kind == "find" else job.plan.near(leg.touch), strict=True))
     for name in "XYZ":
         yield f"{START[name]} = {_number(job, start[name])}"
     for name in "XYZ":
         yield f"{TARGET[name]} = {_number(job, leg.to[name])}"
-    yield f"CALL LBL {MEASURING}"
+    yield f"CALL LBL {FINDING if leg.kind == 'find' else MEASURING}"
 
 
 def back(job: Job, leg: Leg) -> Iterator[str]:
@@ -157,7 +159,9 @@ def end(job: Job) -> Iterator[str]:
     yield printed(job)
     yield "M30"
     yield from guarded(job)
-    yield from measuring(job)
+    yield from measuring(_from_near(job))
+    if job.plan.strategy.approach.find is not None:
+        yield from measuring(finding(job), FINDING)
     yield from record_text(job)
     for label, text in STOPS.items():
         yield f"LBL {label}"
@@ -170,6 +174,14 @@ def end(job: Job) -> Iterator[str]:
 def numbered(lines: Iterator[str]) -> Iterator[str]:
     """lines → the same with the block numbers from 0 that Klartext files carry."""
     return (f"{i} {line}" for i, line in enumerate(lines))
+
+
+def _from_near(job: Job) -> Job:
+    """job → the same with the place where the measuring move of a double touch begins as the stand-off."""
+    approach = job.plan.strategy.approach
+    if approach.find is None:
+        return job
+    return replace(job, plan=of_approach(job.plan, replace(approach, standoff=approach.find.retreat)))
 
 
 def _number(job: Job, value: float) -> str:

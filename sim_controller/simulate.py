@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tango_cnc.records import Array, Artefact, InputError, Machine, Readings, Strategy, World
+from tango_cnc.records import Approach, Array, Artefact, InputError, Machine, Readings, Strategy, World
 
 from . import clock, effects
 from .probing import Rig, facet_rows, gap_along, history, home, noise, rig, undisturbed
@@ -59,6 +59,7 @@ def simulate(
     rows_a_day = len(once)
     surface = facet_rows(r, cycle.facets)[rows]
     standoff, end = cycle.standoff[rows], cycle.end[rows]
+    begin = _begin(cycle, strategy.approach)[rows]
     first = np.arange(len(rows)) % rows_a_day == 0
     came_from = np.where(first[:, None], home(machine), np.roll(standoff, 1, axis=0))
     direction = _directions(first, came_from, standoff, end)
@@ -69,11 +70,11 @@ def simulate(
     nothing = undisturbed(len(rows))
     s, early, miss = _contacts(r, cycle, rows, surface, standoff, end, direction, nothing)
     positions = standoff + s[:, None] * (end - standoff)
-    time, day_start = _times(r, strategy, first, day, came_from, standoff, positions)
+    time, day_start = _times(r, strategy, first, day, came_from, standoff, begin, positions)
     logged = tuple(cycle.facets[row] for row in rows)
     if r.effects or r.noise:
         feed = np.full(len(rows), strategy.approach.feed)
-        last = _last_moves(first, came_from, standoff, positions)
+        last = _last_moves(first, came_from, standoff, begin, positions)
         last = last if moved is None else np.where(moved != 0, moved, last)
         known = history(r, surface, positions, direction, last, time, day, feed, day_start)
         change = effects.disturbance(r.effects, known, r.seed)
@@ -110,6 +111,12 @@ def _commanded(machine: Machine, artefact: Artefact, strategy: Strategy) -> _Cyc
         for height in (approach.standoff, 0.0, -approach.search)
     )
     return _Cycle(facets, standoff, contact, end)
+
+
+def _begin(cycle: _Cycle, approach: Approach) -> Array:
+    """→ (n, k) where the measuring moves begin: at the stand-off, or as near as a double touch has retreated to."""
+    part = 1.0 if approach.find is None else approach.find.retreat / approach.standoff
+    return cycle.standoff if part == 1.0 else cycle.contact + part * (cycle.standoff - cycle.contact)
 
 
 def linear_positions(machine: Machine, positions: Array, targets: Array) -> Array:
@@ -182,9 +189,9 @@ def _directions(first: NDArray[np.bool_], came_from: Array, standoff: Array, end
     return np.take_along_axis(latest, np.maximum.accumulate(row, axis=0), axis=0)
 
 
-def _last_moves(first: NDArray[np.bool_], came_from: Array, standoff: Array, positions: Array) -> Array:
+def _last_moves(first: NDArray[np.bool_], came_from: Array, standoff: Array, begin: Array, positions: Array) -> Array:
     """→ (n, k) mm rad, signed length of each axis' last motion; 0 before the first one of a day."""
-    approach, way = positions - standoff, standoff - came_from
+    approach, way = positions - begin, standoff - came_from
     latest = np.where(np.abs(approach) > STILL, approach, np.where(np.abs(way) > STILL, way, np.nan))
     latest[first] = np.nan_to_num(latest[first])
     row = np.where(np.isnan(latest), 0, np.arange(len(latest))[:, None])
@@ -202,15 +209,23 @@ def _times(
     day: NDArray[np.int64],
     came_from: Array,
     standoff: Array,
+    begin: Array,
     positions: Array,
 ) -> tuple[Array, Array]:
-    """→ (n,) s of every contact, (n,) s at which its day began: back to the stand-off, index, over to the next, approach."""
+    """→ (n,) s of every contact, (n,) s at which its day began: back to the stand-off, index, over to the next, approach.
+
+    Of a double touch the way to the contact comes first at its own feed, then back to the stand-off and to where measuring begins.
+    """
     machine = r.machine
     linear = np.array([axis.kind == "linear" for axis in machine.axes])
     way = np.where(np.abs(standoff - came_from) > STILL, standoff - came_from, 0.0)
     back = np.where(first[:, None], 0.0, np.roll(positions - standoff, 1, axis=0))
     seconds = clock.rapid_time(machine, back) + clock.rapid_time(machine, way * ~linear) + clock.rapid_time(machine, way * linear)
-    seconds += clock.feed_time(np.linalg.norm((positions - standoff)[:, linear], axis=1), strategy.approach.feed)
+    seconds += clock.feed_time(np.linalg.norm((positions - begin)[:, linear], axis=1), strategy.approach.feed)
+    if strategy.approach.find is not None:
+        found = positions - standoff
+        seconds += clock.feed_time(np.linalg.norm(found[:, linear], axis=1), strategy.approach.find.feed)
+        seconds += clock.rapid_time(machine, found) + clock.rapid_time(machine, begin - standoff)
     elapsed = np.cumsum(seconds.reshape(day[-1], -1), axis=1)
     period = DAY * max(1.0, np.ceil(elapsed.max() / DAY))
     start = (day - 1) * period

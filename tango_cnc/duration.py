@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from .records import Axis, Move, Plan
 
+FIND = "find and back"  # the first of two touches: to the facet, off it, and to where the measuring move begins
 PARTS = {
     "retract": "retract and clear",
     "clear": "retract and clear",
     "index": "index and clamp",
     "approach": "approach",
+    "find": FIND,
+    "off": FIND,
+    "near": FIND,
     "probe": "probe",
     "back": "back off",
 }
@@ -41,19 +46,23 @@ def of_moves(plan: Plan, feed: float | None = None) -> Iterator[float]:
     """plan, mm/min of protected moves → s for each of its moves, one at a time; a measuring move ends at the nominal contact."""
     axes = {axis.name: axis for axis in plan.machine.axes}
     at: dict[str, float] = {}
-    search = plan.strategy.approach.standoff / (plan.strategy.approach.feed / 60)
+    approach = plan.strategy.approach
+    search = {"probe": approach.standoff / (approach.feed / 60)}
+    if approach.find is not None:
+        search = {
+            "find": approach.standoff / (approach.find.feed / 60),
+            "probe": approach.find.retreat / (approach.feed / 60),
+        }
     for move, touch in plan.served:
-        yield _move_time(axes, at, move, search, feed)
-        if move.kind == "probe":
+        yield search[move.kind] if move.kind in search else _move_time(axes, at, move, feed)
+        if move.kind in search:
             contact = dict(zip(plan.machine.names, touch.contact, strict=True))
             at |= {name: contact[name] for name in move.target}
         else:
             at |= move.target
 
 
-def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, search: float, feed: float | None) -> float:
-    if move.kind == "probe":
-        return search
+def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, feed: float | None) -> float:
     travelled = {name: abs(value - at.get(name, value)) for name, value in move.target.items()}
     moving = [name for name, distance in travelled.items() if distance > 1e-9]
     if move.kind == "index":  # programs turn one axis after the other
@@ -69,10 +78,19 @@ def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, se
 
 def duration(plan: Plan, feed: float | None = None) -> dict[str, float]:
     """plan, mm/min of protected moves → s by part; their sum is the predicted time of one cycle."""
-    result = {part: 0.0 for part in PARTS.values()}
+    result = {part: 0.0 for part in PARTS.values() if part != FIND or plan.strategy.approach.find is not None}
     for move, time in zip(plan.moves, of_moves(plan, feed), strict=True):
         result[PARTS[move.kind]] += time
     return result
+
+
+def saved(plan: Plan, feed: float | None = None) -> float | None:
+    """plan, mm/min of protected moves → s a cycle that touching twice saves, negative where it costs; None: it does not."""
+    strategy = plan.strategy
+    if strategy.approach.find is None:
+        return None
+    single = replace(plan, strategy=replace(strategy, approach=replace(strategy.approach, find=None)))
+    return sum(duration(single, feed).values()) - sum(duration(plan, feed).values())
 
 
 def spoken(seconds: float) -> str:

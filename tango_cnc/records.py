@@ -184,12 +184,21 @@ class Artefact:
 
 
 @dataclass(frozen=True)
+class Find:
+    """The first of two touches: at `feed` mm/min from the stand-off; the second begins `retreat` mm before the nominal facet."""
+
+    feed: float
+    retreat: float
+
+
+@dataclass(frozen=True)
 class Approach:
-    """How a facet is touched: start `standoff` mm before it, search `search` mm past it, at `feed` mm/min."""
+    """How a facet is touched: start `standoff` mm before it, search `search` mm past it, at `feed` mm/min; `find`: twice."""
 
     standoff: float
     search: float
     feed: float
+    find: Find | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +254,7 @@ class Cell:
     controller: Controller | None = None
 
 
-MoveKind = Literal["retract", "clear", "index", "approach", "probe", "back"]
+MoveKind = Literal["retract", "clear", "index", "approach", "find", "off", "near", "probe", "back"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,6 +323,7 @@ class Plan:
         turns = iter(self.turns)
         turn = next(turns, None)
         at: tuple[float, ...] | None = None
+        found = 3 if self.strategy.approach.find else 0  # moves of a double touch more
         for touch in self.touches:
             if turn is not None and turn.touch == touch.number:
                 yield from self._turn(turn, at, touch.number)
@@ -322,6 +332,7 @@ class Plan:
             for kind, target in (
                 ("clear", touch.enter or touch.over),
                 ("approach", touch.standoff),
+                *(("find", touch.end), ("off", touch.standoff), ("near", self.near(touch)))[:found],
                 ("probe", touch.end),
                 ("back", touch.standoff),
                 ("retract", touch.leave or touch.over),
@@ -332,6 +343,12 @@ class Plan:
         last = self.touches[-1].number
         if turn is not None and turn.touch == last + 1:
             yield from self._turn(turn, at, last)
+
+    def near(self, touch: Touch) -> tuple[float, ...]:
+        """touch of this plan → where its measuring move begins (mm, rad): the stand-off, or nearer where it is touched twice."""
+        approach = self.strategy.approach
+        part = approach.find.retreat / approach.standoff if approach.find else 1.0
+        return tuple(c + part * (s - c) for s, c in zip(touch.standoff, touch.contact, strict=True)) if part < 1 else touch.standoff
 
     @property
     def served(self) -> Iterator[tuple[Move, Touch]]:

@@ -217,6 +217,22 @@ def test_a_miss_and_an_early_contact_are_told_apart(tmp_path: Path) -> None:
     assert [words(line)["H"] for line in lines[:-1]] == [1, 2, 1, 2, 0, 1]
 
 
+@pytest.mark.campaign
+@pytest.mark.parametrize(("retreat", "flags"), [(8, [1, 2, 1, 2, 0, 1]), (6, [1])])
+def test_a_facet_is_touched_twice_and_recorded_once(tmp_path: Path, retreat: int, flags: list[int]) -> None:
+    """The top is 7 mm nearer than planned: early, or already there where the measuring move is to begin."""
+    planned, true = small(tmp_path, {"top": 7.0, "3": -8.0})
+    for folder in (planned, true):
+        text = (folder / "strategy.yaml").read_text().replace("feed: 180}", f"feed: 180, find: {{feed: 800, retreat: {retreat}}}}}")
+        (folder / "strategy.yaml").write_text(text)
+    with linuxcnc(true) as control:
+        lines, error = said(control, planned)
+        contacts = control.contacts()
+    assert [words(line)["H"] for line in lines if line.startswith("P")] == flags
+    assert error == ("" if retreat == 8 else "PROBE MET SOMETHING ON ITS WAY")
+    assert len(contacts) == (10 if retreat == 8 else 4)  # twice each; the miss never; the one on the way
+
+
 @pytest.mark.long
 def test_a_contact_on_the_way_ends_the_program_before_its_record(tmp_path: Path) -> None:
     """Something lies on the table where touch 2 goes down to its stand-off."""

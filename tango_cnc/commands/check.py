@@ -10,7 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
-from ..duration import duration, spoken
+from ..duration import duration, saved, spoken
 from ..files import blamed_on, read_cell, read_terms
 from ..identify import condition_number, select, summary
 from ..model import known, linearise
@@ -117,7 +117,7 @@ def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed
         "mismatch_only": selection.mismatch and len(selection.unseen) == 1,
         "predicted_time_s": duration(made, feed),
         "positioning_feed": feed,
-    }
+    } | ({} if (gain := saved(made, feed)) is None else {"double_touch_saves_s": gain})
 
 
 def as_text(cell: Cell, data: dict[str, Any]) -> str:
@@ -156,6 +156,9 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
     lines += [f"cannot be seen: {text}" for text in summary(data["not_identifiable"])]
     time, feed = data["predicted_time_s"], data["positioning_feed"]
     lines += ["", f"predicted time {spoken(sum(time.values()))}: " + ", ".join(f"{part} {spoken(s)}" for part, s in time.items())]
+    if "double_touch_saves_s" in data:
+        gain = data["double_touch_saves_s"]
+        lines.append(f"touching twice {'saves' if gain >= 0 else 'costs'} {spoken(abs(gain))} against touching once")
     lines.append(
         f"with linear moves {f'at {feed:g} mm/min, the positioning_feed of the post' if feed else 'in rapid: there is no post'}"
     )

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value, expression
-from ._walk import Walk
+from ._walk import PROTECTED, Walk
 from ._worlds import Place, World, latched_elsewhere, offset_changed, other_contacts, stopped_short
 
 NUMBER = r"-?\d+\.\d*"  # with its decimal point, without which controls count in thousandths
@@ -26,6 +26,7 @@ ROUNDS = 20  # touches in a row without contact after which every program must h
 MODAL = {"G21", "G40", "G49", "G80", "G90", "G94"}  # mm, no compensation of radius and length, no cycle, absolute, mm/min
 RESETS = re.compile(r"G(17|21|40|40\.1|49|50|50\.1|54|61|64|67|69|80|90|94|97|98|13\.1|15|25|160|234|254)")
 TOLD = 5  # worlds that reach a record: the expected contact, a miss, and three other contacts
+FARTHER = 0.3  # of the way from the nominal contact to the search end, where a touch that finds meets the facet
 PLACE = 2e-3  # mm or deg, of a recorded coordinate
 
 Statement = Callable[[World], None]
@@ -56,6 +57,7 @@ class Rehearsal:
         self._silent: World | None = None  # where this touch and all after it miss
         self._statements: list[Statement] = []
         self._modal: set[str] = set()
+        self._late: World | None = None  # where only the second of two touches has met its facet; it may have stopped before
         self._owed = False  # a touch has been made that is not on record
         self.records = 0
         self._mark = ""
@@ -129,39 +131,58 @@ class Rehearsal:
         if self._owed:
             raise InputError("the touch before has no record")
         start = dict(self.base.position)
-        self.moves(target, ("retract", "clear", "approach"), feed)
+        self.moves(target, PROTECTED, feed)
         for world in self.worlds:
             world.skip, world.hit = dict(world.position), False
         short = SHORT * float(self.options.get("tolerance", TOLERANCE))
         self.doubts(stopped_short(self.base, start, target, short, self._latches))
 
     def measures(self, target: Mapping[str, float], feed: float) -> None:
-        """A measuring move: contact where the plan expects it; beside it a miss, an early contact, a changed work offset."""
+        """A measuring move: contact where the plan expects it; beside it a miss, an early contact, a changed work offset.
+
+        One that finds meets the facet elsewhere than the one that measures, so that nobody can record the one for the other.
+        """
         self._ready()
         if self._owed:
             raise InputError("the touch before has no record")
-        self._within(feed, self.plan.strategy.approach.feed)
-        start, base = dict(self.base.position), self.base
-        self.walk.linear(target, ("probe",))
-        base.position = dict(self.walk.at) | {n: v for n, v in base.position.items() if n not in target}
-        base.skip, base.hit = dict(base.position), True
         approach = self.plan.strategy.approach
+        finds = self.walk.next is not None and self.walk.next.kind == "find"
+        self._within(feed, approach.find.feed if finds and approach.find else approach.feed)
+        start, base = dict(self.base.position), self.base
+        self.walk.linear(target, ("find" if finds else "probe",))
+        base.position = dict(self.walk.at) | {n: v for n, v in base.position.items() if n not in target}
+        if finds:
+            base.position |= {n: v + FARTHER * (target[n] - v) for n, v in base.position.items() if n in target}
+        base.skip, base.hit = dict(base.position), True
         zone = max(approach.standoff - approach.search, 0.1 * approach.standoff)
+        if approach.find and not finds:
+            zone -= approach.standoff - approach.find.retreat
+        self._found_nothing(base)
         miss, *others = other_contacts(base, start, target, zone)
+        if finds:
+            miss.fate, miss.what, others = "find", "finding has met nothing", []
         self.doubts([miss, *others, *self._astray(base, start, target)])
-        self._silent, self._statements, self._owed = miss.twin("stop", "no touch finds anything any more"), [], True
+        self._silent, self._statements, self._owed = miss.twin("stop", "no touch finds anything any more"), [], not finds
+
+    def _found_nothing(self, base: World) -> None:
+        """Where finding has met nothing, measuring may meet the facet all the same: then that is what the record has to say."""
+        for world in self.worlds:
+            if world.fate == "find":
+                world.fate, world.position, world.skip, world.hit = "1", dict(base.position), dict(base.skip), True
+                self._late = world
 
     def _dies(self) -> None:
         """Repeats what the program did after the last measuring move, as if nothing were ever touched. InputError: never stops."""
         silent, self._silent = self._silent, None
-        for _ in range(ROUNDS if silent else 0):
+        rounds = ROUNDS * (2 if self.plan.strategy.approach.find else 1)
+        for _ in range(rounds if silent else 0):
             for statement in self._statements:
                 assert silent is not None
                 statement(silent)
                 if silent.stopped:
                     return
         if silent:
-            raise InputError(f"the program goes on after {ROUNDS} touches in a row that found nothing")
+            raise InputError(f"the program goes on after {rounds} touches in a row that found nothing")
 
     def turns(self, name: str, value: float, asked: bool) -> None:
         """axis letter, deg, whether the program has to ask if it has arrived. Raises InputError when it is wrong."""
@@ -221,9 +242,9 @@ class Rehearsal:
             total = sum(self.value(world, places[name]) for name in names)
             if abs(self.value(world, places["K"]) - total) > PLACE:
                 raise InputError("the sum in the record is not that of its coordinates")
-        if len(self.worlds) != TOLD:
+        if sum(world is not self._late for world in self.worlds) != TOLD:
             raise InputError("the program stops at a miss or an early contact instead of recording it")
-        self.worlds, self._silent, self._owed = [self.base], None, False
+        self.worlds, self._silent, self._late, self._owed = [self.base], None, None, False
         self._forget(flag, *places.values())
         self.records += 1
 

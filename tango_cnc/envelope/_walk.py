@@ -21,7 +21,9 @@ STEP = 5.0  # deg between the poses of a turn that are looked at
 SPACING = 10.0  # mm between the spheres that stand for the probe
 BEHIND = 300.0  # mm of what carries the probe
 
-PROTECTED = ("retract", "clear", "approach")
+PROTECTED = ("retract", "clear", "approach", "near")
+OFF_FACET = ("off", "back")  # from a facet, unprotected the way it came
+MEASURES = ("find", "probe")
 
 
 class Walk:
@@ -51,7 +53,7 @@ class Walk:
     @property
     def measures(self) -> bool:
         """→ whether the next motion is a measuring one."""
-        return self.next is not None and self.next.kind == "probe"
+        return self.next is not None and self.next.kind in MEASURES
 
     def place(self, positions: tuple[float, ...]) -> dict[str, float]:
         """positions of the plan (mm, rad) → {axis letter: mm or deg}."""
@@ -67,8 +69,10 @@ class Walk:
         self._switched.moves()
         move = self._due(target)
         if move.kind not in kinds:
-            asked = {"probe": "a measuring move", "index": "an indexation"}.get(move.kind, f"a protected move ({move.kind})")
-            raise InputError(f"found a {'measuring' if kinds == ('probe',) else 'linear'} move; the plan has {asked} here")
+            asked = {"probe": "a measuring move", "find": "a measuring move that finds", "index": "an indexation"}.get(
+                move.kind, f"a protected move ({move.kind})"
+            )
+            raise InputError(f"found a {'measuring' if set(kinds) <= set(MEASURES) else 'linear'} move; the plan has {asked} here")
         for name, value in target.items():
             wanted = move.target.get(name, self.at[name])
             if not abs(value - wanted) <= CLOSE:
@@ -78,7 +82,7 @@ class Walk:
             self._travel(name, value)
         self.at.update(target)
         self._known.update(move.target)
-        if move.kind == "probe":
+        if move.kind in MEASURES:
             contact = self.place(self.touch.contact)
             self.at.update({name: contact[name] for name in target})
         self.next = next(self._moves, None)

@@ -15,6 +15,7 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import axes_by_number, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, numbered
+from ._walk import OFF_FACET
 from ._worlds import World
 
 COORDINATE = r"\[[^\]]+\]"
@@ -156,7 +157,7 @@ class _Program:
             machine.measures(target, float(match[2]))
             self._moving = False
         elif match := AWAY.fullmatch(code):
-            machine.moves(self._target(match[1]), ("back",), float(match[2]))
+            machine.moves(self._target(match[1]), OFF_FACET, float(match[2]))
             self._moving = True
         elif match := TURN.fullmatch(code):
             machine.turns(match[1], float(match[2]), True)

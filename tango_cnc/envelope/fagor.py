@@ -15,6 +15,7 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, Statement
+from ._walk import OFF_FACET
 from ._worlds import Place, World, latched_elsewhere, offset_changed
 
 FEED = re.compile(rf"G(100|1)((?: [XYZ]\[{NUMBER}-P[123]\])+) F({NUMBER})")
@@ -133,7 +134,7 @@ class _Program:
                 raise InputError(f"found {item}; allowed: {FRAME[item[0]]} taken off, which is the frame of {item[0]}")
             target[item[0]] = machine.same(f"{value}-#<{frame}>") + machine.base.offset[item[0]]
         if word == "1":
-            machine.moves(target, ("back",), feed)
+            machine.moves(target, OFF_FACET, feed)
         elif self._state and not self._asked:
             raise InputError("moves without having asked whether the probe is deflected")
         elif machine.walk.measures:

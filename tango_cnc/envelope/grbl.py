@@ -15,7 +15,7 @@ from typing import Any
 from ..records import InputError, Plan
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER
-from ._walk import PROTECTED, Walk
+from ._walk import MEASURES, OFF_FACET, PROTECTED, Walk
 
 COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
 SEARCH = re.compile(rf"G38\.3((?: [XYZ]{NUMBER})+) F({NUMBER})")
@@ -112,11 +112,14 @@ class _Program:
 
     def _search(self, words: Mapping[str, float], feed: float) -> None:
         measures = self._walk.measures
-        wanted = self._plan.strategy.approach.feed if measures else float(self._options.get("positioning_feed", feed))
+        approach, due = self._plan.strategy.approach, self._walk.next
+        wanted = approach.feed if measures else float(self._options.get("positioning_feed", feed))
+        if due is not None and due.kind == "find" and approach.find:
+            wanted = approach.find.feed
         if abs(feed - wanted) > 1e-6:
             raise InputError(f"the feed is {feed:g}; allowed: {wanted:g} mm/min")
         target = {name: words.get(name, self._walk.at[name]) for name in "XYZ"}
-        self._walk.linear(target if not measures else words, ("probe",) if measures else (*PROTECTED, "back"))
+        self._walk.linear(target if not measures else words, MEASURES if measures else (*PROTECTED, *OFF_FACET))
         self._pressed = measures
 
     def _off(self, line: str) -> None:

@@ -16,7 +16,7 @@ from ._expressions import Value
 from ._klartext import Texts, labels, spelt
 from ._reading import stated_words
 from ._rehearsal import SPOILT, Rehearsal, at_line, numbered
-from ._walk import PROTECTED
+from ._walk import OFF_FACET, PROTECTED
 from ._worlds import World, beside_the_line
 
 SIGNED = r"[+-]\d+\.\d+"
@@ -167,7 +167,7 @@ class _Program:
             self._moving = True
         elif match := BACK.fullmatch(code):
             target = {name: float(text) for name, text in zip("XYZ", match.groups()[:3], strict=True)}
-            machine.moves(target, ("back",), float(match[4]))
+            machine.moves(target, OFF_FACET, float(match[4]))
             self._moving = True
         elif match := CALL.fullmatch(code):
             self._call(match[1])

@@ -14,7 +14,7 @@ from typing import Any
 from ..records import InputError, Plan
 from ._reading import read_through, stated_words
 from ._rehearsal import MODAL, NUMBER, RESETS
-from ._walk import CLOSE, PROTECTED, Walk
+from ._walk import CLOSE, MEASURES, OFF_FACET, PROTECTED, Walk
 
 COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
@@ -48,6 +48,7 @@ class _Program:
         self._mark, self._modal = "", set[str]()
         self._records = 0
         self._stage = ""  # of a touch: measured, back
+        self._finds = False  # whether the last measuring move was the first of two
         self._began = self._ended = self.over = False
 
     def finish(self) -> None:
@@ -117,8 +118,8 @@ class _Program:
             self._measure()
         elif line == "M883" and self._stage == "measured":
             self._is(FEED, float(self._options.get("positioning_feed", 0.0)), "the feed")
-            walk.linear({n: self._value(STANDOFF + i) for i, n in enumerate("XYZ")}, ("back",))
-            self._stage = "back"
+            walk.linear({n: self._value(STANDOFF + i) for i, n in enumerate("XYZ")}, OFF_FACET)
+            self._stage = "" if self._finds else "back"
         elif (match := RECORD.fullmatch(line)) and self._stage == "back":
             touch = self._plan.touches[self._records]
             if int(match[1]) != touch.number:
@@ -150,13 +151,14 @@ class _Program:
         self._walk.linear({name: target[name] for name in "XYZ"}, PROTECTED)
 
     def _measure(self) -> None:
-        approach = self._plan.strategy.approach
-        self._is(FEED, approach.feed, "the feed")
+        walk, approach = self._walk, self._plan.strategy.approach
+        self._finds = walk.next is not None and walk.next.kind == "find"
+        self._is(FEED, approach.find.feed if self._finds and approach.find else approach.feed, "the feed")
         self._is(EARLY, max(approach.standoff - approach.search, 0.1 * approach.standoff), "the distance of early contacts", 1e-4)
         self._is(TOLERANCE, float(self._options.get("tolerance", 0.0)), "the tolerance")
-        self._is(MISSES, float(self._options.get("misses", 0)), "the number of misses")
+        self._is(MISSES, float(self._options.get("misses", 0)) * (2 if approach.find else 1), "the number of misses")
         start = self._walk.place(self._walk.touch.standoff)
         for i, name in enumerate("XYZ"):
             self._is(STANDOFF + i, start[name], f"the stand-off in {name}", CLOSE)
-        self._walk.linear({n: self._value(TARGET + i) for i, n in enumerate("XYZ")}, ("probe",))
+        self._walk.linear({n: self._value(TARGET + i) for i, n in enumerate("XYZ")}, MEASURES)
         self._stage = "measured"

@@ -16,6 +16,7 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import axes_by_number, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, World, numbered
+from ._walk import OFF_FACET
 
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
 LOCAL, COMMON = range(1, 34), range(100, 150)
@@ -152,7 +153,7 @@ class _Program:
         target = {item[0]: self._machine.same(item[1:]) + self._machine.base.offset[item[0]] for item in words}
         speed = self._machine.same(feed)
         if word == "1":
-            self._machine.moves(target, ("back",), speed)
+            self._machine.moves(target, OFF_FACET, speed)
         elif self._machine.walk.measures:
             self._machine.measures(target, speed)
         else:

@@ -16,6 +16,7 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, numbered
+from ._walk import OFF_FACET
 from ._worlds import World, latched_elsewhere
 
 COMMENT = re.compile(r"\([^()]*\)")
@@ -163,7 +164,7 @@ class _Program:
         if word not in ("G1", self._options.get("skip")):
             raise InputError(f"found {word}; allowed: G1, {self._options.get('skip')}")
         if word == "G1":
-            machine.moves(target, ("back",), feed)
+            machine.moves(target, OFF_FACET, feed)
         elif self._state and not self._asked:
             raise InputError("moves without having asked whether the probe is deflected")
         elif machine.walk.measures:

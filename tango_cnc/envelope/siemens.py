@@ -14,6 +14,7 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, Statement, World, numbered
+from ._walk import OFF_FACET
 
 FEED = re.compile(rf"SUPA D0 G1( MEAS=[12])?((?: [XYZ]{NUMBER})+) F({NUMBER})")
 INPUT = re.compile(r"(?:MEAS=|\$A_PROBE\[|\$AC_MEA\[)(\d+)")
@@ -132,7 +133,7 @@ class _Program:
         if watching and self._options.get("probe_state") and not self._asked:
             raise InputError("moves without having asked whether the probe is deflected")
         if not watching:
-            machine.moves(target, ("back",), feed)
+            machine.moves(target, OFF_FACET, feed)
         elif machine.walk.measures:
             machine.measures(target, feed)
         else:

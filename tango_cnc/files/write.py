@@ -110,7 +110,10 @@ def strategy_text(strategy: Strategy) -> str:
         {**{name: _degrees(value) for name, value in i.position.items()}, "facets": [_id(f) for f in i.facets]}
         for i in strategy.indexations
     ]
-    return dump({"name": strategy.name, "approach": dict(vars(strategy.approach)), "indexations": indexations})
+    approach = {key: value for key, value in vars(strategy.approach).items() if value is not None}
+    if strategy.approach.find is not None:
+        approach["find"] = dict(vars(strategy.approach.find))
+    return dump({"name": strategy.name, "approach": approach, "indexations": indexations})
 
 
 def world_text(world: World) -> str:

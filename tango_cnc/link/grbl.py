@@ -152,9 +152,15 @@ class Client(Control):
         angle = target.pop("S", None)
         if not self._orient:
             angle = None
+        approach = self._job.plan.strategy.approach
         if move.kind == "probe":
-            lines = yield from self._go(targets.SEARCH, target, self._job.plan.strategy.approach.feed)
+            lines = yield from self._go(targets.SEARCH, target, approach.feed)
             yield from self._record(self._touches[move.touch], lines)
+            return
+        if move.kind == "find" and approach.find:
+            self._pressed = bool(self._contact((yield from self._go(targets.SEARCH, target, approach.find.feed)))[0])
+            yield from self._report()
+            self._beside(self._touches[move.touch])
             return
         if angle is None and not any(abs(self._aim(name, value) - self._at[name]) > SAME for name, value in target.items()):
             return
@@ -258,11 +264,16 @@ class Client(Control):
                 raise Stop(f"touch {touch.number} met nothing and ends at {_shown(self._at)}, {away:.3f} mm from where it was sent")
         named = {name: self._at[name] for name in (*machine.linear, *machine.rotary)}
         self._events.append(Touched(touch.number, flag, named, text))
-        if flag and not self._on_its_line(touch):
-            raise Stop(f"{_shown(place)} is not on the line of the measuring move of touch {touch.number}: look at the machine")
+        if flag:
+            self._beside(touch)
         self._misses = 0 if flag else self._misses + 1
         if self._misses >= MISSES:
             raise Stop(f"{MISSES} touches in a row without contact: is the probe alive?")
+
+    def _beside(self, touch: Touch) -> None:
+        """Raises Stop when the axes stand anywhere else than on the measuring move of the touch."""
+        if not self._on_its_line(touch):
+            raise Stop(f"{_shown(self._at)} is not on the line of the measuring move of touch {touch.number}: look at the machine")
 
     def _on_its_line(self, touch: Touch) -> bool:
         """touch → whether the axes stand somewhere on its measuring move."""
@@ -309,7 +320,7 @@ class Client(Control):
         if self._low:
             last = self._moves[self._given - 1]
             touch = self._touches[last.touch]
-            if last.kind == "probe":
+            if last.kind in ("find", "near", "probe"):
                 yield from self._make(Move("back", self._linear(touch.standoff), last.touch))
             yield from self._make(Move("retract", self._linear(touch.over), last.touch))
         raise Stop("stopped by the user; the probe has been drawn clear")

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping
 
-from ..records import InputError, Move, Touch
+from ..records import InputError, Move
 from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
 from ._dialogue import Stop, low
 from ._layout import RESIDENT, RUN, read_layout
@@ -46,7 +46,8 @@ class Client(Registers):
         self._program = self.brought = options.get("run", "touches") == "program"  # then it comes to the control by other ways
         if self._program and not self._layout.resident:
             raise InputError(f"run=program: the layout has no registers {', '.join(RESIDENT)}, or no command {RUN}")
-        moves = [move for move in job.plan.moves if move.kind != "back"]
+        by_itself = "off" if job.plan.strategy.approach.find else "back"  # a measuring move goes back to where it began
+        moves = [move for move in job.plan.moves if move.kind != by_itself]
         for letter in sorted({name for move in moves for name in move.target}):
             if letter not in self._layout.axes:
                 raise InputError(f"layout: axes: found {' '.join(self._layout.axes)}; allowed: all that move, {letter} is missing")
@@ -160,7 +161,8 @@ class Client(Registers):
 
     def _make(self, move: Move) -> Generator[str, str, None]:
         """One move of the plan; a measuring move becomes a record."""
-        feed = self._job.plan.strategy.approach.feed if move.kind == "probe" else 0.0
+        approach = self._job.plan.strategy.approach
+        feed = approach.feed if move.kind == "probe" else approach.find.feed if move.kind == "find" and approach.find else 0.0
         target = {letter: self._counts(letter, value) for letter, value in move.target.items()}
         axes = self._layout.axes
         words = {
@@ -185,13 +187,13 @@ class Client(Registers):
             block = yield from self._settled()
         self._ready(block)
         self._unmoved(block)
-        name = "probe" if move.kind == "probe" else "turn" if move.kind == "index" else "move"
+        name = "probe" if move.kind in ("find", "probe") else "turn" if move.kind == "index" else "move"
         block = yield from self._command(name, self._allowed)
-        if name == "probe":
+        if move.kind == "probe":
             self._events.append(self._record(move.touch, block))
         elif not block:
             raise Stop(f"the registers keep changing after command {self._sequence} is done")
-        else:
+        elif move.kind != "find":
             self._arrived(target, block)
         self._last, self._unanswered = block, False
 
@@ -239,7 +241,9 @@ class Client(Registers):
     def _leave(self) -> Generator[str, str, None]:
         """Draws the probe clear when it is down at a facet, and ends the conversation."""
         if self._low is not None:
-            yield from self._make(Move("retract", _linear(self._touches[self._low], self._job), self._low))
+            if self._job.plan.strategy.approach.find:
+                yield from self._make(Move("back", _linear(self._touches[self._low].standoff, self._job), self._low))
+            yield from self._make(Move("retract", _linear(self._touches[self._low].over, self._job), self._low))
         yield from self._command("end", self._job.patience[-1])
         raise Stop("stopped by the user; the probe has been drawn clear")
 
@@ -247,7 +251,7 @@ class Client(Registers):
         return self._layout.counts(letter, value if letter in "XYZ" else math.degrees(value))
 
 
-def _linear(touch: Touch, job: Job) -> dict[str, float]:
-    """touch → where the linear axes stand above it, mm."""
+def _linear(place: tuple[float, ...], job: Job) -> dict[str, float]:
+    """place of the plan (mm, rad) → where the linear axes stand there, mm."""
     machine = job.plan.machine
-    return {name: touch.over[machine.column(name)] for name in machine.linear}
+    return {name: place[machine.column(name)] for name in machine.linear}

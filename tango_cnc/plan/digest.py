@@ -19,6 +19,8 @@ def plan_hash(plan: Plan) -> str:
     digest.update(f"tango-plan/1 {machine.topology} {' '.join(machine.names)}\n".encode())
     digest.update(f"{machine.probe.length:.6f} {machine.probe.tip_radius:.6f}\n".encode())
     digest.update(f"{approach.standoff:.6f} {approach.search:.6f} {approach.feed:.6f}\n".encode())
+    if approach.find is not None:
+        digest.update(f"{approach.find.feed:.6f} {approach.find.retreat:.6f}\n".encode())
     decimals = [6 if axis.kind == "linear" else 9 for axis in machine.axes]
     for touch in plan.touches:
         values = (f"{v + 0.0:.{d}f}" for p in (touch.standoff, touch.contact, touch.end) for v, d in zip(p, decimals, strict=True))

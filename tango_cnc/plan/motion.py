@@ -28,7 +28,7 @@ def last_moves(plan: Plan) -> Array:
     found, row = np.empty((len(plan.touches), len(names))), 0
     for move, touch in plan.served:
         for name, target in move.target.items():
-            goal = touch.contact[plan.machine.column(name)] if move.kind == "probe" else target
+            goal = touch.contact[plan.machine.column(name)] if move.kind in ("find", "probe") else target
             change = turned(axes[name], goal - at.get(name, goal))
             if abs(change) > STEP:
                 last[name] = change

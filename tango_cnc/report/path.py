@@ -132,7 +132,7 @@ def _path(axes: Any, plan: Plan, wanted: set[int]) -> Array:
         if len(before) < len(machine.names):
             continue
         start, end = (np.array([place[n] for n in machine.names]) for place in (before, at))
-        if move.kind == "probe":
+        if move.kind in ("find", "probe"):
             end = np.array(touches[move.touch].contact)
         if move.touch in wanted:
             steps = 1 + int(np.abs(end - start)[[a.kind != "linear" for a in machine.axes]].max() / STEP)
@@ -146,7 +146,7 @@ def _path(axes: Any, plan: Plan, wanted: set[int]) -> Array:
 
 
 def _kind(move: Move, touch: Touch, machine: Machine) -> str:
-    if move.kind in ("index", "probe"):
+    if move.kind in ("index", "find", "probe"):
         return "turn" if move.kind == "index" else "probe"
     columns = {n: machine.column(n) for n in move.target}
 
@@ -155,7 +155,7 @@ def _kind(move: Move, touch: Touch, machine: Machine) -> str:
 
     if move.kind == "clear":
         return "travel" if leads_to(touch.enter) else "clear"
-    return "down" if move.kind in ("approach", "back") or leads_to(touch.leave) else "clear"
+    return "down" if move.kind in ("approach", "off", "near", "back") or leads_to(touch.leave) else "clear"
 
 
 def _sphere(axes: Any, plan: Plan, solid: check.Solid) -> Array:
