@@ -38,7 +38,7 @@ from tango_cnc.plan import last_motion, last_moves, plan, plan_hash
 from tango_cnc.records import Cell, Find, InputError, Plan, World
 
 FIND = Find(feed=800.0, retreat=6.0)  # of touches with standoff 10, search 5, feed 180
-QUICK = ("fanuc", "heidenhain")  # the others are many seconds together
+QUICK = ("fanuc",)  # the others are many seconds together
 quick_and_long = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in sorted(EVERY)]
 )
@@ -243,6 +243,7 @@ def test_a_post_that_does_not_know_of_it_measures_twice_and_records_once(golden:
 # Time
 
 
+@pytest.mark.long
 def test_the_predicted_time_is_that_of_the_simulated_control(cell: Cell, world: World) -> None:
     """Of both, and what is told to be saved: the control checks that it is in position after every move, which is not predicted."""
     spoken, spent, told = language("macro_b"), [], []
