@@ -314,6 +314,11 @@ def test_blocks_that_do_not_count_are_refused() -> None:
     assert "found the block number 41" in refused([*lines[:40], *lines[41:]], "heidenhain")
 
 
+def test_where_the_axes_stand_is_not_where_the_contact_was() -> None:
+    lines = changed(bare("fanuc", golden()), "=#5061+#5021-#5041", "=#5041+#5021-#5041")
+    assert re.search(r"the record has X .*; the machine was at ", refused(lines, "fanuc"))
+
+
 def test_turning_near_the_table_is_refused_whatever_the_plan_says() -> None:
     """A plan that forgets its retract, and a program that does what it says."""
     x, y, z, *still = golden().touches[2].standoff

@@ -150,10 +150,8 @@ class Rehearsal:
         self._within(feed, approach.find.feed if finds and approach.find else approach.feed)
         start, base = dict(self.base.position), self.base
         self.walk.linear(target, ("find" if finds else "probe",))
-        base.position = dict(self.walk.at) | {n: v for n, v in base.position.items() if n not in target}
-        if finds:
-            base.position |= {n: v + FARTHER * (target[n] - v) for n, v in base.position.items() if n in target}
-        base.skip, base.hit = dict(base.position), True
+        farther = FARTHER if finds else 0.0
+        base.met({n: self.walk.at[n] + farther * (target[n] - self.walk.at[n]) for n in target}, start, target)
         zone = max(approach.standoff - approach.search, 0.1 * approach.standoff)
         if approach.find and not finds:
             zone -= approach.standoff - approach.find.retreat

@@ -11,6 +11,7 @@ LAG = 5.0  # mm between where an axis stands and where the probe is said to have
 CHANGE = 0.003  # mm by which a work offset has changed
 SOON = 0.05  # mm after its start at which the earliest contact happens
 ZONE = 0.2  # mm before and behind the beginning of the search zone, where contacts are early and are none
+RUN_ON = 0.01  # mm that the axes run on after a contact: where they stand is not where it was
 ASIDE = 2.0  # mm beside the line of a measuring move: less is a contact, not another frame
 
 Place = Mapping[str, float]
@@ -30,6 +31,12 @@ class World:
     local: list[dict[int | str, Value]] = field(default_factory=lambda: [{}])
     branch: bool = True  # whether statements are carried out, within IF … ENDIF
     stopped: bool = False
+
+    def met(self, place: Place, start: Place, target: Place) -> None:
+        """{axis: mm}, beginning and end of a measuring move → the contact was there, and the axes have run on."""
+        length = sum((target[n] - start[n]) ** 2 for n in target) ** 0.5
+        self.skip, self.hit = self.position | dict(place), True
+        self.position = self.skip | {n: place[n] + RUN_ON * (target[n] - start[n]) / length for n in target}
 
     def twin(self, fate: str, what: str) -> World:
         """→ the same machine at the same place in the program, of which something else becomes."""
@@ -71,12 +78,12 @@ def other_contacts(base: World, start: Place, target: Place, zone: float) -> Ite
 
     def contact(flag: str, what: str, way: float) -> World:
         world = base.twin(flag, what)
-        world.position.update({n: start[n] + (target[n] - start[n]) * way / length for n in target})
-        world.skip = dict(world.position)
+        world.met({n: start[n] + (target[n] - start[n]) * way / length for n in target}, start, target)
         return world
 
-    miss = contact("0", "nothing was touched", length)
-    miss.hit = False
+    miss = base.twin("0", "nothing was touched")
+    miss.position.update(target)
+    miss.skip, miss.hit = dict(miss.position), False
     yield miss
     yield contact("2", "the contact came at once", min(SOON, zone / 2))
     yield contact("2", "the contact came just before the search zone", zone - min(ZONE, zone / 4))
