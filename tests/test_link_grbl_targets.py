@@ -200,6 +200,12 @@ def test_targets_are_shifted_by_micrometres_and_twice_is_once():
         assert round(near, 1) not in targets.HARMFUL or round(100 * abs(near)) % 10 != 0, "two places count behind G"
 
 
+def test_a_target_at_an_end_of_its_travel_is_shifted_inwards():
+    assert targets.apart(90.0, targets.TURNED, (-90.0, 90.0)) == 89.999
+    assert targets.apart(-90.0, targets.TURNED, (-90.0, 90.0)) == -89.999
+    assert targets.apart(4.0, travel=(-100.0, 4.0)) == 3.994
+
+
 def test_lines_are_short_enough_for_fluidnc():
     longest = dict.fromkeys((*"XYZABCFG", "M", "R"), -1234.5678)
     lines = [*targets.assignments(longest), targets.question(tuple(longest)), targets.motion(tuple(longest), True)]

@@ -39,11 +39,19 @@ CANNOT = (
 )
 
 
-def apart(value: float, least: float = WHOLE) -> float:
-    """mm, deg or mm/min, what it keeps from whole ones → the nearest that does no harm behind another letter or as `##`."""
+def apart(value: float, least: float = WHOLE, travel: tuple[float, float] = (-math.inf, math.inf)) -> float:
+    """mm, deg or mm/min, what it keeps from whole ones, ends of its travel → the nearest that does no harm behind another letter.
+
+    Nor as `##`. What stands at an end of its travel keeps to the other side.
+    """
     value = round(value, 4)
     tenth = round(value, 1)
-    return _off(value, tenth, CODE) if tenth in HARMFUL else _off(value, round(value), least)
+    grid, least = (tenth, CODE) if tenth in HARMFUL else (round(value), least)
+    if abs(value - grid) >= least:
+        return value
+    away = math.copysign(least, value - grid)
+    found, other = round(grid + away, 4), round(grid - away, 4)
+    return found if travel[0] <= found <= travel[1] else other
 
 
 def assignments(values: Mapping[str, float]) -> list[str]:
@@ -91,7 +99,3 @@ def motion(letters: Sequence[str], searching: bool) -> str:
 
 def _name(letter: str) -> str:
     return f"q{letter.lower() * 2}"
-
-
-def _off(value: float, grid: float, least: float) -> float:
-    return round(grid + math.copysign(least, value - grid), 4) if abs(value - grid) < least else value

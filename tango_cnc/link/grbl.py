@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 
-from ..records import InputError, Move, Touch
+from ..records import Axis, InputError, Move, Touch
 from . import _grbl_targets as targets
 from ._client import Begun, Ended, Event, Job, Refused, Touched
 from ._dialogue import Stop, Talk, low
@@ -38,6 +38,7 @@ CLOSE = 0.01  # mm or deg between target and the place that was reached
 SAME = 0.0015  # mm: the control shows three places
 OFF = 1.5  # mm of the move off a facet: with a wrong sign the stylus still gives way
 ASIDE, TURNED = 0.5, 0.1  # mm beside the line of a measuring move, deg beside its angles: somewhere else
+ENDLESS = (-math.inf, math.inf)
 MISSES = 3  # touches in a row without contact: a probe that is dead guards nothing
 
 
@@ -60,6 +61,7 @@ class Client(Control):
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._order = {number: i for i, number in enumerate(job.numbers)}
         self._at: dict[str, float] = {}
+        self._travel = {axis.name: _ends(axis) for axis in job.plan.machine.axes}  # mm or deg
         self._goal: dict[str, float] = {}  # where each axis was sent to, by the scales of the machine
         self._set: dict[str, float] = {}  # parameters as the control has confirmed them
         self._searching = False  # whether the last motion was a search
@@ -198,7 +200,9 @@ class Client(Control):
         """axis, mm or deg by the scales of the machine → where it is sent for that."""
         if self._plain:
             return value
-        return targets.apart(value - self._offset[axis], targets.WHOLE if axis in "XYZ" else targets.TURNED) + self._offset[axis]
+        off, (low, high) = self._offset[axis], self._travel.get(axis, ENDLESS)
+        least = targets.WHOLE if axis in "XYZ" else targets.TURNED
+        return targets.apart(value - off, least, (low - off, high - off)) + off
 
     def _go_plainly(self, code: float, target: Mapping[str, float], feed: float, angle: float | None) -> Lines:
         if angle is not None:
@@ -328,3 +332,9 @@ class Client(Control):
 
 def _shown(place: Mapping[str, float]) -> str:
     return " ".join(f"{name}{value:.4f}" for name, value in place.items())
+
+
+def _ends(axis: Axis) -> tuple[float, float]:
+    """axis → the ends of its travel, mm or deg."""
+    low, high = axis.travel or ENDLESS
+    return (low, high) if axis.kind == "linear" else (math.degrees(low), math.degrees(high))
