@@ -114,6 +114,7 @@ def driven(made, one, until=None, arrives=lambda line: line, text="", **options)
     events, sent = [], []
     while not any(isinstance(event, Ended | Failed) for event in events):
         asked = client.bytes_to_send(1 << 16).decode("ascii")
+        assert asked, "it waits for a line that nobody sends"
         sent.append(asked.strip())
         if until and until(sent):
             one.line(asked.strip())

@@ -63,14 +63,14 @@ def switch(number: int) -> float:
 
 
 def assignments(values: Mapping[str, float]) -> list[str]:
-    """{letter: number} → the lines that set its parameters."""
+    """{letter: number} → the lines that set its parameters; none for none."""
     lines = [""]
     for letter, value in values.items():
         text = f"#<{_name(letter)}>=[{value:.4f}]"
         if len(lines[-1]) + len(text) > LINE:
             lines.append("")
         lines[-1] += text
-    return lines
+    return [line for line in lines if line]
 
 
 def question(letters: Sequence[str]) -> str:
