@@ -12,21 +12,26 @@ Targets are machine coordinates; `tango run` takes work offset, G92 and tool len
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 from tango_cnc.records import InputError
 
 from ._base import Job, Leg, Option, Post, degrees, number, rolled
-from ._common import PROBE_SWITCHES, approaching, fits, indexed, steps, switches, titled, warned
+from ._common import PROBE_SWITCHES, approaching, fits, indexed, steps, switches, titled, unclamped, warned
 
 RESET = "G17 G21 G40 G49 G80 G90 G94"
 OFF = 1.5  # mm off a facet, before which no search can begin
 SMALL = 0.005  # mm: less is no word
 ROOM = {"grblHAL": 255, "FluidNC": 127, "grbl": 79}  # characters of a line, comments apart
+OWN = {*range(10), 19, 30, *range(48, 69), *range(70, 74), 98, 99}  # M codes of the controls themselves; many of them want a P
+NO_P = " that a plugin of grblHAL knows: no P behind it"
 
 OPTIONS = (
     Option("control", "grblHAL", "what the control runs; grbl 1.1 has X Y Z only", choices=("grblHAL", "FluidNC", "grbl")),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
+    Option("unclamp", {}, f"M word before a rotary axis turns, e.g. {{B: M11}}{NO_P}", verified=True),
+    Option("clamp", {}, f"M word after a rotary axis has turned, e.g. {{B: M10}}{NO_P}", verified=True),
     *PROBE_SWITCHES,
     Option("positioning_feed", 2000.0, "mm/min of guarded moves; feed in the port's URL has to be the same", verified=True),
 )
@@ -47,6 +52,8 @@ def begin(job: Job) -> Iterator[str]:
         "SENT BY TANGO RUN LINE BY LINE. ANOTHER SENDER RECORDS NOTHING",
         "MACHINE COORDINATES. FOR ANOTHER SENDER WORK OFFSET G92 AND TOOL LENGTH HAVE TO BE ZERO",
     )
+    for key in ("unclamp", "clamp"):  # the driver has these words from here: what was read and checked is what is sent
+        yield from (f"({key.upper()} {name} {word})" for name, word in job.options[key].items())
     yield RESET
     yield f"(TANGO START {job.mark} {len(plan.touches)})"
 
@@ -60,12 +67,16 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
-    """Spindle, then the rotary axes."""
+    """Spindle, then the rotary axes: together, or one after the other between the words that free and hold them."""
     yield f"({indexed(leg)})"
     if "S" in leg.target and job.options["orient"]:
         yield f"{job.options['orient']}{number(rolled(degrees(leg.target['S']), 3), 3)}"
-    words = " ".join(f"{name}{number(degrees(leg.target[name]))}" for name in job.machine.rotary if name in leg.target)
-    yield from filter(None, [f"G0 {words}" if words else ""])
+    words = {name: f"{name}{number(degrees(leg.target[name]))}" for name in job.machine.rotary if name in leg.target}
+    if job.options["unclamp"] or job.options["clamp"]:
+        for name, word in words.items():
+            yield from unclamped(job, name, f"G0 {word}")
+    elif words:
+        yield f"G0 {' '.join(words.values())}"
 
 
 retract = clear = move
@@ -116,6 +127,13 @@ def _check(job: Job) -> None:
         if len(options[key]) > ROOM[options["control"]]:
             raise InputError(f"controller.{key}: found {len(options[key])} characters; allowed: {ROOM[options['control']]}")
     fits(job)
+    for key in ("unclamp", "clamp"):
+        for name, word in options[key].items():
+            if options["control"] != "grblHAL" or not re.fullmatch(r"M[1-9]\d{0,2}", word) or int(word[1:]) in OWN:
+                raise InputError(
+                    f"controller.{key}: found {name!r}: {word!r}; allowed: with control: grblHAL, M words without P that a plugin "
+                    "of it knows, none of its own codes, e.g. M10; FluidNC has none"
+                )
 
 
 POST = Post(

@@ -292,7 +292,7 @@ def test_what_is_dangerous_in_klartext_is_named(old: str, new: str, words: str) 
 SWITCHES = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}, "probe_on": "M720", "probe_off": "M721"}
 
 
-@pytest.mark.parametrize("post", [name for name in READ if name != "grbl"])
+@pytest.mark.parametrize("post", READ)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -307,6 +307,20 @@ SWITCHES = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}, "probe_on": "M720"
 def test_the_words_of_the_profile_stand_where_they_belong(post: str, old: str, new: str, words: str) -> None:
     lines = changed(bare(post, golden(), **SWITCHES), old, new)
     assert words in refused(renumbered(lines) if post == "heidenhain" else lines, post, **SWITCHES)
+
+
+@pytest.mark.parametrize("new", ["", "(CLAMP C M711)\n", "(CLAMP B M710)\n"])
+def test_the_words_that_the_driver_of_grbl_takes_from_the_head_are_those_of_the_profile(new: str) -> None:
+    lines = changed(bare("grbl", golden(), **SWITCHES), "(CLAMP C M710)\n", new)
+    assert "the driver is told the words" in refused(lines, "grbl", **SWITCHES)
+
+
+@pytest.mark.parametrize("word", ["M3", "M62", "M64 P1", "H10", "M010"])
+def test_words_that_grbl_takes_for_something_else_are_no_clamps(word: str) -> None:
+    with pytest.raises(InputError, match=rf"controller\.clamp: found 'C': '{word}'; allowed: with control: grblHAL, M words"):
+        lines_of("grbl", golden(), clamp={"C": word})
+    with pytest.raises(InputError, match=r"FluidNC has none"):
+        lines_of("grbl", golden(), control="FluidNC", clamp={"C": "M10"})
 
 
 def test_blocks_that_do_not_count_are_refused() -> None:

@@ -3,12 +3,14 @@
 import re
 import sys
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from blockcell import NORMALS, block, machine
 from blockcell import cell as block_cell
+from controls import GOLDEN
 from linkfaults import scene
 from linkparts import job
 from test_run import STRATEGY, Result, readings
@@ -105,13 +107,14 @@ def test_the_same_place_is_no_target(control):
     assert one.line("G38.3 X1") == ["[PRB:1.000,0.000,800.000,0.000,0.000:0]", "ok"], "F stays"
 
 
-def driven(made, one, until=None, arrives=lambda line: line, **options):
-    """plan, control, line after which the PC dies, what arrives of a line, options → events, every line that was sent."""
+def driven(made, one, until=None, arrives=lambda line: line, text="", **options):
+    """plan, control, line after which the PC dies, what arrives of a line, program, options → events, every line that was sent."""
     numbers = tuple(touch.number for touch in made.touches)
-    client = Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19", **options})
+    client = Client(Job(made, text, "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19", **options})
     events, sent = [], []
     while not any(isinstance(event, Ended | Failed) for event in events):
         asked = client.bytes_to_send(1 << 16).decode("ascii")
+        assert asked, "it waits for a line that nobody sends"
         sent.append(asked.strip())
         if until and until(sent):
             one.line(asked.strip())
@@ -293,6 +296,83 @@ def test_grbl_1_1_measures_where_three_axes_suffice():
         program(load("grbl"), turned, {"control": "grbl"}, "P")
 
 
+# Clamps: words of the profile, on a control whose axes are held when it is switched on
+
+UNCLAMP, CLAMP = {"B": 11, "C": 13}, {"B": 10, "C": 12}
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """→ a plan that turns both axes, and the machine"""
+    parts = read_cell(GOLDEN)
+    return plan(parts), rig(parts.machine, parts.artefact, World())
+
+
+def clamped(turning, arrives=lambda line: line, stated=True, **options):
+    """plan and machine, what arrives of a line, whether the profile states the words → last event, what happened, what was sent."""
+    made, truth = turning
+    profile = {k: {n: f"M{v}" for n, v in words.items()} for k, words in (("unclamp", UNCLAMP), ("clamp", CLAMP))} if stated else {}
+    happened = []
+    motion = Motion(truth, lambda event, **data: happened.append((event, data)))
+    one = switched_on(motion, lambda event, **data: happened.append((event, data)), unclamp=UNCLAMP, clamp=CLAMP)
+    text = "\n".join(program(load("grbl"), made, profile, plan_hash(made))[2]())
+    events, sent = driven(made, one, arrives=arrives, text=text, **options)
+    return events[-1], happened, sent
+
+
+@pytest.mark.parametrize(("targets", "times"), [("plain", 1), ("confirmed", 2)])
+def test_each_rotary_axis_turns_alone_between_the_words_that_free_and_hold_it(turning, targets, times):
+    made, _ = turning
+    last, happened, sent = clamped(turning, targets=targets)
+    assert last == Ended(len(made.touches))
+    assert not [data for event, data in happened if event == "unsafe"]
+    turns = [name for move in made.moves if move.kind == "index" for name in "BC" if name in move.target]
+    switched = [data["word"] for event, data in happened if event == "switched"]
+    assert switched == [word for name in turns for word in [UNCLAMP[name]] * times + [CLAMP[name]] * times]
+    assert {len(data["held"]) for event, data in happened if event == "switched"} == {1, 2}, "one is loose at most"
+    assert targets == "plain" or not [line for line in sent if re.search(r"M\d", line)], "no word in bare digits"
+
+
+@pytest.mark.parametrize("targets", ["plain", "confirmed"])
+def test_turning_without_the_words_is_an_alarm(turning, targets):
+    last, happened, _ = clamped(turning, stated=False, targets=targets)
+    assert "ALARM:17 (motor fault)" in last.why
+    assert {"B is clamped", "C is clamped"} & {data.get("text") for _, data in happened}
+
+
+def test_a_word_whose_letter_is_spoilt_is_heard_the_second_time(turning):
+    seen = []
+
+    def arrives(line):
+        if "M#<qmm>" in line and "R#" not in line:
+            seen.append(line)
+            return line.replace("M#", "N#") if len(seen) % 2 else line
+        return line
+
+    last, happened, _ = clamped(turning, arrives)
+    assert isinstance(last, Ended) and seen
+    assert len([event for event, _ in happened if event == "switched"]) == len(seen) / 2
+
+
+@pytest.mark.parametrize("targets", ["plain", "confirmed"])
+def test_a_clamp_that_a_run_cut_off_has_left_open_is_closed_by_the_next(cell, targets):
+    """Both axes stand where the plan wants them, so that nothing would have to turn."""
+    (cell / "strategy.yaml").write_text(
+        "name: one\napproach: {standoff: 10, search: 5, feed: 180}\nindexations:\n  - {B: 90, C: -270, S: 0, facets: ['5']}\n"
+    )
+    parts = read_cell(cell)
+    made, switched = plan(parts), []
+    made = replace(made, turns=tuple(replace(turn, preload=None) for turn in made.turns))
+    truth = rig(parts.machine, parts.artefact, read_world(cell / "world.yaml"))
+    one = switched_on(Motion(truth), lambda event, **data: switched.append(data.get("held")), unclamp=UNCLAMP, clamp=CLAMP)
+    text = "(UNCLAMP B M11)\n(UNCLAMP C M13)\n(CLAMP B M10)\n(CLAMP C M12)\n"
+    options = {"text": text, "targets": targets, "orient": "refuse"}
+    driven(made, one, lambda sent: one._held == {"B"} and abs(one._place()["C"] + 270) < 0.1, **options)
+    assert one._held == {"B"}, "C was turned and is loose"
+    events, _ = driven(made, one, **options)
+    assert events[-1] == Ended(1) and switched[-1] == "BC"
+
+
 # The program is what the driver sends
 
 
@@ -308,6 +388,22 @@ def test_the_driver_sends_the_lines_of_the_program(cell):
     _, sent = driven(made, switched_on(motion), targets="plain")
     told = [words(line) for line in sent if line[0] not in "$?" and not line.startswith("G4")][1:]
     written = [words(line) for line in lines if not line.startswith("(")][1:]
+    same(told, written)
+
+
+def test_the_driver_sends_the_words_of_clamps_where_the_program_has_them(turning):
+    made, _ = turning
+    profile = {"unclamp": {"B": "M11", "C": "M13"}, "clamp": {"B": "M10", "C": "M12"}}
+    written = [words(line) for line in program(load("grbl"), made, profile, plan_hash(made))[2]() if not line.startswith("(")][1:]
+    _, _, sent = clamped(turning, targets="plain")
+    told = [words(line) for line in sent if line[0] not in "$?" and not line.startswith("G4")][1:]
+    first = next(i for i, line in enumerate(written) if line[0][0] == "M")
+    assert first and [("M", 11.0)] in told
+    same([line for line in told if line[0][0] == "M"], [line for line in written if line[0][0] == "M"])
+    same(told[-len(written) + first :], written[first:])
+
+
+def same(told, written):
     assert [[letter for letter, _ in line] for line in told] == [[letter for letter, _ in line] for line in written]
     for a, b in zip(told, written, strict=True):
         assert [value for _, value in a] == pytest.approx([value for _, value in b], abs=1e-3)

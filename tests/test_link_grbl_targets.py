@@ -15,6 +15,7 @@ from sim_controller.interpreters.grbl import RESET, Control, Profile
 from sim_controller.motion import Skip
 from sim_controller.protocols.grbl import Input
 from tango_cnc.link import _grbl_targets as targets
+from tango_cnc.records import InputError
 
 PLACE = {"X": 10.0, "Y": -7.5, "Z": 200.0, "B": 30.0, "C": 0.0}
 # What would do most harm behind another letter: inches, relative, home, another work offset, tool change
@@ -47,10 +48,10 @@ class Moves:
 
 
 @functools.cache
-def named(code):
-    """code of the motion → the parameters, set"""
+def named(code, word=targets.ORIENT):
+    """code of the motion, value of M → the parameters, set"""
     known = Parameters(True, True)
-    for line in targets.assignments({**VALUES, "M": targets.ORIENT, "R": 90.0002, "G": code}):
+    for line in targets.assignments({**VALUES, "M": word, "R": 90.0002, "G": code}):
         at = 0
         while at < len(line):
             at = known.assigned(line.upper(), at + 1)
@@ -63,6 +64,12 @@ def heard(data, firmware, modal, code, known=True):
     one._modal, one._feed = modal, 2000.0
     if known:
         one._parameters._named = dict(named(code))
+    answers = sent_to(one, data)
+    return one, one.motion.asked, answers
+
+
+def sent_to(one, data):
+    """control, bytes on its line → its answers"""
     into, answers = Input(one.kind.one_line_end), []
     for byte in data:
         taken = into.take(byte)
@@ -70,7 +77,7 @@ def heard(data, firmware, modal, code, known=True):
             one.realtime(taken)
         elif taken is not None:
             answers.append(one.line(taken))
-    return one, one.motion.asked, answers
+    return answers
 
 
 def spoilt(line, every):
@@ -141,6 +148,39 @@ def test_turning_the_spindle_moves_nothing_else(every):
         _, asked, _ = heard(data, "grblHAL", 38.3, 0.003)
         assert between([(kind, target) for kind, target in asked if set(target) != {"S"}]), (data, asked)
         assert {round(math.degrees(target["S"]), 3) for _, target in asked if "S" in target} <= {0.0, 90.0}, "no R is R0"
+
+
+@THOROUGH
+@pytest.mark.parametrize(("word", "freed"), [(11, True), (10, False)])
+def test_the_word_of_a_clamp_moves_nothing_and_said_twice_it_is_heard(every, word, freed):
+    """Everything stands where the line sends it. One of the two is spoilt: the driver stops, or the clamp has switched."""
+    at_target = np.array([math.radians(VALUES[n]) if n in "BC" else VALUES.get(n, 0.0) for n in Moves.machine.names])
+    first, second = (targets.motion((*LETTERS, "M"), searching).encode() + b"\n" for searching in (True, False))
+    dropped = 0
+    for data in spoilt(first.decode().strip(), every):
+        one = Control(Moves(), Profile(unclamp={"C": 11}, clamp={"C": 10}), lambda data: None, lambda event, **data: None)
+        one._modal, one._feed, one._held = 38.3, 2000.0, set() if not freed else {"C"}
+        one._parameters._named = dict(named(0.003, targets.switch(word)))
+        one.motion.position = at_target
+        answers = sent_to(one, data)
+        for _, target in one.motion.asked:
+            assert all(
+                math.isclose(math.degrees(v) if n in "BC" else v, VALUES[n], abs_tol=1e-3) for n, v in target.items() if n != "S"
+            ), data
+        assert (one._relative, one._inch, one._frame) == (False, False, 54), data
+        if answers != [["ok"]] or one.state != "Idle":
+            continue  # the driver waits, or stops
+        dropped += ("C" in one._held) == freed
+        assert sent_to(one, second) == [["ok"]], data
+        assert ("C" in one._held) != freed, data
+    assert dropped or every > 1, "or saying it twice is for nothing"
+
+
+def test_a_word_that_would_do_harm_behind_g_is_refused():
+    for number in (20, 21, 91):
+        with pytest.raises(InputError, match=rf"found M{number} for a clamp; allowed: .*e\.g\. M10.*targets=plain"):
+            targets.switch(number)
+    assert targets.switch(10) == 10.003
 
 
 @THOROUGH

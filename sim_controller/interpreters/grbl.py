@@ -30,6 +30,7 @@ HOMES = (28, 30)
 FRAMES = (54, 55, 56, 57, 58, 59)
 KNOWN = {*MOTIONS, *HOMES, *FRAMES, 4, 17, 20, 21, 40, 49, 53, 80, 90, 91, 94}
 INCH = 25.4
+GIVES = math.radians(0.01)  # that a clamped axis may be told to turn before its drive gives up
 RESET = 0x18
 REALTIME = {ord("?"), ord("!"), ord("~"), RESET, *range(0x80, 0x100)}  # acted on wherever they stand, unknown ones dropped
 HINT = re.compile(r"\(([^)]*)\)?|;.*")
@@ -69,6 +70,8 @@ class Profile:
     probe_reports: bool = True  # $10 bit 7 of grblHAL: a search is answered with [PRB:…]
     expressions: bool = True  # NGC_EXPRESSIONS_ENABLE of grblHAL; FluidNC has them in any case, grbl in none
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
+    unclamp: Mapping[str, int] = field(default_factory=dict)  # {axis: M code of a plugin that frees it}
+    clamp: Mapping[str, int] = field(default_factory=dict)  # {axis: M code that holds it}; held when switched on
 
 
 def default_profile(machine: Machine) -> Profile:
@@ -95,6 +98,7 @@ class Control:
         self._modal, self._relative, self._inch, self._feed, self._frame = 0.0, False, False, 0.0, 54
         self._knows = self.kind.expressions and (profile.expressions or profile.firmware != "grblHAL")
         self._parameters = Parameters(self._knows, profile.firmware == "grblHAL")
+        self._held = {*profile.clamp, *profile.unclamp}
         self._error = "ok"
         self._silent = False
 
@@ -189,7 +193,9 @@ class Control:
         self.state = "Door:0" if str(stop) == "door" else "Alarm"
         self._note("alarm", text=str(stop))
         guarded = self.profile.protection and self.profile.firmware != "grbl"
-        alarm = {"overtravel": "ALARM:2", "collision": "ALARM:13" if guarded else "ALARM:1"}.get(stop.cause, "ALARM:3")
+        alarm = {"clamped": "ALARM:17", "overtravel": "ALARM:2", "collision": "ALARM:13" if guarded else "ALARM:1"}.get(
+            stop.cause, "ALARM:3"
+        )
         return [] if str(stop) == "door" else [alarm]
 
     def _dollar(self, text: str) -> list[str]:
@@ -229,9 +235,10 @@ class Control:
         values = {letter: number for letter, number in words if letter != "G"}
         motions = [code for code in codes if code in (*MOTIONS, 80)]
         orient = values.get("M") == 19 and self.kind.orients
+        switches = values.get("M") in (*self.profile.clamp.values(), *self.profile.unclamp.values())
         if any(code not in KNOWN and code not in self.kind.more for code in codes) or any(letter not in WORDS for letter in others):
             return ["error:20"]
-        if any(letter in LETTERS and letter not in self.axes for letter in others) or ("M" in values and not orient):
+        if any(letter in LETTERS and letter not in self.axes for letter in others) or ("M" in values and not (orient or switches)):
             return ["error:20"]
         if any(sum(code in group for code in codes) > 1 for group in (FRAMES, (20, 21), (90, 91), (4, 53, *HOMES))):
             return ["error:21"]
@@ -260,6 +267,7 @@ class Control:
         if 4 in codes:
             self.motion.dwell(values.get("P", 0.0))
             return ["ok"] if "P" in values else ["error:28"]
+        self._clamps(values.get("M"))
         if orient:
             self.motion.rapid({"S": math.radians(values.get("R", 0.0))})
         if any(code in HOMES for code in codes):
@@ -270,6 +278,7 @@ class Control:
         target = self._target(values, 53 in codes)
         if self._modal and not self._feed:
             return ["error:22"]
+        self._holds(target)
         feed = self._feed * (INCH if self._inch else 1.0)
         if self._modal >= 38:
             return self._probe(target, feed)
@@ -278,6 +287,22 @@ class Control:
         else:
             self.motion.rapid(target)
         return ["ok"]
+
+    def _clamps(self, word: float | None) -> None:
+        """M code → it has freed or held what it is there for, before the motion of its line."""
+        for names, known in ((self.profile.unclamp, self._held.difference), (self.profile.clamp, self._held.union)):
+            if switched := {name for name, own in names.items() if own == word}:
+                self._held = known(switched)
+                self._note("switched", word=word, held="".join(sorted(self._held)))
+
+    def _holds(self, target: Mapping[str, float]) -> None:
+        """Raises MotionStop when a clamped axis is to turn. A search with one that is loose is noted."""
+        here = self._place()
+        for name, value in target.items():
+            if name in self._held and abs(value - math.radians(here[name])) > GIVES:
+                raise MotionStop("clamped", f"{name} is clamped")
+        if self._modal >= 38 and (loose := set(self.profile.clamp) - self._held):
+            self._note("unsafe", why=f"a search while {' '.join(sorted(loose))} is loose")
 
     def _target(self, values: Mapping[str, float], machine: bool) -> dict[str, float]:
         here, work = self._place(), self._work()

@@ -23,6 +23,7 @@ OFF = re.compile(rf"G1((?: [XYZ]{NUMBER})+) F({NUMBER})")
 TURN = re.compile(rf"G0((?: [ABC]{NUMBER})+)")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 START = re.compile(r"\(TANGO START ([0-9A-F]{12}) (\d+)\)")
+SWITCHED = re.compile(r"\((CLAMP|UNCLAMP) ([ABC]) (M\d{1,3})\)")  # the driver has the words from here
 END = re.compile(r"\(TANGO END ([0-9A-F]{12}) (\d+)\)")
 MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94"}
 FARTHEST = 2.0  # mm off a facet: with a wrong sign the stylus still gives way
@@ -49,6 +50,7 @@ class _Program:
         self._words = stated_words(options)
         self._orient = options.get("orient", "")
         self._mark = ""
+        self._told: set[tuple[str, str, str]] = set()  # words of clamps in the head
         self._modal: set[str] = set()
         self._began = self.over = False
         self._pressed = self._relative = False
@@ -67,6 +69,8 @@ class _Program:
             self._mark = match[1]
         elif match := START.fullmatch(line):
             self._start(match[1], int(match[2]))
+        elif not self._began and (match := SWITCHED.fullmatch(line)):
+            self._told.add((match[1].lower(), match[2], match[3]))
         elif match := END.fullmatch(line):
             self._end(match[1], int(match[2]))
         elif COMMENT.fullmatch(line) or (self._began and not self._relative and line in self._words):
@@ -81,6 +85,10 @@ class _Program:
     def _start(self, mark: str, count: int) -> None:
         if self._began or mark != self._mark or count != len(self._plan.touches):
             raise InputError(f"the start mark is {mark} {count}; this program is {self._mark} {len(self._plan.touches)}")
+        stated = {(key, *pair) for key in ("clamp", "unclamp") for pair in (self._options.get(key) or {}).items()}
+        if self._told != stated:
+            found, wanted = (", ".join(" ".join(words) for words in sorted(some)) or "none" for some in (self._told, stated))
+            raise InputError(f"the driver is told the words {found}; the profile states {wanted}")
         self._began = True
 
     def _end(self, mark: str, count: int) -> None:

@@ -15,8 +15,15 @@ ALARMS = {
     "5": "no contact",
     "6": "reset while homing",
     "13": "the probe tripped outside a probing move",
+    "17": "motor fault",
 }
 ERRORS = {"9": "it is locked, in alarm", "20": "unsupported word", "33": "invalid target", "24": "two axis commands in a line"}
+CLAMPS = re.compile(r"^\((CLAMP|UNCLAMP) ([ABC]) M(\d{1,3})\)\r?$", re.MULTILINE)
+
+
+def clamps(program: str) -> dict[tuple[str, str], int]:
+    """program of the post → {(CLAMP or UNCLAMP, axis letter): M code}, as its head states them; none where it states none."""
+    return {(found[1], found[2]): int(found[3]) for found in CLAMPS.finditer(program)}
 
 
 def hello(options: Mapping[str, str]) -> bytes:

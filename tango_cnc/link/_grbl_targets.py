@@ -16,6 +16,9 @@ What is sent moves nothing, or to the confirmed place, whatever becomes of one o
 What remains: an axis word that becomes N, S or T, or the end of a line that becomes a remark, leaves out axes: these stay where
 they are, and the others stay between their place and their target, guarded by the probe.
 
+The word of a clamp is the M of a rapid to where everything stands. Its M may become N, S or T as well, which nobody sees: so the
+driver says it twice.
+
 Facts: ngc_expr.c, ngc_params.c, gcode.c of grblHAL core of August 2026; Parameters.cpp, GCode.cpp of FluidNC.
 """
 
@@ -25,8 +28,11 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
+from ..records import InputError
+
 SEARCH, FEED, RAPID, ORIENT = 38.3, 1.003, 0.003, 19.003  # codes, no whole numbers either: two places count behind G and M
 LINE = 100  # characters: FluidNC takes 127
+SWITCHED = 0.003  # beyond the whole number of an M code
 CODE = 0.006  # mm or deg that a target keeps from the codes below
 WHOLE, TURNED = 0.0002, 0.001  # mm and deg that it keeps from whole numbers; an angle by the last place that is shown
 HARMFUL = {2, 3, 4, 6, 7, 8, *range(17, 22), 30, *range(40, 44), *range(48, 62), *range(64, 68), *range(70, 74), *range(91, 94)}
@@ -54,15 +60,25 @@ def apart(value: float, least: float = WHOLE, travel: tuple[float, float] = (-ma
     return found if travel[0] <= found <= travel[1] else other
 
 
+def switch(number: int) -> float:
+    """M code of a plugin → its value behind M, no whole number. Raises InputError for one that is another code behind G."""
+    if number in HARMFUL:
+        raise InputError(
+            f"grbl: found M{number} for a clamp; allowed: M codes that behind a G mean nothing, e.g. M10 (one character of the "
+            f"line makes it G{number}), or targets=plain in the port's URL"
+        )
+    return number + SWITCHED
+
+
 def assignments(values: Mapping[str, float]) -> list[str]:
-    """{letter: number} → the lines that set its parameters."""
+    """{letter: number} → the lines that set its parameters; none for none."""
     lines = [""]
     for letter, value in values.items():
         text = f"#<{_name(letter)}>=[{value:.4f}]"
         if len(lines[-1]) + len(text) > LINE:
             lines.append("")
         lines[-1] += text
-    return lines
+    return [line for line in lines if line]
 
 
 def question(letters: Sequence[str]) -> str:

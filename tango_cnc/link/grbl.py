@@ -23,6 +23,7 @@ from ..records import Axis, InputError, Move, Touch
 from . import _grbl_targets as targets
 from ._client import Begun, Ended, Event, Job, Refused, Touched
 from ._dialogue import Stop, Talk, low
+from ._grbl import clamps
 from ._grbl import hello as hello
 from ._grbl import told as told
 from ._grbl_control import Control, Lines
@@ -58,6 +59,10 @@ class Client(Control):
             self._feed = 0.0
         if not 0 < self._feed < math.inf:
             raise InputError(f"grbl: feed: found {options['feed']!r}; allowed: mm/min greater than 0")
+        self._clamps = clamps(job.program)
+        if not self._plain:
+            for number in self._clamps.values():
+                targets.switch(number)
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._order = {number: i for i, number in enumerate(job.numbers)}
         self._at: dict[str, float] = {}
@@ -164,12 +169,13 @@ class Client(Control):
             yield from self._report()
             self._beside(self._touches[move.touch])
             return
-        if angle is None and not any(abs(self._aim(name, value) - self._at[name]) > SAME for name, value in target.items()):
+        anyway = angle is not None or (move.kind == "index" and self._clamps)  # a run that was cut off may have left a clamp open
+        if not anyway and not any(abs(self._aim(name, value) - self._at[name]) > SAME for name, value in target.items()):
             return
         if self._pressed:
             yield from self._off(self._touches[move.touch])
         if move.kind == "index":
-            yield from self._go(targets.RAPID, target, self._feed, angle)
+            yield from self._index(target, angle)
         else:
             flag, place = self._contact((yield from self._go(targets.SEARCH, target, self._feed)))
             if flag:
@@ -179,8 +185,33 @@ class Client(Control):
             if abs(self._at[name] - self._goal[name]) > CLOSE:
                 raise Stop(f"{name} stands at {self._at[name]:.4f} after it was sent to {self._goal[name]:.4f}")
 
-    def _go(self, code: float, target: Mapping[str, float], feed: float, angle: float | None = None) -> Lines:
-        """code of the motion, {axis: mm or deg}, mm/min, angle of the spindle → moved; what the control answers."""
+    def _index(self, target: Mapping[str, float], angle: float | None) -> Talk:
+        """{rotary axis: deg}, angle of the spindle → turned: together, or where there are clamps each between its words."""
+        if not self._clamps:
+            yield from self._go(targets.RAPID, target, self._feed, angle)
+            return
+        if angle is not None:
+            yield from self._go(targets.RAPID, {}, self._feed, angle)
+        for name in (name for name in self._job.plan.machine.rotary if name in target):
+            yield from self._switch("UNCLAMP", name)
+            yield from self._go(targets.RAPID, {name: target[name]}, self._feed)
+            yield from self._switch("CLAMP", name)
+
+    def _switch(self, key: str, axis: str) -> Talk:
+        """CLAMP or UNCLAMP, axis letter → its word said to the control, if there is one."""
+        number = self._clamps.get((key, axis))
+        if number is None:
+            return
+        if self._plain:
+            yield from self._say(f"M{number}")
+            return
+        for _ in range(2):  # one that has become another letter drops the word without a trace
+            yield from self._go(targets.RAPID, {}, self._feed, word=targets.switch(number))
+
+    def _go(
+        self, code: float, target: Mapping[str, float], feed: float, angle: float | None = None, word: float | None = None
+    ) -> Lines:
+        """code of the motion, {axis: mm or deg}, mm/min, angle of the spindle, value of M → moved; what the control answers."""
         self._goal |= target
         if self._plain:
             return (yield from self._go_plainly(code, target, feed, angle))
@@ -189,6 +220,8 @@ class Client(Control):
         values |= {"F": targets.apart(feed), "G": code}
         if angle is not None:
             values |= {"M": targets.ORIENT, "R": targets.apart(angle % 360)}
+        elif word is not None:
+            values |= {"M": word}
         yield from self._confirm(values)
         lines = yield from self._say(targets.motion(tuple(values), self._searching))
         self._searching = code == targets.SEARCH
@@ -207,6 +240,8 @@ class Client(Control):
     def _go_plainly(self, code: float, target: Mapping[str, float], feed: float, angle: float | None) -> Lines:
         if angle is not None:
             yield from self._say(f"M19 R{angle % 360:.3f}")
+            if not target:
+                return []
         words = " ".join(f"{name}{value - self._offset[name]:.4f}" for name, value in target.items())
         if code == targets.SEARCH:
             return (yield from self._say(f"G38.3 {words} F{feed:g}"))
