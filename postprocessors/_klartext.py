@@ -15,6 +15,12 @@ STOPS = {
     ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
     TURNED: "ROTARY AXIS NOT IN PLACE",
 }
+CANCELS = (  # datum shift, mirror image, rotation, scaling
+    *("CYCL DEF 7.0 DATUM SHIFT", "CYCL DEF 7.1 X+0.0", "CYCL DEF 7.2 Y+0.0", "CYCL DEF 7.3 Z+0.0"),
+    *("CYCL DEF 8.0 MIRROR IMAGE", "CYCL DEF 8.1"),
+    *("CYCL DEF 10.0 ROTATION", "CYCL DEF 10.1 ROT+0"),
+    *("CYCL DEF 11.0 SCALING", "CYCL DEF 11.1 SCL 1"),
+)
 TARGET = {"X": "Q21", "Y": "Q22", "Z": "Q23"}
 START = {"X": "Q24", "Y": "Q25", "Z": "Q26"}
 FEED, WAY, HIT, FLAG, MISSES = "Q27", "Q34", "Q41", "Q46", "Q47"

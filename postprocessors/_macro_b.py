@@ -40,7 +40,7 @@ OPTIONS: tuple[Option, ...] = (
     Option(
         "macros", "inline", "where the macro text stands: in every touch, or called from behind M30", True, ("inline", "called")
     ),
-    Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
+    Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
     Option("length_check", True, LENGTH),
     Option("probe_on", "", "words that switch the probe on, e.g. G65 P9832", codes=True),
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),

@@ -35,7 +35,7 @@ FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 
 OPTIONS = (
     Option("readings", "tango-readings.txt", "file of the records, in the folder of the program; M121 adds to it", verified=True),
-    Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
+    Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
     *common.PROBE_SWITCHES,
     Option(
         "orient",

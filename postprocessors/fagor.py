@@ -29,7 +29,7 @@ FOUND = ("P6", "P7", "P8", "P9", "P10", "P11")
 FLAG, MISSES, SHORT, WAY, GAP, SUM = "P4", "P5", "P12", "P13", "P14", "P15"
 
 OPTIONS = (
-    Option("reset", "G17 G40 G53 G71 G80 G90 G94", "modal state; the control must know every word of it", codes=True),
+    Option("reset", "G17 G40 G53 G71 G80 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
     Option(
         "off", "MCS CS ACS RTCP TLC HSC", "functions #... that are switched OFF; leave out what the control has not", codes=True
     ),

@@ -20,7 +20,7 @@ from tango_cnc.records import InputError
 from ._base import Job, Leg, Option, Post, degrees, number, rolled
 from ._common import PROBE_SWITCHES, approaching, fits, indexed, steps, switches, titled, unclamped, warned
 
-RESET = "G17 G21 G40 G49 G80 G90 G94"
+RESET = "G17 G21 G40 G49 G80 G90 G94 M5"
 OFF = 1.5  # mm off a facet, before which no search can begin
 SMALL = 0.005  # mm: less is no word
 ROOM = {"grblHAL": 255, "FluidNC": 127, "grbl": 79}  # characters of a line, comments apart

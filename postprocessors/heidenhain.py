@@ -16,6 +16,7 @@ from tango_cnc.records import InputError
 from . import _common as common
 from ._base import Job, Leg, Option, Post, degrees, finding, is_endless, named, number, of_approach, rolled, search_distance
 from ._klartext import (
+    CANCELS,
     FINDING,
     GUARDED,
     MEASURING,
@@ -58,6 +59,7 @@ OPTIONS = (
 DOUBTS = (
     "the text of TCH PROBE 4, its results in three Q and -1 in the fourth without contact, REFERENCE SYSTEM 1 is the machine",
     "TCH PROBE 4 that meets nothing goes on from the end of DIST, MB brings it back to its start after a contact",
+    "cycles 7 8 10 11 with the names that they have here and cycle 8 without an axis: no shift, mirror, rotation or scale is left",
     "a deflected probe at the start of TCH PROBE 4 is an error of the control: no variable of it is asked",
     "TRACK of the probe table is off: the control does not turn the spindle before TCH PROBE 4",
     "results of TCH PROBE 4 are positions of the axes, without tool length and calibration of the probe",
@@ -84,8 +86,8 @@ def begin(job: Job) -> Iterator[str]:
         yield "PLANE RESET STAY"
     if options["tcpm_reset"]:
         yield "FUNCTION RESET TCPM"
-    yield "CYCL DEF 10.0 ROTATION"
-    yield "CYCL DEF 10.1 ROT+0"
+    yield from CANCELS
+    yield "M5"
     if options["shortest"]:
         yield "M126"
     yield f"{MISSES} = 0"
@@ -122,7 +124,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             angle = degrees(leg.target[name])
             if options["shortest"] and is_endless(job.machine, name):
                 angle = rolled(angle, options["decimals"])
-            yield from common.unclamped(job, name, f"L {name}{_number(job, angle)} FMAX M91")
+            yield from common.unclamped(job, name, f"L {name}{_number(job, angle)} R0 FMAX M91")
             yield "FN 20: WAIT FOR SYNC"
             yield reading(job, "Q35", name)
             yield f"Q35 = ABS ( Q35 {_number(job, -angle).replace('+', '+ ').replace('-', '- ')} )"
@@ -143,7 +145,7 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 def back(job: Job, leg: Leg) -> Iterator[str]:
     """To the stand-off the way it came, the only unguarded move: mostly MB has done it."""
     words = " ".join(f"{name}{_number(job, leg.to[name])}" for name in "XYZ")
-    yield f"L {words} F{feed_text(job.options['positioning_feed'])} M91"
+    yield f"L {words} R0 F{feed_text(job.options['positioning_feed'])} M91"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

@@ -24,7 +24,7 @@ from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
 PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
 PROBE = "#<_hal[motion.probe-input]>"  # 1 while the stylus is deflected
-RESET = "G17 G21 G40 G49 G61 G80 G90 G94"  # G61: without it corners are rounded, by centimetres at high feeds
+RESET = "G17 G21 G40 G49 G61 G80 G90 G94 M5"  # G61: without it corners are rounded, by centimetres at high feeds
 
 OPTIONS = (
     Option("log", "tango-readings.txt", "file for the records, on the control's disk", verified=True),

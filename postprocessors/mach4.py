@@ -30,7 +30,8 @@ FILE = "tango-readings.txt"
 FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}"))
 OPTIONS = (
     *with_defaults(
-        tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers")), reset="G15 G17 G21 G40 G49 G50 G69 G80 G90 G94"
+        tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers")),
+        reset="G15 G17 G21 G40 G49 G50 G69 G80 G90 G94 M5",
     ),
     Option("readings", FILE, "file of the records, in the folder of the program", verified=True),
 )

@@ -52,7 +52,7 @@ OPTIONS = (
     Option("probe_state", "", "variable that is 0 while the probe is free, e.g. VDIN[1001]; empty: none is asked"),
     Option("machine_frame", "G15 H0", "words that make programmed positions machine positions", codes=True),
     Option("frame_check", True, "VACOD is 0 in machine coordinates; false: it is not asked"),
-    Option("reset", "G10 G17 G21 G40 G53 G69 G80 G90 G94 G170", "modal state; the control must know each word", codes=True),
+    Option("reset", "G10 G17 G21 G40 G53 G69 G80 G90 G94 G170 M5", "modal state; the control must know each word", codes=True),
     Option("common", 101, "first of nine common variables VC that the program overwrites"),
     Option("output", "MD1:TANGO.TXT", "file of the control for the records, which are appended"),
     Option("places", 10, "places of a printed coordinate in PUT; it must come with four decimals", choices=(10, 11, 12)),

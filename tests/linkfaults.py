@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import importlib
 import random
 import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from linkparts import FakeClock
@@ -19,6 +21,7 @@ from postprocessors import _base as posts
 from sim_controller import motion as motions
 from sim_controller.faults import WORDS, Disturbance, Faults
 from sim_controller.interpreters import Alarm, Silence, grbl, macro_b
+from sim_controller.interpreters.grbl import switched_on
 from sim_controller.lines import even
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
@@ -26,12 +29,13 @@ from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import ACKNOWLEDGED, IDLE, SEQUENCE, STATUS, Registers
 from tango_cnc.files import read_cell, read_readings, read_world
 from tango_cnc.link import _measure
+from tango_cnc.link._client import Failed, Job
 from tango_cnc.link._layout import read_layout
 from tango_cnc.link._measure import Program, Wanted, measure
 from tango_cnc.link._wire import Parity
 from tango_cnc.link.transport import Lost
 from tango_cnc.plan import plan, plan_hash
-from tango_cnc.records import LinkError
+from tango_cnc.records import LinkError, Plan
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "hu40t"
 TOUCHES = 60
@@ -326,6 +330,34 @@ class Bus:
     def close(self) -> None:
         if self._device.pending and self._turns is None:  # a program waits until its record is taken
             self._device.execute()  # the control finishes what it was told, whatever becomes of the line
+
+
+def stopped_by_the_user(protocol: str, made: Plan, motion: Motion, options: dict, due: Callable) -> tuple[list, list[tuple]]:
+    """modbus or grbl, plan, its motion, options, (client, events) → whether Ctrl-C comes now → events, where it went."""
+    device: Any = Registers(motion) if protocol == "modbus" else switched_on(motion)
+    numbers = tuple(touch.number for touch in made.touches)
+    job = Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
+    client = importlib.import_module(f"tango_cnc.link.{protocol}").Client(job, options)
+    events: list = []
+    went: list[tuple] = []
+    told = False
+    while not any(isinstance(event, Failed) for event in events):
+        request = client.bytes_to_send(1 << 16)
+        if protocol == "modbus":
+            bus = Bus(device, FakeClock(), random.Random(0), {})
+            bus.write(request)
+            answer = bus.read(0.0)
+            if device.pending:
+                device.execute()
+        else:
+            lines = device.report() if request == b"?" else device.line(request.decode().strip())
+            answer = "".join(f"{line}\n" for line in lines).encode()
+        went.append(tuple(motion.position))
+        events += client.receive(answer)
+        if due(client, events) and not told:
+            told = True
+            client.stop()
+    return events, went
 
 
 def _post(part) -> list[Program]:

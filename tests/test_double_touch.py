@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import random
 import re
 import shutil
 from collections.abc import Iterator
@@ -14,18 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 from controls import GOLDEN
-from linkfaults import Bus, scene
-from linkparts import FakeClock
+from linkfaults import scene, stopped_by_the_user
 from test_dialects import DRIVEN, EVERY, EXAMPLE, OFFSETS, PRINTED, measured, s3
 from test_dialects_stop import ran
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
 
 from postprocessors._base import Job, Leg, Post, _steps, load, program, settings
-from sim_controller.interpreters.grbl import switched_on
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
-from sim_controller.protocols.modbus import Registers
 from sim_controller.session import language
 from sim_controller.simulate import simulate
 from tango_cnc.duration import duration, saved
@@ -33,7 +28,6 @@ from tango_cnc.envelope import check
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.write import strategy_text
 from tango_cnc.link._client import Failed
-from tango_cnc.link._client import Job as LinkJob
 from tango_cnc.plan import last_motion, last_moves, plan, plan_hash
 from tango_cnc.records import Cell, Find, InputError, Plan, World
 
@@ -349,30 +343,12 @@ def test_ctrl_c_within_a_touch_draws_the_probe_clear(protocol: str, kind: str) -
     """By the stand-off, the way that is known to be free, wherever between both contacts it comes."""
     cell, _, truth = scene(turning=False)
     made = plan(twice(cell))
-    motion = Motion(truth)
-    device: Any = Registers(motion) if protocol == "modbus" else switched_on(motion)
-    numbers = tuple(touch.number for touch in made.touches)
-    this = LinkJob(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
-    client = importlib.import_module(f"tango_cnc.link.{protocol}").Client(this, {})
-    before = next(i for i, move in enumerate(client._moves) if (move.touch, move.kind) == (3, kind))
-    before += protocol == "modbus"  # its first command is none of the plan's
-    events: list[Any] = []
-    went: list[tuple[float, ...]] = []
-    while not any(isinstance(event, Failed) for event in events):
-        request = client.bytes_to_send(1 << 16)
-        if protocol == "modbus":
-            bus = Bus(device, FakeClock(), random.Random(0), {})
-            bus.write(request)
-            answer = bus.read(0.0)
-            if device.pending:
-                device.execute()
-        else:
-            lines = device.report() if request == b"?" else device.line(request.decode().strip())
-            answer = "".join(f"{line}\n" for line in lines).encode()
-        went.append(tuple(motion.position))
-        events += client.receive(answer)
-        if client.sent[0] > before:
-            client.stop()
+
+    def within(client: Any, events: list[Any]) -> bool:
+        moves = [(move.touch, move.kind) for move in client._moves]
+        return client.sent[0] > moves.index((3, kind)) + (protocol == "modbus")  # whose first command is none of the plan's
+
+    events, went = stopped_by_the_user(protocol, made, Motion(truth), {}, within)
     assert events[-1] == Failed("stopped by the user; the probe has been drawn clear")
     standoff, over = (np.array(place) for place in (made.touches[2].standoff, made.touches[2].over))
     assert np.abs(np.array(went[-1]) - over)[:3].max() < 0.01

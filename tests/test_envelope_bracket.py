@@ -17,7 +17,7 @@ MET = "V.A.MEASOK.X+V.A.MEASOK.Y+V.A.MEASOK.Z"
     [
         ("okuma", {"probe_state": "VDIN[1001]", "contact": "VSAP?[1]", "decimals": 4, "places": 12}),
         ("okuma", {"frame_check": False, "wait": "M331", "common": 192, "rollover": "always", "misses": 5, "alarm": 991}),
-        ("okuma", {"unclamp": {"B": "M21"}, "clamp": {"B": "M20"}, "probe_on": "M350", "reset": "G17 G21 G40 G53 G80 G90 G94"}),
+        ("okuma", {"unclamp": {"B": "M21"}, "clamp": {"B": "M20"}, "probe_on": "M350", "reset": "G17 G21 G40 G53 G80 G90 G94 M5"}),
         ("fagor", {"met": "", "probe_state": "", "off": "MCS RTCP", "decimals": 4}),
         ("fagor", {"contact": "V.A.MEAS", "contact_frame": "machine", "conversion": ".4F", "rollover": "always"}),
         ("fagor", {"unclamp": {"B": "M11"}, "clamp": {"B": "M10"}, "probe_input": 2, "probe_on": "M80", "off": ""}),

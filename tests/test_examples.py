@@ -41,6 +41,7 @@ def test_check_counts_every_touch_and_names_what_cannot_be_seen(cell: Path, caps
     assert all(text.strip() for text in found["not_identifiable"])
 
 
+@pytest.mark.long  # what is checked above is the same program
 def test_plan_writes_a_program(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, found = result(capsys, "plan", "-C", cell)
     assert status == 0 and not found["left_out"]

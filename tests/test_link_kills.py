@@ -173,11 +173,6 @@ def killed(protocol, kills, cell, seed):
     return complete
 
 
-@pytest.mark.parametrize("protocol", ["modbus"])  # the others with the minutes-long ones
-def test_a_few_kills(cell, protocol):
-    assert killed(protocol, 1, cell, 1) >= 1
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("protocol", SETTINGS)
 def test_a_hundred_kills(cell, protocol):

@@ -1,9 +1,7 @@
 """Modbus: the layout file, the traps of pymodbus, and whole runs through a real server over TCP and over RTU on a pty."""
 
 import contextlib
-import importlib
 import os
-import random
 import re
 import struct
 import sys
@@ -13,16 +11,14 @@ import tty
 
 import numpy as np
 import pytest
-from linkfaults import Bus, scene
-from linkparts import FakeClock, job
+from linkfaults import scene, stopped_by_the_user
+from linkparts import job
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
 
-from sim_controller.interpreters.grbl import switched_on
 from sim_controller.motion import Motion
-from sim_controller.protocols.modbus import Registers
 from tango_cnc.commands.init import write_example
-from tango_cnc.link._client import Failed, Job, Touched
+from tango_cnc.link._client import Failed, Touched
 from tango_cnc.link._layout import STANDARD, read_layout
 from tango_cnc.link.modbus import Client
 from tango_cnc.link.transport import Lost, open_port, parse
@@ -273,29 +269,12 @@ def test_who_stops_the_run_leaves_the_probe_clear_of_the_table(protocol):
     """Ctrl-C: the move that is being made is waited for, then the probe goes up, and nothing else is asked for."""
     _, made, truth = scene()
     motion = Motion(truth)
-    device = Registers(motion) if protocol == "modbus" else switched_on(motion)
-    numbers = tuple(touch.number for touch in made.touches)
-    this = Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
-    module = importlib.import_module(f"tango_cnc.link.{protocol}")
-    client = module.Client(this, {"orient": "m19"} if protocol == "grbl" else {})
-    events, seen = [], 0
-    while not any(isinstance(event, Failed) for event in events):
-        request = client.bytes_to_send(1 << 16)
-        if protocol == "modbus":
-            bus = Bus(device, FakeClock(), random.Random(0), {})
-            bus.write(request)
-            answer = bus.read(0.0)
-            if device.pending:
-                device.execute()
-        else:
-            lines = device.report() if request == b"?" else device.line(request.decode().strip())
-            answer = "".join(f"{line}\n" for line in lines).encode()
-        events += client.receive(answer)
-        touched = sum(isinstance(event, Touched) for event in events)
-        if touched == 3 and seen == 2:
-            client.stop()
-        seen = touched
+
+    def touched(client, events):
+        return sum(isinstance(event, Touched) for event in events) == 3
+
+    events, _ = stopped_by_the_user(protocol, made, motion, {"orient": "m19"} if protocol == "grbl" else {}, touched)
     assert events[-1] == Failed("stopped by the user; the probe has been drawn clear")
-    assert seen == 3
+    assert touched(None, events)
     linear = [made.machine.column(name) for name in made.machine.linear]
     assert np.abs(motion.position[linear] - np.array(made.touches[2].over)[linear]).max() < 1e-3

@@ -95,6 +95,7 @@ def test_a_damaged_plan_csv_is_refused_by_line(cell: Path, old: str, new: str, m
         read_plan(file, read_cell(cell).machine)
 
 
+@pytest.mark.long
 def test_touches_that_measure_the_probe_come_with_the_files_that_read_them(cell: Path) -> None:
     assert call("plan", "-C", cell, "--capability", "grid", "--post", "linuxcnc") == 0  # the shortest programs
     folder = cell / "capability" / "grid"

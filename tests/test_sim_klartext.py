@@ -57,10 +57,16 @@ def show(*parameters: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("options", "profile"), [({}, {}), ({"shortest": False}, {"rollover": ()}), ({"decimals": 3}, {"tool_lengths": {1: 5.0}})]
+    ("options", "profile"),
+    [
+        ({}, {}),
+        ({"shortest": False}, {"rollover": ()}),
+        ({"decimals": 3}, {"tool_lengths": {1: 5.0}}),
+        ({}, {"mirrored": ("X", "Z"), "scale": 1.5}),
+    ],
 )
 def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, Any], profile: dict[str, Any]) -> None:
-    """A datum and a tool length that are active change nothing."""
+    """A datum, a tool length, and what a program before has left mirrored and scaled change nothing."""
     ran = run(lines_of(made, **options), made, **profile)
     assert ran.alarm is None, ran.alarm
     assert not ran.stops
@@ -107,6 +113,22 @@ def test_a_basic_rotation_is_noticed_high_above_the_table(made: Plan) -> None:
     assert min(heights) > 400
 
 
+@pytest.mark.parametrize(("cycle", "left"), [("8.1", {"mirrored": ("X",)}), ("11.1", {"scale": 1.5})])
+def test_without_its_cycle_what_is_left_is_noticed_before_the_table_turns(made: Plan, cycle: str, left: dict[str, Any]) -> None:
+    """As a control would do that reads cycle 8 or 11 otherwise than is assumed."""
+    ran = run([f"{line.split()[0]} ; AWAY" if f"DEF {cycle}" in line else line for line in lines_of(made)], made, **left)
+    assert ran.flags(made) == []
+    assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
+    assert all(place["B"] == place["C"] == 0 for place in ran.places)
+
+
+def test_cycles_shift_mirror_turn_and_scale(made: Plan) -> None:
+    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR1 IDX1", *show("Q9")]
+    cycles = ["7.0 DATUM SHIFT", "7.1 X-50", "8.0 MIRROR IMAGE", "8.1 X", "11.0 SCALING", "11.1 SCL 2"]
+    ran = code(made, *(f"CYCL DEF {cycle}" for cycle in cycles), "L X+10 Z+220 FMAX", *read, g54={}, tool_lengths={1: 0.0})
+    assert ran.out == b"-70.0\r\n", ran.why
+
+
 def test_results_in_another_frame_are_noticed_at_the_first_touch(made: Plan) -> None:
     work = [line.replace("REFERENCE SYSTEM: 1", "REFERENCE SYSTEM: 0") for line in lines_of(made)]
     ran = run(work, made)
@@ -137,8 +159,8 @@ def test_angles_are_0_to_360_for_an_endless_axis_only(made: Plan) -> None:
     def turns(**options: Any) -> set[str]:
         return {line.partition(" ")[2] for line in lines_of(made, **options) if "FMAX M91" in line}
 
-    assert {"L B-30.0000 FMAX M91", "L C+270.0000 FMAX M91"} <= turns()
-    assert "L C-90.0000 FMAX M91" in turns(shortest=False)
+    assert {"L B-30.0000 R0 FMAX M91", "L C+270.0000 R0 FMAX M91"} <= turns()
+    assert "L C-90.0000 R0 FMAX M91" in turns(shortest=False)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ __all__ = ["Control", "Profile", "default_profile", "switched_on"]
 
 LETTERS = "XYZABC"
 WORDS = "FGMNPRST" + LETTERS
+SPINDLE = (3, 4, 5)
 MOTIONS = (0.0, 1.0, 38.2, 38.3)
 HOMES = (28, 30)
 FRAMES = (54, 55, 56, 57, 58, 59)
@@ -95,7 +96,7 @@ class Control:
         self.axes = tuple(name for name in self.kind.letters if name in motion.machine.names)
         self.state = "Idle"
         self._probed, self._flag = dict.fromkeys(self.axes, 0.0), 0
-        self._modal, self._relative, self._inch, self._feed, self._frame = 0.0, False, False, 0.0, 54
+        self._modal, self._relative, self._inch, self._feed, self._frame, self._spindle = 0.0, False, False, 0.0, 54, 5
         self._knows = self.kind.expressions and (profile.expressions or profile.firmware != "grblHAL")
         self._parameters = Parameters(self._knows, profile.firmware == "grblHAL")
         self._held = {*profile.clamp, *profile.unclamp}
@@ -157,6 +158,7 @@ class Control:
             return []
         if code == RESET:
             self._modal, self._relative, self._inch, self._feed, self._error, self._frame = 0.0, False, False, 0.0, "ok", 54
+            self._spindle = 5
             self.state = "Alarm" if self.state in ("Alarm", "Run") else "Idle"
             return ["", "Grbl 1.1f ['$' for help]"]
         if code == ord("!") and self.state in ("Idle", "Run"):
@@ -211,7 +213,7 @@ class Control:
         answers = {
             "$I": [self.kind.version, "[OPT:VNMSL,100,1024]", *news, *named],
             "$$": [f"$10={511 if self.profile.probe_reports else 383}", f"$13={int(self.profile.inches)}", "$22=0"],
-            "$G": [f"[GC:{modes} G94 M5 M9 T0 F{self._feed:g} S0]"],
+            "$G": [f"[GC:{modes} G94 M{self._spindle} M9 T0 F{self._feed:g} S0]"],
             "$#": [*frames, *others, "[TLO:0.000]", f"[PRB:{self._shown(self._probed)}:{self._flag}]"],
         }
         return [*answers[text], "ok"] if text in answers else ["error:3"]
@@ -238,7 +240,8 @@ class Control:
         switches = values.get("M") in (*self.profile.clamp.values(), *self.profile.unclamp.values())
         if any(code not in KNOWN and code not in self.kind.more for code in codes) or any(letter not in WORDS for letter in others):
             return ["error:20"]
-        if any(letter in LETTERS and letter not in self.axes for letter in others) or ("M" in values and not (orient or switches)):
+        known = orient or switches or values.get("M") in SPINDLE
+        if any(letter in LETTERS and letter not in self.axes for letter in others) or ("M" in values and not known):
             return ["error:20"]
         if any(sum(code in group for code in codes) > 1 for group in (FRAMES, (20, 21), (90, 91), (4, 53, *HOMES))):
             return ["error:21"]
@@ -267,6 +270,7 @@ class Control:
         if 4 in codes:
             self.motion.dwell(values.get("P", 0.0))
             return ["ok"] if "P" in values else ["error:28"]
+        self._spindle = next((code for code in SPINDLE if values.get("M") == code), self._spindle)
         self._clamps(values.get("M"))
         if orient:
             self.motion.rapid({"S": math.radians(values.get("R", 0.0))})

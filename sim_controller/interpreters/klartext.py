@@ -1,7 +1,7 @@
 """A TNC-like control that runs Klartext, with its habits: system data are as old as the last FN 20, TCH PROBE 4 goes on with −1
-when it meets nothing and turns its direction with the basic rotation, a deflected stylus is an error before a probing move and
-in every other one, rotary axes go round the long way without M126, FN 16 prints nothing without its mask. The texts of TCH
-PROBE and of the mask are unconfirmed, here as in the post."""
+when it meets nothing, the frame and the basic rotation turn, mirror and scale its direction, a deflected stylus is an error before
+a probing move and in every other one, rotary axes go round the long way without M126, FN 16 prints nothing without its mask. The
+texts of TCH PROBE and of the mask are unconfirmed, here as in the post."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from tango_cnc.records import Machine
 from ..motion import Motion, MotionStop, Note
 from ._alarm import Silence
 from ._klartext_expressions import error, formula, number, text_of
+from ._klartext_frame import Frame
 from ._klartext_program import bare, blocks_of, labels_of, place_of
 from ._scales import TURN, commanded, endless, nearer, roll, shown
 
@@ -31,8 +32,10 @@ COMPARE: dict[str, Callable[[float, float], bool]] = {
 CONDITION = {9: "EQU", 10: "NE", 11: "GT", 12: "LT"}
 WITHOUT_EFFECT = (
     *("PLANE RESET STAY", "FUNCTION RESET TCPM"),
-    *("CYCL DEF 10.0 ROTATION", "CYCL DEF 10.1 ROT+0", "CYCL DEF 13.0 ORIENTATION"),
+    *("CYCL DEF 7.0 DATUM SHIFT", "CYCL DEF 8.0 MIRROR IMAGE", "CYCL DEF 10.0 ROTATION", "CYCL DEF 11.0 SCALING"),
+    "CYCL DEF 13.0 ORIENTATION",
 )
+CYCLE = re.compile(r"CYCL DEF (7\.[123] [XYZ]\S+|8\.1(?: [XYZ])*|10\.1 ROT\S+|11\.1 SCL ?\S+|13\.1 ANGLE\S+)")
 PROBE = (
     r"4\.0 MEASURING IN 3-D",
     r"4\.1 Q(?P<result>\d+)",
@@ -51,6 +54,8 @@ class Profile:
     rotation: Mapping[str, float] = field(
         default_factory=dict
     )  # {C: deg}: basic rotation in the plane, which cycle 10 does not undo
+    mirrored: tuple[str, ...] = ()  # axes that a program before has left mirrored
+    scale: float = 1.0  # that a program before has left active
     rollover: tuple[str, ...] = ()  # rotary axes whose scale begins anew after a turn
     no_contact: Literal["silent", "error"] = "silent"  # TCH PROBE 4 that meets nothing
 
@@ -78,6 +83,7 @@ class Control:
         self._texts: dict[int, str] = {}
         self._known = self._now()
         self._feed, self._short_way, self._angle = 0.0, False, 0.0
+        self._frame = Frame(mirrored=set(profile.mirrored), scale=profile.scale)
 
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
@@ -133,8 +139,8 @@ class Control:
             self._known = self._now()
         elif block.startswith("L "):
             self._line(block)
-        elif match := re.fullmatch(r"CYCL DEF 13\.1 ANGLE(\S+)", block):
-            self._angle = number(match[1], self._values)
+        elif match := CYCLE.fullmatch(block):
+            self._cycle(match[1])
         elif block == "M19":
             self._motion.rapid({"S": math.radians(self._angle % TURN)})
         elif block in ("STOP", "M0"):
@@ -146,6 +152,25 @@ class Control:
             self._note("m", code=block)
         elif block not in WITHOUT_EFFECT:
             raise error("NC BLOCK FAULTY", block)
+
+    def _cycle(self, words: str) -> None:
+        """`7.1 X+0`, `8.1 X Y`, `10.1 ROT+0`, `11.1 SCL 1`, `13.1 ANGLE+5`: what the cycle says is so from now on."""
+        which, *rest = words.split()
+        if which == "8.1":
+            self._frame.mirrored = set(rest)
+            return
+        match = re.fullmatch(r"([A-Z]+?)([+-]?[\dQ].*)", "".join(rest))
+        if match is None:
+            raise error("NC BLOCK FAULTY", words)
+        value = number(match[2], self._values)
+        if which.startswith("7."):
+            self._frame.shift[match[1]] = value
+        elif which == "10.1":
+            self._frame.turned = value
+        elif which == "11.1":
+            self._frame.scale = value
+        else:
+            self._angle = value
 
     def _line(self, block: str) -> None:
         targets, rapid, machine = {}, False, False
@@ -165,7 +190,7 @@ class Control:
         now = self._now()
         end = {}
         for name, value in targets.items():
-            goal = value if machine else value + self._datum(name)
+            goal = value if machine else self._frame.place(name, value) + self._datum(name)
             end[name] = self._turned(name, goal, now[name])
         if rapid:
             self._motion.rapid(commanded(self._motion, end))
@@ -186,16 +211,12 @@ class Control:
         if self._motion.deflected:
             raise error("TOUCH PROBE IS DEFLECTED", blocks[index])
         value = {key: number(text, self._values) for key, text in found.items()}
-        turned = math.radians(self._profile.rotation.get("C", 0.0))
-        x, y = (
-            value["x"] * math.cos(turned) - value["y"] * math.sin(turned),
-            value["x"] * math.sin(turned) + value["y"] * math.cos(turned),
-        )
-        size = math.hypot(x, y, value["z"])
+        wanted = {name: value[name.lower()] for name in "XYZ"}
+        size = math.hypot(*wanted.values())
         if size == 0 or value["feed"] <= 0 or value["distance"] <= 0:
             raise error("PROBING DIRECTION OR DISTANCE FAULTY", blocks[index])
         start = self._now()
-        way = {name: component / size for name, component in zip("XYZ", (x, y, value["z"]), strict=True)}
+        way = self._frame.along({name: w / size for name, w in wanted.items()}, self._profile.rotation.get("C", 0.0))
         skip = self._motion.skip({name: start[name] + value["distance"] * w for name, w in way.items()}, value["feed"])
         result = int(value["result"])
         if not skip.hit:
@@ -204,7 +225,7 @@ class Control:
             self._values[result + 3] = -1.0
             return
         place, stopped = shown(self._motion, self._profile.axes, skip.position), self._now()
-        gone = sum((stopped[name] - start[name]) * w for name, w in way.items())
+        gone = sum((stopped[name] - start[name]) * w for name, w in way.items()) / self._frame.scale**2
         back = min(value["back"], gone)
         if back > 0:
             self._motion.feed({name: stopped[name] - back * w for name, w in way.items()}, 1000.0)

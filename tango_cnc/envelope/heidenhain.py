@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import pairwise
 from typing import Any
 
 from ..records import InputError, Plan
@@ -20,8 +21,8 @@ from ._walk import OFF_FACET, PROTECTED
 from ._worlds import World, beside_the_line
 
 SIGNED = r"[+-]\d+\.\d+"
-BACK = re.compile(rf"L X({SIGNED}) Y({SIGNED}) Z({SIGNED}) F(\d+\.?\d*) M91")
-TURN = re.compile(rf"L ([ABC])({SIGNED}) FMAX M91")
+BACK = re.compile(rf"L X({SIGNED}) Y({SIGNED}) Z({SIGNED}) R0 F(\d+\.?\d*) M91")
+TURN = re.compile(rf"L ([ABC])({SIGNED}) R0 FMAX M91")
 ANGLE = re.compile(rf"CYCL DEF 13\.1 ANGLE({SIGNED})")
 READ = re.compile(r"FN 18: SYSREAD (Q\d+) = ID240 NR1 IDX([1-9])")
 ASSIGN = re.compile(r"(Q\d+) = ([^\"|]+)")
@@ -38,8 +39,27 @@ PROBE = (
 )
 MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
 BEGIN, END = re.compile(r"BEGIN PGM (\S+) MM"), "END PGM {} MM"
-FOLLOWS = {"CYCL DEF 10.1 ROT+0": "CYCL DEF 10.0 ROTATION", "CYCL DEF 13.1": "CYCL DEF 13.0 ORIENTATION", "M19": "CYCL DEF 13.1"}
-SURE = "G21 G40 G49 G80 G90 G94"  # MM in the first block; M91, no R, no cycle and F in the blocks that move
+HEAD = (  # nothing is shifted, mirrored, turned or scaled, and the spindle stands
+    *(
+        "CYCL DEF 7.1 X+0.0",
+        "CYCL DEF 7.2 Y+0.0",
+        "CYCL DEF 7.3 Z+0.0",
+        "CYCL DEF 8.1",
+        "CYCL DEF 10.1 ROT+0",
+        "CYCL DEF 11.1 SCL 1",
+    ),
+    "M5",
+)
+CYCLES = (
+    *("CYCL DEF 7.0 DATUM SHIFT", "CYCL DEF 8.0 MIRROR IMAGE", "CYCL DEF 10.0 ROTATION", "CYCL DEF 11.0 SCALING"),
+    "CYCL DEF 13.0 ORIENTATION",
+)
+FOLLOWS = {  # a block of a cycle belongs to the one before it, and is another one's alone
+    **{later: before for before, later in pairwise(["CYCL DEF 7.0 DATUM SHIFT", *HEAD[:3]])},
+    **dict(zip(HEAD[3:6], CYCLES[1:4], strict=True)),
+    **{"CYCL DEF 13.1": CYCLES[4], "M19": "CYCL DEF 13.1"},
+}
+SURE = "G21 G40 G49 G80 G90 G94 M5"  # MM in the first block; M91, R0, no cycle and F in the blocks that move; M5 in the head
 AHEAD = "ahead of"  # the label that a world is on its way to
 
 
@@ -82,12 +102,12 @@ class _Program:
         self._stops = {label for label, body in bodies.items() if body == ["STOP", "M30"]}
         names = options.get("axis_numbers") or {name: i for i, name in enumerate("XYZABC", 1)}
         self._axis = {str(number): name for name, number in names.items()}
-        self._head = {"CYCL DEF 10.1 ROT+0"} | {
+        self._head = set(HEAD) | {
             words
             for option, words in (("plane_reset", "PLANE RESET STAY"), ("tcpm_reset", "FUNCTION RESET TCPM"), ("shortest", "M126"))
             if options.get(option)
         }
-        self._words = stated_words(options) | {"CYCL DEF 10.0 ROTATION", "CYCL DEF 13.0 ORIENTATION"}
+        self._words = stated_words(options) | set(CYCLES)
         self._texts = Texts()
         self._name, self._mark, self._before = "", "", ""
         self._probing: list[re.Match[str]] = []

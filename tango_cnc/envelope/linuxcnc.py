@@ -127,7 +127,7 @@ class _Program:
             (machine.measures if machine.walk.measures else machine.guarded)(target, machine.same(match[4]))
         elif match := CALL.fullmatch(line):
             self._call(match[1], [machine.same(text) for text in match[2].split()])
-        elif re.fullmatch(r"G[\d.]+(?: G[\d.]+)*", line):
+        elif re.fullmatch(r"G[\d.]+(?: G[\d.]+)*(?: M5)?", line):
             if "G61" not in line.split():
                 raise InputError("G61 is missing: the control would round the corners between moves")
             machine.reset(line)
