@@ -19,6 +19,7 @@ import math
 import re
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -117,10 +118,9 @@ def load(name: str, where: str = "post") -> Post:
     """name of a file in this folder, or path of a user's own, where it was stated → post. Raises InputError for what is none."""
     own = is_own(name)
     file = Path(name) if own else FOLDER / f"{name}.py"
-    if own and not file.is_file():
-        raise InputError(
-            f"{where}: found {name!r}, which is no file; allowed: {', '.join(names())}, or the path of your own .py file"
-        )
+    if own and not (file.is_file() and name.endswith(".py")):
+        what = "is no file" if not file.is_file() else "does not end in .py"
+        raise InputError(f"{where}: found {name!r}, which {what}; allowed: {', '.join(names())}, or the path of your own .py file")
     if not file.is_file() or (not own and name.startswith("_")):
         known = names()
         near = difflib.get_close_matches(name, known, n=1)
@@ -131,7 +131,7 @@ def load(name: str, where: str = "post") -> Post:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"post {file}: cannot be read: {type(error).__name__}: {error}") from error
     post = getattr(module, "POST", None)
     if not isinstance(post, Post):
@@ -224,12 +224,32 @@ def program(
     for line in _lines(post, job(BLANK)):
         digest.update(line.encode("ascii") + b"\n")
     mark = digest.hexdigest()[: len(BLANK)].upper()
-    stem = post.stem(job(mark))
+    stem = _stem(post, job(mark))
     return (
         f"{stem if 'program_number' in options else named(job(mark), stem)}.{post.extension}",
         mark,
         lambda: _lines(post, job(mark)),
     )
+
+
+def begins(post: Post, plan: Plan, given: Mapping[str, Any]) -> None:
+    """post, plan, `controller` keys → nothing. Raises InputError for options that are none or do not fit machine and plan.
+
+    Looks at how a program begins: there a post tells what it cannot write.
+    """
+    job = Job(plan, _counted(plan, settings(post, given)), BLANK, BLANK, ())
+    with _own(post):
+        for _ in _said(post.begin(job)):
+            pass
+    _stem(post, job)
+
+
+def _stem(post: Post, job: Job) -> str:
+    with _own(post):
+        stem = post.stem(job)
+    if not isinstance(stem, str) or not stem or {"/", "\\"} & set(stem):
+        raise InputError(f"post {post.title}: stem gave {stem!r}; allowed: a file name without folder and ending; correct the post")
+    return stem
 
 
 def named(job: Job, name: str) -> str:
@@ -241,7 +261,8 @@ def named(job: Job, name: str) -> str:
 def companions(post: Post, plan: Plan, given: Mapping[str, Any]) -> dict[str, list[str]]:
     """post, plan, `controller` keys → {file name: lines} of what has to be on the control beside the program; often nothing."""
     job = Job(plan, settings(post, given), BLANK, BLANK, ())
-    return {name: list(lines) for name, lines in post.companions(job).items()}
+    with _own(post):
+        return {name: list(lines) for name, lines in post.companions(job).items()}
 
 
 def mark_of(text: str) -> str:
@@ -256,30 +277,34 @@ def mark_of(text: str) -> str:
 
 
 def _lines(post: Post, job: Job) -> Iterator[str]:
-    for line in post.finish(_own_errors(post, _steps(post, job))):
-        if not isinstance(line, str):
-            raise InputError(f"post {post.title}: a step gave {line!r}; allowed: lines of text; correct the post")
-        if not line.isascii() or not (line.isprintable() or not line):
-            raise InputError(f"post {post.title}: the line {line!r} has characters that no control reads; correct the post")
-        yield line
+    with _own(post):
+        for line in post.finish(_steps(post, job)):
+            if not isinstance(line, str):
+                raise InputError(f"post {post.title}: a step gave {line!r}; allowed: lines of text; correct the post")
+            if not line.isascii() or not (line.isprintable() or not line):
+                raise InputError(f"post {post.title}: the line {line!r} has characters that no control reads; correct the post")
+            yield line
 
 
-def _own_errors(post: Post, lines: Iterator[str]) -> Iterator[str]:
-    """post, its lines → the same; what fails in a file of the user's own is an InputError that names file and line."""
+@contextmanager
+def _own(post: Post) -> Iterator[None]:
+    """post → within it, what fails in a file of the user's own is an InputError that names file and line."""
     try:
-        yield from lines
+        yield
     except InputError:
         raise
     except Exception as error:
-        code = getattr(post.end, "__code__", None)
-        here = code.co_filename if code is not None and Path(code.co_filename).parent != FOLDER else None
+        codes = [code for value in vars(post).values() if (code := getattr(value, "__code__", None)) is not None]
+        own = [code.co_filename for code in codes if Path(code.co_filename).parent != FOLDER]
         frames = traceback.extract_tb(error.__traceback__)
-        at = [frame for frame in frames if frame.filename == here]
-        if not at and here is not None and isinstance(error, TypeError) and frames[-1].filename == __file__:
-            raise InputError(f"post {here}: {error}; a step is a function of job, or of job and leg, that yields lines") from error
+        at = [frame for frame in frames if frame.filename in own]
+        if not at and own and isinstance(error, TypeError) and frames[-1].filename == __file__:
+            raise InputError(
+                f"post {own[-1]}: {error}; a step is a function of job, or of job and leg, that yields lines"
+            ) from error
         if not at:
             raise
-        raise InputError(f"post {here}:{at[-1].lineno}: {type(error).__name__}: {error}") from error
+        raise InputError(f"post {at[-1].filename}:{at[-1].lineno}: {type(error).__name__}: {error}") from error
 
 
 def _steps(post: Post, job: Job) -> Iterator[str]:

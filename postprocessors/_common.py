@@ -13,6 +13,8 @@ from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, 
 
 LONGEST = 1000  # characters of a remark before it is broken into lines
 SWITCH = re.compile(r"[HM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
+STOPS_OR_SPINS = re.compile(r"(?<![A-Z])M0*(?:[2346]|30|99)(?!\d)")  # end of program, spindle on, tool change
+HOLDS = re.compile(r"M0*(?:[01]|98)(?!\d)")  # waits for a person, calls a program: no word that holds an axis
 # G words that change what the moves behind them mean: all but a dwell, the frame of G15, a call, and the builder's own G100 …
 MODAL = re.compile(r"(?<![A-Z])G *0*(?!(?:4|15|65)(?!\d))\d{1,2}(?!\d)")
 LIMITS = {  # of options that are numbers; what is beyond them is a slip of the finger
@@ -49,13 +51,19 @@ def clamping(unclamp: str, clamp: str) -> tuple[Option, Option]:
     )
 
 
-def switches(remark: str) -> tuple[Whole, Whole]:
-    """form of a comment such as '(%s)' → the steps probe_on and probe_off: words of the profile, or a remark for want of them."""
+def switches(remark: str, settle: str = "") -> tuple[Whole, Whole]:
+    """form of a comment such as '(%s)', block behind the words that switch the probe on → the steps probe_on and probe_off.
+
+    They are the words of the profile, or a remark for want of them.
+    """
 
     def step(word: str) -> Whole:
         def words(job: Job) -> Iterator[str]:
             """The words of the profile, if there are any."""
-            yield job.options[f"probe_{word}"] or remark % f"NO WORDS STATED THAT SWITCH THE PROBE {word.upper()}"
+            stated = job.options[f"probe_{word}"]
+            yield stated or remark % f"NO WORDS STATED THAT SWITCH THE PROBE {word.upper()}"
+            if stated and word == "on" and settle:
+                yield settle
 
         return words
 
@@ -172,9 +180,12 @@ def fits(job: Job, most: int = 9) -> None:
         _axis_numbers(job, most)
     for key in ("unclamp", "clamp"):
         for name, word in options.get(key, {}).items():
-            if name not in job.machine.rotary or not (isinstance(word, str) and SWITCH.fullmatch(word)):
+            known = isinstance(word, str) and SWITCH.fullmatch(word) and not STOPS_OR_SPINS.search(word)
+            if name not in job.machine.rotary or not known or HOLDS.search(word):
                 allowed = f"a word such as M10 for {', '.join(job.machine.rotary) or 'a rotary axis, of which there is none'}"
                 raise InputError(f"controller.{key}: found {name!r}: {word!r}; allowed: {allowed}")
+    if "unclamp" in options and (held := sorted(set(options.get("clamp", {})) - set(options["unclamp"]))):
+        raise InputError(f"controller.clamp: found a word for {', '.join(held)} and none under unclamp; allowed: both for an axis")
     turns = {round(touch.standoff[job.machine.column("S")], 9) for touch in job.plan.touches}
     if not options.get("orient", True) and len(turns) > 1:
         given, wanted = ("false", "true") if options["orient"] is False else ("nothing", "the word that orients the spindle")
@@ -185,6 +196,12 @@ def fits(job: Job, most: int = 9) -> None:
         if isinstance(word := options.get(key), str) and _moves(job, word + value):
             raise InputError(f"controller.{key}: found {word!r}; allowed: words that move no axis of the machine, or a call by G65")
 
+    for key in ("probe_on", "probe_off", "orient"):
+        if isinstance(word := options.get(key), str) and (found := STOPS_OR_SPINS.search(word)):
+            raise InputError(
+                f"controller.{key}: found {options[key]!r}; allowed: no {found[0]}, after which the program is over or the spindle "
+                "turns; a probe that is switched on by its spinning needs a macro that stops the spindle again"
+            )
     for key in ("probe_on", "probe_off", "orient", "wait", "machine_frame"):
         if isinstance(word := options.get(key), str) and (found := MODAL.search(word)):
             raise InputError(
@@ -203,7 +220,7 @@ def _axis_numbers(job: Job, most: int) -> None:
     names, stated = axes(job.machine), job.options["axis_numbers"]
     given = list(stated.values())
     whole = all(isinstance(n, int) and not isinstance(n, bool) and 1 <= n <= most for n in given)
-    if stated and not (sorted(stated, key=str) == sorted(names) and whole and len(set(given)) == len(given)):
+    if stated and not (set(names) <= set(stated) <= set("XYZABC") | set(names) and whole and len(set(given)) == len(given)):
         raise InputError(
             f"controller.axis_numbers: found {stated!r}; allowed: a number 1 … {most} of its own for each of {', '.join(names)}"
         )

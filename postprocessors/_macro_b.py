@@ -30,6 +30,9 @@ from ._macro_b_text import FLAG, FRAME, MISSES, Words
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
 LENGTH = "#4008 is 49 while no tool length is on, else the program ends at once: G49 alone may move Z by it; false: it is not asked"
+MUST_BE_OFF = (
+    "#40nn and the G code in it that ends the program at once: scaling, polar coordinates, mirror image; {}: nothing is asked"
+)
 ROLLOVER = (
     "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned; "
     "signed: as auto where the sign is the sense of the turn"
@@ -40,8 +43,11 @@ OPTIONS: tuple[Option, ...] = (
     Option(
         "macros", "inline", "where the macro text stands: in every touch, or called from behind M30", True, ("inline", "called")
     ),
-    Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
+    Option(
+        "reset", "G17 G40 G49 G69 G80 G90 G94 M5", "modal state besides G21; the control must know every word of it", codes=True
+    ),
     Option("length_check", True, LENGTH),
+    Option("must_be_off", {4011: 51, 4017: 16, 4022: 51.1}, MUST_BE_OFF),
     Option("probe_on", "", "words that switch the probe on, e.g. G65 P9832", codes=True),
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
@@ -58,7 +64,8 @@ OPTIONS: tuple[Option, ...] = (
 DOUBTS = (
     "G31 ends at once when the probe is deflected and stores the end point in #506x when nothing is met",
     "G53 G0 turns a rotary axis in machine coordinates",
-    "#506x, #502x and #504x of axes at rest differ by constants",
+    "#506x, #502x and #504x of axes at rest differ by constants, and come in millimetres after G21",
+    "G31 and a block with G53 alone stop the control from reading ahead",
     "a probe that is off stops nothing: protected moves protect only while it is on",
 )
 
@@ -84,7 +91,9 @@ class _Steps:
             yield f"({remark})"
         if job.options["length_check"]:
             yield f"IF[#4008NE49]THEN{self.words.stop(4, 'CANCEL TOOL LENGTH FIRST')}"
-        yield job.options["reset"]
+        for group, code in job.options["must_be_off"].items():
+            yield f"IF[#{group}EQ{code:g}]THEN{self.words.stop(5, f'CANCEL G{code:g} FIRST')}"
+        yield from ("G21", job.options["reset"])  # Fanuc wants G21 in a block of its own
         yield "(MACHINE MINUS WORK COORDINATES)"
         yield self.words.wait
         for name, axis in common.axis_numbers(job).items():
@@ -159,7 +168,7 @@ class _Steps:
 def steps(words: Words) -> dict[str, Any]:
     """words of a dialect → the steps of its post."""
     family = _Steps(words)
-    on, off = common.switches("(%s)")
+    on, off = common.switches("(%s)", words.settle)
     return {"probe_on": on, "probe_off": off} | {
         name: getattr(family, name) for name in ("stem", *common.STEPS) if hasattr(family, name)
     }
@@ -168,6 +177,10 @@ def steps(words: Words) -> dict[str, Any]:
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
     common.fits(job, most=8)
+    for group, code in job.options["must_be_off"].items():
+        known = isinstance(code, int | float) and not isinstance(code, bool) and 0 <= code < 1000
+        if group not in range(4001, 4023) or not known:
+            raise InputError(f"controller.must_be_off: found {group!r}: {code!r}; allowed: 4001 … 4022 and a G code, e.g. 4011: 51")
     if not 1 <= job.options["program_number"] <= 9995:
         raise InputError(f"controller.program_number: found {job.options['program_number']}; allowed: 1 … 9995")
 

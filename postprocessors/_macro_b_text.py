@@ -25,6 +25,7 @@ class Words:
     close: tuple[str, ...] = ("PCLOS",)
     end: str = "M30"
     wait: str = "G53"  # a block after which #5021 is read with the axes at rest
+    settle: str = ""  # a block behind the words that switch the probe on
     alarm: str = "#3000={number}({text})"
     first_alarm: int = 81
     o_digits: int = 4
@@ -38,12 +39,16 @@ Arguments = Mapping[str, str] | None  # None: the text of a macro, whose argumen
 
 
 def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
-    """G31 to X Y Z at F: whatever stops it short is an alarm. An axis that is not named stays where it is."""
+    """G31 to X Y Z at F: whatever stops it short is an alarm. An axis that is not named stays where it is.
+
+    In place its word is left out: nothing that the control may think of its position moves it.
+    """
     for name, axis in _linear(job):
         if given is None:
             yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}=#{5020 + axis}"
     yield from _targets(job, given)
-    yield f"G31 X#31 Y#32 Z#33 F{_value(given, 'F')}"
+    named = {name: WORK + i for i, (name, _) in enumerate(_linear(job), 1) if given is None or name in given}
+    yield f"G31 {' '.join(f'{name}#{place}' for name, place in named.items())} F{_value(given, 'F')}"
     yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE ON OR MET SOMETHING')}"
 
 

@@ -55,6 +55,7 @@ OPTIONS = (
     common.MISSED,
 )
 DOUBTS = (
+    "no scaling or mirror image (G51) is on: nothing here cancels it",
     "#9011 is the input of the probe with the sign that P of M115 wants",
     "M125 cancels the job when the probe is on or comes on",
     "M115 with L1 goes on when nothing is met and #25022 tells",

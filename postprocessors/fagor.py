@@ -63,6 +63,7 @@ DOUBTS = (
     "G100 with a deflected probe ends at once or is an error",
     "variables V.A. of positions wait for the axes: the control does not read them ahead",
     "D0 takes the tool offset away, and #MCS before G0 turns a rotary axis in machine coordinates",
+    "no mirror image, scaling or polar coordinates are on: nothing here cancels them",
     "$IF and $ENDIF stand alone, brackets are square, #ERROR stops until reset",
     "#OPEN with A appends, #WRITE takes as many numbers in one line as a record has and prints them with a decimal point",
     "a probe that is off stops nothing: protected moves protect only while it is on",

@@ -45,7 +45,7 @@ OPTIONS = (
     Option("output", "TNC:\\TANGO.TXT", "file for the records, on the control's disk"),
     Option("axis_numbers", {}, "number of each axis in FN 18 and IDX, e.g. {X: 1, Y: 2, Z: 3, B: 5, C: 6}; empty: A B C are 4 5 6"),
     Option("plane_reset", True, "PLANE RESET STAY leaves a tilted plane; false where the control has no tilting"),
-    Option("tcpm_reset", True, "FUNCTION RESET TCPM; false where the control has no TCPM"),
+    Option("tcpm_reset", True, "FUNCTION RESET TCPM and M129; false where the control has no TCPM"),
     Option("orient", True, "cycle 13 and M19 orient the spindle; false: it is not turned"),
     Option("shortest", True, "endless axes get angles of 0 to 360 under M126, the short way; false: as planned"),
     *common.clamping("M11", "M10"),
@@ -60,6 +60,7 @@ DOUBTS = (
     "the text of TCH PROBE 4, its results in three Q and -1 in the fourth without contact, REFERENCE SYSTEM 1 is the machine",
     "TCH PROBE 4 that meets nothing goes on from the end of DIST, MB brings it back to its start after a contact",
     "cycles 7 8 10 11 with the names that they have here and cycle 8 without an axis: no shift, mirror, rotation or scale is left",
+    "nothing has left cycle 26 (a scale for each axis) on",
     "a deflected probe at the start of TCH PROBE 4 is an error of the control: no variable of it is asked",
     "TRACK of the probe table is off: the control does not turn the spindle before TCH PROBE 4",
     "results of TCH PROBE 4 are positions of the axes, without tool length and calibration of the probe",
@@ -85,9 +86,9 @@ def begin(job: Job) -> Iterator[str]:
     if options["plane_reset"]:
         yield "PLANE RESET STAY"
     if options["tcpm_reset"]:
-        yield "FUNCTION RESET TCPM"
+        yield from ("FUNCTION RESET TCPM", "M129")
     yield from CANCELS
-    yield "M5"
+    yield from ("M137", "M5")  # feeds in mm/min
     if options["shortest"]:
         yield "M126"
     yield f"{MISSES} = 0"

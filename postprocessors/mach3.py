@@ -25,7 +25,9 @@ OPTIONS = (
         "file of the records on the control's disk; the macros add to it",
         verified=True,
     ),
-    Option("reset", "G17 G21 G40 G49 G50 G69 G80 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
+    Option(
+        "reset", "G15 G17 G21 G40 G49 G50 G69 G80 G90 G94 M5", "modal state; the control must know every word of it", codes=True
+    ),
     *common.PROBE_SWITCHES,
     Option(
         "orient",

@@ -24,14 +24,15 @@ from ._macro_b_text import FLAG, Words
 START, RECORD, END, WAIT = 880, 881, 882, 883  # M codes
 SET, SUM, SPINDLE, TOUCH = 117, 118, 119, 120  # common variables: number of the set of scripts; what the record is made of
 PLACE = {name: i for i, name in enumerate("XYZABC", 1)}  # of an axis in #5021 …
-FIXED: Mapping[str, Any] = {"macros": "inline", "print_format": "44", "length_check": False}  # its G49 moves nothing
+# G49 moves nothing here, and the reset line has the words that cancel what is asked elsewhere.
+FIXED: Mapping[str, Any] = {"macros": "inline", "print_format": "44", "length_check": False, "must_be_off": {}}
 FILE = "tango-readings.txt"
 
 FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}"))
 OPTIONS = (
     *with_defaults(
         tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers")),
-        reset="G15 G17 G21 G40 G49 G50 G69 G80 G90 G94 M5",
+        reset="G15 G17 G40 G49 G50 G69 G80 G90 G94 M5",
     ),
     Option("readings", FILE, "file of the records, in the folder of the program", verified=True),
 )

@@ -1,13 +1,13 @@
 """Mazak with EIA programs (Matrix, Smooth): the same family as Mitsubishi, Fanuc's macro B; Mazatrol itself is not written."""
 
-from ._base import Post
+from ._base import Post, with_defaults
 from ._macro_b import DOUBTS, OPTIONS, steps
 from ._macro_b_text import Words
 
 POST = Post(
     title="Mazak EIA",
     extension="EIA",
-    options=OPTIONS,
+    options=with_defaults(OPTIONS, must_be_off={4011: 51, 4018: 16, 4019: 51.1}),
     doubts=(*DOUBTS, "#5021, #5041 and #5061 are those of Fanuc", "DPRNT goes to the port that parameters of the control choose"),
     **steps(Words()),
 )

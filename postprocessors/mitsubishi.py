@@ -4,14 +4,14 @@ With the skip signal already on, G31 is complete at once; without contact it end
 radius compensation is alarm P608, one without feed P603.
 """
 
-from ._base import Post
+from ._base import Post, with_defaults
 from ._macro_b import DOUBTS, OPTIONS, steps
 from ._macro_b_text import Words
 
 POST = Post(
     title="Mitsubishi M70 and M80",
     extension="nc",
-    options=OPTIONS,
-    doubts=(*DOUBTS, "#5021, #5041 and #5061 and DPRNT are those of Fanuc"),
+    options=with_defaults(OPTIONS, must_be_off={4011: 51, 4018: 16, 4019: 51.1}),
+    doubts=(*DOUBTS, "#5021, #5041 and #5061 and DPRNT are those of Fanuc", "IF and THEN stand in one block"),
     **steps(Words()),
 )

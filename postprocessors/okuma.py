@@ -71,6 +71,7 @@ DOUBTS = (
     "the skip move ends at the contact, at its end without alarm when there is none, and at once when the probe is deflected",
     "the contact variable is without length and calibration of the probe: compare one touch by hand",
     "G53 cancels the tool length here, and G0 turns a rotary axis in machine coordinates of H0",
+    "no mirror image, scaling or polar coordinates are on: nothing here cancels them",
     "subprograms may stand behind M02 in one file, CALL passes PX PY PZ PI PJ PK PT PS PA PB",
     "PUT of a number prints digits with a decimal point, blanks before them",
     "a probe that is off stops nothing: protected moves protect only while it is on. Try the first one with a finger at the probe",

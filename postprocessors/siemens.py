@@ -31,7 +31,7 @@ DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN = range(1, len(STOPS) + 1)
 OUTPUT = "device (/dev/ext/1: LF is written) or file of the control (_N_TANGO_MPF: the control ends the lines) for the records"
 
 OPTIONS = (
-    Option("reset", "G17 G40 G71 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
+    Option("reset", "G17 G40 G710 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
     Option("trafoof", True, "TRAFOOF switches a five-axis transformation off; false where the control has none"),
     Option("cycle800", True, "CYCLE800() leaves a swivelled plane; false where the control has no swivelling"),
     Option("probe_input", 1, "input of the probe: MEAS=1 or MEAS=2", choices=(1, 2)),

@@ -139,7 +139,7 @@ def test_protected_moves_take_the_positioning_feed_of_the_post(short: Path, caps
             "post: fanuc\n  clamp: {D: M10}",
             r"tango.yaml:9: controller.clamp: found 'D': 'M10'; allowed: a word such as M10 for B, C",
         ),
-        ("post: fanuc\n  reset: G17 G40 G80 G90 G94", "something moves before G21 G49 M5 is stated, see controller.reset"),
+        ("post: fanuc\n  reset: G17 G40 G80 G90 G94", "something moves before G49 M5 is stated, see controller.reset"),
     ],
 )
 def test_what_plan_refuses_in_the_profile_is_refused_here_too(

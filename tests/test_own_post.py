@@ -47,11 +47,11 @@ def test_its_program_has_every_touch_between_two_marks(cell: Path, capsys: pytes
 
 def test_its_options_are_those_of_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (cell / "tango.yaml").write_text(
-        (cell / "tango.yaml").read_text().replace("post: fanuc", "post: ./acme.py, clamp: {B: M10}, probe_on: M80")
+        (cell / "tango.yaml").read_text().replace("post: fanuc", "post: ./acme.py, unclamp: {B: M11}, clamp: {B: M10}, probe_on: M80")
     )
     assert call("plan", "-C", cell) == 0
     text = (cell / "program" / "TANGO.nc").read_text()
-    assert "M80\n" in text and "B-30.\nM10\n" in text
+    assert "M80\n" in text and "M11\nG53 G0 B-30.\nM10\n" in text
     post = load(str(cell / "acme.py"))
     assert len(unverified(post, {"clamp": {}, "probe_on": ""})) == len(unverified(post, {})) - 2
     (cell / "tango.yaml").write_text((cell / "tango.yaml").read_text().replace("clamp: {B", "clamp: {A"))

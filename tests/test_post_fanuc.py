@@ -110,10 +110,23 @@ def test_a_tool_length_that_is_on_is_an_alarm_before_anything_moves(made: Plan) 
     assert flags(run([line for line in lines if "#4008" not in line], made, tool_lengths={1: 250.0})) == [1] * 6, "without a move"
 
 
+@pytest.mark.parametrize(("group", "code"), [(11, 51), (17, 16), (22, 51.1)])
+def test_scaling_polar_coordinates_and_mirror_images_are_alarms_before_anything_moves(made: Plan, group: int, code: float) -> None:
+    lines = lines_of(made)
+    assert run(lines, made, left_on={group: code}) == [f"MC3086 CANCEL G{code} FIRST"]
+    assert flags(run(lines_of(made, must_be_off={}), made, left_on={group: code})) == [1] * 6, "this one does not ask"
+
+
+def test_the_first_retract_names_its_axis_alone(made: Plan) -> None:
+    """Whatever the control thinks of the others, they stay where they are."""
+    first = next(line for line in lines_of(made) if line.startswith("G31"))
+    assert first.split()[:2] == ["G31", "Z#33"] and first.split()[2].startswith("F")
+
+
 @pytest.mark.parametrize("macros", ["inline", "called"])
 def test_alarms_are_short_enough_for_the_screen_of_an_old_control(made: Plan, macros: str) -> None:
     texts = {line.rpartition("(")[2].rstrip(")") for line in lines_of(made, macros=macros) if "THEN#3000=" in line}
-    assert len(texts) == 5 and max(map(len, texts)) <= 26
+    assert len(texts) == 8 and max(map(len, texts)) <= 26
 
 
 def test_a_rotary_axis_that_went_elsewhere_is_an_alarm_before_anything_is_touched(made: Plan) -> None:
@@ -180,6 +193,15 @@ def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
         ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 4}}, "a number 1 … 8 of its own"),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
         ({"clamp": {"B": "M10\nM30"}}, "a word such as M10 for B, C"),
+        *(
+            ({"clamp": {"B": word}, "unclamp": {"B": "M11"}}, "a word such as M10")
+            for word in ("M3", "M06", "M30", "M98 P9000", "M0")
+        ),
+        ({"clamp": {"B": "M10"}}, "controller.clamp: found a word for B and none under unclamp; allowed: both for an axis"),
+        ({"probe_on": "M3 S4000"}, "controller.probe_on: found 'M3 S4000'; allowed: no M3, after which .* the spindle turns"),
+        ({"probe_off": "M99"}, "controller.probe_off: found 'M99'; allowed: no M99"),
+        ({"must_be_off": {5021: 51}}, "controller.must_be_off: found 5021: 51; allowed: 4001 … 4022 and a G code"),
+        ({"must_be_off": {4011: "G51"}}, "controller.must_be_off: found 4011: 'G51'"),
         ({"program_number": 12345}, "allowed: 1 … 9995"),
         ({"orient": ""}, "the word that orients the spindle"),
         ({"orient": "M19"}, "end with the letter of the angle"),  # M19 and 0 degrees would be M190

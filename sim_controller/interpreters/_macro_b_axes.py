@@ -73,9 +73,12 @@ class Axes:
     def variable(self, number: int) -> float | None:
         """#5001…, #5021…, #5041…, #5061…, #5081…, #5201… → value in the present unit; None for any other."""
         base, index = (number - 1) // 20 * 20 + 1, (number - 1) % 20
-        if index >= len(self._profile.axes):
+        axes = "XYZABC" if self._profile.lettered else self._profile.axes
+        if index >= len(axes):
             return None
-        name = self._profile.axes[index]
+        name = axes[index]
+        if name not in self._known:
+            return 0.0
         offset = self._offset(name)
         length = self._length if name == "Z" else 0.0
         if 5221 <= base < 5341:

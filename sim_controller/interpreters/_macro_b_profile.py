@@ -15,9 +15,11 @@ class Profile:
     """Parameters and options of the control, with the parameter numbers of the 0i/30i families where they are known."""
 
     axes: tuple[str, ...]  # control axes 1, 2, 3 …: the order of #5001, #5021, #5041, #5061 (1020)
+    lettered: bool = False  # they go by letter X Y Z A B C instead, whether the machine has the axis or not (Haas)
     increment: Decimal = Decimal("0.001")  # mm and deg (IS-B; IS-C is 0.0001)
     calculator: bool = False  # a number without decimal point is whole mm (3401#0 DPI)
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
+    left_on: Mapping[int, float] = field(default_factory=dict)  # group of G codes → what a program before has left on
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # H → mm
     length_moves: bool = False  # G43 and G49 without an axis word move Z by the length there and then (5001, 5006#6)
     rollover: tuple[str, ...] = ()  # rotary axes of type 'roll-over' (1008#0 ROA)

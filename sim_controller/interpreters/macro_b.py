@@ -39,7 +39,7 @@ class Control:
         self._axes = Axes(motion, profile)
         self._variables = Variables(self._system, self._set_system)
         self._programs = dict(split(library))
-        self._modal = {1: 0, 2: 17, 3: 90, 5: 94, 6: 21, 8: 49, 14: 54}
+        self._modal: dict[int, float] = {1: 0, 2: 17, 3: 90, 5: 94, 6: 21, 8: 49, 14: 54, **profile.left_on}
         self._feed = 0.0
         self._open = False
         self._clocks = {3001: 0.0, 3002: 0.0}
@@ -177,7 +177,7 @@ class Control:
             return self._call_macro(found, block, depth), None
         m_codes = [int(word.value) for word in found if word.letter == "M"]
         self._set_feed(found)
-        self._axes.inch, self._axes.work = self._modal[6] == 20, self._modal[14]
+        self._axes.inch, self._axes.work = self._modal[6] == 20, int(self._modal[14])
         if 19 in m_codes:
             angle = next((word.value for word in found if word.letter == "R"), 0.0)
             self._motion.rapid({"S": math.radians(angle % 360)})

@@ -60,4 +60,4 @@ def axes_by_number(plan: Plan, options: Mapping[str, Any]) -> dict[int, str]:
     """plan, options of its profile → {number in the system variables: axis letter}, in the order of the machine unless stated."""
     names = [axis.name for axis in plan.machine.axes if axis.kind != "spindle"]
     stated = options.get("axis_numbers") or {name: i for i, name in enumerate(names, 1)}
-    return {int(number): name for name, number in stated.items()}
+    return {int(number): name for name, number in stated.items() if name in names}

@@ -48,7 +48,7 @@ HEAD = (  # nothing is shifted, mirrored, turned or scaled, and the spindle stan
         "CYCL DEF 10.1 ROT+0",
         "CYCL DEF 11.1 SCL 1",
     ),
-    "M5",
+    *("M137", "M5"),
 )
 CYCLES = (
     *("CYCL DEF 7.0 DATUM SHIFT", "CYCL DEF 8.0 MIRROR IMAGE", "CYCL DEF 10.0 ROTATION", "CYCL DEF 11.0 SCALING"),
@@ -59,7 +59,9 @@ FOLLOWS = {  # a block of a cycle belongs to the one before it, and is another o
     **dict(zip(HEAD[3:6], CYCLES[1:4], strict=True)),
     **{"CYCL DEF 13.1": CYCLES[4], "M19": "CYCL DEF 13.1"},
 }
-SURE = "G21 G40 G49 G80 G90 G94 M5"  # MM in the first block; M91, R0, no cycle and F in the blocks that move; M5 in the head
+SURE = (
+    "G21 G40 G49 G80 G90 G94 M5"  # MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
+)
 AHEAD = "ahead of"  # the label that a world is on its way to
 
 
@@ -104,8 +106,13 @@ class _Program:
         self._axis = {str(number): name for name, number in names.items()}
         self._head = set(HEAD) | {
             words
-            for option, words in (("plane_reset", "PLANE RESET STAY"), ("tcpm_reset", "FUNCTION RESET TCPM"), ("shortest", "M126"))
+            for option, *said in (
+                ("plane_reset", "PLANE RESET STAY"),
+                ("tcpm_reset", "FUNCTION RESET TCPM", "M129"),
+                ("shortest", "M126"),
+            )
             if options.get(option)
+            for words in said
         }
         self._words = stated_words(options) | set(CYCLES)
         self._texts = Texts()

@@ -31,6 +31,8 @@ START = re.compile(r"DPRNT\[TANGO\*START\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
 END = re.compile(r"DPRNT\[TANGO\*END\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
 RECORD = re.compile(r"DPRNT\[P(#\d+)\[60\]\*H(#\d+)\[10\]((?:\*[A-Z]#\d+\[(?:44|43|53)\])+)\]")
 LENGTH = re.compile(r"IF\[#4008NE49\]THEN#3000=\d{1,3}")
+MODE = re.compile(r"IF\[#(40[012]\d)EQ(\d{1,3}(?:\.\d)?)\]THEN#3000=\d{1,3}")
+DWELL = re.compile(r"G4 P\d{1,2}\.")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 STOP = 3000
 ENDS = ("M30", "M2")
@@ -74,6 +76,7 @@ class _Program:
         self._moving = True  # since the last motion nothing has waited for the axes
         self._depth = 0
         self._ask, self._asked = bool(options.get("length_check")), False  # whether no tool length is on
+        self._unasked = {(int(number), float(code)) for number, code in (options.get("must_be_off") or {}).items()}
         self._begun = self._opened = self._closed = False
         self.over = False
 
@@ -97,6 +100,12 @@ class _Program:
             self._closed |= code == "PCLOS"
         elif LENGTH.fullmatch(code) and not self._opened:
             self._asked = True
+        elif (match := MODE.fullmatch(code)) and not self._opened:
+            self._unasked.discard((int(match[1]), float(match[2])))
+        elif code == "G21" and not self._opened:
+            self._machine.reset(code)
+        elif DWELL.fullmatch(code):
+            self._machine.watched()
         elif code == self._reset:
             if self._ask and not self._asked and "G49" in code.split():
                 raise InputError("G49 by itself may move Z by a tool length: IF[#4008NE49]THEN#3000=… has to stand before it")
@@ -148,9 +157,13 @@ class _Program:
 
     def _feed(self, word: str, words: list[str], feed: str) -> None:
         letters = [item[0] for item in words]
-        if letters != ["X", "Y", "Z"]:
-            raise InputError(f"found {' '.join(letters)}; allowed: X Y Z")
-        target = {item[0]: self._machine.same(item[1:]) + self._machine.base.offset[item[0]] for item in words}
+        if letters != sorted(set(letters)):
+            raise InputError(f"found {' '.join(letters)}; allowed: X Y Z, each once")
+        if self._unasked:
+            number, asked = min(self._unasked)
+            raise InputError(f"something moves before IF[#{number}EQ{asked:g}]THEN#3000=… has asked, see controller.must_be_off")
+        named = {item[0]: self._machine.same(item[1:]) + self._machine.base.offset[item[0]] for item in words}
+        target = {name: self._machine.base.position[name] for name in "XYZ"} | named
         speed = self._machine.same(feed)
         if word == "1":
             self._machine.moves(target, OFF_FACET, speed)

@@ -36,7 +36,7 @@ STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"\)|SETAL\(\d+\)|M0')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
 SYSTEM = re.compile(r"\$(A[ACX]?_[A-Z]+)\[([A-Z1-9])\]")
-SAME_AS = {"G71": "G21"}  # what is millimetres here
+SAME_AS = {"G71": "G21", "G710": "G21"}  # what is millimetres here; G710 for feeds and system variables too
 MADE_SURE = ("G49", "G80")  # D0 stands in every move; the control has no modal drilling but what G0 and G1 end
 
 

@@ -12,6 +12,7 @@ from ._grbl import ALARMS, ERRORS
 INCH = 25.4
 LETTERS = "XYZABC"
 FRAMES = re.compile(r"\bG5[4-9](?:\.[1-3])?\b")
+TURNED = re.compile(r"\bG(?:51|68)\b")  # as grblHAL says it: 'G51:XY'
 Lines = Generator[str, str, list[str]]
 
 
@@ -39,6 +40,8 @@ class Control(Dialogue):
         frame = FRAMES.search(modes)
         if frame is None:
             raise Stop(f"the control does not say which work offset is active: {modes!r}")
+        if turned := TURNED.search(modes):
+            raise Stop(f"the control says that {turned[0]} is on: targets would be scaled or turned; cancel it: G50, G69")
         listed = yield from self._twice("$#")
         if not any(line.startswith("[AXS:") for line in who):  # grbl 1.1 and FluidNC do not name their axes: they are in this order
             count = next((line.count(",") + 1 for line in listed if line.startswith(f"[{frame[0]}:")), len(self._axes))
