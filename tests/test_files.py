@@ -135,6 +135,17 @@ BAD_CELLS = {
     "kind of axis": ("machine.yaml", "X: {kind: linear", "X: {kind: linaer", 4, "axes.X.kind", "Did you mean 'linear'"),
     "travel upside down": ("machine.yaml", "travel: [-95, 95]", "travel: [95, -95]", 7, "axes.B.travel", "low below high"),
     "version of the format": ("tango.yaml", "tango: 1", "tango: 2", 1, "tango", "1, the version of the format"),
+    "facet off its ball": ("artefact.yaml", "[50, 0, 72.7]", "[95, 0, 60]", 6, "facets.11", "a point 32.3 mm off the surface of ball 1 (45 mm from its centre, radius 12.7); allowed: within 2 mm"),
+    "facet on the other ball": ("artefact.yaml", "[50, 0, 72.7]", "[-50, 0, 72.7]", 6, "facets.11", "Correct point, centre, radius or the ball's number: it lies on ball 2"),
+    "normal into the ball": ("artefact.yaml", "[0, 0, 1], ball", "[0, 0, -1], ball", 6, "facets.11.normal", "180° from the direction out of the centre of ball 1; allowed: within 10°"),
+    "bar of another length": ("artefact.yaml", "length: 100.001", "length: 110", 10, "scale_bar.length", "110, but the centres of balls 1 and 2 are 100 mm apart; allowed: within 4 mm"),
+    "point beyond any machine": ("artefact.yaml", "[100, 0, 0], normal", "[1e18, 0, 0], normal", 3, "facets.1.point[0]", "at least -100000 and at most 100000"),
+    "travel beyond any machine": ("machine.yaml", "[-350, 350]", "[-1e17, 1e17]", 5, "axes.Y.travel[0]", "at least -100000 and at most 100000"),
+    "tip as large as a town": ("machine.yaml", "tip_radius: 3.0", "tip_radius: 1e6", 10, "probe.tip_radius", "at most 100000"),
+    "rapid of light": ("machine.yaml", "rapid: 3600", "rapid: 1e12", 7, "axes.B.rapid", "at least 0.1 and at most 1000000"),
+    "stand-off of a kilometre": ("strategy.yaml", "standoff: 10", "standoff: 1e9", 2, "approach.standoff", "at most 1000"),
+    "search of a kilometre": ("strategy.yaml", "search: 5", "search: 1e6", 2, "approach.search", "at most 1000"),
+    "a turn without end": ("strategy.yaml", "C: -90", "C: -1e12", 5, "indexations[1].C", "at most 100000"),
     "terms": ("tango.yaml", "[S2]", "3.5", 5, "terms", "S1, S2, S3, S4 or a list"),
     "controller without post": ("tango.yaml", "post: fanuc, ", "", 6, "controller", "no key 'post'"),
     "not YAML": ("strategy.yaml", "facets: [top, 1]}", "facets: [top, 1}", 5, "", "not valid YAML"),
@@ -297,9 +308,9 @@ def machines(draw: st.DrawFn) -> Machine:
                 draw(directions()),
                 draw(vectors),
                 None if kind == "spindle" else (low * scale, (low + size) * scale),
-                draw(st.none() | positive.map(lambda v, scale=scale: v * scale)),
-                draw(st.none() | positive),
-                draw(st.just(0.0) | positive),
+                draw(st.none() | st.floats(1, 1e5).map(lambda v, scale=scale: v * scale)),
+                draw(st.none() | st.floats(0.01, 1e3)),
+                draw(st.just(0.0) | st.floats(1e-4, 1e3)),
             )
         )
     topology = f"w{''.join(letters[:split])}f{''.join(letters[split:])}(S)t"
@@ -316,10 +327,16 @@ def artefacts(draw: st.DrawFn) -> Artefact:
     facets = {}
     for key in draw(st.lists(texts | st.integers(0, 999).map(str), min_size=1, max_size=5, unique=True)):
         ball, surface = draw(st.tuples(st.none() | st.sampled_from(keys), st.none()) | st.tuples(st.none(), cylinder | sphere))
-        facets[key] = Facet(key, draw(vectors), draw(directions()), ball, draw(st.none() | positive), surface)
+        point, normal = draw(vectors), draw(directions())
+        if ball is not None:  # on its surface, as near as a table is known by hand
+            radius = balls[ball].radius + draw(st.floats(-0.9, 0.9)) * min(1.0, balls[ball].radius)
+            x, y, z = np.array(balls[ball].centre) + radius * np.array(normal)
+            point = (float(x), float(y), float(z))
+        facets[key] = Facet(key, point, normal, ball, draw(st.none() | positive), surface)
     box = st.builds(Obstacle, st.just("box"), low=vectors, high=vectors)
     rod = st.builds(Obstacle, st.just("cylinder"), base=vectors, axis=directions(), radius=positive, height=positive)
-    bar = st.builds(ScaleBar, st.just((keys[0], keys[1])), positive, positive)
+    apart = math.dist(*(balls[key].centre for key in keys))
+    bar = st.builds(ScaleBar, st.just((keys[0], keys[1])), st.floats(max(apart - 3.9, 1e-4), apart + 3.9), positive)
     return Artefact(draw(texts), facets, balls, draw(st.none() | bar), tuple(draw(st.lists(box | rod, max_size=2))))
 
 
@@ -334,7 +351,7 @@ def cells(draw: st.DrawFn) -> tuple[Machine, Artefact, Strategy]:
         machine,
         artefact,
         Strategy(
-            draw(texts), draw(st.builds(Approach, st.floats(2, 1e4), st.floats(0.1, 1e4), st.floats(0.1, 1e5))), tuple(indexations)
+            draw(texts), draw(st.builds(Approach, st.floats(2, 1e3), st.floats(0.1, 1e3), st.floats(0.1, 1e5))), tuple(indexations)
         ),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import json
 import math
 import shutil
 from dataclasses import replace
@@ -16,6 +17,7 @@ from blockcell import block, cell, machine
 from scipy.spatial import ConvexHull
 
 from tango_cnc.check import solid
+from tango_cnc.cli import guarded, tango
 from tango_cnc.files import artefact_text, read_artefact
 from tango_cnc.files.hull import read_hull
 from tango_cnc.plan import plan
@@ -116,7 +118,15 @@ def test_what_is_written_again_needs_no_drawing(folder: Path, tmp_path: Path) ->
         ("{kind: hull, file: clamp.step}", "found a .step file; allowed: .stl, .obj, .ply. Export the solid as STL, in mm"),
         ("{kind: hull, file: text.stl}", "text.stl: "),
         ("{kind: hull, file: flat.stl}", "flat.stl: found a flat drawing; allowed: a solid"),
-        ("{kind: hull, file: metres.stl}", "found a solid of 60000 mm; allowed: up to 20000 mm. Is the drawing in mm?"),
+        ("{kind: hull, file: thousandfold.stl}", "found a solid of 60000 mm; allowed: 1 mm up to 20000 mm. Is the drawing in mm?"),
+        ("{kind: hull, file: metres.stl}", "found a solid of 0.06 mm; allowed: 1 mm up to 20000 mm. Is the drawing in mm?"),
+        ("{kind: hull, file: clamp.stl, shift: [99990, 0, 0]}", "a corner at 100120 mm; allowed: up to 100000 mm from the origin"),
+        ("{kind: hull, file: cut.stl}", "found 500 bytes where its own count of triangles makes "),
+        ("{kind: hull, file: garbage.stl}", "It is cut off or no STL: export it again, as binary STL in mm"),
+        (
+            "{kind: hull, file: cut_text.stl}",
+            "found 100 vertices, of which 0 can be read; allowed: a whole ASCII STL, with decimal points",
+        ),
         ("{kind: hull}", "allowed: a 'file', with a 'shift' if need be, or 'points'"),
         ("{kind: hull, points: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}", "found 3 points"),
         ("{kind: hull, file: clamp.stl, scale: 2}", "unknown key 'scale'"),
@@ -129,11 +139,47 @@ def test_a_bad_drawing_is_named_with_file_and_line(folder: Path, obstacle: str, 
     flat = trimesh.Trimesh([[0, 0, 0], [9, 0, 0], [9, 9, 0], [0, 9, 0]], [[0, 1, 2], [0, 2, 3]])
     flat.export(folder / "flat.stl")
     large = trimesh.creation.box(extents=np.subtract(HIGH, LOW) * 1000)
-    large.export(folder / "metres.stl")
+    large.export(folder / "thousandfold.stl")
+    trimesh.creation.box(extents=np.subtract(HIGH, LOW) / 1000).export(folder / "metres.stl")
+    whole = trimesh.load(folder / "clamp.stl")
+    (folder / "cut.stl").write_bytes(whole.export(file_type="stl")[:500])
+    (folder / "garbage.stl").write_bytes(np.random.default_rng(1).bytes(3000))
+    lines = whole.export(file_type="stl_ascii").splitlines(keepends=True)
+    last = [i for i, line in enumerate(lines) if "vertex" in line][100]
+    (folder / "cut_text.stl").write_text("".join(lines[:last]))
     with pytest.raises(InputError) as error:
         artefact_with(folder, obstacle)
     assert words in str(error.value)
     assert str(error.value).startswith(f"{folder / 'artefact.yaml'}:"), error.value
+
+
+def remarked(kind: str) -> bytes:
+    """The box with a German word in Latin-1 where this kind of drawing has names or remarks."""
+    mesh = trimesh.creation.box(extents=(25, 60, 40))
+    if kind == "obj":
+        return b"# Spannst\xfcck\n" + mesh.export(file_type="obj").encode()
+    if kind == "ply":
+        return bytes(mesh.export(file_type="ply").replace(b"\nelement vertex", b"\ncomment Spannst\xfcck\nelement vertex", 1))
+    whole = "solid Spannstück\n" + mesh.export(file_type="stl_ascii").split("\n", 1)[1]
+    binary = b"solid Spannst\xfcck" + mesh.export(file_type="stl")[16:]
+    return {"text": whole.encode("latin-1"), "two solids": f"{whole}\n{whole}".encode("latin-1"), "binary": binary}[kind]
+
+
+@pytest.mark.parametrize("kind", ["text", "two solids", "binary", "obj", "ply"])
+def test_a_name_in_another_encoding_does_not_matter(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / f"clamp.{kind if kind in ('obj', 'ply') else 'stl'}"
+    file.write_bytes(remarked(kind))
+    assert sorted(read_hull(file)) == [(x, y, z) for x in (-12.5, 12.5) for y in (-30.0, 30.0) for z in (-20.0, 20.0)]
+
+
+@pytest.mark.parametrize("command", ["check", "plan"])
+def test_the_size_of_every_drawing_is_told(command: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In inches it is neither too small nor too large, and only a person can see that it is wrong."""
+    artefact_with(folder, "{kind: hull, file: clamp.stl, shift: [0, 0, -300]}")
+    assert guarded(tango.main, [command, "-C", str(folder)], standalone_mode=False) in (0, 1)
+    assert "drawing clamp.stl: 25 × 60 × 40 mm" in capsys.readouterr().out
+    guarded(tango.main, [command, "-C", str(folder), "--json", "-"], standalone_mode=False)
+    assert json.loads(capsys.readouterr().out)["drawings"] == [{"file": "clamp.stl", "size": [25.0, 60.0, 40.0]}]
 
 
 def test_without_trimesh_it_is_said_what_to_install(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from ..duration import duration, saved, spoken
-from ..files import blamed_on, read_cell, read_terms
+from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms
 from ..identify import condition_number, select, summary
 from ..model import known, linearise
 from ..plan import last_motion, plan
@@ -117,6 +117,7 @@ def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed
         "mismatch_only": selection.mismatch and len(selection.unseen) == 1,
         "predicted_time_s": duration(made, feed),
         "positioning_feed": feed,
+        "drawings": drawn_sizes(cell.artefact),
     } | ({} if (gain := saved(made, feed)) is None else {"double_touch_saves_s": gain})
 
 
@@ -129,6 +130,7 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         f"{data['touches']} touches on {len(touched)} facets at {data['indexations']} indexations; all are within the travels:",
         "  " + "  ".join(f"{n} {low:.1f} … {high:.1f}" for n, (low, high) in data["range"].items()),
     ]
+    lines += drawn_lines(data["drawings"])
     if left_out := data["left_out"]:
         more = "one more touch" if len(left_out) == 1 else f"{len(left_out)} more touches"
         lines.append(f"{more} of the strategy cannot be made; what follows is without {'it' if len(left_out) == 1 else 'them'}:")

@@ -16,7 +16,7 @@ import click
 
 from ..capability.programs import KINDS, Kind
 from ..capability.programs import program as capability_program
-from ..files import artefact_text, blamed_on, read_cell, strategy_text
+from ..files import artefact_text, blamed_on, drawn_lines, drawn_sizes, read_cell, strategy_text
 from ..files.plan import plan_lines, write_together
 from ..plan import plan_hash
 from ..records import InputError, Plan
@@ -127,6 +127,7 @@ def command(
         files[target / "strategy.yaml"] = lambda: iter(strategy_text(cell.strategy).splitlines())
     write_together(files)
     result = _result(made, name, target, written, doubts)
+    result["drawings"] = drawn_sizes(cell.artefact)
     result["companions"] = [str(target / name_beside) for name_beside in beside]
     if not write_json(json_file, result):
         click.echo(_text(made, result))
@@ -302,6 +303,7 @@ def _text(plan: Plan, result: dict[str, Any]) -> str:
     return (
         f"{result['touches']} touches on {result['facets']} facets at {result['indexations']} indexations{missing}\n"
         f"{table(rows, '<>>><')}\n"
+        + "".join(f"{line}\n" for line in drawn_lines(result["drawings"]))
         + "".join(f"program {p['program']} (hash {p['program_hash']}){_range(p, result)}\n" for p in result["programs"])
         + f"plan    {result['plan']} (hash {result['plan_hash']})\n"
         + (f"beside  {', '.join(map(_name, result['companions']))}: have to be on the control too, see docs/dialects.md\n" * beside)

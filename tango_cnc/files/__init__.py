@@ -2,6 +2,7 @@
 
 from .cell import read_artefact, read_cell, read_machine, read_strategy, read_terms, read_world
 from .checked import blamed_on
+from .hull import drawn_lines, drawn_sizes
 from .readings import degrees_of, last_direction, read_readings, readings_text
 from .write import artefact_text, machine_text, strategy_text, world_text, write_text
 
@@ -9,6 +10,8 @@ __all__ = [
     "artefact_text",
     "blamed_on",
     "degrees_of",
+    "drawn_lines",
+    "drawn_sizes",
     "last_direction",
     "machine_text",
     "read_artefact",

@@ -33,7 +33,8 @@ from ..records import (
     TermItem,
     World,
 )
-from .checked import Node, complaint, load, suggestion
+from .balls import check_bar, check_facets
+from .checked import FURTHEST, Node, complaint, load, suggestion
 from .hull import corners, read_hull
 
 # How near a touch may begin and how little past the facet it may end, mm. A probe comes free within hundredths of a mm, controls
@@ -42,6 +43,7 @@ LEAST = {
     "standoff": (2.0, "there the probe has to be free again, which takes a way back from the contact; raise standoff"),
     "search": (0.1, "a contact nearer than that to the end of the move is taken for none; raise search"),
 }
+LONGEST = 1000.0  # mm of stand-off and search: a probe that looks further at measuring feed looks for minutes
 CLEAR_OF_ZONE = 0.5  # mm from where the measuring move of a double touch begins to its search zone
 TOPOLOGY = re.compile(r"w(?P<workpiece>[XYZABC]*)[fb](?P<tool>[XYZABC]*)\(S\)t")
 
@@ -142,7 +144,7 @@ def _axis(name: str, node: Node) -> Axis:
     scale = 1.0 if kind == "linear" else math.pi / 180
     travel = None
     if "travel" in fields:
-        low, high = (item.number() for item in fields["travel"].list(2))
+        low, high = (item.position() for item in fields["travel"].list(2))
         if low >= high:
             raise fields["travel"].wrong("[low, high] with low below high", f"[{low:g}, {high:g}]")
         travel = (low * scale, high * scale)
@@ -152,25 +154,26 @@ def _axis(name: str, node: Node) -> Axis:
         fields["direction"].unit_vector(),
         fields["point"].vector() if "point" in fields else (0.0, 0.0, 0.0),
         travel,
-        fields["rapid"].number(above=0) * scale if "rapid" in fields else None,
-        fields["acceleration"].number(above=0) if "acceleration" in fields else None,
-        fields["clamp_time"].number(0) if "clamp_time" in fields else 0.0,
+        fields["rapid"].number(0.1, 1_000_000) * scale if "rapid" in fields else None,
+        fields["acceleration"].number(0.001, 10_000) if "acceleration" in fields else None,
+        fields["clamp_time"].number(0, 3600) if "clamp_time" in fields else 0.0,
     )
 
 
 def _probe(node: Node) -> Probe:
     fields = node.fields(["length", "tip_radius", "repeatability"], ["stylus_radius", "body_radius", "body_length", "nose_radius"])
     none = ("repeatability", "nose_radius")  # these may be 0
-    return Probe(**{key: child.number(0) if key in none else child.number(above=0) for key, child in fields.items()})
+    return Probe(**{key: child.number(0, FURTHEST) if key in none else child.size() for key, child in fields.items()})
 
 
 def read_artefact(file: Path) -> Artefact:
-    """artefact.yaml → artefact. Raises InputError for a facet on, or a bar between, balls that nothing defines."""
+    """artefact.yaml → artefact. Raises InputError for a facet on, or a bar between, balls that nothing defines or elsewhere."""
     fields = load(file).fields(["name", "facets"], ["balls", "scale_bar", "obstacles"])
     balls = {key: _ball(key, child) for key, child in fields["balls"].items()} if "balls" in fields else {}
     facets = {key: _facet(key, child, balls) for key, child in fields["facets"].items()}
     if not facets:
         raise fields["facets"].wrong("at least one facet", "none")
+    check_facets(facets, balls, fields)
     bar = _scale_bar(fields["scale_bar"], balls) if "scale_bar" in fields else None
     obstacles = tuple(_obstacle(item) for item in fields["obstacles"].list()) if "obstacles" in fields else ()
     return Artefact(fields["name"].text(), facets, balls, bar, obstacles)
@@ -178,7 +181,7 @@ def read_artefact(file: Path) -> Artefact:
 
 def _ball(key: Id, node: Node) -> Ball:
     fields = node.fields(["centre", "radius"])
-    return Ball(key, fields["centre"].vector(), fields["radius"].number(above=0))
+    return Ball(key, fields["centre"].vector(), fields["radius"].size())
 
 
 def _known_ball(node: Node, balls: dict[Id, Ball]) -> Id:
@@ -195,7 +198,7 @@ def _facet(key: Id, node: Node, balls: dict[Id, Ball]) -> Facet:
         fields["point"].vector(),
         fields["normal"].unit_vector(),
         _known_ball(fields["ball"], balls) if "ball" in fields else None,
-        fields["uncertainty"].number(above=0) if "uncertainty" in fields else None,
+        fields["uncertainty"].size() if "uncertainty" in fields else None,
         _surface(fields["surface"]) if "surface" in fields else None,
     )
 
@@ -207,7 +210,7 @@ def _surface(node: Node) -> Surface:
         raise node.wrong("an 'axis' for a cylinder and none for a sphere", "an axis" if "axis" in fields else "no axis")
     return Surface(
         kind,  # type: ignore[arg-type]
-        fields["radius"].number(above=0),
+        fields["radius"].size(),
         fields["axis"].unit_vector() if "axis" in fields else None,
         fields["inside"].boolean() if "inside" in fields else False,
     )
@@ -218,7 +221,9 @@ def _scale_bar(node: Node, balls: dict[Id, Ball]) -> ScaleBar:
     first, second = (_known_ball(item, balls) for item in fields["balls"].list(2))
     if first == second:
         raise fields["balls"].wrong("two different balls", f"ball {first} twice")
-    return ScaleBar((first, second), fields["length"].number(above=0), fields["uncertainty"].number(above=0))
+    bar = ScaleBar((first, second), fields["length"].size(), fields["uncertainty"].size())
+    check_bar(bar, balls, fields["length"])
+    return bar
 
 
 def _obstacle(node: Node) -> Obstacle:
@@ -233,8 +238,8 @@ def _obstacle(node: Node) -> Obstacle:
         "cylinder",
         base=fields["base"].vector(),
         axis=fields["axis"].unit_vector(),
-        radius=fields["radius"].number(above=0),
-        height=fields["height"].number(above=0),
+        radius=fields["radius"].size(),
+        height=fields["height"].size(),
     )
 
 
@@ -267,7 +272,9 @@ def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
 
 def _approach(fields: Mapping[str, Node]) -> Approach:
     given = {key: child for key, child in fields.items() if key != "find"}
-    values = {key: child.number(0.1, 100_000) if key == "feed" else child.number(above=0) for key, child in given.items()}
+    values = {
+        key: child.number(0.1, 100_000) if key == "feed" else child.number(above=0, high=LONGEST) for key, child in given.items()
+    }
     for key, (least, why) in LEAST.items():
         if values[key] < least:
             raise fields[key].wrong(f"a finite number at least {least:g}: {why}")
@@ -294,7 +301,7 @@ def _find(fields: Mapping[str, Node], single: Approach) -> Find:
 def _indexation(node: Node, machine: Machine, artefact: Artefact) -> Indexation:
     fields = node.fields([*machine.rotary, "facets"], ["S"])
     position = {name: 0.0 for name in (*machine.rotary, "S")}
-    position |= {name: math.radians(child.number()) for name, child in fields.items() if name != "facets"}
+    position |= {name: math.radians(child.position()) for name, child in fields.items() if name != "facets"}
     facets = []
     for item in fields["facets"].list():
         facet = item.identifier()

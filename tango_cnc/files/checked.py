@@ -16,6 +16,7 @@ import yaml
 from ..records import Id, InputError, Vector
 
 NUMERAL = re.compile(r"-?\d+")
+FURTHEST = 100_000.0  # mm or degrees: no machine tool reaches further, and beyond it places lose their micrometres
 COMMA = " Within { } a comma begins a new key: write decimals with a point, and lists in [ ]"
 MISSING = {  # file name → what to do when it is not there
     "tango.yaml": "give the folder of the cell with -C, or make one with 'tango init DIR'",
@@ -186,9 +187,9 @@ class Node:
         if above > -math.inf:
             bounds.append(f"greater than {above:g}")
         if low > -math.inf:
-            bounds.append(f"at least {low:g}")
+            bounds.append(f"at least {low:.10g}")
         if high < math.inf:
-            bounds.append(f"at most {high:g}")
+            bounds.append(f"at most {high:.10g}")
         allowed = "a finite number" + (" " + " and ".join(bounds) if bounds else "")
         if not isinstance(self.raw, Scalar):
             raise self.wrong(allowed)
@@ -215,14 +216,22 @@ class Node:
             raise self.wrong("true or false")
         return bool(yaml.safe_load(self.raw.value))
 
+    def position(self) -> float:
+        """scalar → mm or degrees that a machine tool can have. Raises InputError for anything else."""
+        return self.number(-FURTHEST, FURTHEST)
+
+    def size(self) -> float:
+        """scalar → length > 0 in mm that a machine tool can have. Raises InputError for anything else."""
+        return self.number(above=0, high=FURTHEST)
+
     def vector(self) -> Vector:
-        """list of three numbers → tuple. Raises InputError for anything else."""
-        x, y, z = (item.number() for item in self.list(3))
+        """list of three positions → tuple. Raises InputError for anything else."""
+        x, y, z = (item.position() for item in self.list(3))
         return x, y, z
 
     def unit_vector(self) -> Vector:
         """list of three numbers within 1e-3 of unit length → unit vector. Raises InputError for anything else."""
-        x, y, z = self.vector()
+        x, y, z = (item.number() for item in self.list(3))
         length = math.sqrt(x * x + y * y + z * z)
         if abs(length - 1) > 1e-3:
             raise self.wrong("a vector of length 1 (within 0.001)", f"[{x:g}, {y:g}, {z:g}], of length {length:.6g}")
