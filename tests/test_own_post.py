@@ -47,7 +47,9 @@ def test_its_program_has_every_touch_between_two_marks(cell: Path, capsys: pytes
 
 def test_its_options_are_those_of_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (cell / "tango.yaml").write_text(
-        (cell / "tango.yaml").read_text().replace("post: fanuc", "post: ./acme.py, unclamp: {B: M11}, clamp: {B: M10}, probe_on: M80")
+        (cell / "tango.yaml")
+        .read_text()
+        .replace("post: fanuc", "post: ./acme.py, unclamp: {B: M11}, clamp: {B: M10}, probe_on: M80")
     )
     assert call("plan", "-C", cell) == 0
     text = (cell / "program" / "TANGO.nc").read_text()
@@ -84,9 +86,35 @@ def test_a_mistake_in_it_is_told_with_its_line_and_nothing_is_written(cell: Path
     assert not (cell / "program").exists()
 
 
+def test_a_dry_run_looks_at_it_and_at_its_options(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As the page tells to begin."""
+    assert call("plan", "-C", cell, "--post", cell / "acme.py", "--dry-run") == 0
+    assert "retract" in capsys.readouterr().out
+    file = cell / "tango.yaml"
+    file.write_text(file.read_text().replace("post: fanuc", "post: ./acme.py, clamp: {A: M10}"))
+    assert call("plan", "-C", cell, "--dry-run") == 2
+    assert "allowed: a word such as M10 for B, C" in capsys.readouterr().err
+    (cell / "acme.py").write_text("raise SystemExit(0)\n")
+    assert call("plan", "-C", cell, "--post", cell / "acme.py", "--dry-run") == 2
+    assert "acme.py: cannot be read: SystemExit: 0" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
+        (
+            'stem=lambda job: "TANGO"',
+            "stem=lambda job: job.nothing",
+            r"acme.py:\d+: AttributeError: 'Job' object has no .*'nothing'",
+        ),
+        (
+            'stem=lambda job: "TANGO"',
+            'stem=lambda job: "../TANGO"',
+            "ACME 3000: stem gave '../TANGO'; allowed: a file name without",
+        ),
+        ('stem=lambda job: "TANGO"', "stem=lambda job: None", "ACME 3000: stem gave None; allowed: a file name without"),
+        ("options=OPTIONS,", "options=OPTIONS, finish=lambda lines: 1 / 0,", r"acme.py:\d+: ZeroDivisionError"),
+        ("options=OPTIONS,", "options=OPTIONS, companions=lambda job: 1 / 0,", r"acme.py:\d+: ZeroDivisionError"),
         (
             "def back(job, leg):",
             "def back(job):",

@@ -168,6 +168,113 @@ def test_files_are_replaced_together_or_not_at_all(tmp_path: Path) -> None:
     assert (first.read_text(), second.read_text()) == ("new\n", "x\ny\n")
 
 
+def contents(folder: Path) -> dict[Path, bytes | None]:
+    """Every file of a folder and what it holds; None for a folder."""
+    return {f: f.read_bytes() if f.is_file() else None for f in folder.rglob("*")}
+
+
+def test_a_folder_in_the_place_of_one_file_keeps_the_others_as_they_were(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    (tmp_path / "b").mkdir()
+    before = contents(tmp_path)
+    for files in ("a", "b"), ("new/a", "new/deep/a", "b"):
+        with pytest.raises(IsADirectoryError):
+            write_together({tmp_path / name: lambda: ["new"] for name in files})
+        assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--out", "cell", "--capability", "grid"], "--out: found cell/strategy.yaml, which is read here"),
+        (["--picture", "cell/solid.png"], "--picture: found cell/solid.png, which is read here"),
+        (["--json", "cell/machine.yaml"], "--json: found cell/machine.yaml, which is read here"),
+        (["--json", "cell/../cell/readings.csv"], "--json: found cell/../cell/readings.csv, which is read here"),
+        (["--post", "./own.py", "--json", "own.py"], "--json: found own.py, which is read here"),
+        (["--json", "cell/program/plan.csv"], "--json: found cell/program/plan.csv, a file of the program itself"),
+        (["--json", "a.png", "--picture", "a.png"], "a.png, which --"),
+        (["--json", "."], "--json: found ., which is a folder"),
+        (["--json", ""], "--json: found ''; allowed: the name of a file"),
+        (["--json", "cell/tango.yaml/a"], "cell/tango.yaml is a file; allowed: a file in a folder"),
+        (["--out", "cell/tango.yaml"], "cell/tango.yaml is a file; allowed: a file in a folder"),
+        (["--post", "fanuk", "--picture", "a.png"], "--post: found 'fanuk'"),
+        (["--post", "./bad.py", "--picture", "a.png", "--json", "a.json"], "bad.py:5: ZeroDivisionError: division by zero"),
+        (["--post", "cell/tango.yaml"], "--post: found 'cell/tango.yaml', which does not end in .py; allowed: brother, "),
+    ],
+)
+def test_a_refused_run_leaves_every_file_as_it_was(
+    cell: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: list[str], words: str
+) -> None:
+    monkeypatch.chdir(cell.parent)
+    (cell / "readings.csv").write_text("measured", encoding="utf-8")
+    (cell / "artefact.yaml").rename(cell / "solid.png")  # any name is one of the cell's when tango.yaml says so
+    edit(cell / "tango.yaml", "artefact.yaml", "solid.png")
+    Path("own.py").write_text(OWN, encoding="utf-8")
+    Path("bad.py").write_text(OWN.replace('"ours")', "1 / 0)"), encoding="utf-8")
+    before = contents(cell.parent)
+    assert call("plan", "-C", "cell", *options) == 2
+    assert words in capsys.readouterr().err
+    assert contents(cell.parent) == before
+
+
+def test_a_folder_named_plan_csv_leaves_the_earlier_program(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (cell / "program" / "plan.csv").mkdir(parents=True)
+    (cell / "program" / "O8700.nc").write_text("earlier")
+    assert call("plan", "-C", cell) == 2
+    assert "plan.csv, which is a folder" in capsys.readouterr().err
+    assert (cell / "program" / "O8700.nc").read_text() == "earlier"
+
+
+@pytest.mark.parametrize(
+    ("controller", "options", "words"),
+    [
+        ("post: fanuc", ["--post", "nonsense"], "--post: found 'nonsense'"),
+        ("post: nonsense", [], "controller.post: found 'nonsense'"),
+        ("post: fanuc, misses: 0", [], "controller.misses: found 0; allowed: 1 … 20"),
+        ("post: fanuc, clampp: 3", [], "unknown key 'clampp'"),
+    ],
+)
+def test_a_dry_run_looks_at_post_and_options(
+    cell: Path, capsys: pytest.CaptureFixture[str], controller: str, options: list[str], words: str
+) -> None:
+    edit(cell / "tango.yaml", "post: fanuc", controller)
+    assert call("plan", "-C", cell, "--dry-run", *options) == 2
+    said = capsys.readouterr()
+    assert words in said.err and not said.out
+
+
+def test_a_cell_without_control_has_a_dry_run(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(cell / "tango.yaml", "controller: {post: fanuc}", "")
+    assert call("plan", "-C", cell, "--dry-run") == 0
+    assert "retract" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (["simulate", "-o", "cell/strategy.yaml"], "--output: found cell/strategy.yaml, which is read here"),
+        (["simulate", "-o", "cell/world.yaml"], "--output: found cell/world.yaml, which is read here"),
+        (["simulate", "--world", "w.yaml", "-o", "w.yaml"], "--output: found w.yaml, which --world names too"),
+        (["simulate", "--json", "."], "--json: found ., which is a folder"),
+        (["estimate", "--json", "cell/machine.yaml"], "--json: found cell/machine.yaml, which is read here"),
+        (["estimate", "--readings", "r.csv", "--json", "r.csv"], "--json: found r.csv, which --readings names too"),
+        (["run", "--transcript", "cell/machine.yaml"], "--transcript: found cell/machine.yaml, which is read here"),
+        (["run", "--readings", "cell/machine.yaml"], "--readings: found cell/machine.yaml, which is read here"),
+        (["run", "--json", "r.csv"], "no controller.port"),
+    ],
+)
+def test_other_commands_keep_what_they_read_too(
+    cell: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: list[str], words: str
+) -> None:
+    monkeypatch.chdir(cell.parent)
+    for file in ("w.yaml", "r.csv", "cell/world.yaml"):
+        Path(file).write_text("noise: 0\n", encoding="utf-8")
+    before = contents(cell.parent)
+    assert call(command[0], "-C", "cell", *command[1:]) == 2
+    assert words in capsys.readouterr().err
+    assert contents(cell.parent) == before
+
+
 def test_options_of_the_cell_belong_to_its_post(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """macros: is a word of the Fanuc post; another post is not asked to know it."""
     edit(cell / "tango.yaml", "post: fanuc", "post: fanuc, macros: called, probe_on: G65 P9832")

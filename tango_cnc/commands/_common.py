@@ -4,30 +4,91 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..files import blamed_on, write_text
-from ..records import Cell
+from ..files.targets import same, spared, writable
+from ..records import Cell, InputError
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
-cell_option: Decorator = click.option(
-    "-C",
-    "folder",
-    type=click.Path(path_type=Path),
-    default=Path("."),
-    show_default="here",
-    metavar="DIR",
-    help="Folder of the cell.",
-)
+
+class Output(click.Path):
+    """A file that a command writes: seen to be writable as the command line is read, before anything is computed.
+
+    `stdout`: - is allowed, and the value stays a text. `replaces`: a file of the cell that it may be.
+    """
+
+    def __init__(self, *, stdout: bool = False, replaces: str | None = None) -> None:
+        super().__init__(path_type=None if stdout else Path)
+        self.stdout, self.replaces = stdout, replaces
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """text → file. Raises InputError for what cannot be written."""
+        if self.stdout and value == "-":
+            return value
+        what = _spelt(param) if param is not None else "output"
+        if not str(value):
+            raise InputError(f"{what}: found ''; allowed: the name of a file")
+        if ctx is None or not ctx.resilient_parsing:
+            writable(what, Path(value))
+        return super().convert(value, param, ctx)
+
+
+def _spelt(option: click.Parameter) -> str:
+    return max(option.opts, key=len)
+
+
+def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
+    """function of a command → the same; it is not called where an output is a file that the command reads, or another output."""
+
+    @wraps(call)
+    def kept(**given: Any) -> Any:
+        options = click.get_current_context().command.params
+        files = {
+            _spelt(o): (o.type, Path(given[o.name]))
+            for o in options
+            if isinstance(o.type, click.Path) and o.name is not None and given.get(o.name) not in (None, "-")
+        }
+        for what, (kind, file) in files.items():
+            if not isinstance(kind, Output):
+                continue
+            for other, (_, path) in files.items():
+                if other != what and same(file, path):
+                    raise InputError(f"{what}: found {file}, which {other} names too; allowed: a file of its own for each")
+            spared(what, file, given["folder"], replaces=kind.replaces)
+        return call(**given)
+
+    return kept
+
+
+def cell_option(call: Callable[..., Any]) -> Callable[..., Any]:
+    """function of a command → the same with -C; what its outputs would do to the files of the cell is looked at first."""
+    option = click.option(
+        "-C",
+        "folder",
+        type=click.Path(path_type=Path),
+        default=Path("."),
+        show_default="here",
+        metavar="DIR",
+        help="Folder of the cell.",
+    )
+    return option(_keeping(call))
+
+
 json_option: Decorator = click.option(
-    "--json", "json_file", metavar="FILE", help="Also write the result as JSON; - writes it to stdout instead of the text."
+    "--json",
+    "json_file",
+    type=Output(stdout=True),
+    metavar="FILE",
+    help="Also write the result as JSON; - writes it to stdout instead of the text.",
 )
 
 
@@ -45,12 +106,16 @@ def write_json(target: str | None, data: dict[str, Any]) -> bool:
     """file or '-' or None, plain data → whether stdout is taken (so that no other text goes there)."""
     if target is None:
         return False
-    text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     if target == "-":
-        click.echo(text, nl=False)
+        click.echo(json_text(data))
         return True
-    write_text(Path(target), text)
+    write_text(Path(target), json_text(data) + "\n")
     return False
+
+
+def json_text(data: dict[str, Any]) -> str:
+    """plain data → JSON as files and stdout have it, without the last end of line."""
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def table(rows: list[list[str]], align: str) -> str:

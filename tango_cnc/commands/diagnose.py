@@ -16,7 +16,7 @@ from ..files import read_cell, read_readings, read_terms, world_text, write_text
 from ..files.checked import suggestion
 from ..records import InputError
 from ..terms import causes
-from ._common import cell_option, json_option, write_json
+from ._common import Output, cell_option, json_option, write_json
 
 
 @click.command()
@@ -24,7 +24,7 @@ from ._common import cell_option, json_option, write_json
 @click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
 @click.option("--terms", help="The present model, instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--exclude", multiple=True, metavar="CAUSE", help="Do not try this cause; may be given several times.")
-@click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Also write a report with pictures.")
+@click.option("--html", type=Output(), metavar="FILE", help="Also write a report with pictures.")
 @click.option(
     "--world",
     "world_file",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,10 +17,11 @@ import click
 from ..capability.programs import KINDS, Kind
 from ..capability.programs import program as capability_program
 from ..files import artefact_text, blamed_on, drawn_lines, drawn_sizes, read_cell, strategy_text
-from ..files.plan import plan_lines, write_together
+from ..files.plan import Content, plan_lines, write_together
+from ..files.targets import same, spared, writable
 from ..plan import plan_hash
 from ..records import InputError, Plan
-from ._common import cell_option, json_option, table, write_json
+from ._common import Output, cell_option, json_option, json_text, table
 from ._common import dialect as dialect_of
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 NAMED = 3  # touches that a warning names
 PROGRAM = re.compile(rb"\bPROGRAM [0-9A-F]{12} PLAN ([0-9A-F]{12})\b")
+CELL_FILES = ("artefact.yaml", "strategy.yaml")  # what --capability writes beside its program
 REST = "rest"  # folder beside the program, for the touches that a run has left
 DRAWN = (".png", ".svg", ".pdf")
 HEAD = 2000  # bytes of a program within which its mark stands
@@ -59,7 +61,7 @@ HEAD = 2000  # bytes of a program within which its mark stands
 @click.option("--dry-run", is_flag=True, help="Print the moves instead of writing anything.")
 @click.option(
     "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=Output(),
     metavar="FILE",
     help="Also draw the way of the stylus tip: .png, .svg or .pdf (pip install 'tango-cnc[report]').",
 )
@@ -95,6 +97,12 @@ def command(
     name = post or (cell.controller.post if cell.controller else None)
     if name is None and not dry_run:
         raise InputError(f"{folder / 'tango.yaml'}: no controller.post; state it there or with --post ({', '.join(posts.names())})")
+    dialect = posts.load(post, "--post") if post else dialect_of(cell) if name is not None else None
+    # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
+    options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
+    target = out or (folder / "program" if capability is None else folder / "capability" / capability)
+    if not dry_run:  # before the work; the names of programs are known after it
+        _kept("--out", [target / n for n in ("plan.csv", *(CELL_FILES if capability else ()))], folder, post)
     if capability is not None:
         artefact, strategy = capability_program(capability, cell.machine, cell.artefact, cell.strategy)
         cell = replace(cell, artefact=artefact, strategy=strategy)
@@ -103,36 +111,60 @@ def command(
         click.echo(f"left out: {text}", err=True)
     if made.doubtful:
         click.echo(warning(made), err=True)
+    beside: dict[str, tuple[Path, Content]] = {}  # option: what goes elsewhere than the program
     if picture is not None:
-        pictures.write(path.picture(made, indexation), picture)
+        drawn = path.picture(made, indexation)
+        beside["--picture"] = picture, partial(pictures.encoded, drawn, picture.suffix[1:].lower())
     if dry_run:
+        if dialect is not None:  # the moves of a cell for no control yet can be looked at all the same
+            with blamed_on(folder / "tango.yaml") if options else nullcontext():
+                posts.begins(dialect, made, options)
+        _write({}, beside, folder, post)
         for line in _dry(made, most):
             click.echo(line)
         return
-    assert name is not None
-    dialect = posts.load(post, "--post") if post else dialect_of(cell)
-    # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
-    options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
-    target = out or (folder / "program" if capability is None else folder / "capability" / capability)
+    assert name is not None and dialect is not None
     with blamed_on(folder / "tango.yaml") if options else nullcontext():
         written = programs(dialect, made, options, most)
+        companions = posts.companions(dialect, made, options)
     doubts = (*posts.unverified(dialect, options), *posts.reach(made), *dict.fromkeys(d for w in written for d in w.doubts))
-    files: dict[Path, Callable[[], Iterator[str]]] = {target / w.name: w.lines for w in written}
+    files: dict[Path, Content] = {target / w.name: w.lines for w in written}
     files[target / "plan.csv"] = lambda: plan_lines(made)
-    beside = posts.companions(dialect, made, options)
-    for name_beside, texts in beside.items():
-        files[target / name_beside] = partial(iter, texts)
+    files |= {target / name_beside: partial(iter, texts) for name_beside, texts in companions.items()}
     if capability is not None:
-        files[target / "artefact.yaml"] = lambda: iter(artefact_text(cell.artefact).splitlines())
-        files[target / "strategy.yaml"] = lambda: iter(strategy_text(cell.strategy).splitlines())
-    write_together(files)
+        texts = artefact_text(cell.artefact), strategy_text(cell.strategy)
+        files |= {target / n: partial(iter, text.splitlines()) for n, text in zip(CELL_FILES, texts, strict=True)}
     result = _result(made, name, target, written, doubts)
     result["drawings"] = drawn_sizes(cell.artefact)
-    result["companions"] = [str(target / name_beside) for name_beside in beside]
-    if not write_json(json_file, result):
+    result["companions"] = [str(target / name_beside) for name_beside in companions]
+    if json_file not in (None, "-"):
+        beside["--json"] = Path(str(json_file)), lambda: [json_text(result)]
+    _write(files, beside, folder, post)
+    if json_file == "-":
+        click.echo(json_text(result))
+    else:
         click.echo(_text(made, result))
     for text in stale(target, set(files), result["plan_hash"]):
         click.echo(text, err=True)
+
+
+def _write(files: Mapping[Path, Content], beside: Mapping[str, tuple[Path, Content]], folder: Path, post: str | None) -> None:
+    """files of the program, those of other options, folder of the cell, --post → all are written, or none.
+
+    Raises InputError where one would replace what the plan is made from, or another one, or cannot be written.
+    """
+    _kept("--out", files, folder, post)
+    for option, (file, _) in beside.items():
+        _kept(option, [file], folder, post)
+        if any(same(file, other) for other in files):
+            raise InputError(f"{option}: found {file}, a file of the program itself; allowed: another name")
+    write_together({**files, **dict(beside.values())})
+
+
+def _kept(option: str, files: Iterable[Path], folder: Path, post: str | None) -> None:
+    for file in files:
+        spared(option, file, folder, () if post is None else (Path(post),))
+        writable(option, file)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ..records import Array, Cell, Readings, TangoError, TermItem
 from ..report import page, pictures
 from ..report.units import shown
 from ..verify import held_out, volume
-from ._common import cell_option, json_option, write_json
+from ._common import Output, cell_option, json_option, write_json
 
 
 @click.command()
@@ -23,7 +23,7 @@ from ._common import cell_option, json_option, write_json
 @click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Default: report.html in the cell.")
+@click.option("-o", "--output", type=Output(), metavar="FILE", help="Default: report.html in the cell.")
 @click.option("--no-pictures", is_flag=True, help="Leave the pictures out (also done when matplotlib is not installed).")
 @json_option
 def command(

@@ -12,7 +12,7 @@ from ..files import read_cell, read_strategy, write_text
 from ..records import InputError
 from ..report import pictures
 from ..reproduce import Setting, Table, table, tables, unexplained
-from ._common import json_option, write_json
+from ._common import Output, json_option, write_json
 from ._common import table as aligned
 from .init import examples
 
@@ -33,7 +33,7 @@ from .init import examples
 @click.option(
     "--repeats", type=click.IntRange(2), metavar="N", help=f"With --diagnose: simulated tests [default: {unexplained.REPEATS}]."
 )
-@click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with pictures (needs matplotlib).")
+@click.option("--html", type=Output(), metavar="FILE", help="Also write a page with pictures (needs matplotlib).")
 @json_option
 def command(
     numbers: tuple[str, ...],

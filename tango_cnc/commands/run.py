@@ -6,7 +6,7 @@ import json
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,8 +15,9 @@ import click
 
 from ..files import blamed_on, read_cell
 from ..files.checked import read_text
+from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
-from ._common import cell_option, dialect
+from ._common import Output, cell_option, dialect
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -58,11 +59,13 @@ PART = re.compile(r"\bPLAN [0-9A-F]{12} PART (\d+) OF (\d+)\b")
     show_default=True,
     help="Facets that face away from a straight probe, as in 'tango plan'.",
 )
+@click.option("--transcript", type=Output(stdout=True), metavar="FILE", help="Also write down every byte that goes over the line.")
 @click.option(
-    "--transcript", type=click.File("w", lazy=False), metavar="FILE", help="Also write down every byte that goes over the line."
-)
-@click.option(
-    "--json", "json_file", metavar="FILE", help="One JSON object a line while it runs, the last one the result; - for stdout."
+    "--json",
+    "json_file",
+    type=Output(stdout=True),
+    metavar="FILE",
+    help="One JSON object a line while it runs, the last one the result; - for stdout.",
 )
 def command(
     folder: Path,
@@ -75,7 +78,7 @@ def command(
     yes: bool,
     timeout: float | None,
     obstructed: str,
-    transcript: Any,
+    transcript: str | None,
     json_file: str | None,
 ) -> None:
     """Drives the controller through the plan; every reading is on disk before the next one is made.
@@ -95,6 +98,7 @@ def command(
             if not complete:
                 raise LinkError(f"{target.with_suffix('.journal')}: the run has stopped before its end")
         return
+    spared("--readings", target, folder, replaces="readings.csv")
     cell = read_cell(folder)
     if cell.controller is None:
         raise InputError(
@@ -114,13 +118,13 @@ def command(
         click.echo(warning(made), err=True)
     post = dialect(cell)
     someone = sys.stdin.isatty()
-    wanted = Wanted(address, post.link, cell.controller.post, target, resume, timeout, 600.0 if someone else 60.0, transcript)
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
             _ask(part, address, positioning_feed(cell))
 
-    with _Live(json_file) as live:
+    with _Live(json_file) as live, _transcript(transcript) as heard:
+        wanted = Wanted(address, post.link, cell.controller.post, target, resume, timeout, 600.0 if someone else 60.0, heard)
         origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file, most), live, confirm)
         result = {"readings": str(target), **origin}
         if not live.add("end", result):
@@ -131,11 +135,16 @@ def command(
             click.echo(f"{origin['touches']} touches{bad}{doubted} → {target}")
 
 
+def _transcript(file: str | None) -> Any:
+    """--transcript → context of the file, or of none; begun with the first byte, so that a refused run leaves the one before."""
+    return nullcontext() if file is None else click.open_file(file, "w", encoding="utf-8", lazy=True)
+
+
 def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path | None, most: int | None) -> list[Program]:
     """cell, its post and plan, the part of it that is run now, a file or touches a program → what is sent, and is in program/."""
     from postprocessors import _base as posts
 
-    from ..files.plan import plan_lines, write_together
+    from ..files.plan import Content, plan_lines, write_together
     from ..link._measure import Program
     from ..plan import plan_hash
     from .plan import REST, programs, proven, stale
@@ -167,7 +176,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
     with blamed_on(cell.folder / "tango.yaml"):
         written = programs(post, part, cell.controller.options, most)
     target = cell.folder / "program" / ("" if part is whole else REST)
-    files: dict[Path, Callable[[], Iterator[str]]] = {target / w.name: w.lines for w in written}
+    files: dict[Path, Content] = {target / w.name: w.lines for w in written}
     files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, part, cell.controller.options).items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
     for sentence in stale(target, set(files), plan_hash(part)):
@@ -193,7 +202,8 @@ class _Live:
 
     def __init__(self, file: str | None) -> None:
         self._bar, self._stdout = _Bar(), file == "-"
-        self._out = None if file is None or self._stdout else open(file, "w", encoding="utf-8")  # noqa: SIM115  closed by __exit__
+        # begun with the first step, so that a refused run leaves the file as it was
+        self._out = None if file is None or self._stdout else click.open_file(file, "w", encoding="utf-8", lazy=True)
 
     def __enter__(self) -> _Live:
         return self

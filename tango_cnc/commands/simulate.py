@@ -9,7 +9,7 @@ import click
 from ..files import blamed_on, read_cell, read_world, readings_text, write_text
 from ..plan import last_moves, plan
 from ..records import Array, Cell, InputError
-from ._common import cell_option, json_option, write_json
+from ._common import Output, cell_option, json_option, write_json
 
 
 def _list_effects(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
@@ -36,7 +36,7 @@ def _moved(cell: Cell) -> Array | None:
 @click.command()
 @cell_option
 @click.option("--world", "world_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: world.yaml in the cell.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Default: readings.csv in the cell.")
+@click.option("-o", "--output", type=Output(replaces="readings.csv"), metavar="FILE", help="Default: readings.csv in the cell.")
 @click.option("--cycles", type=click.IntRange(1), default=1, show_default=True, help="Repetitions of the strategy a day.")
 @click.option("--days", type=click.IntRange(1), default=1, show_default=True, help="Days, each with all its cycles.")
 @click.option("--seed", type=click.IntRange(0), metavar="N", help="Of noise and effects; default: the world's.")

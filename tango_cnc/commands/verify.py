@@ -11,7 +11,7 @@ from ..estimate import estimate
 from ..files import read_cell, read_readings, read_terms
 from ..records import InputError
 from ..report import pictures
-from ._common import cell_option, json_option
+from ._common import Output, cell_option, json_option
 from ._verify import Job, write_sphere
 
 path = click.Path(path_type=Path)
@@ -35,7 +35,7 @@ path = click.Path(path_type=Path)
 @click.option("--volume", "volumetric", is_flag=True, help="Error of the tool tip over the working volume.")
 @click.option("--levels", type=int, metavar="N", help="Grid points an axis.")
 @click.option("--over", type=click.Choice(["travel", "probed"]), default="travel", show_default=True, help="Extent of the grid.")
-@click.option("--map", "map_file", type=path, metavar="FILE", help="Write the map of --volume as CSV, one row a pose.")
+@click.option("--map", "map_file", type=Output(), metavar="FILE", help="Write the map of --volume as CSV, one row a pose.")
 @click.option("--world", "world_file", type=path, metavar="FILE", help="The true machine, for --volume and --sphere.")
 @click.option("--after", "after_file", type=path, metavar="FILE", help="Readings after compensation, for --volume.")
 @click.option("--limit-um", type=float, metavar="L", help="Exit 1 when a check is worse than this, µm; see docs/verify.md.")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import errno
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from .checked import complaint, read_text
 from .readings import degrees_of
 
 PLACES = ("standoff", "contact", "end")
+Content = Callable[[], Iterable[str] | bytes]  # lines of a file, or all of it
 
 
 @dataclass(frozen=True)
@@ -65,16 +68,21 @@ def read_plan(file: Path, machine: Machine) -> PlannedTouches:
     return PlannedTouches(tuple(numbers), tuple(row[1] for row in rows[1:]), *parts)
 
 
-def write_together(files: Mapping[Path, Callable[[], Iterable[str]]]) -> None:
-    """{file: function → its lines} → files, durable; either all are replaced or, when anything fails before that, none."""
+def write_together(files: Mapping[Path, Content]) -> None:
+    """{file: function → its lines, or its bytes} → files, durable; either all are replaced or, when anything fails before, none."""
     ready: list[tuple[str, Path]] = []
+    made: list[Path] = []
     try:
-        for file, lines in files.items():
+        for file, content in files.items():
+            if file.is_dir():  # found out now, as the files before it would have been replaced by then
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
+            made += [folder for folder in reversed((file.parent, *file.parent.parents)) if not folder.exists()]
             file.parent.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
             ready.append((name, file))
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as out:
-                out.writelines(f"{line}\n" for line in lines())
+            with os.fdopen(handle, "wb") as out:
+                written = content()
+                out.writelines([written] if isinstance(written, bytes) else (f"{line}\n".encode() for line in written))
                 out.flush()
                 os.fsync(out.fileno())
             os.chmod(name, 0o644)
@@ -84,3 +92,6 @@ def write_together(files: Mapping[Path, Callable[[], Iterable[str]]]) -> None:
     finally:
         for name, _ in ready:
             os.unlink(name)
+        for folder in reversed(made):  # innermost first; one that holds a file stays
+            with suppress(OSError):
+                folder.rmdir()

@@ -74,6 +74,14 @@ def write(drawn: Any, file: Path) -> Path:
     return file
 
 
+def encoded(drawn: Any, kind: str) -> bytes:
+    """figure, png, svg or pdf → what a file of it holds, for one that is written together with others."""
+    buffer = io.BytesIO()
+    with styled():
+        drawn.savefig(buffer, format=kind, dpi=150)
+    return buffer.getvalue()
+
+
 def embedded(drawn: Any) -> str:
     """figure → data URI of a PNG, for a page that stands alone."""
     buffer = io.BytesIO()

@@ -1,0 +1,79 @@
+"""Files that a command is about to write: each can be written, and none is one that the cell is read from."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from ..records import InputError
+from .checked import Node, load
+
+KEPT = ("world.yaml", "uncertainty.yaml", "readings.csv")  # what commands read from a cell without being told
+
+
+def writable(what: str, file: Path) -> None:
+    """option for complaints, file to be written → nothing. Raises InputError where it cannot be: before the work, not after it."""
+    if file.is_dir():
+        raise InputError(f"{what}: found {file}, which is a folder; allowed: a file; take another name, or the folder away")
+    if file.exists() and not file.is_file():
+        raise InputError(f"{what}: found {file}, which is a device or the like; allowed: a file of its own")
+    folder = next(parent for parent in file.absolute().parents if parent.exists())
+    if not folder.is_dir():
+        raise InputError(f"{what}: found {file}, and {folder} is a file; allowed: a file in a folder")
+    try:
+        with tempfile.TemporaryFile(dir=folder):  # permissions do not tell of file systems that take no files
+            pass
+    except OSError as error:
+        raise InputError(
+            f"{what}: found {file}, and nothing can be written to {folder} ({error.strerror}); choose another folder"
+        ) from None
+
+
+def sources(folder: Path) -> Iterator[Path]:
+    """folder of a cell → the files it is read from. What is wrong with them is said by who reads them."""
+    root = folder / "tango.yaml"
+    yield root
+    with suppress(InputError):
+        fields = dict(load(root).items())
+        files = {key: folder / fields[key].text() for key in ("machine", "artefact", "strategy") if key in fields}
+        yield from files.values()
+        if (post := _text(fields.get("controller"), "post")) is not None:
+            yield folder / post
+        if "artefact" in files:
+            yield from _drawings(files["artefact"])
+    yield from (folder / name for name in KEPT)
+
+
+def _drawings(artefact: Path) -> Iterator[Path]:
+    obstacles = dict(load(artefact).items()).get("obstacles")
+    for item in obstacles.list() if obstacles is not None else ():
+        if (name := _text(item, "file")) is not None:
+            yield artefact.parent / name
+
+
+def _text(node: Node | None, key: str) -> str | None:
+    found = dict(node.items()).get(key) if node is not None else None
+    return None if found is None else found.text()
+
+
+def spared(what: str, file: Path, folder: Path, more: Iterable[Path] = (), replaces: str | None = None) -> None:
+    """option for complaints, file to be written, folder of the cell, what else is read → nothing.
+
+    Raises InputError when the file is one that is read, other than the one of this name in the cell that it `replaces`.
+    """
+    if not file.exists() or (replaces is not None and same(file, folder / replaces)):
+        return
+    if any(same(file, source) for source in (*sources(folder), *more)):
+        raise InputError(
+            f"{what}: found {file}, which is read here and would be lost; allowed: another file, or a folder without such a file"
+        )
+
+
+def same(one: Path, other: Path) -> bool:
+    """two paths → whether they lead to one file, there or not."""
+    if one.exists() and other.exists():
+        return os.path.samefile(one, other)
+    return one.resolve() == other.resolve()
