@@ -151,6 +151,8 @@ BAD_CELLS = {
     "not YAML": ("strategy.yaml", "facets: [top, 1]}", "facets: [top, 1}", 5, "", "not valid YAML"),
     "tab": ("tango.yaml", "machine: machine.yaml", "machine:\n\tx: 1", 3, "", "not valid YAML"),
     "error that no machine has": ("world.yaml", "EX0C", "EX0Q", 1, "errors", "found 'EX0Q'; allowed"),
+    "noise beyond any machine": ("world.yaml", "noise: 0.0006", "noise: 1e300", 4, "noise", "at least 0 and at most 100000"),
+    "error beyond any machine": ("world.yaml", "EX0C: -0.108", "EX0C: 1e18", 1, "errors.EX0C", "at most 100000"),
     "stylus in capitals": ("world.yaml", "EXt", "EXT", 2, "stylus", "Did you mean 'EXt'"),
     "effect that nobody knows": ("world.yaml", "thermal_", "termal_", 5, "effects[0].cause", "Did you mean 'thermal_drift'"),
     "effect with a misspelt key": ("world.yaml", "tau:", "tao:", 5, "effects[0]", "the unknown key 'tao'"),
@@ -175,6 +177,7 @@ def test_bad_cell_is_refused_in_words_and_nothing_is_written(case: str, cell: Pa
 BAD_READINGS = {
     "NaN": ("103,0,326", "nan,0,326", 2, "X", "'nan'; allowed: a finite number"),
     "empty value": ("103,0,326", ",0,326", 2, "X", "''; allowed: a finite number"),
+    "place beyond any machine": ("0,103,326", "0,1e18,326", 3, "Y", "'1e18'; allowed: a position of at most 100000 mm or degrees"),
     "text": ("9.5", "soon", 3, "time_s", "'soon'"),
     "facet that nobody defines": (
         "19.0,top",

@@ -319,7 +319,7 @@ def read_world(file: Path) -> World:
     fields = load(file).fields([], ["errors", "stylus", "facets", "noise", "effects", "seed"])
 
     def numbers(key: str) -> dict[str, float]:
-        return {name: child.number() for name, child in fields[key].items()} if key in fields else {}
+        return {name: child.position() for name, child in fields[key].items()} if key in fields else {}
 
     stylus = numbers("stylus")
     for name in stylus:
@@ -335,7 +335,7 @@ def read_world(file: Path) -> World:
         numbers("errors"),
         stylus,
         numbers("facets"),
-        fields["noise"].number(0) if "noise" in fields else 0.0,
+        fields["noise"].number(0, FURTHEST) if "noise" in fields else 0.0,
         tuple(effects),
         fields["seed"].integer(0) if "seed" in fields else 0,
     )

@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from ..records import Array, Artefact, Machine, Readings
-from .checked import complaint, read_text, suggestion
+from .checked import FURTHEST, complaint, read_text, suggestion
 
 STATUSES = ("ok", "miss", "early")
 NUMBER = "a finite number; delete the row or give it the status 'miss'"
+
+BEYOND = f"a position of at most {FURTHEST:.0f} mm or degrees; delete the row or give it the status 'miss' and a place"
 
 
 def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
@@ -55,6 +57,8 @@ def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
     scale = degrees_of(machine)
     missing = np.zeros(len(body))
     position = np.column_stack([numbers(name) if name in cells else missing for name in machine.names]) * scale
+    for row, column in np.argwhere(np.abs(position / scale) > FURTHEST):
+        raise complaint(file, at[row], machine.names[column], repr(cells[machine.names[column]][row]), BEYOND)
     given = np.column_stack([numbers(f"d{name}") if f"d{name}" in cells else missing for name in machine.names])
     for column, name in enumerate(machine.names):
         for line, value in zip(at, given[:, column], strict=True):
