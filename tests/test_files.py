@@ -147,6 +147,7 @@ BAD_CELLS = {
     "search of a kilometre": ("strategy.yaml", "search: 5", "search: 1e6", 2, "approach.search", "at most 1000"),
     "a turn without end": ("strategy.yaml", "C: -90", "C: -1e12", 5, "indexations[1].C", "at most 100000"),
     "terms": ("tango.yaml", "[S2]", "3.5", 5, "terms", "S1, S2, S3, S4 or a list"),
+    "subset that is none": ("tango.yaml", "terms: [S2]", "terms: S33", 5, "terms", "'S33'; allowed: S1, S2, S3, S4. Did you mean 'S3'"),
     "controller without post": ("tango.yaml", "post: fanuc, ", "", 6, "controller", "no key 'post'"),
     "not YAML": ("strategy.yaml", "facets: [top, 1]}", "facets: [top, 1}", 5, "", "not valid YAML"),
     "tab": ("tango.yaml", "machine: machine.yaml", "machine:\n\tx: 1", 3, "", "not valid YAML"),

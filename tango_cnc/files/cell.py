@@ -45,6 +45,8 @@ LEAST = {
 }
 LONGEST = 1000.0  # mm of stand-off and search: a probe that looks further at measuring feed looks for minutes
 CLEAR_OF_ZONE = 0.5  # mm from where the measuring move of a double touch begins to its search zone
+SUBSETS = ("S1", "S2", "S3", "S4")
+SUBSET = re.compile(r"[Ss]\d*")  # what is meant for one; the machine has to be known to judge the other words
 TOPOLOGY = re.compile(r"w(?P<workpiece>[XYZABC]*)[fb](?P<tool>[XYZABC]*)\(S\)t")
 
 
@@ -92,6 +94,8 @@ def _terms(node: Node) -> tuple[TermItem, ...]:
     for item in items:
         if not isinstance(item, (str, dict)) or (isinstance(item, dict) and not isinstance(item.get("cause"), str)):
             raise node.wrong("S1, S2, S3, S4 or a list of subset names, coefficients (EYX2) and causes (thermal_drift)", repr(item))
+        if isinstance(item, str) and SUBSET.fullmatch(item) and item not in SUBSETS:
+            raise node.wrong(f"{', '.join(SUBSETS)}.{suggestion(item, SUBSETS)}", repr(item))
     return tuple(items)
 
 
