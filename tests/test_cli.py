@@ -73,7 +73,9 @@ def test_exit_status_2_for_wrong_input(tmp_path: Path, capsys: pytest.CaptureFix
 
 def test_a_file_where_a_folder_should_be_is_a_sentence(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("plan", "-C", cell, "--out", cell / "machine.yaml" / "programs") == 2
-    assert "machine.yaml/programs: Not a directory; check the path" in capsys.readouterr().err
+    assert "machine.yaml is a file; allowed: a file in a folder" in capsys.readouterr().err
+    assert call("init", cell / "machine.yaml" / "new") == 2
+    assert "machine.yaml/new: Not a directory; check the path" in capsys.readouterr().err
 
 
 def test_exit_status_3_when_the_port_does_not_open(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

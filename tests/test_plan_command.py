@@ -261,6 +261,7 @@ def test_a_cell_without_control_has_a_dry_run(cell: Path, capsys: pytest.Capture
         (["run", "--transcript", "cell/machine.yaml"], "--transcript: found cell/machine.yaml, which is read here"),
         (["run", "--readings", "cell/machine.yaml"], "--readings: found cell/machine.yaml, which is read here"),
         (["run", "--json", "r.csv"], "no controller.port"),
+        (["capability", "grid", "--budget", "cell/machine.yaml"], "--budget: found cell/machine.yaml, which is read here"),
     ],
 )
 def test_other_commands_keep_what_they_read_too(

@@ -17,7 +17,7 @@ from ..files.checked import load
 from ..files.write import dump
 from ..records import Cell, InputError
 from ..touches import Touches, from_readings
-from ._common import cell_option, json_option, table, write_json
+from ._common import Output, cell_option, json_option, table, write_json
 
 
 @click.command()
@@ -29,8 +29,10 @@ from ._common import cell_option, json_option, table, write_json
 @click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
 @click.option("--window", type=click.IntRange(2), help="Touches pooled together [default: 25, on a grid 5].")
 @click.option("--block", type=click.IntRange(2), default=100, show_default=True, help="Wetness: touches between dry and wet.")
-@click.option("--budget", type=click.Path(path_type=Path), metavar="FILE", help="Put the numbers into this uncertainty.yaml.")
-@click.option("--world", type=click.Path(path_type=Path), metavar="FILE", help="Put the numbers into this world.yaml.")
+@click.option(
+    "--budget", type=Output(replaces="uncertainty.yaml"), metavar="FILE", help="Put the numbers into this uncertainty.yaml."
+)
+@click.option("--world", type=Output(replaces="world.yaml"), metavar="FILE", help="Put the numbers into this world.yaml.")
 @json_option
 def command(
     kind: Kind,

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,13 +14,13 @@ import click
 
 from ..capability.programs import KINDS, Kind
 from ..capability.programs import program as capability_program
-from ..files import artefact_text, blamed_on, drawn_lines, drawn_sizes, read_cell, strategy_text
+from ..files import artefact_text, blamed_on, drawn_sizes, read_cell, strategy_text
 from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
-from ..plan import plan_hash
 from ..records import InputError, Plan
-from ._common import Output, cell_option, json_option, json_text, table
+from ._common import Output, cell_option, json_option, json_text
 from ._common import dialect as dialect_of
+from ._plan import as_json, as_text, dry
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -120,7 +118,7 @@ def command(
             with blamed_on(folder / "tango.yaml") if options else nullcontext():
                 posts.begins(dialect, made, options)
         _write({}, beside, folder, post)
-        for line in _dry(made, most):
+        for line in dry(made, most):
             click.echo(line)
         return
     assert name is not None and dialect is not None
@@ -134,16 +132,15 @@ def command(
     if capability is not None:
         texts = artefact_text(cell.artefact), strategy_text(cell.strategy)
         files |= {target / n: partial(iter, text.splitlines()) for n, text in zip(CELL_FILES, texts, strict=True)}
-    result = _result(made, name, target, written, doubts)
-    result["drawings"] = drawn_sizes(cell.artefact)
-    result["companions"] = [str(target / name_beside) for name_beside in companions]
+    result = as_json(made, name, target, written, doubts)
+    result |= {"drawings": drawn_sizes(cell.artefact), "companions": [str(target / name_beside) for name_beside in companions]}
     if json_file not in (None, "-"):
         beside["--json"] = Path(str(json_file)), lambda: [json_text(result)]
     _write(files, beside, folder, post)
     if json_file == "-":
         click.echo(json_text(result))
     else:
-        click.echo(_text(made, result))
+        click.echo(as_text(made, result))
     for text in stale(target, set(files), result["plan_hash"]):
         click.echo(text, err=True)
 
@@ -242,102 +239,3 @@ def warning(plan: Plan) -> str:
         f"on a machine it would meet the table there and stop:{first}{more}\n"
         "Take them out of the strategy, or plan with --obstructed leave-out."
     )
-
-
-def _dry(whole: Plan, most: int | None) -> Iterator[str]:
-    """plan, touches a program may make → its moves, under the part of it that they belong to where there are several."""
-    from .. import plan as planner
-
-    parts = (whole,) if most is None else planner.split(whole, most)
-    for number, part in enumerate(parts, 1):
-        if len(parts) > 1:
-            yield f"part {number} of {len(parts)}: touches {part.touches[0].number} … {part.touches[-1].number}"
-        yield from _moves(part)
-
-
-def _moves(plan: Plan) -> Iterator[str]:
-    linear = plan.machine.linear
-    number = max(len(str(move.touch)) for move in plan.moves)
-    kind = max(len(move.kind) for move in plan.moves)
-    for move in plan.moves:
-        target = " ".join(f"{n}{v if n in linear else math.degrees(v):.3f}" for n, v in move.target.items())
-        yield f"{move.touch:>{number}}  {move.kind:<{kind}}  {target}".rstrip()
-
-
-def _result(plan: Plan, post: str, folder: Path, written: Sequence[Written], doubts: tuple[str, ...]) -> dict[str, Any]:
-    used = {}
-    low, high = dict.fromkeys(plan.machine.names, math.inf), dict.fromkeys(plan.machine.names, -math.inf)
-    least, most = (tuple(sign * math.inf for _ in plan.machine.names) for sign in (1, -1))  # of the contacts
-    kinds: Counter[str] = Counter()
-    facets = set()
-    for touch in plan.touches:
-        facets.add(touch.facet)
-        least, most = tuple(map(min, least, touch.contact)), tuple(map(max, most, touch.contact))
-    for move in plan.moves:
-        kinds[move.kind] += 1
-        for letter, value in move.target.items():
-            low[letter], high[letter] = min(low[letter], value), max(high[letter], value)
-    for i, axis in enumerate(plan.machine.axes):
-        unit = math.degrees if axis.kind != "linear" else float
-        used[axis.name] = {
-            "from": round(unit(low[axis.name]), 6),
-            "to": round(unit(high[axis.name]), 6),
-            "travel": None if axis.travel is None else [round(unit(v), 6) for v in axis.travel],
-            "unit": "mm" if axis.kind == "linear" else "deg",
-            "contact": [round(unit(end[i]), 6) for end in (least, most)],
-        }
-    return {
-        "format": "tango-plan/1",
-        "post": post,
-        "program": str(folder / written[0].name),
-        "plan": str(folder / "plan.csv"),
-        "program_hash": written[0].mark,
-        "plan_hash": plan_hash(plan),
-        "programs": [
-            {
-                "program": str(folder / w.name),
-                "program_hash": w.mark,
-                "touches": len(w.plan.touches),
-                "first": w.plan.touches[0].number,
-                "last": w.plan.touches[-1].number,
-            }
-            for w in written
-        ],
-        "touches": len(plan.touches),
-        "indexations": len(plan.turns) - 1,
-        "facets": len(facets),
-        "left_out": list(plan.left_out),
-        "doubtful": list(plan.doubtful),
-        "moves": dict(kinds),
-        "travel_used": used,
-        "unverified": list(doubts),
-    }
-
-
-def _range(program: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    """→ which touches one of several programs makes."""
-    many = len(result["programs"]) > 1
-    return f" touches {program['first']} … {program['last']}, {program['touches']} of them" if many else ""
-
-
-def _name(file: str) -> str:
-    return Path(file).name
-
-
-def _text(plan: Plan, result: dict[str, Any]) -> str:
-    rows = [["axis", "used from", "to", "travel", ""]]
-    for name, used in result["travel_used"].items():
-        travel = "" if used["travel"] is None else f"{used['travel'][0]:g} … {used['travel'][1]:g}"
-        rows.append([name, f"{used['from']:.3f}", f"{used['to']:.3f}", travel, used["unit"]])
-    beside = bool(result["companions"])
-    missing = f", {len(plan.left_out)} touches of the strategy left out" if plan.left_out else ""
-    doubts = "".join(f"\n  {text}" for text in result["unverified"])
-    return (
-        f"{result['touches']} touches on {result['facets']} facets at {result['indexations']} indexations{missing}\n"
-        f"{table(rows, '<>>><')}\n"
-        + "".join(f"{line}\n" for line in drawn_lines(result["drawings"]))
-        + "".join(f"program {p['program']} (hash {p['program_hash']}){_range(p, result)}\n" for p in result["programs"])
-        + f"plan    {result['plan']} (hash {result['plan_hash']})\n"
-        + (f"beside  {', '.join(map(_name, result['companions']))}: have to be on the control too, see docs/dialects.md\n" * beside)
-        + (f"unverified: confirm on your control and state it under controller: in tango.yaml{doubts}" if doubts else "")
-    ).rstrip()
