@@ -159,7 +159,7 @@ def test_what_plan_refuses_in_the_profile_is_refused_here_too(
             "sockte://",
             r"tango.yaml:9: controller.port: found 'sockte://.*', in it found scheme 'sockte'; allowed: serial://, ",
         ),
-        ("terms: S3", "terms: s3", "tango.yaml:6: terms: found 's3', .* Did you mean 'S3'"),
+        ("terms: S3", "terms: s3", "tango.yaml:6: terms: found 's3'; allowed: S1, .* Did you mean 'S3'"),
         (
             "machine: machine.yaml",
             "machine: machin.yaml",
