@@ -15,8 +15,7 @@ import yaml
 
 from postprocessors._base import load, program
 from tango_cnc.check import collision
-from tango_cnc.files import read_cell, strategy_text
-from tango_cnc.files.cell import read_strategy
+from tango_cnc.files import read_cell, read_strategy, strategy_text
 from tango_cnc.files.plan import plan_lines
 from tango_cnc.plan import places, plan, touches, travel
 from tango_cnc.records import Cell, Plan

@@ -1,9 +1,11 @@
 """Records ↔ YAML, CSV, JSON. Every complaint names file, line, key, what was found and what is allowed."""
 
-from .cell import read_artefact, read_cell, read_machine, read_strategy, read_terms, read_world
+from .artefact import read_artefact
+from .cell import read_cell, read_machine, read_terms, read_world
 from .checked import blamed_on
 from .hull import drawn_lines, drawn_sizes
 from .readings import degrees_of, last_direction, read_readings, readings_text
+from .strategy import read_strategy
 from .write import artefact_text, machine_text, strategy_text, world_text, write_text
 
 __all__ = [

@@ -1,0 +1,74 @@
+"""strategy.yaml → how a facet is approached, and which are touched at which indexations (docs/formats.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from ..records import Approach, Artefact, Find, Indexation, Machine, Strategy
+from .checked import Node, load, suggestion
+
+# How near a touch may begin and how little past the facet it may end, mm. A probe comes free within hundredths of a mm, controls
+# call a move of some hundredths less than programmed arrived, and grbl's post backs off 1.5 mm before a guarded move can follow.
+LEAST = {
+    "standoff": (2.0, "there the probe has to be free again, which takes a way back from the contact; raise standoff"),
+    "search": (0.1, "a contact nearer than that to the end of the move is taken for none; raise search"),
+}
+LONGEST = 1000.0  # mm of stand-off and search: a probe that looks further at measuring feed looks for minutes
+CLEAR_OF_ZONE = 0.5  # mm from where the measuring move of a double touch begins to its search zone
+
+
+def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
+    """strategy.yaml of a machine and artefact → strategy. Raises InputError for a facet or axis that nothing defines."""
+    fields = load(file).fields(["name", "approach", "indexations"])
+    approach = fields["approach"].fields(["standoff", "search", "feed"], ["find"])
+    indexations = [_indexation(item, machine, artefact) for item in fields["indexations"].list()]
+    if not indexations:
+        raise fields["indexations"].wrong("at least one indexation", "none")
+    return Strategy(fields["name"].text(), _approach(approach), tuple(indexations))
+
+
+def _approach(fields: Mapping[str, Node]) -> Approach:
+    given = {key: child for key, child in fields.items() if key != "find"}
+    values = {
+        key: child.number(0.1, 100_000) if key == "feed" else child.number(above=0, high=LONGEST) for key, child in given.items()
+    }
+    for key, (least, why) in LEAST.items():
+        if values[key] < least:
+            raise fields[key].wrong(f"a finite number at least {least:g}: {why}")
+    single = Approach(values["standoff"], values["search"], values["feed"])
+    return replace(single, find=_find(fields["find"].fields(["feed", "retreat"]), single)) if "find" in fields else single
+
+
+def _find(fields: Mapping[str, Node], single: Approach) -> Find:
+    """The measuring move begins outside of its search zone, so that a probe that is not free by then shows as an early contact."""
+    feed, retreat = fields["feed"].number(0.1, 100_000), fields["retreat"].number(above=0)
+    if feed < single.feed:
+        raise fields["feed"].wrong(f"at least {single.feed:g}, the measuring feed: finding is to be the quicker touch")
+    least = max(LEAST["standoff"][0], single.search + CLEAR_OF_ZONE)
+    if retreat < least:
+        raise fields["retreat"].wrong(
+            f"at least {least:g}: the measuring move begins free of the facet and {CLEAR_OF_ZONE:g} mm before the search zone; "
+            "raise retreat or lower search"
+        )
+    if retreat > single.standoff:
+        raise fields["retreat"].wrong(f"at most {single.standoff:g}, the standoff")
+    return Find(feed, retreat)
+
+
+def _indexation(node: Node, machine: Machine, artefact: Artefact) -> Indexation:
+    fields = node.fields([*machine.rotary, "facets"], ["S"])
+    position = {name: 0.0 for name in (*machine.rotary, "S")}
+    position |= {name: math.radians(child.position()) for name, child in fields.items() if name != "facets"}
+    facets = []
+    for item in fields["facets"].list():
+        facet = item.identifier()
+        if facet not in artefact.facets:
+            known = list(artefact.facets)
+            raise item.wrong(f"a facet of artefact {artefact.name!r} ({', '.join(known)}).{suggestion(facet, known)}")
+        facets.append(facet)
+    if not facets:
+        raise fields["facets"].wrong("at least one facet", "none")
+    return Indexation(position, tuple(facets))
