@@ -1,4 +1,4 @@
-"""tango.yaml, machine.yaml, artefact.yaml, strategy.yaml and world.yaml ↔ records (docs/formats.md)."""
+"""tango.yaml, machine.yaml and world.yaml → records (docs/formats.md)."""
 
 from __future__ import annotations
 
