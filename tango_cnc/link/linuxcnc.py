@@ -33,6 +33,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
 IDLE_POLLS = 3  # answers in a row that say the program does not run, before that is believed
 READY = {"estop": "OFF", "machine": "ON"}
 ADVICE = {"estop": "release emergency stop", "machine": "switch the machine on"}
+RUNS = "a program is running: wait for its end, or abort it at the control and draw the probe clear, then run again"
 PLACES = "XYZABC"  # order of the values of abs_act_pos
 BESIDE, TURNED = 0.5, 0.1  # mm, deg from a move that the machine still is on
 THERE = 0.01  # mm
@@ -100,9 +101,7 @@ class Client(Dialogue):
         if "NO" in homed.upper().split()[1 : 1 + joints]:
             raise Stop(f"the control says {homed!r}: home all joints, then run again")
         if "IDLE" not in (yield from self._get("program_status")).upper():
-            raise Stop(
-                "a program is running: wait for its end, or abort it at the control and draw the probe clear, then run again"
-            )
+            raise Stop(RUNS)
         yield from self._set("set mode auto", "mode")
         yield f"put {len(self._job.program)} {self._job.program.encode('ascii').hex()}\r"  # of the transport, answered by it
         self._told = len(self._job.program)
@@ -171,6 +170,8 @@ class Client(Dialogue):
 
     def _logged(self, line: str) -> None:
         """One line of the log → its event. Raises Stop for the marks of another program."""
+        if not self._running:  # it logs before it has been asked
+            raise Stop(RUNS)
         event = record(line, self._job.letters)
         if isinstance(event, Begun):
             if (event.mark, event.count) != (self._job.mark, len(self._job.numbers)) or self._begun:
