@@ -113,7 +113,7 @@ def of_rows(whole: Plan, rows: Rows) -> Plan:
     assert isinstance(own, Places)
     number, facet, at = (column[rows] for column in (touches.number, touches.facet, touches.indexation))
     found, turns = _made(whole, own.scene, number, facet, at, None if own.given is None else own.given[rows])
-    return replace(whole, touches=found, turns=turns)
+    return replace(whole, touches=found.part_of(touches), turns=turns)
 
 
 def planned(whole: Plan) -> Planned:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import overload
 
 import numpy as np
@@ -14,17 +15,26 @@ PLACES = ("standoff", "contact", "end", "over", "enter", "leave")  # of a touch,
 BLOCK = 2048  # touches whose places are worked out at once
 
 
+@dataclass
+class _Kept:
+    """The block whose places were asked for last, and by whose `places` it was worked out."""
+
+    by: Callable[[Rows], Array] | None = None
+    block: int = -1
+    places: Array = field(default_factory=lambda: np.empty(0))
+
+
 class Planned(Sequence[Touch]):
     """n touches, some tens of bytes each; the places of a block of them are worked out when one is asked for."""
 
-    __slots__ = ("_block", "facet", "indexation", "names", "number", "places")
+    __slots__ = ("_kept", "facet", "indexation", "names", "number", "places")
 
     def __init__(self, number: Rows, facet: Rows, names: tuple[Id, ...], indexation: Rows, places: Callable[[Rows], Array]) -> None:
         """(n,) numbers, (n,) facets as rows of their names, (n,) indexations from 0, (m,) rows → (m, 6, k) mm rad: PLACES."""
         self.number, self.facet, self.names, self.indexation, self.places = number, facet, names, indexation, places
         for column in (number, facet, indexation):
             column.flags.writeable = False
-        self._block: tuple[int, Array] = (-1, np.empty(0))
+        self._kept = _Kept()
 
     def rows(self, rows: Rows) -> Planned:
         """(m,) → the touches of those rows."""
@@ -32,11 +42,16 @@ class Planned(Sequence[Touch]):
 
     def _worked_out(self, block: int) -> Array:
         """number of a block, from 0 → the places of its touches; those asked for last are kept."""
-        kept, places = self._block
-        if kept != block:
-            places = self.places(np.arange(block * BLOCK, min((block + 1) * BLOCK, len(self))))
-            self._block = block, places
-        return places
+        kept = self._kept
+        if kept.by is not self.places or kept.block != block:
+            kept.places = self.places(np.arange(block * BLOCK, min((block + 1) * BLOCK, len(self))))
+            kept.by, kept.block = self.places, block
+        return kept.places
+
+    def part_of(self, whole: Planned) -> Planned:
+        """touches that these are some of → themselves: both keep one block between them, however many parts there are."""
+        self._kept = whole._kept
+        return self
 
     def _record(self, row: int, places: Array) -> Touch:
         name = self.names[self.facet[row]]
