@@ -106,6 +106,7 @@ class Post:
     link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
     record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
     finish: Callable[[Iterator[str]], Iterator[str]] = iter  # what is done to the lines as a whole: block numbers
+    further: Callable[[Mapping[str, Any]], tuple[str, ...]] = field(default=lambda given: ())  # doubts that an option brings
     companions: Callable[[Job], Mapping[str, Lines]] = field(default=lambda job: {})  # file name → lines that the control needs too
 
 
@@ -184,7 +185,8 @@ def with_defaults(options: tuple[Option, ...], **defaults: Any) -> tuple[Option,
 def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:
     """post, `controller` keys → what nobody has confirmed: a field that the profile states counts as confirmed."""
     open_fields = (o for o in post.options if not o.verified and o.name not in given)
-    return (*(f"{o.name} = {o.default if o.default != '' else 'none'}: {o.meaning}" for o in open_fields), *post.doubts)
+    fields = (f"{o.name} = {o.default if o.default != '' else 'none'}: {o.meaning}" for o in open_fields)
+    return (*fields, *post.doubts, *post.further(given))
 
 
 def reach(plan: Plan) -> tuple[str, ...]:

@@ -171,6 +171,8 @@ def fits(job: Job, most: int = 9) -> None:
         each = 2 if name == "misses" and job.plan.strategy.approach.find else 1
         if name in options and not low <= options[name] / each <= high:
             raise InputError(f"controller.{name}: found {options[name] / each:g}; allowed: {low} … {high}")
+    if options.get("misses") == 1:  # counted by move: the first miss of all would stop before it is on record
+        raise InputError("controller.misses: found 1; allowed: 2 … 20, or 1 with approach.find in strategy.yaml")
     if "tolerance" in options and options["tolerance"] > (half := job.plan.strategy.approach.search / 2):
         raise InputError(
             f"controller.tolerance: found {options['tolerance']:g}; allowed: at most {half:g}, half of approach.search: "

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from ._base import Job, early_distance, number, search_distance
 
 ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
-GUARDED, MEASURING, RECORD, FINDING = 1, 2, 3, 4  # labels
-MET, DEAD, ELSEWHERE, TURNED = 91, 92, 93, 94
+GUARDED, MEASURING, RECORD, FINDING, CYCLE = 1, 2, 3, 4, 5  # labels
+MET, DEAD, ELSEWHERE, TURNED, TABLE, DISAGREES, ASTRAY = 91, 92, 93, 94, 95, 96, 97
 STOPS = {
     MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
     DEAD: "NO CONTACT. IS THE PROBE ALIVE",
@@ -52,42 +52,75 @@ def guarded(job: Job) -> Iterator[str]:
     yield "LBL 0"
 
 
-def measuring(job: Job, label: int = MEASURING) -> Iterator[str]:
+def measuring(job: Job, label: int = MEASURING, then: Iterable[str] = ()) -> Iterator[str]:
     """Probes from Q24 Q25 Q26 to Q21 Q22 Q23; puts the flag into Q46, the contact into Q41 Q42 Q43, rotary axes into Q51 and on.
 
     `label` FINDING is the first move of a double touch: only its feed and the numbers of the places that it jumps to differ.
+    `then`: what is done besides where there was contact.
     """
-    missed, early, done = (10 * label + i for i in (1, 2, 3))
     yield f"LBL {label} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
+    yield from way()
+    yield from _tch_probe(feed_text(job.plan.strategy.approach.feed), f"+{search_distance(job.plan):.4f}")
+    yield "FN 20: WAIT FOR SYNC"
+    yield from turned(job)
+    yield f"{FLAG} = 0"
+    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL {10 * label + 1}"
+    yield from then
+    yield from judged(job, label, _at_its_end(job, label))
+
+
+def way() -> Iterator[str]:
+    """Q31 Q32 Q33 and their length Q34: from Q24 Q25 Q26 to Q21 Q22 Q23."""
     for name in "XYZ":
         yield f"{NOW[name]} = {TARGET[name]} - {START[name]}"
     yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
-    yield from _tch_probe(feed_text(job.plan.strategy.approach.feed), f"+{search_distance(job.plan):.4f}")
-    yield "FN 20: WAIT FOR SYNC"
+
+
+def turned(job: Job) -> Iterator[str]:
+    """Rotary axes into Q51 and on."""
     for name, parameter in zip(job.machine.rotary, ROTARY, strict=False):
         yield reading(job, parameter, name)
-    yield f"{FLAG} = 0"
-    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL {missed}"
-    went = {name: f"( {FOUND[name]} - {START[name]} )" for name in "XYZ"}
+
+
+def on_its_line(job: Job, place: Mapping[str, str], label: int) -> Iterator[str]:
+    """{X Y Z: parameter} of a place → Q35 its distance from Q24 Q25 Q26, Q36 that along the way; jumps if beside it."""
+    went = {name: f"( {place[name]} - {START[name]} )" for name in "XYZ"}
     yield f"Q35 = SQRT ( {' + '.join(f'{w} ^ 2' for w in went.values())} )"
     yield f"Q36 = ( {' + '.join(f'{w} * {NOW[name]}' for name, w in went.items())} ) / {WAY}"
-    yield f"FN 11: IF +Q35 GT +{search_distance(job.plan) + ASIDE:.4f} GOTO LBL {ELSEWHERE}"
+    yield f"FN 11: IF +Q35 GT +{search_distance(job.plan) + ASIDE:.4f} GOTO LBL {label}"
     yield "Q37 = ABS ( Q35 ^ 2 - Q36 ^ 2 )"
-    yield f"FN 11: IF +Q37 GT +{ASIDE**2:.4f} GOTO LBL {ELSEWHERE}"
-    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL {missed}"
+    yield f"FN 11: IF +Q37 GT +{ASIDE**2:.4f} GOTO LBL {label}"
+
+
+def judged(job: Job, label: int, asked: Iterable[str], counts: bool = True) -> Iterator[str]:
+    """Flag 1, 2 or 0 for the contact in Q41 Q42 Q43, and the end of the label.
+
+    `asked`: what else the contact has to stand; `counts` False: where nothing was met, another label has counted it.
+    """
+    missed, early, done = (10 * label + i for i in (1, 2, 3))
+    yield from on_its_line(job, FOUND, ELSEWHERE)
+    yield from asked
     yield f"{FLAG} = 1"
     yield f"FN 11: IF +Q35 GT +{early_distance(job.plan):.4f} GOTO LBL {early}"
     yield f"{FLAG} = 2"
     yield f"LBL {early}"
-    yield f"{MISSES} = 0"
+    if counts:
+        yield f"{MISSES} = 0"
     yield f"FN 9: IF +0 EQU +0 GOTO LBL {done}"
     yield f"LBL {missed}"
-    yield f"{MISSES} = {MISSES} + 1"
+    if counts:
+        yield f"{MISSES} = {MISSES} + 1"
     for name in "XYZ":
         yield f"{FOUND[name]} = {TARGET[name]}"
-    yield f"FN 11: IF +{MISSES} GT +{job.options['misses'] - 0.5:.1f} GOTO LBL {DEAD}"
+    if counts:
+        yield f"FN 11: IF +{MISSES} GT +{job.options['misses'] - 0.5:.1f} GOTO LBL {DEAD}"
     yield f"LBL {done}"
     yield "LBL 0"
+
+
+def _at_its_end(job: Job, label: int) -> Iterator[str]:
+    """A contact where the move would have ended is none, whatever the control says."""
+    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL {10 * label + 1}"
 
 
 def _tch_probe(feed: str, back_by: str) -> Iterator[str]:
@@ -118,11 +151,11 @@ def printed(job: Job) -> str:
     return f"FN 16: F-PRINT {job.options['mask']} / {job.options['output']}"
 
 
-def reading(job: Job, parameter: str, name: str) -> str:
-    """→ the block that puts an axis' machine position into a parameter."""
+def reading(job: Job, parameter: str, name: str, frame: str = "ID240") -> str:
+    """→ the block that puts an axis' machine position (ID270: that of the ball in the program's frame) into a parameter."""
     stated = job.options["axis_numbers"]
     which = stated[name] if stated else 1 + "XYZABC".index(name)
-    return f"FN 18: SYSREAD {parameter} = ID240 NR1 IDX{which}"
+    return f"FN 18: SYSREAD {parameter} = {frame} NR1 IDX{which}"
 
 
 def feed_text(value: float) -> str:

@@ -1,8 +1,9 @@
 """Heidenhain Klartext for the TNC 640 and its relatives: TCH PROBE 4 in any direction, records by FN 16, positions with M91.
 
 Three labels behind M30 do the work: a guarded move (a probing move that must meet nothing), a measuring move, a record. Their
-arguments are Q parameters in mm and deg; positions are those of the machine (REF). FN 16 prints the text in QS1 with a mask that
-has to be on the control once, as `mask()` gives it.
+arguments are Q parameters in mm and deg; positions are those of the machine (REF). With `cycle: 444` the second of two touches is
+one of cycle 444 (`_klartext_444.py`). FN 16 prints the text in QS1 with a mask that has to be on the control once, as `mask()`
+gives it.
 """
 
 from __future__ import annotations
@@ -10,13 +11,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import count
 
 from tango_cnc.records import InputError
 
 from . import _common as common
+from . import _klartext_444 as cycle_444
 from ._base import Job, Leg, Option, Post, degrees, finding, is_endless, named, number, of_approach, rolled, search_distance
 from ._klartext import (
     CANCELS,
+    CYCLE,
     FINDING,
     GUARDED,
     MEASURING,
@@ -41,6 +45,13 @@ FILE = re.compile(r"TNC:\\([A-Za-z0-9_]{1,16}\\){0,4}[A-Za-z0-9_]{1,16}\.[A-Za-z
 ARRIVED = 0.01  # deg
 
 OPTIONS = (
+    Option(
+        "cycle",
+        4,
+        "TCH PROBE 4 measures; 444: cycle 444 does, after TCH PROBE 4 has found (approach.find)",
+        verified=True,
+        choices=(4, 444),
+    ),
     Option("mask", "TNC:\\TANGO.A", "mask file of FN 16 on the control; docs/dialects.md has its three lines"),
     Option("output", "TNC:\\TANGO.TXT", "file for the records, on the control's disk"),
     Option("axis_numbers", {}, "number of each axis in FN 18 and IDX, e.g. {X: 1, Y: 2, Z: 3, B: 5, C: 6}; empty: A B C are 4 5 6"),
@@ -82,6 +93,8 @@ def begin(job: Job) -> Iterator[str]:
     yield f"BEGIN PGM {named(job, NAME)} MM"
     yield from common.titled(job, "; %s")
     yield f"; MEASURING FEED {number(plan.strategy.approach.feed)} SEARCH {number(search_distance(_from_near(job).plan))}"
+    if options["cycle"] == 444:
+        yield f"; {cycle_444.table_text(_from_near(job))}"
     yield from common.warned(job, "; %s")
     if options["plane_reset"]:
         yield "PLANE RESET STAY"
@@ -91,6 +104,8 @@ def begin(job: Job) -> Iterator[str]:
     yield from ("M137", "M5")  # feeds in mm/min
     if options["shortest"]:
         yield "M126"
+    if options["cycle"] == 444:
+        yield from cycle_444.table(_from_near(job))
     yield f"{MISSES} = 0"
     yield f'QS1 = "TANGO START {job.mark} {len(plan.touches)}"'
     yield printed(job)
@@ -140,7 +155,8 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
         yield f"{START[name]} = {_number(job, start[name])}"
     for name in "XYZ":
         yield f"{TARGET[name]} = {_number(job, leg.to[name])}"
-    yield f"CALL LBL {FINDING if leg.kind == 'find' else MEASURING}"
+    measures = CYCLE if job.options["cycle"] == 444 else MEASURING
+    yield f"CALL LBL {FINDING if leg.kind == 'find' else measures}"
 
 
 def back(job: Job, leg: Leg) -> Iterator[str]:
@@ -162,11 +178,17 @@ def end(job: Job) -> Iterator[str]:
     yield printed(job)
     yield "M30"
     yield from guarded(job)
-    yield from measuring(_from_near(job))
-    if job.plan.strategy.approach.find is not None:
-        yield from measuring(finding(job), FINDING)
+    stops = STOPS
+    if job.options["cycle"] == 444:
+        yield from measuring(cycle_444.counting(finding(job)), FINDING, cycle_444.frame())
+        yield from cycle_444.measuring(_from_near(job))
+        stops = STOPS | cycle_444.stops(_from_near(job))
+    else:
+        yield from measuring(_from_near(job))
+        if job.plan.strategy.approach.find is not None:
+            yield from measuring(finding(job), FINDING)
     yield from record_text(job)
-    for label, text in STOPS.items():
+    for label, text in stops.items():
         yield f"LBL {label}"
         yield f"STOP ; {text}"
         yield "M30"
@@ -175,8 +197,9 @@ def end(job: Job) -> Iterator[str]:
 
 
 def numbered(lines: Iterator[str]) -> Iterator[str]:
-    """lines → the same with the block numbers from 0 that Klartext files carry."""
-    return (f"{i} {line}" for i, line in enumerate(lines))
+    """lines → the same with the block numbers from 0 that Klartext files carry; what goes on after a ~ has none."""
+    number = count()
+    return (line if line.startswith(" ") else f"{next(number)} {line}" for line in lines)
 
 
 def _from_near(job: Job) -> Job:
@@ -202,6 +225,8 @@ def _check(job: Job) -> None:
         if not FILE.fullmatch(options[key]):
             raise InputError(f"controller.{key}: found {options[key]!r}; allowed: a file such as TNC:\\TANGO.TXT")
     common.fits(job)
+    if options["cycle"] == 444:
+        cycle_444.fits(job)
     names, stated = common.axes(job.machine), options["axis_numbers"]
     if not stated and not set(names) <= set("XYZABC"):
         raise InputError(f"controller.axis_numbers: found nothing; allowed: a number for each of {', '.join(names)}")
@@ -212,6 +237,7 @@ POST = Post(
     extension="H",
     options=OPTIONS,
     doubts=DOUBTS,
+    further=cycle_444.doubts,
     stem=lambda job: named(job, NAME),
     **common.steps(globals()),
     finish=numbered,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -118,11 +119,11 @@ def driven(made: Plan, control: Any) -> list[Any]:
     return [event for event in events if not isinstance(event, Identified)]
 
 
-def measured(made: Plan, name: str, world: World) -> Readings:
-    """plan, dialect, true machine → what its records say."""
+def measured(made: Plan, name: str, world: World, options: Mapping[str, Any] = MappingProxyType({})) -> Readings:
+    """plan, dialect, true machine, options of its profile → what its records say."""
     control_of = EVERY[name]
     spoken = language(control_of.family)
-    lines = list(program(load(name), made, {}, plan_hash(made))[2]())
+    lines = list(program(load(name), made, options, plan_hash(made))[2]())
     lines = lines[control_of.frame : len(lines) - control_of.frame]
     punched: list[bytes] = []
     profile = replace(spoken.default_profile(made.machine), g54=OFFSETS, **control_of.settings)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from blockcell import NORMALS, block, cell, machine
 
+from postprocessors import heidenhain
 from postprocessors._base import load, names, program, settings
 from tango_cnc.cli import guarded, tango
 from tango_cnc.envelope import check
@@ -54,7 +55,7 @@ def bare(post: str, made: Plan, **options: Any) -> list[str]:
 
 
 def renumbered(lines: list[str]) -> list[str]:
-    return [f"{i} {line}" for i, line in enumerate(lines)]
+    return list(heidenhain.numbered(iter(lines)))
 
 
 def changed(lines: list[str], old: str, new: str, times: int = 1) -> list[str]:

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from programmutants import mutant
 from test_dialects import OFFSETS, SPOKEN
-from test_envelope import MACRO_B, bare, golden, read_back, refused, renumbered
+from test_envelope import GOLDEN, MACRO_B, bare, golden, read_back, refused, renumbered
 from test_random_programs import stored
 
 from postprocessors._base import names
@@ -29,8 +29,9 @@ from sim_controller.interpreters import Alarm, Silence
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
-from tango_cnc.plan import part
-from tango_cnc.records import Plan, World
+from tango_cnc.files import read_cell
+from tango_cnc.plan import part, plan
+from tango_cnc.records import Find, Plan, World
 
 NEAR = 1.5e-3  # mm or deg: the same place
 FAR = 10_000  # moves after which a program that never ends is called dangerous
@@ -45,6 +46,7 @@ class Case:
 
     post: str
     options: tuple[tuple[str, Any], ...] = ()
+    find: Find | None = None  # every facet is touched twice
 
     def __str__(self) -> str:
         return "-".join([self.post, *(str(value) for _, value in self.options)])
@@ -52,12 +54,20 @@ class Case:
 
 # The relatives of Fanuc write its text; what the driver of grbl does is decided by the plan, not by the text.
 CASES = [Case(name) for name in names() if name in SPOKEN and name not in MACRO_B[1:]] + [Case("fanuc", (("macros", "called"),))]
+CASES += [Case("heidenhain", (("cycle", 444),), Find(feed=800.0, retreat=6.0))]
 
 
 @cache
 def short() -> Plan:
     """Three touches: a face, the top, after a turn another face."""
     return part(golden(), [1, 2, 6])
+
+
+def plan_of(case: Case) -> Plan:
+    """→ the three touches, as the case makes them."""
+    cell = read_cell(GOLDEN / "cell")
+    approach = replace(cell.strategy.approach, find=case.find)
+    return part(plan(replace(cell, strategy=replace(cell.strategy, approach=approach))), [1, 2, 6]) if case.find else short()
 
 
 @cache
@@ -157,8 +167,8 @@ def same(line: str, wanted: str) -> bool:
 
 def judged(case: Case, count: int, seed: int = 7) -> tuple[Counter[str], Counter[str], list[tuple[str, ...]]]:
     """dialect, number of mutants → dangers by kind, those of them refused, and what got through with its line."""
-    rng, options = random.Random(seed), dict(case.options)
-    lines = bare(case.post, short(), **options)
+    rng, options, made = random.Random(seed), dict(case.options), plan_of(case)
+    lines = bare(case.post, made, **options)
     number = renumbered if case.post == "heidenhain" else list
     originals = [carried_out(case.post, number(lines), world) for world in worlds()]
     dangers: Counter[str] = Counter()
@@ -168,7 +178,7 @@ def judged(case: Case, count: int, seed: int = 7) -> tuple[Counter[str], Counter
         kind, at, mutated = mutant(lines, rng)
         if how := danger(case.post, originals, number(mutated)):
             dangers[how] += 1
-            if refused(number(mutated), case.post, short(), **options):
+            if refused(number(mutated), case.post, made, **options):
                 caught[how] += 1
             else:
                 through.append((how, kind, lines[at], *mutated[at : at + 1]))
@@ -205,10 +215,11 @@ def test_every_dangerous_one_of_a_hundred_mutants_is_refused(case: Case, capsys:
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_the_judge_finds_the_right_program_harmless(case: Case) -> None:
     """And the control runs it to its end, so that a mutant has something to differ from."""
-    lines = bare(case.post, short(), **dict(case.options))
+    made = plan_of(case)
+    lines = bare(case.post, made, **dict(case.options))
     lines = renumbered(lines) if case.post == "heidenhain" else lines
     originals = [carried_out(case.post, lines, world) for world in worlds()]
     assert not danger(case.post, originals, lines)
     assert re.search(r"TANGO END \w+ 3", " ".join(" ".join(originals[0][1]).split()))
     assert [len(moves) for moves, _ in originals][4] < len(originals[0][0]), "a dead probe stops the program"
-    assert read_back(lines, short(), case.post, **dict(case.options))
+    assert read_back(lines, made, case.post, **dict(case.options))

@@ -117,6 +117,7 @@ def test_paths_as_people_and_programs_write_them(url, path):
     ("post", "language", "name"),
     [
         ("heidenhain", "klartext", "TANGO.H"),
+        ("heidenhain\n  cycle: 444", "klartext", "TANGO.H"),
         pytest.param("siemens", "siemens", "TANGO.MPF", marks=pytest.mark.long),
     ],
 )
@@ -124,7 +125,8 @@ def test_a_whole_run_of_a_control_that_writes_a_file(tmp_path, share, post, lang
     """The program is carried to the control and started there while `tango run` waits for what it writes."""
     folder = tmp_path / "cell"
     write_example(folder, "hu40t")
-    (folder / "strategy.yaml").write_text(STRATEGY)
+    find = ", find: {feed: 800, retreat: 6}" if "444" in post else ""
+    (folder / "strategy.yaml").write_text(STRATEGY.replace("feed: 180}", f"feed: 180{find}}}"))
     cell = (folder / "tango.yaml").read_text()
     (folder / "tango.yaml").write_text(cell.replace("post: fanuc", f"post: {post}"))
     world = (folder / "world.yaml").read_text()
@@ -141,7 +143,7 @@ def test_a_whole_run_of_a_control_that_writes_a_file(tmp_path, share, post, lang
         "--start",
         folder / "program" / name,
     ]
-    stored = ["--stored", share / "stored.txt"] if post == "heidenhain" else []
+    stored = ["--stored", share / "stored.txt"] if "heidenhain" in post else []
     with subprocess.Popen([*command, "--records", share / "TANGO.TXT", *stored]) as control:
         try:
             result = Result("run", "-C", folder, "--port", f"file://{share / 'TANGO.TXT'}?from=last", "--timeout", "20")

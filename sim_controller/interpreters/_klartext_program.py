@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from ._klartext_expressions import error
 
 
 def blocks_of(lines: Iterable[str]) -> list[str]:
     """numbered lines → blocks without their numbers. Raises Alarm unless they count from 0 between BEGIN PGM and END PGM."""
-    blocks = []
-    for i, line in enumerate(line for line in lines if line.strip()):
+    blocks: list[str] = []
+    for i, line in enumerate(_whole(line for line in lines if line.strip())):
         match = re.fullmatch(r"(\d+) (.*)", line.rstrip())
         if match is None or int(match[1]) != i:
             raise error("BLOCK NUMBER FAULTY", line.strip())
@@ -20,6 +20,19 @@ def blocks_of(lines: Iterable[str]) -> list[str]:
     if begun is None or blocks[-1] != f"END PGM {begun[1]} MM":
         raise error("PROGRAM IS INCOMPLETE")
     return blocks
+
+
+def _whole(lines: Iterable[str]) -> Iterator[str]:
+    """lines → blocks: what ends with a ~ goes on with the next line, remarks taken out."""
+    begun: list[str] = []
+    for line in lines:
+        text = line.rstrip()
+        begun.append(bare(text.removesuffix("~")) if begun or text.endswith("~") else line)
+        if not text.endswith("~"):
+            yield " ".join(begun)
+            begun = []
+    if begun:
+        raise error("PROGRAM IS INCOMPLETE")
 
 
 def labels_of(blocks: list[str]) -> dict[str, int]:

@@ -11,12 +11,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from tango_cnc.records import Machine
+from tango_cnc.records import InputError, Machine
 
 from ..motion import Motion, MotionStop, Note
+from . import _klartext_444 as cycle_444
 from ._alarm import Silence
 from ._klartext_expressions import error, formula, number, text_of
 from ._klartext_frame import Frame
+from ._klartext_print import printed
 from ._klartext_program import bare, blocks_of, labels_of, place_of
 from ._scales import TURN, commanded, endless, nearer, roll, shown
 
@@ -58,6 +60,13 @@ class Profile:
     scale: float = 1.0  # that a program before has left active
     rollover: tuple[str, ...] = ()  # rotary axes whose scale begins anew after a turn
     no_contact: Literal["silent", "error"] = "silent"  # TCH PROBE 4 that meets nothing
+    probe_table: Mapping[str, float] = field(default_factory=dict)  # what differs from TABLE in the row of the probe
+    calibration: Mapping[str, float] = field(default_factory=dict)  # {X Y Z: mm} from the spindle to the ball, for cycle 444
+    q115: Literal["every", "first", "none"] = "every"  # which touches leave their place in Q115 Q116 Q117; first: not cycle 444
+
+    def __post_init__(self) -> None:
+        if unknown := sorted(set(self.probe_table) - set(cycle_444.TABLE)):
+            raise InputError(f"--set probe_table: found {', '.join(unknown)}; allowed: {', '.join(cycle_444.TABLE)}")
 
 
 def default_profile(machine: Machine) -> Profile:
@@ -89,7 +98,7 @@ class Control:
         """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
         blocks = blocks_of(lines)
         labels = labels_of(blocks)
-        self._values, self._texts, self._feed, self._short_way = {}, {}, 0.0, False
+        self._values, self._texts, self._feed, self._short_way = dict.fromkeys((115, 116, 117), 0.0), {}, 0.0, False
         returns: list[int] = []
         index = 1
         try:
@@ -119,6 +128,8 @@ class Control:
         elif block == "LBL 0":
             if returns:
                 return returns.pop()
+        elif block.startswith("TCH PROBE 444"):
+            self._cycle_444(block)
         elif block.startswith("TCH PROBE"):
             self._probe(blocks, index)
             return index + len(PROBE)
@@ -232,8 +243,37 @@ class Control:
         for i, name in enumerate("XYZ"):
             self._values[result + i] = place[name] - (0.0 if value["system"] else self._datum(name))
         self._values[result + 3] = 0.0
+        if self._profile.q115 != "none":
+            self._contact_at(place)
+
+    def _cycle_444(self, block: str) -> None:
+        """To its place before the point by way of the clearance height, then DIST towards it, and back to that place."""
+        asked, table = cycle_444.asked(block, self._values), self._table()
+        if self._frame.mirrored or self._frame.scale != 1:
+            raise error("CYCLE NOT ALLOWED WITH MIRROR IMAGE OR SCALING", block)
+        if self._motion.deflected:
+            raise error("TOUCH PROBE IS DEFLECTED", block)
+        place = cycle_444.contact(asked, table, self._motion, self._profile.axes, self._placed)
+        zero = self._placed(dict.fromkeys("XYZ", 0.0))
+        ball = {name: place[name] - zero[name] + self._profile.calibration.get(name, 0.0) for name in "XYZ"}
+        self._values |= cycle_444.results(asked, table["R"], ball)
+        if self._profile.q115 == "every":
+            self._contact_at(place)
+
+    def _table(self) -> dict[str, float]:
+        return {**cycle_444.TABLE, **self._profile.probe_table}
+
+    def _placed(self, place: Mapping[str, float]) -> dict[str, float]:
+        """{axis: mm} of the program → of the machine."""
+        return {name: self._frame.place(name, value) + self._datum(name) for name, value in place.items()}
+
+    def _contact_at(self, place: Mapping[str, float]) -> None:
+        """Q115 Q116 Q117: the axes at the contact from the datum, without radius and length of the stylus."""
+        self._values |= {115 + i: place[name] - self._profile.g54.get(name, 0.0) for i, name in enumerate("XYZ")}
 
     def _system(self, group: int, which: int, axis: int) -> float:
+        if group == 350 and (which, axis) in cycle_444.SYSTEM:
+            return self._table()[cycle_444.SYSTEM[which, axis]]
         if group not in (240, 270) or which != 1 or not 1 <= axis <= 6 or "XYZABC"[axis - 1] not in self._profile.axes:
             raise error("SYSTEM DATUM NOT THERE", f"ID{group} NR{which} IDX{axis}")
         name = "XYZABC"[axis - 1]
@@ -243,18 +283,7 @@ class Control:
         """One FN 16: the mask says what is printed; lines end with CR LF."""
         if mask not in self._files:
             raise error("FILE NOT FOUND", mask)
-        for line in self._files[mask]:
-            if line in ("M_APPEND;", "M_CLOSE;"):
-                continue
-            match = re.fullmatch(r'"([^"]*)"((?:,QS?\d+)*);', line)
-            if match is None:
-                raise error("MASK FILE FAULTY", line)
-            given = match[2].split(",")[1:]
-            if match[1].count("%S") != match[1].count("%") or len(given) != match[1].count("%S"):
-                raise error("MASK FILE FAULTY", line)
-            text = match[1]
-            for name in given:
-                text = text.replace("%S", self._texts.get(int(name[2:]), "") if name.startswith("QS") else "", 1)
+        for text in printed(self._files[mask], self._texts):
             self._files.setdefault(output, []).append(text)
             self._note("output", text=text)
             self._punch(text.encode("ascii", "replace") + b"\r\n")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from ..records import InputError
 
@@ -12,6 +12,20 @@ START = re.compile(r"TANGO START ([0-9A-F]{12}) (\d+)")
 END = re.compile(r"TANGO END ([0-9A-F]{12}) (\d+)")
 RECORD = re.compile(r"P\{(Q\d+):0\} H\{(Q\d+):0\}((?: [A-Z]\{Q\d+:4\})+)")
 STALE = "{}"  # a text that holds a parameter which has got another value since
+
+
+def whole(lines: Iterable[str]) -> Iterator[str]:
+    """lines → blocks: what ends with a ~ goes on in the next line, without its remark."""
+    begun = ""
+    for line in lines:
+        text = line.rstrip()
+        more = text.endswith("~")
+        begun += f" {text.rstrip('~').partition(';')[0].strip()}" if begun or more else line
+        if not more:
+            yield begun.lstrip()
+            begun = ""
+    if begun:
+        raise InputError("the last line goes on with ~")
 
 
 def spelt(text: str) -> str:

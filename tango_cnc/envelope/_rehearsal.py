@@ -138,10 +138,11 @@ class Rehearsal:
         short = SHORT * float(self.options.get("tolerance", TOLERANCE))
         self.doubts(stopped_short(self.base, start, target, short, self._latches))
 
-    def measures(self, target: Mapping[str, float], feed: float) -> None:
+    def measures(self, target: Mapping[str, float], feed: float, found: bool = False) -> None:
         """A measuring move: contact where the plan expects it; beside it a miss, an early contact, a changed work offset.
 
         One that finds meets the facet elsewhere than the one that measures, so that nobody can record the one for the other.
+        `found`: it is made only where the facet has been found, and then the control itself stops when it meets nothing.
         """
         self._ready()
         if self._owed:
@@ -156,12 +157,18 @@ class Rehearsal:
         zone = max(approach.standoff - approach.search, 0.1 * approach.standoff)
         if approach.find and not finds:
             zone -= approach.standoff - approach.find.retreat
-        self._found_nothing(base)
+        if found:
+            self._left_out(target)
+        else:
+            self._found_nothing(base)
         miss, *others = other_contacts(base, start, target, zone)
         if finds:
             miss.fate, miss.what, others = "find", "finding has met nothing", []
-        self.doubts([miss, *others, *self._astray(base, start, target)])
-        self._silent, self._statements, self._owed = miss.twin("stop", "no touch finds anything any more"), [], not finds
+        self._owed = not finds
+        self.doubts([*others, *self._astray(base, start, target)])
+        if not found:
+            self.doubts([miss])
+            self._silent, self._statements = miss.twin("stop", "no touch finds anything any more"), []
 
     def _found_nothing(self, base: World) -> None:
         """Where finding has met nothing, measuring may meet the facet all the same: then that is what the record has to say."""
@@ -169,6 +176,12 @@ class Rehearsal:
             if world.fate == "find":
                 world.fate, world.position, world.skip, world.hit = "1", dict(base.position), dict(base.skip), True
                 self._late = world
+
+    def _left_out(self, target: Mapping[str, float]) -> None:
+        """Where finding has met nothing, nothing is measured: a miss, for which the end of the move stands."""
+        for world in self.worlds:
+            if world.fate == "find":
+                world.fate, world.skip, world.hit = "0", world.position | dict(target), False
 
     def _dies(self) -> None:
         """Repeats what the program did after the last measuring move, as if nothing were ever touched. InputError: never stops."""

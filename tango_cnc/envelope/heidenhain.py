@@ -13,10 +13,11 @@ from itertools import pairwise
 from typing import Any
 
 from ..records import InputError, Plan
+from . import _cycle_444 as cycle_444
 from ._expressions import Value
-from ._klartext import Texts, labels, spelt
+from ._klartext import Texts, labels, spelt, whole
 from ._reading import stated_words
-from ._rehearsal import SPOILT, Rehearsal, at_line, numbered
+from ._rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
 from ._walk import OFF_FACET, PROTECTED
 from ._worlds import World, beside_the_line
 
@@ -24,7 +25,8 @@ SIGNED = r"[+-]\d+\.\d+"
 BACK = re.compile(rf"L X({SIGNED}) Y({SIGNED}) Z({SIGNED}) R0 F(\d+\.?\d*) M91")
 TURN = re.compile(rf"L ([ABC])({SIGNED}) R0 FMAX M91")
 ANGLE = re.compile(rf"CYCL DEF 13\.1 ANGLE({SIGNED})")
-READ = re.compile(r"FN 18: SYSREAD (Q\d+) = ID240 NR1 IDX([1-9])")
+READ = re.compile(r"FN 18: SYSREAD (Q\d+) = ID(240|270) NR1 IDX([1-9])")
+PROBE_TABLE = re.compile(r"FN 18: SYSREAD (Q\d+) = ID350 NR(\d+) IDX(\d)")
 ASSIGN = re.compile(r"(Q\d+) = ([^\"|]+)")
 TEXT = re.compile(r"(QS\d) = (.+)")
 JUMP = re.compile(r"FN (9|10|11|12): IF ([+-](?:Q\d+|\d+\.?\d*)) (EQU|NE|GT|LT) ([+-](?:Q\d+|\d+\.?\d*)) GOTO LBL (\d+)")
@@ -88,7 +90,7 @@ def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[st
 
 def _blocks(lines: Iterable[str]) -> Iterator[str]:
     """lines → blocks without their numbers. Raises InputError unless they count from 0."""
-    for wanted, line in enumerate(lines):
+    for wanted, line in enumerate(whole(lines)):
         number, _, block = line.strip().partition(" ")
         if number != str(wanted):
             raise InputError(f"found the block number {number} in {line[:60]!r}; allowed: {wanted}")
@@ -100,7 +102,7 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], bodies: Mapping[str, list[str]]) -> None:
         self._machine = Rehearsal(plan, options, self._read, latches=True, astray=beside_the_line)
-        self._options, self._bodies = options, bodies
+        self._plan, self._options, self._bodies = plan, options, bodies
         self._stops = {label for label, body in bodies.items() if body == ["STOP", "M30"]}
         names = options.get("axis_numbers") or {name: i for i, name in enumerate("XYZABC", 1)}
         self._axis = {str(number): name for name, number in names.items()}
@@ -121,7 +123,7 @@ class _Program:
         self._angle = 0.0
         self._ahead: list[str] = []  # what is left of the label that is carried out
         self._depth = 0
-        self._moving = True
+        self._moving, self._alone = True, False  # axes may move; only those of worlds that are not on their way to a label
         self.over = False
 
     def finish(self, last: str) -> None:
@@ -140,12 +142,16 @@ class _Program:
             if code and not self._name:
                 raise InputError("found no BEGIN PGM … MM")
             return
-        if self._probing or code.startswith("TCH PROBE"):
+        if match := cycle_444.CALL.fullmatch(code):
+            self._cycle_444(match)
+        elif self._probing or code.startswith("TCH PROBE"):
             self._probe(code)
         elif match := JUMP.fullmatch(code):
             self._jump(match)
         elif match := READ.fullmatch(code):
-            self._system(match[1], match[2])
+            self._system(match[1], match[2], match[3])
+        elif match := PROBE_TABLE.fullmatch(code):
+            self._table(match[1], match[2], match[3])
         elif match := ASSIGN.fullmatch(code):
             self._texts.changed(match[1])
             self._machine.does(_unless_ahead(self._assignment(match[1], spelt(match[2]))))
@@ -166,6 +172,7 @@ class _Program:
         if any(AHEAD in world.shared for world in machine.worlds):
             if code != "FN 20: WAIT FOR SYNC":
                 raise InputError("depends on where the probe was met")
+            self._moving = self._moving and not (self._alone and AHEAD not in machine.base.shared)
             return
         for begins, wanted in FOLLOWS.items():
             if code.startswith(begins) and not self._before.startswith(wanted):
@@ -214,7 +221,7 @@ class _Program:
                 raise InputError(f"in label {label}, {block!r}: {error}") from None
         if self._probing or any(AHEAD in world.shared for world in self._machine.worlds):
             raise InputError(f"label {label} ends within a TCH PROBE, or before a place that it jumps to")
-        self._ahead = []
+        self._ahead, self._alone = [], False
         self._depth -= 1
 
     def _jump(self, match: re.Match[str]) -> None:
@@ -233,7 +240,7 @@ class _Program:
 
         self._machine.does(_unless_ahead(does))
 
-    def _system(self, parameter: str, number: str) -> None:
+    def _system(self, parameter: str, group: str, number: str) -> None:
         name = self._axis.get(number, "")
         if name not in self._machine.base.position:
             raise InputError(f"found axis number {number}; allowed: {' '.join(sorted(self._axis))}")
@@ -242,9 +249,21 @@ class _Program:
         self._texts.changed(parameter)
 
         def does(world: World) -> None:
-            world.shared[parameter] = world.position[name]
+            world.shared[parameter] = world.position[name] if group == "240" else cycle_444.in_its_frame(world, name)
 
         self._machine.does(_unless_ahead(does))
+
+    def _table(self, parameter: str, number: str, index: str) -> None:
+        """A column of the probe table, and worlds where it says something else: with it the program must not begin."""
+        column = cycle_444.SYSTEM.get((number, index), "")
+        if not column or self._depth or self._machine.begun:
+            raise InputError("the probe table is read before the start mark, by one of the numbers that are known")
+        said = cycle_444.table(self._plan)[column]
+        self._machine.does(lambda world: world.shared.update({parameter: said}))
+        for other in cycle_444.other_tables(self._plan, column):
+            twin = self._machine.base.twin("stop", f"{column} of the probe table is {other:g}")
+            twin.shared[parameter] = other
+            self._machine.doubts([twin])
 
     def _assignment(self, parameter: str, expression: str) -> Callable[[World], None]:
         def does(world: World) -> None:
@@ -291,11 +310,30 @@ class _Program:
             for i, name in enumerate("XYZ"):
                 world.shared[f"Q{result + i}"] = world.skip[name] if world.hit else SPOILT
             world.shared[f"Q{result + 3}"] = 0.0 if world.hit else -1.0
+            if world.hit:
+                cycle_444.contact(world)
             went = sum((world.position[n] - start[n]) * along[n] / size for n in along)
             if world.hit and back:
                 world.position.update({n: world.position[n] - min(back, went) * along[n] / size for n in along})
 
         machine.does(results)
+
+    def _cycle_444(self, match: re.Match[str]) -> None:
+        """Measures, in all worlds but those on their way to a label, which have to be those that have found nothing."""
+        machine, table = self._machine, cycle_444.table(self._plan)
+        going = [world for world in machine.worlds if AHEAD not in world.shared]
+        if not machine.walk.measures or going != [machine.base] or any(w.fate != "find" for w in machine.worlds[1:]):
+            raise InputError("cycle 444 measures what has been found, and is left out where nothing has")
+        base, start = machine.base, {name: machine.base.position[name] for name in "XYZ"}
+        asked = cycle_444.asked(match, lambda text: machine.value(base, spelt(text)), table, base)
+        if max(abs(asked.begin[n] - start[n]) for n in start) > PLACE or abs(asked.height - start["Z"]) > PLACE:
+            raise InputError("cycle 444 goes somewhere by itself before it probes")
+        before = cycle_444.unmarked(base)
+        machine.measures(asked.end, table["F"], found=True)
+        nominal = {name: machine.walk.at[name] for name in "XYZ"}
+        machine.does(_unless_ahead(cycle_444.left(asked, start, nominal)))
+        machine.doubts(list(cycle_444.doubts(base, before, asked, start)))
+        self._moving = self._alone = True
 
     def _print(self, mask: str, output: str) -> None:
         if (mask, output) != (self._options.get("mask"), self._options.get("output")):

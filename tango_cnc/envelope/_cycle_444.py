@@ -1,0 +1,114 @@
+"""Cycle 444 of Klartext as the reader knows it: where it would go by itself, what it leaves behind, and what may be wrong of that.
+
+Facts, as far as they are known: it goes by way of the clearance height to ball radius, SET_UP and Q320 before its point along the
+normal, probes from there over DIST, and comes back; Q115 Q116 Q117 are the contact from the datum without length and calibration,
+Q164 is how far it lies out along the normal; radius, feed, DIST and SET_UP stand in the probe table, FN 18 ID350.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from ..records import InputError, Plan
+from ._worlds import LAG, Place, World
+
+LENGTH = 87.0  # mm of the tool that the control knows of
+OUT = 1.0  # mm: a contact that far from what its axes say is another one
+PARAMETERS = ("Q263", "Q264", "Q294", "Q581", "Q582", "Q583", "Q320", "Q260")
+CALL = re.compile(
+    r"TCH PROBE 444 PROBING IN 3-D " + " ".join(rf"{name}=\+(Q\d+)" for name in PARAMETERS) + r' QS400="0" Q309=\+0',
+)
+CONTACT = {"X": "Q115", "Y": "Q116", "Z": "Q117"}
+OTHER_TABLES = (("F", 1.05, 0.0), ("DIST", 1.0, 1.0), ("DIST", 1.0, -1.0), ("SET_UP", 0.0, 0.5))
+SYSTEM = {("52", "1"): "R", ("55", "2"): "F", ("56", "1"): "DIST", ("56", "2"): "SET_UP"}  # NR and IDX
+
+
+def table(plan: Plan) -> dict[str, float]:
+    """plan of double touches → the probe table that it needs, R and SET_UP as they come, mm and mm/min."""
+    approach = plan.strategy.approach
+    retreat = approach.find.retreat if approach.find else approach.standoff
+    return {"R": 2.75, "F": approach.feed, "DIST": retreat + approach.search, "SET_UP": 0.6 * retreat}
+
+
+def other_tables(plan: Plan, name: str) -> Iterator[float]:
+    """plan, column of the probe table → what it may say with which the program must not begin."""
+    approach = plan.strategy.approach
+    most = approach.find.retreat if approach.find else approach.standoff
+    for column, factor, more in OTHER_TABLES:
+        if column == name:
+            yield factor * table(plan)[name] + more + (most if name == "SET_UP" else 0.0)
+
+
+def in_its_frame(world: World, name: str) -> float:
+    """world, axis letter → where the ball is in the frame of the program, mm (FN 18 ID270)."""
+    return world.position[name] - world.offset.get(name, 0.0) - (LENGTH if name == "Z" else 0.0)
+
+
+def contact(world: World) -> None:
+    """Q115 Q116 Q117 after a contact, and what they were then."""
+    for name, parameter in CONTACT.items():
+        world.shared[parameter] = world.shared[f"{parameter} then"] = world.skip[name] - world.offset[name]
+
+
+def unmarked(world: World) -> dict[str, float]:
+    """world before the cycle → Q115 Q116 Q117. Raises InputError when they still hold the contact of the first touch."""
+    now = {parameter: float(world.shared.get(parameter) or 0.0) for parameter in CONTACT.values()}
+    if all(world.shared.get(f"{parameter} then") == value for parameter, value in now.items()):
+        raise InputError("if cycle 444 has left Q115 Q116 Q117 as they were, nobody would know")
+    return now
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a call asks for, mm in machine coordinates."""
+
+    begin: Place
+    end: Place
+    height: float
+
+
+def asked(match: re.Match[str], value: Callable[[str], float], known: Mapping[str, float], base: World) -> Asked:
+    """call, its parameters' values, probe table, machine → where the cycle goes. Raises InputError for a normal that is none."""
+    x, y, z, *normal, clearance, height = (value(text) for text in match.groups())
+    if abs(sum(n**2 for n in normal) - 1) > 1e-6:
+        raise InputError("the normal of cycle 444 has not the length 1")
+    away = known["R"] + known["SET_UP"] + clearance
+    off = {name: base.position[name] - in_its_frame(base, name) for name in "XYZ"}
+    point = {name: p + off[name] for name, p in zip("XYZ", (x, y, z), strict=True)}
+    along = dict(zip("XYZ", normal, strict=True))
+    begin, end = ({name: point[name] + way * along[name] for name in "XYZ"} for way in (away, away - known["DIST"]))
+    return Asked(begin, end, height + off["Z"])
+
+
+def left(told: Asked, start: Place, nominal: Place) -> Callable[[World], None]:
+    """what was asked, beginning and nominal contact of the touch, mm → what the cycle leaves where it has met something."""
+    way = sum((told.end[n] - start[n]) ** 2 for n in start) ** 0.5
+    normal = {n: (start[n] - told.end[n]) / way for n in start}
+
+    def does(world: World) -> None:
+        contact(world)
+        world.shared["Q164"] = sum((world.skip[n] - nominal[n]) * normal[n] for n in start)
+        world.position.update(start)
+
+    return does
+
+
+def doubts(base: World, before: Mapping[str, float], told: Asked, start: Place) -> Iterator[World]:
+    """machine after the cycle, Q115 … before it, what was asked, its beginning → machines on which it has done something else."""
+    stale = base.twin("stop", "cycle 444 has left Q115 Q116 Q117 as they were")
+    stale.shared.update(before)
+    yield stale
+    for out in (OUT, -OUT):
+        other = base.twin("stop", "cycle 444 speaks of another contact than its axes")
+        other.shared["Q164"] = float(other.shared["Q164"] or 0.0) + out
+        yield other
+    way = {n: told.end[n] - start[n] for n in start}
+    size = sum(w**2 for w in way.values()) ** 0.5
+    for name in start:
+        aside = {n: LAG * (float(n == name) - way[name] * way[n] / size**2) for n in start}
+        if sum(a**2 for a in aside.values()) ** 0.5 > 1.5 * OUT:
+            astray = base.twin("stop", f"cycle 444 has ended beside the line of its touch in {name}")
+            astray.position.update({n: start[n] + a for n, a in aside.items()})
+            yield astray
