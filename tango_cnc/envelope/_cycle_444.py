@@ -21,24 +21,25 @@ CALL = re.compile(
     r"TCH PROBE 444 PROBING IN 3-D " + " ".join(rf"{name}=\+(Q\d+)" for name in PARAMETERS) + r' QS400="0" Q309=\+0',
 )
 CONTACT = {"X": "Q115", "Y": "Q116", "Z": "Q117"}
-OTHER_TABLES = (("F", 1.05, 0.0), ("DIST", 1.0, 1.0), ("DIST", 1.0, -1.0), ("SET_UP", 0.0, 0.5))
 SYSTEM = {("52", "1"): "R", ("55", "2"): "F", ("56", "1"): "DIST", ("56", "2"): "SET_UP"}  # NR and IDX
 
 
 def table(plan: Plan) -> dict[str, float]:
     """plan of double touches → the probe table that it needs, R and SET_UP as they come, mm and mm/min."""
-    approach = plan.strategy.approach
-    retreat = approach.find.retreat if approach.find else approach.standoff
+    approach, retreat = plan.strategy.approach, _retreat(plan)
     return {"R": 2.75, "F": approach.feed, "DIST": retreat + approach.search, "SET_UP": 0.6 * retreat}
 
 
-def other_tables(plan: Plan, name: str) -> Iterator[float]:
+def other_tables(plan: Plan, name: str) -> tuple[float, ...]:
     """plan, column of the probe table → what it may say with which the program must not begin."""
+    known = table(plan)
+    others = {"F": (1.05 * known["F"],), "DIST": (known["DIST"] + 1, known["DIST"] - 1), "SET_UP": (_retreat(plan) + 0.5,)}
+    return others.get(name, ())
+
+
+def _retreat(plan: Plan) -> float:
     approach = plan.strategy.approach
-    most = approach.find.retreat if approach.find else approach.standoff
-    for column, factor, more in OTHER_TABLES:
-        if column == name:
-            yield factor * table(plan)[name] + more + (most if name == "SET_UP" else 0.0)
+    return approach.find.retreat if approach.find else approach.standoff
 
 
 def in_its_frame(world: World, name: str) -> float:

@@ -9,58 +9,37 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import pairwise
 from typing import Any
 
 from ..records import InputError, Plan
 from . import _cycle_444 as cycle_444
 from ._expressions import Value
 from ._klartext import Texts, labels, spelt, whole
+from ._klartext_blocks import (
+    ANGLE,
+    ASSIGN,
+    BACK,
+    BEGIN,
+    CALL,
+    COMPARES,
+    CYCLES,
+    END,
+    FOLLOWS,
+    HEAD,
+    JUMP,
+    MARK,
+    PRINT,
+    PROBE,
+    PROBE_TABLE,
+    READ,
+    TEXT,
+    TURN,
+)
 from ._reading import stated_words
 from ._rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
 from ._walk import OFF_FACET, PROTECTED
 from ._worlds import World, beside_the_line
 
-SIGNED = r"[+-]\d+\.\d+"
-BACK = re.compile(rf"L X({SIGNED}) Y({SIGNED}) Z({SIGNED}) R0 F(\d+\.?\d*) M91")
-TURN = re.compile(rf"L ([ABC])({SIGNED}) R0 FMAX M91")
-ANGLE = re.compile(rf"CYCL DEF 13\.1 ANGLE({SIGNED})")
-READ = re.compile(r"FN 18: SYSREAD (Q\d+) = ID(240|270) NR1 IDX([1-9])")
-PROBE_TABLE = re.compile(r"FN 18: SYSREAD (Q\d+) = ID350 NR(\d+) IDX(\d)")
-ASSIGN = re.compile(r"(Q\d+) = ([^\"|]+)")
-TEXT = re.compile(r"(QS\d) = (.+)")
-JUMP = re.compile(r"FN (9|10|11|12): IF ([+-](?:Q\d+|\d+\.?\d*)) (EQU|NE|GT|LT) ([+-](?:Q\d+|\d+\.?\d*)) GOTO LBL (\d+)")
-COMPARES = {"9": ("EQU", "EQ"), "10": ("NE", "NE"), "11": ("GT", "GT"), "12": ("LT", "LT")}
-CALL = re.compile(r"CALL LBL (\d+)")
-PRINT = re.compile(r"FN 16: F-PRINT (\S+) / (\S+)")
-PROBE = (
-    re.compile(r"TCH PROBE 4\.0 MEASURING IN 3-D"),
-    re.compile(r"TCH PROBE 4\.1 Q(\d+)"),
-    re.compile(r"TCH PROBE 4\.2 IX\+(Q\d+) IY\+(Q\d+) IZ\+(Q\d+)"),
-    re.compile(r"TCH PROBE 4\.3 DIST\+(Q\d+) F(\d+\.?\d*) MB\+(\d+\.?\d*) REFERENCE SYSTEM: 1"),
-)
-MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
-BEGIN, END = re.compile(r"BEGIN PGM (\S+) MM"), "END PGM {} MM"
-HEAD = (  # nothing is shifted, mirrored, turned or scaled, and the spindle stands
-    *(
-        "CYCL DEF 7.1 X+0.0",
-        "CYCL DEF 7.2 Y+0.0",
-        "CYCL DEF 7.3 Z+0.0",
-        "CYCL DEF 8.1",
-        "CYCL DEF 10.1 ROT+0",
-        "CYCL DEF 11.1 SCL 1",
-    ),
-    *("M137", "M5"),
-)
-CYCLES = (
-    *("CYCL DEF 7.0 DATUM SHIFT", "CYCL DEF 8.0 MIRROR IMAGE", "CYCL DEF 10.0 ROTATION", "CYCL DEF 11.0 SCALING"),
-    "CYCL DEF 13.0 ORIENTATION",
-)
-FOLLOWS = {  # a block of a cycle belongs to the one before it, and is another one's alone
-    **{later: before for before, later in pairwise(["CYCL DEF 7.0 DATUM SHIFT", *HEAD[:3]])},
-    **dict(zip(HEAD[3:6], CYCLES[1:4], strict=True)),
-    **{"CYCL DEF 13.1": CYCLES[4], "M19": "CYCL DEF 13.1"},
-}
 SURE = (
     "G21 G40 G49 G80 G90 G94 M5"  # MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
 )
