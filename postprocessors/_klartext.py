@@ -52,11 +52,11 @@ def guarded(job: Job) -> Iterator[str]:
     yield "LBL 0"
 
 
-def measuring(job: Job, label: int = MEASURING, then: Iterable[str] = ()) -> Iterator[str]:
+def measuring(job: Job, label: int = MEASURING, then: Iterable[str] = (), last: Iterable[str] = ()) -> Iterator[str]:
     """Probes from Q24 Q25 Q26 to Q21 Q22 Q23; puts the flag into Q46, the contact into Q41 Q42 Q43, rotary axes into Q51 and on.
 
     `label` FINDING is the first move of a double touch: only its feed and the numbers of the places that it jumps to differ.
-    `then`: what is done besides where there was contact.
+    `then`: what is done besides where there was contact; `last`: in any case.
     """
     yield f"LBL {label} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
     yield from way()
@@ -64,9 +64,25 @@ def measuring(job: Job, label: int = MEASURING, then: Iterable[str] = ()) -> Ite
     yield "FN 20: WAIT FOR SYNC"
     yield from turned(job)
     yield f"{FLAG} = 0"
-    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL {10 * label + 1}"
+    missed, early, done = (10 * label + i for i in (1, 2, 3))
+    yield f"FN 12: IF +{NONE} LT -0.5 GOTO LBL {missed}"
     yield from then
-    yield from judged(job, label, _at_its_end(job, label))
+    yield from on_its_line(job, FOUND, ELSEWHERE)
+    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL {missed}"
+    yield f"{FLAG} = 1"
+    yield f"FN 11: IF +Q35 GT +{early_distance(job.plan):.4f} GOTO LBL {early}"
+    yield f"{FLAG} = 2"
+    yield f"LBL {early}"
+    yield f"{MISSES} = 0"
+    yield f"FN 9: IF +0 EQU +0 GOTO LBL {done}"
+    yield f"LBL {missed}"
+    yield f"{MISSES} = {MISSES} + 1"
+    for name in "XYZ":
+        yield f"{FOUND[name]} = {TARGET[name]}"
+    yield f"FN 11: IF +{MISSES} GT +{job.options['misses'] - 0.5:.1f} GOTO LBL {DEAD}"
+    yield f"LBL {done}"
+    yield from last
+    yield "LBL 0"
 
 
 def way() -> Iterator[str]:
@@ -82,45 +98,14 @@ def turned(job: Job) -> Iterator[str]:
         yield reading(job, parameter, name)
 
 
-def on_its_line(job: Job, place: Mapping[str, str], label: int) -> Iterator[str]:
+def on_its_line(job: Job, place: Mapping[str, str], label: int, aside: float = ASIDE) -> Iterator[str]:
     """{X Y Z: parameter} of a place → Q35 its distance from Q24 Q25 Q26, Q36 that along the way; jumps if beside it."""
     went = {name: f"( {place[name]} - {START[name]} )" for name in "XYZ"}
     yield f"Q35 = SQRT ( {' + '.join(f'{w} ^ 2' for w in went.values())} )"
     yield f"Q36 = ( {' + '.join(f'{w} * {NOW[name]}' for name, w in went.items())} ) / {WAY}"
     yield f"FN 11: IF +Q35 GT +{search_distance(job.plan) + ASIDE:.4f} GOTO LBL {label}"
     yield "Q37 = ABS ( Q35 ^ 2 - Q36 ^ 2 )"
-    yield f"FN 11: IF +Q37 GT +{ASIDE**2:.4f} GOTO LBL {label}"
-
-
-def judged(job: Job, label: int, asked: Iterable[str], counts: bool = True) -> Iterator[str]:
-    """Flag 1, 2 or 0 for the contact in Q41 Q42 Q43, and the end of the label.
-
-    `asked`: what else the contact has to stand; `counts` False: where nothing was met, another label has counted it.
-    """
-    missed, early, done = (10 * label + i for i in (1, 2, 3))
-    yield from on_its_line(job, FOUND, ELSEWHERE)
-    yield from asked
-    yield f"{FLAG} = 1"
-    yield f"FN 11: IF +Q35 GT +{early_distance(job.plan):.4f} GOTO LBL {early}"
-    yield f"{FLAG} = 2"
-    yield f"LBL {early}"
-    if counts:
-        yield f"{MISSES} = 0"
-    yield f"FN 9: IF +0 EQU +0 GOTO LBL {done}"
-    yield f"LBL {missed}"
-    if counts:
-        yield f"{MISSES} = {MISSES} + 1"
-    for name in "XYZ":
-        yield f"{FOUND[name]} = {TARGET[name]}"
-    if counts:
-        yield f"FN 11: IF +{MISSES} GT +{job.options['misses'] - 0.5:.1f} GOTO LBL {DEAD}"
-    yield f"LBL {done}"
-    yield "LBL 0"
-
-
-def _at_its_end(job: Job, label: int) -> Iterator[str]:
-    """A contact where the move would have ended is none, whatever the control says."""
-    yield f"FN 11: IF +Q36 GT +{search_distance(job.plan) - job.options['tolerance']:.4f} GOTO LBL {10 * label + 1}"
+    yield f"FN 11: IF +Q37 GT +{aside**2:.4f} GOTO LBL {label}"
 
 
 def _tch_probe(feed: str, back_by: str) -> Iterator[str]:

@@ -52,6 +52,7 @@ OPTIONS = (
         verified=True,
         choices=(4, 444),
     ),
+    cycle_444.LENGTH_ENDS,
     Option("mask", "TNC:\\TANGO.A", "mask file of FN 16 on the control; docs/dialects.md has its three lines"),
     Option("output", "TNC:\\TANGO.TXT", "file for the records, on the control's disk"),
     Option("axis_numbers", {}, "number of each axis in FN 18 and IDX, e.g. {X: 1, Y: 2, Z: 3, B: 5, C: 6}; empty: A B C are 4 5 6"),
@@ -180,7 +181,7 @@ def end(job: Job) -> Iterator[str]:
     yield from guarded(job)
     stops = STOPS
     if job.options["cycle"] == 444:
-        yield from measuring(cycle_444.counting(finding(job)), FINDING, cycle_444.frame())
+        yield from measuring(cycle_444.counting(finding(job)), FINDING, cycle_444.frame(), cycle_444.seen())
         yield from cycle_444.measuring(_from_near(job))
         stops = STOPS | cycle_444.stops(_from_near(job))
     else:

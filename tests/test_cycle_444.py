@@ -29,7 +29,7 @@ from tango_cnc.plan import plan
 from tango_cnc.records import Cell, Find, InputError, Plan, World
 
 GOLDEN = Path(__file__).parent / "golden"
-FIND = Find(feed=800.0, retreat=6.0)  # of touches with standoff 10, search 5, feed 180
+FIND = Find(feed=800.0, retreat=8.5)  # of touches with standoff 10, search 5, feed 180
 CYCLE = {"cycle": 444}
 MASK = ("TNC:\\TANGO.A", *mask())
 LINE = "RESULT IS NOT IN MACHINE COORDINATES"
@@ -110,21 +110,24 @@ def test_options_that_do_not_fit_are_refused(made: Plan, options: dict[str, Any]
     [
         ({}, {}),
         ({"decimals": 3}, {"tool_lengths": {1: 5.0}, "g54": {}}),
-        ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 5, "C": 6}}, {"probe_table": {"R": 1.0, "SET_UP": 6.0}}),
+        ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 5, "C": 6}}, {"probe_table": {"R": 2.9}}),
+        ({"length_ends": "centre"}, {"length_ends": "centre"}),
         ({}, {"calibration": {"X": 0.04, "Y": -0.1, "Z": 0.2}}),
         ({}, {"mirrored": ("X", "Z"), "scale": 1.5}),
     ],
 )
 def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, Any], profile: dict[str, Any]) -> None:
-    """Frame, tool length, set-up clearance and calibration change nothing."""
+    """Frame, tool length, where that ends, the radius as calibrated and what else calibration knows change nothing."""
     ran = run(program_of(made, **options), made, **profile)
     assert ran.alarm is None and not ran.stops, ran.why
     assert_as_planned(ran.records(made), made, "heidenhain", CYCLE | options)
 
 
-def test_the_cycle_goes_nowhere_by_itself_before_it_probes(made: Plan) -> None:
+@pytest.mark.parametrize("ends", ["pole", "centre"])
+def test_the_cycle_goes_nowhere_by_itself_before_it_probes(made: Plan, ends: str) -> None:
     """What it does besides probing and coming back are ways of nothing."""
-    places = [(e, d["position"]) for e, d in run(program_of(made), made).events if e in ("rapid", "feed", "skip", "contact")]
+    ran = run(program_of(made, length_ends=ends), made, length_ends=ends)
+    places = [(e, d["position"]) for e, d in ran.events if e in ("rapid", "feed", "skip", "contact")]
     for (_, before), (event, after) in pairwise(places):
         if event == "rapid":
             assert max(abs(after[name] - before[name]) for name in "XYZ") < 1e-3
@@ -152,14 +155,26 @@ def test_a_facet_that_is_not_found_is_a_miss_without_a_second_touch(made: Plan) 
     assert len(measuring) == 5
 
 
-def test_a_contact_before_the_search_zone_is_early(made: Plan) -> None:
-    far = plan(twice(read_cell(GOLDEN / "cell"), Find(800.0, 8.0)))
-    ran = run(program_of(far), far, World(facets={"4": 7.0}), probe_table={"DIST": 13.0})
-    assert ran.flags(far) == [1, 1, 1, 1, 1, 2]
+@pytest.mark.parametrize("program", ["pole", "centre"])
+@pytest.mark.parametrize("facets", [{}, {"1": 4.9, "top": 4.9}, {"1": -4.9, "top": -4.9}])
+def test_a_ball_one_radius_from_where_it_should_be_stops_without_meeting_anything(
+    made: Plan, program: str, facets: dict[str, float]
+) -> None:
+    """The cycle goes by itself to where it takes the ball to be: up, down, or beside the line of the first touch, in rapid."""
+    other = {"pole": "centre", "centre": "pole"}[program]
+    ran = run(program_of(made, length_ends=program), made, World(facets=facets), length_ends=other)
+    assert ran.flags(made) == []
+    assert ran.stops == ["CYCLE 444 HAS LEFT THE LINE OF ITS TOUCH"]
+
+
+def test_a_contact_before_the_search_zone_is_early_without_a_second_touch(made: Plan) -> None:
+    ran = run(program_of(made), made, World(facets={"3": 7.0}))
+    assert ran.flags(made) == [1, 1, 1, 1, 2, 1]
+    assert sum(str(data["text"]).startswith("TCH PROBE 444") for event, data in ran.events if event == "block") == 5
 
 
 def test_what_comes_nearer_than_the_second_touch_begins_stops_with_a_text(made: Plan) -> None:
-    ran = run(program_of(made), made, World(facets={"4": 7.0}))
+    ran = run(program_of(made), made, World(facets={"4": 9.0}))
     assert ran.flags(made) == [1] * 5
     assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
 
@@ -172,16 +187,16 @@ def test_a_probe_that_never_answers_ends_it_at_the_third_touch(made: Plan) -> No
     assert ran.stops == ["NO CONTACT. IS THE PROBE ALIVE"]
 
 
-@pytest.mark.parametrize("table", [{"F": 200.0}, {"DIST": 12.0}, {"DIST": 10.0}, {"SET_UP": 6.5}, {"R": 0.0}])
+@pytest.mark.parametrize("table", [{"F": 200.0}, {"DIST": 14.0}, {"DIST": 13.0}, {"SET_UP": 9.0}, {"SET_UP": 2.0}, {"R": 6.0}])
 def test_a_probe_table_that_says_something_else_stops_it_before_anything_moves(made: Plan, table: dict[str, float]) -> None:
     ran = run(program_of(made), made, probe_table=table)
-    assert ran.stops == ["PROBE TABLE NEEDS F 180 DIST 11 SET UP TO 6"]
+    assert ran.stops == ["PROBE TABLE NEEDS F 180 DIST 13.5 SET UP 8.5 BALL RADIUS 3"]
     assert not ran.moves and not ran.out
 
 
-@pytest.mark.parametrize("which", ["first", "none"])
-def test_results_that_are_not_of_the_cycle_are_noticed_at_the_first_touch(made: Plan, which: str) -> None:
-    ran = run(program_of(made), made, q115=which)
+@pytest.mark.parametrize("which", ["first", "locked", "corrected"])
+def test_results_that_are_not_the_places_of_its_axes_are_noticed_at_the_first_touch(made: Plan, which: str) -> None:
+    ran = run(program_of(made), made, q115=which, calibration={"X": 0.04, "Y": -0.12, "Z": 0.15})
     assert (ran.flags(made), ran.stops) == ([], [LINE])
 
 
@@ -192,7 +207,7 @@ def test_a_cycle_that_speaks_of_another_contact_than_its_axes_is_noticed(made: P
 
 def test_a_probe_that_dies_between_the_two_touches_is_an_error_of_the_control(made: Plan) -> None:
     """And nothing of it is on record."""
-    text = changed(bare("heidenhain", made, **CYCLE), "    Q320=+Q75", "    Q320=+60")
+    text = changed(bare("heidenhain", made, **CYCLE), "    Q320=+0", "    Q320=+60")
     ran = run(renumbered(text), made)
     assert "TOUCH POINT INACCESSIBLE" in ran.why
     assert ran.flags(made) == []
@@ -211,7 +226,11 @@ def test_a_probe_that_stays_deflected_stops_it(made: Plan, how: dict[str, Any]) 
         ('QS400="0"', 'QS400="0.1-0.1"', "TOLERANCE BAND NOT SIMULATED"),
         ("    Q260=+Q63 ;CLEARANCE HEIGHT ~\n", "", "NC BLOCK FAULTY"),
         ("Q309=+0 ;ERROR REACTION", "Q309=+0 ;ERROR REACTION ~", "BLOCK NUMBER FAULTY"),
-        ("Q115 = 99999\n", "CYCL DEF 8.0 MIRROR IMAGE\nCYCL DEF 8.1 Y\n", "CYCLE NOT ALLOWED WITH MIRROR IMAGE OR SCALING"),
+        (
+            "TCH PROBE 444",
+            "CYCL DEF 8.0 MIRROR IMAGE\nCYCL DEF 8.1 Y\nTCH PROBE 444",
+            "CYCLE NOT ALLOWED WITH MIRROR IMAGE OR SCALING",
+        ),
     ],
 )
 def test_what_the_control_does_not_take(made: Plan, old: str, new: str, text: str) -> None:
@@ -229,25 +248,33 @@ def test_what_the_post_writes_passes(made: Plan) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("    Q320=+Q75", "    Q320=+Q74", "cycle 444 goes somewhere by itself"),
+        ("    Q320=+0", "    Q320=+Q74", "TCH PROBE"),
         ("    Q260=+Q63", "    Q260=+Q69", "cycle 444 goes somewhere by itself"),
         ("    Q263=+Q67", "    Q263=+Q61", "cycle 444 goes somewhere by itself"),
         ("    Q581=+Q64", "    Q581=+Q65", "cycle 444 goes somewhere by itself|the normal"),
         ("Q64 = ( 0 - Q31 ) / Q34", "Q64 = ( 0 - Q31 )", "the normal of cycle 444"),
         ("Q61 = ID270", "Q61 = ID240", "cycle 444 goes somewhere by itself"),
         ('    QS400="0"', '    QS400="0.1"', "TCH PROBE"),
-        ("Q115 = 99999\nQ116 = 99999\nQ117 = 99999\n", "", "has left Q115 Q116 Q117 as they were, nobody would know"),
+        ("Q115 = 99999\n", "", "stops the program though"),
+        ("Q115 = 99999\nQ116", "Q115 = 20000\nQ116", "stops the program though"),
         ("Q71 = Q41 - Q115\n", "", "Q71 is read before|X .*; the machine was at"),
         ("Q42 = Q116 + Q72", "Q42 = Q116 + Q71", "stops the program though|the machine was at"),
-        ("+ Q164 )", ")", "another contact"),
-        ("FN 12: IF +Q46 LT +0.5 GOTO LBL 51\n", "", "left out where nothing"),
-        ("FN 12: IF +Q46 LT +0.5 GOTO LBL 51", "FN 12: IF +Q46 LT -0.5 GOTO LBL 51", "left out where nothing"),
+        ("+ Q164 )", ")", "has left Q164|another contact"),
+        ("FN 10: IF +Q46 NE +1 GOTO LBL 51\n", "", "left out where nothing"),
+        ("FN 10: IF +Q46 NE +1 GOTO LBL 51", "FN 12: IF +Q46 LT +1 GOTO LBL 51", "left out where nothing"),
         ("CALL LBL 5\n", "CALL LBL 2\n", "a call of label 2"),
-        ("Q35 = ABS ( Q35 - 180.0000 )\n", "", "F of the probe table|stops the program though"),
-        ("Q35 = ABS ( Q35 - 11.0000 )", "Q35 = ABS ( Q35 - 12.0000 )", "stops the program though"),
-        ("FN 12: IF +Q75 LT +0 GOTO LBL 95\n", "", "SET_UP of the probe table"),
-        ("Q75 = ID350 NR56 IDX2", "Q75 = ID350 NR57 IDX2", "one of the numbers that are known"),
-        ("GOTO LBL 97\nQ35", "GOTO LBL 95\nQ35", ""),
+        ("Q164 = 99999\n", "", "nobody would know"),
+        ("FN 18: SYSREAD Q74 = ID350 NR55 IDX2\n", "", "Q74 is read before|nothing has looked at F"),
+        ("Q35 = ABS ( Q74 - 13.5000 )", "Q35 = ABS ( Q74 - 13.0000 )", "stops the program though"),
+        ("Q35 = ABS ( Q74 - 8.5000 )", "Q35 = 0", "SET_UP of the probe table"),
+        ("Q35 = ABS ( Q74 - 180.0000 )\nFN 11: IF +Q35 GT +0.0010 GOTO LBL 95\n", "", "F of the probe table"),
+        ("Q74 = ID350 NR56 IDX2", "Q74 = ID350 NR57 IDX2", "one of the numbers that are known"),
+        ("\nLBL 42\n", "\nLBL 42\nQ74 = 9\n", "Q74 is the radius of the ball"),
+        ("\nLBL 42\n", "\nLBL 42\nQ71 = Q71 + 5\n", "the machine was at|stops the program though"),
+        ("\nLBL 51\n", "\nLBL 51\nQ47 = 0\n", "the program goes on after 3 touches in a row"),
+        ("Q47 = Q47 + 1\n", "Q47 = Q47 + 0.5\n", "the program goes on after 3 touches in a row"),
+        ("MB+15.0000", "MB+500.0000", "found MB 500 behind a move of 15 mm"),
+        ("GT +0.0100 GOTO LBL 93", "GT +1.0000 GOTO LBL 93", "cycle 444 has corrected its contact"),
     ],
 )
 def test_what_is_dangerous_is_named(made: Plan, old: str, new: str, words: str) -> None:

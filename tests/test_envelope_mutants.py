@@ -54,7 +54,7 @@ class Case:
 
 # The relatives of Fanuc write its text; what the driver of grbl does is decided by the plan, not by the text.
 CASES = [Case(name) for name in names() if name in SPOKEN and name not in MACRO_B[1:]] + [Case("fanuc", (("macros", "called"),))]
-CASES += [Case("heidenhain", (("cycle", 444),), Find(feed=800.0, retreat=6.0))]
+CASES += [Case("heidenhain", (("cycle", 444),), Find(feed=800.0, retreat=8.5))]
 
 
 @cache

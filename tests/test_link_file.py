@@ -125,7 +125,7 @@ def test_a_whole_run_of_a_control_that_writes_a_file(tmp_path, share, post, lang
     """The program is carried to the control and started there while `tango run` waits for what it writes."""
     folder = tmp_path / "cell"
     write_example(folder, "hu40t")
-    find = ", find: {feed: 800, retreat: 6}" if "444" in post else ""
+    find = ", find: {feed: 800, retreat: 8.5}" if "444" in post else ""
     (folder / "strategy.yaml").write_text(STRATEGY.replace("feed: 180}", f"feed: 180{find}}}"))
     cell = (folder / "tango.yaml").read_text()
     (folder / "tango.yaml").write_text(cell.replace("post: fanuc", f"post: {post}"))

@@ -24,7 +24,7 @@ BACK = 1000.0  # mm/min
 Placed = Callable[[Mapping[str, float]], dict[str, float]]
 NO_BAND = ("", " ", "0")
 SYSTEM = {(52, 1): "R", (55, 2): "F", (56, 1): "DIST", (56, 2): "SET_UP"}  # NR and IDX of ID350
-TABLE = {"R": 3.0, "F": 180.0, "DIST": 11.0, "SET_UP": 2.0}  # of the probe in the spindle: mm, mm/min, mm, mm
+TABLE = {"R": 3.0, "F": 180.0, "DIST": 13.5, "SET_UP": 8.5}  # of the probe in the spindle: mm, mm/min, mm, mm
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,13 @@ def asked(block: str, values: Mapping[int, float]) -> Asked:
 
 
 def contact(told: Asked, table: Mapping[str, float], motion: Motion, axes: Iterable[str], placed: Placed) -> dict[str, float]:
-    """what is asked, probe table, axes that move, {X Y Z: mm} of the program → of the machine; → where the probe was met, mm deg.
+    """what is asked, probe table, axes that move, {X Y Z: mm} of the ball in the program → of the machine; → contact, mm deg.
 
-    The way there and back is watched. Raises Alarm when nothing is met, MotionStop as any motion.
+    The pole of the ball goes over the clearance height. The way there and back is watched. Raises Alarm when nothing is met,
+    MotionStop as any motion.
     """
     away = table["R"] + table["SET_UP"] + told.clearance
-    begin, height = placed(told.away(away)), placed({"Z": told.height})["Z"]
+    begin, height = placed(told.away(away)), placed({"Z": told.height + table["R"]})["Z"]
     if shown(motion, "Z")["Z"] < height:
         motion.rapid({"Z": height})
     motion.rapid({name: begin[name] for name in "XY"})

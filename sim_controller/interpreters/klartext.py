@@ -62,7 +62,9 @@ class Profile:
     no_contact: Literal["silent", "error"] = "silent"  # TCH PROBE 4 that meets nothing
     probe_table: Mapping[str, float] = field(default_factory=dict)  # what differs from TABLE in the row of the probe
     calibration: Mapping[str, float] = field(default_factory=dict)  # {X Y Z: mm} from the spindle to the ball, for cycle 444
-    q115: Literal["every", "first", "none"] = "every"  # which touches leave their place in Q115 Q116 Q117; first: not cycle 444
+    length_ends: Literal["pole", "centre"] = "pole"  # where on the ball the tool length ends, and so what ID270 tells
+    # Which touches leave their place in Q115 Q116 Q117: every one; not cycle 444; that one as calibrated; none, and no program can.
+    q115: Literal["every", "first", "corrected", "locked"] = "every"
 
     def __post_init__(self) -> None:
         if unknown := sorted(set(self.probe_table) - set(cycle_444.TABLE)):
@@ -139,7 +141,8 @@ class Control:
 
     def _statement(self, block: str, raw: str) -> None:
         if match := re.fullmatch(r"Q(\d+) = (.+)", block):
-            self._values[int(match[1])] = formula(match[2], self._values)
+            if not (self._profile.q115 == "locked" and match[1] in ("115", "116", "117")):
+                self._values[int(match[1])] = formula(match[2], self._values)
         elif match := re.fullmatch(r"QS(\d+) = (.+)", block):
             self._texts[int(match[1])] = text_of(match[2], self._values, self._texts)
         elif match := re.fullmatch(r"FN 18: SYSREAD Q(\d+) = ID(\d+) NR(\d+) IDX(\d+)", block):
@@ -243,7 +246,7 @@ class Control:
         for i, name in enumerate("XYZ"):
             self._values[result + i] = place[name] - (0.0 if value["system"] else self._datum(name))
         self._values[result + 3] = 0.0
-        if self._profile.q115 != "none":
+        if self._profile.q115 != "locked":
             self._contact_at(place)
 
     def _cycle_444(self, block: str) -> None:
@@ -253,19 +256,23 @@ class Control:
             raise error("CYCLE NOT ALLOWED WITH MIRROR IMAGE OR SCALING", block)
         if self._motion.deflected:
             raise error("TOUCH PROBE IS DEFLECTED", block)
-        place = cycle_444.contact(asked, table, self._motion, self._profile.axes, self._placed)
-        zero = self._placed(dict.fromkeys("XYZ", 0.0))
+        place = cycle_444.contact(asked, table, self._motion, self._profile.axes, self._ball)
+        zero = self._ball(dict.fromkeys("XYZ", 0.0))
         ball = {name: place[name] - zero[name] + self._profile.calibration.get(name, 0.0) for name in "XYZ"}
         self._values |= cycle_444.results(asked, table["R"], ball)
         if self._profile.q115 == "every":
             self._contact_at(place)
+        elif self._profile.q115 == "corrected":
+            self._contact_at({name: place[name] + self._profile.calibration.get(name, 0.0) for name in "XYZ"})
 
     def _table(self) -> dict[str, float]:
         return {**cycle_444.TABLE, **self._profile.probe_table}
 
-    def _placed(self, place: Mapping[str, float]) -> dict[str, float]:
-        """{axis: mm} of the program → of the machine."""
-        return {name: self._frame.place(name, value) + self._datum(name) for name, value in place.items()}
+    def _ball(self, place: Mapping[str, float]) -> dict[str, float]:
+        """{axis: mm} of the ball centre in the program → of the axes: the tool length may end one radius below it."""
+        up = self._table()["R"] if self._profile.length_ends == "pole" else 0.0
+        at = {name: self._frame.place(name, value) + self._datum(name) for name, value in place.items()}
+        return {name: value - (up if name == "Z" else 0.0) for name, value in at.items()}
 
     def _contact_at(self, place: Mapping[str, float]) -> None:
         """Q115 Q116 Q117: the axes at the contact from the datum, without radius and length of the stylus."""

@@ -1,8 +1,9 @@
 """Cycle 444 of Klartext as the reader knows it: where it would go by itself, what it leaves behind, and what may be wrong of that.
 
-Facts, as far as they are known: it goes by way of the clearance height to ball radius, SET_UP and Q320 before its point along the
-normal, probes from there over DIST, and comes back; Q115 Q116 Q117 are the contact from the datum without length and calibration,
-Q164 is how far it lies out along the normal; radius, feed, DIST and SET_UP stand in the probe table, FN 18 ID350.
+Facts, as far as they are known: it goes by way of the clearance height of the ball's pole to ball radius, SET_UP and Q320 before
+its point along the normal, probes from there over DIST, and comes back; Q115 Q116 Q117 are the contact from the datum without
+length and calibration, Q164 is how far it lies out along the normal; radius, feed, DIST and SET_UP stand in the probe table, FN 18
+ID350.
 """
 
 from __future__ import annotations
@@ -14,27 +15,33 @@ from dataclasses import dataclass
 from ..records import InputError, Plan
 from ._worlds import LAG, Place, World
 
-LENGTH = 87.0  # mm of the tool that the control knows of
+FRAME = {"X": 3.25, "Y": -4.5, "Z": 87.0}  # mm between the frame of ID270 and that of Q115, which knows no tool length
+MARKED = 10_000.0  # mm: no contact is so far
+CORRECTED = 0.4  # mm beside the line of a touch: a calibration
 OUT = 1.0  # mm: a contact that far from what its axes say is another one
-PARAMETERS = ("Q263", "Q264", "Q294", "Q581", "Q582", "Q583", "Q320", "Q260")
+PARAMETERS = ("Q263", "Q264", "Q294", "Q581", "Q582", "Q583")
 CALL = re.compile(
-    r"TCH PROBE 444 PROBING IN 3-D " + " ".join(rf"{name}=\+(Q\d+)" for name in PARAMETERS) + r' QS400="0" Q309=\+0',
+    "TCH PROBE 444 PROBING IN 3-D "
+    + " ".join(rf"{name}=\+(Q\d+)" for name in PARAMETERS)
+    + r' Q320=\+0 Q260=\+(Q\d+) QS400="0" Q309=\+0'
 )
 CONTACT = {"X": "Q115", "Y": "Q116", "Z": "Q117"}
+DEVIATION = "Q164"
+WRONG = {"F": (0.05, 0.0), "DIST": (0.0, 0.5), "SET_UP": (0.0, 0.5), "R": (0.0, 0.5)}  # of a column: so much is too much
 SYSTEM = {("52", "1"): "R", ("55", "2"): "F", ("56", "1"): "DIST", ("56", "2"): "SET_UP"}  # NR and IDX
 
 
 def table(plan: Plan) -> dict[str, float]:
-    """plan of double touches → the probe table that it needs, R and SET_UP as they come, mm and mm/min."""
+    """plan of double touches → the probe table that it needs, mm and mm/min."""
     approach, retreat = plan.strategy.approach, _retreat(plan)
-    return {"R": 2.75, "F": approach.feed, "DIST": retreat + approach.search, "SET_UP": 0.6 * retreat}
+    radius = plan.machine.probe.tip_radius
+    return {"R": radius, "F": approach.feed, "DIST": retreat + approach.search, "SET_UP": retreat}
 
 
 def other_tables(plan: Plan, name: str) -> tuple[float, ...]:
     """plan, column of the probe table → what it may say with which the program must not begin."""
-    known = table(plan)
-    others = {"F": (1.05 * known["F"],), "DIST": (known["DIST"] + 1, known["DIST"] - 1), "SET_UP": (_retreat(plan) + 0.5,)}
-    return others.get(name, ())
+    right, (factor, more) = table(plan)[name], WRONG[name]
+    return (right * (1 + factor) + more, right * (1 - factor) - more)
 
 
 def _retreat(plan: Plan) -> float:
@@ -43,21 +50,21 @@ def _retreat(plan: Plan) -> float:
 
 
 def in_its_frame(world: World, name: str) -> float:
-    """world, axis letter → where the ball is in the frame of the program, mm (FN 18 ID270)."""
-    return world.position[name] - world.offset.get(name, 0.0) - (LENGTH if name == "Z" else 0.0)
+    """world, axis letter → where the tool length ends, in the frame of the program, mm (FN 18 ID270)."""
+    return world.position[name] - world.offset.get(name, 0.0) - FRAME.get(name, 0.0)
 
 
 def contact(world: World) -> None:
-    """Q115 Q116 Q117 after a contact, and what they were then."""
+    """Q115 Q116 Q117 after a contact."""
     for name, parameter in CONTACT.items():
-        world.shared[parameter] = world.shared[f"{parameter} then"] = world.skip[name] - world.offset[name]
+        world.shared[parameter] = world.skip[name] - world.offset[name]
 
 
-def unmarked(world: World) -> dict[str, float]:
-    """world before the cycle → Q115 Q116 Q117. Raises InputError when they still hold the contact of the first touch."""
-    now = {parameter: float(world.shared.get(parameter) or 0.0) for parameter in CONTACT.values()}
-    if all(world.shared.get(f"{parameter} then") == value for parameter, value in now.items()):
-        raise InputError("if cycle 444 has left Q115 Q116 Q117 as they were, nobody would know")
+def marked(world: World) -> dict[str, float]:
+    """world before the cycle → Q115 Q116 Q117 Q164. Raises InputError when one of them could be taken for a result of the cycle."""
+    now = {parameter: float(world.shared.get(parameter) or 0.0) for parameter in (*CONTACT.values(), DEVIATION)}
+    if any(abs(value) < MARKED for value in now.values()):
+        raise InputError("if cycle 444 has left Q115 Q116 Q117 Q164 as they were, nobody would know")
     return now
 
 
@@ -70,17 +77,20 @@ class Asked:
     height: float
 
 
-def asked(match: re.Match[str], value: Callable[[str], float], known: Mapping[str, float], base: World) -> Asked:
-    """call, its parameters' values, probe table, machine → where the cycle goes. Raises InputError for a normal that is none."""
-    x, y, z, *normal, clearance, height = (value(text) for text in match.groups())
+def asked(match: re.Match[str], value: Callable[[str], float], known: Mapping[str, float], base: World, pole: bool) -> Asked:
+    """call, its parameters' values, probe table, machine, whether the tool length ends at the pole of the ball → where it goes.
+
+    Raises InputError for a normal that is none.
+    """
+    x, y, z, *normal, height = (value(text) for text in match.groups())
     if abs(sum(n**2 for n in normal) - 1) > 1e-6:
         raise InputError("the normal of cycle 444 has not the length 1")
-    away = known["R"] + known["SET_UP"] + clearance
-    off = {name: base.position[name] - in_its_frame(base, name) for name in "XYZ"}
+    away, up = known["R"] + known["SET_UP"], {"Z": known["R"] if pole else 0.0}
+    off = {name: base.position[name] - in_its_frame(base, name) - up.get(name, 0.0) for name in "XYZ"}
     point = {name: p + off[name] for name, p in zip("XYZ", (x, y, z), strict=True)}
     along = dict(zip("XYZ", normal, strict=True))
     begin, end = ({name: point[name] + way * along[name] for name in "XYZ"} for way in (away, away - known["DIST"]))
-    return Asked(begin, end, height + off["Z"])
+    return Asked(begin, end, height + off["Z"] + known["R"])
 
 
 def left(told: Asked, start: Place, nominal: Place) -> Callable[[World], None]:
@@ -90,26 +100,31 @@ def left(told: Asked, start: Place, nominal: Place) -> Callable[[World], None]:
 
     def does(world: World) -> None:
         contact(world)
-        world.shared["Q164"] = sum((world.skip[n] - nominal[n]) * normal[n] for n in start)
+        world.shared[DEVIATION] = sum((world.skip[n] - nominal[n]) * normal[n] for n in start)
         world.position.update(start)
 
     return does
 
 
 def doubts(base: World, before: Mapping[str, float], told: Asked, start: Place) -> Iterator[World]:
-    """machine after the cycle, Q115 … before it, what was asked, its beginning → machines on which it has done something else."""
-    stale = base.twin("stop", "cycle 444 has left Q115 Q116 Q117 as they were")
-    stale.shared.update(before)
-    yield stale
+    """machine after the cycle, its results before it, what was asked, its beginning → machines on which it does something else."""
+    for kept in (tuple(CONTACT.values()), (DEVIATION,)):
+        stale = base.twin("stop", f"cycle 444 has left {' '.join(kept)} as they were")
+        stale.shared.update({parameter: before[parameter] for parameter in kept})
+        yield stale
     for out in (OUT, -OUT):
         other = base.twin("stop", "cycle 444 speaks of another contact than its axes")
-        other.shared["Q164"] = float(other.shared["Q164"] or 0.0) + out
+        other.shared[DEVIATION] = float(other.shared[DEVIATION] or 0.0) + out
         yield other
     way = {n: told.end[n] - start[n] for n in start}
     size = sum(w**2 for w in way.values()) ** 0.5
     for name in start:
-        aside = {n: LAG * (float(n == name) - way[name] * way[n] / size**2) for n in start}
-        if sum(a**2 for a in aside.values()) ** 0.5 > 1.5 * OUT:
+        aside = {n: float(n == name) - way[name] * way[n] / size**2 for n in start}
+        if sum(a**2 for a in aside.values()) ** 0.5 > 0.5:
             astray = base.twin("stop", f"cycle 444 has ended beside the line of its touch in {name}")
-            astray.position.update({n: start[n] + a for n, a in aside.items()})
+            astray.position.update({n: start[n] + LAG * a for n, a in aside.items()})
             yield astray
+            corrected = base.twin("stop", f"cycle 444 has corrected its contact in {name}")
+            for n, parameter in CONTACT.items():
+                corrected.shared[parameter] = float(corrected.shared[parameter] or 0.0) + CORRECTED * aside[n]
+            yield corrected

@@ -22,11 +22,11 @@ TOLERANCE = 0.02  # mm, where the profile has none
 AWAY = 0.05  # deg by which a rotary axis has not arrived
 OFFSET = {"X": 11.25, "Y": -7.5, "Z": 203.5, "A": 3.0, "B": -2.0, "C": 31.0}  # machine minus work coordinates
 SPOILT = 77777.0  # in variables whose values are of the touch before
-ROUNDS = 20  # touches in a row without contact after which every program must have stopped
+ROUNDS = 20  # touches in a row without contact after which a program must have stopped that counts none by its profile
 # mm, no compensation of radius and length, no cycle, absolute, mm/min, and a spindle that stands
 MODAL = {"G21", "G40", "G49", "G80", "G90", "G94", "M5"}
 RESETS = re.compile(r"M5|G(17|21|40|40\.1|49|50|50\.1|54|61|64|67|69|80|90|94|97|98|13\.1|15|25|160|234|254)")
-TOLD = 5  # worlds that reach a record: the expected contact, a miss, and three other contacts
+TOLD = 5  # worlds that reach a record: the expected contact, a miss, and three other contacts; one more where finding was early
 FARTHER = 0.3  # of the way from the nominal contact to the search end, where a touch that finds meets the facet
 PLACE = 2e-3  # mm or deg, of a recorded coordinate
 
@@ -58,6 +58,9 @@ class Rehearsal:
         self._silent: World | None = None  # where this touch and all after it miss
         self._statements: list[Statement] = []
         self._modal: set[str] = set()
+        self._dead: World | None = None  # the same from finding until the record, for a measuring move that is left out then
+        self._since: list[Statement] = []
+        self._once = False  # a touch that finds nothing is counted once: nothing is measured then
         self._late: World | None = None  # where only the second of two touches has met its facet; it may have stopped before
         self._owed = False  # a touch has been made that is not on record
         self.records = 0
@@ -87,6 +90,8 @@ class Rehearsal:
         """Carries a statement out in every world that goes on. Raises InputError when it stops the program for nothing."""
         if self._silent is not None:
             self._statements.append(statement)
+        if self._dead is not None:
+            self._since.append(statement)
         for world in self.worlds:
             statement(world)
         if self.base.stopped:
@@ -126,6 +131,8 @@ class Rehearsal:
         self._dies()
         for world in self.worlds:
             world.position.update(target)
+        if self._dead is not None:
+            self._since.append(_there(target))
 
     def guarded(self, target: Mapping[str, float], feed: float) -> None:
         """A move that stops at a contact and says nothing: whoever looks afterwards must find it stopped short."""
@@ -160,41 +167,56 @@ class Rehearsal:
         if found:
             self._left_out(target)
         else:
-            self._found_nothing(base)
+            self._found_otherwise(base, start, target)
         miss, *others = other_contacts(base, start, target, zone)
         if finds:
-            miss.fate, miss.what, others = "find", "finding has met nothing", []
-        self._owed = not finds
+            early = others[1]
+            early.fate, early.what, early.found = "find", "finding has met its facet early", {n: early.skip[n] for n in target}
+            miss.fate, miss.what, others = "find", "finding has met nothing", [early]
+        self._owed, self._once = not finds, found
         self.doubts([*others, *self._astray(base, start, target)])
         if not found:
             self.doubts([miss])
-            self._silent, self._statements = miss.twin("stop", "no touch finds anything any more"), []
+            dead = "stop", "no touch finds anything any more"
+            self._silent, self._statements = miss.twin(*dead), []
+        if finds:
+            self._dead, self._since = miss.twin(*dead), [_there(target)]
 
-    def _found_nothing(self, base: World) -> None:
-        """Where finding has met nothing, measuring may meet the facet all the same: then that is what the record has to say."""
+    def _found_otherwise(self, base: World, start: Mapping[str, float], target: Mapping[str, float]) -> None:
+        """Where finding has met nothing, measuring may meet the facet all the same: then that is what the record has to say.
+
+        Where it has met it early, measuring does so too.
+        """
         for world in self.worlds:
-            if world.fate == "find":
+            if world.fate == "find" and world.found is not None:
+                world.fate = "2"
+                world.met(world.found, start, target)
+            elif world.fate == "find":
                 world.fate, world.position, world.skip, world.hit = "1", dict(base.position), dict(base.skip), True
                 self._late = world
 
     def _left_out(self, target: Mapping[str, float]) -> None:
-        """Where finding has met nothing, nothing is measured: a miss, for which the end of the move stands."""
+        """What finding has not met, or early, is not measured: on record is what has been found, for a miss the end of the move."""
         for world in self.worlds:
             if world.fate == "find":
-                world.fate, world.skip, world.hit = "0", world.position | dict(target), False
+                world.fate, world.hit = ("0", False) if world.found is None else ("2", True)
+                world.skip = world.position | dict(target if world.found is None else world.found)
 
     def _dies(self) -> None:
-        """Repeats what the program did after the last measuring move, as if nothing were ever touched. InputError: never stops."""
+        """What the program did after the last measuring move stops it in the end, if nothing is ever touched."""
         silent, self._silent = self._silent, None
-        rounds = ROUNDS * (2 if self.plan.strategy.approach.find else 1)
-        for _ in range(rounds if silent else 0):
-            for statement in self._statements:
-                assert silent is not None
-                statement(silent)
-                if silent.stopped:
+        if silent is not None:
+            self._stops(silent, self._statements, 2 if self.plan.strategy.approach.find else 1)
+
+    def _stops(self, dead: World, statements: Iterable[Statement], each: int) -> None:
+        """Repeats statements where nothing is touched, `each` times a touch. Raises InputError when they stop nothing."""
+        rounds = each * int(self.options.get("misses", ROUNDS))
+        for _ in range(rounds):
+            for statement in statements:
+                statement(dead)
+                if dead.stopped:
                     return
-        if silent:
-            raise InputError(f"the program goes on after {rounds} touches in a row that found nothing")
+        raise InputError(f"the program goes on after {rounds} touches in a row that found nothing")
 
     def turns(self, name: str, value: float, asked: bool) -> None:
         """axis letter, deg, whether the program has to ask if it has arrived. Raises InputError when it is wrong."""
@@ -233,6 +255,8 @@ class Rehearsal:
         """expressions of touch number, flag and coordinates → the touch is on record. Raises InputError when it is another."""
         self.watched()
         self._dies()
+        if self._once and self._dead is not None:
+            self._stops(self._dead, self._since, 1)
         touch = self.plan.touches[self.records] if self.records < len(self.plan.touches) else None
         if not self._owed or touch is None:
             raise InputError("a record without a touch")
@@ -254,9 +278,10 @@ class Rehearsal:
             total = sum(self.value(world, places[name]) for name in names)
             if abs(self.value(world, places["K"]) - total) > PLACE:
                 raise InputError("the sum in the record is not that of its coordinates")
-        if sum(world is not self._late for world in self.worlds) != TOLD:
+        told = TOLD + (1 if self.plan.strategy.approach.find else 0)
+        if sum(world is not self._late for world in self.worlds) != told:
             raise InputError("the program stops at a miss or an early contact instead of recording it")
-        self.worlds, self._silent, self._late, self._owed = [self.base], None, None, False
+        self.worlds, self._silent, self._dead, self._late, self._owed = [self.base], None, None, None, False
         self._forget(flag, *places.values())
         self.records += 1
 
@@ -271,6 +296,12 @@ class Rehearsal:
     def _within(self, feed: float, wanted: float) -> None:
         if abs(feed - wanted) > 1e-6:
             raise InputError(f"the feed is {feed:g}; allowed: {wanted:g} mm/min")
+
+
+def _there(target: Mapping[str, float]) -> Statement:
+    """{axis: mm} → the statement of a move that has gone there."""
+    place = dict(target)
+    return lambda world: world.position.update(place)
 
 
 def numbered(lines: Iterable[str]) -> Iterator[tuple[int, str]]:

@@ -31,6 +31,7 @@ class World:
     local: list[dict[int | str, Value]] = field(default_factory=lambda: [{}])
     branch: bool = True  # whether statements are carried out, within IF … ENDIF
     stopped: bool = False
+    found: dict[str, float] | None = None  # where finding has met the facet, if that was early
 
     def met(self, place: Place, start: Place, target: Place) -> None:
         """{axis: mm}, beginning and end of a measuring move → the contact was there, and the axes have run on."""

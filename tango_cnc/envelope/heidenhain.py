@@ -100,6 +100,7 @@ class _Program:
         self._name, self._mark, self._before = "", "", ""
         self._probing: list[re.Match[str]] = []
         self._angle = 0.0
+        self._columns: dict[str, str] = {}  # of the probe table: parameter that it was read into
         self._ahead: list[str] = []  # what is left of the label that is carried out
         self._depth = 0
         self._moving, self._alone = True, False  # axes may move; only those of worlds that are not on their way to a label
@@ -132,6 +133,7 @@ class _Program:
         elif match := PROBE_TABLE.fullmatch(code):
             self._table(match[1], match[2], match[3])
         elif match := ASSIGN.fullmatch(code):
+            self._stays(match[1])
             self._texts.changed(match[1])
             self._machine.does(_unless_ahead(self._assignment(match[1], spelt(match[2]))))
         elif self._depth and (match := re.fullmatch(r"LBL ([1-9]\d*)", code)):
@@ -219,12 +221,18 @@ class _Program:
 
         self._machine.does(_unless_ahead(does))
 
+    def _stays(self, parameter: str) -> None:
+        """Raises InputError for a parameter that cycle 444 needs as it was when the program began."""
+        if self._machine.begun and parameter == self._columns.get("R"):
+            raise InputError(f"{parameter} is the radius of the ball from the probe table")
+
     def _system(self, parameter: str, group: str, number: str) -> None:
         name = self._axis.get(number, "")
         if name not in self._machine.base.position:
             raise InputError(f"found axis number {number}; allowed: {' '.join(sorted(self._axis))}")
         if self._moving and any(AHEAD not in world.shared for world in self._machine.worlds):
             raise InputError(f"{name} is read before anything has waited for the axes to stand (FN 20)")
+        self._stays(parameter)
         self._texts.changed(parameter)
 
         def does(world: World) -> None:
@@ -238,6 +246,7 @@ class _Program:
         if not column or self._depth or self._machine.begun:
             raise InputError("the probe table is read before the start mark, by one of the numbers that are known")
         said = cycle_444.table(self._plan)[column]
+        self._columns[column] = parameter
         self._machine.does(lambda world: world.shared.update({parameter: said}))
         for other in cycle_444.other_tables(self._plan, column):
             twin = self._machine.base.twin("stop", f"{column} of the probe table is {other:g}")
@@ -277,6 +286,8 @@ class _Program:
             raise InputError("found a probing direction of length 0")
         gone = machine.same(spelt(distance)) / size
         target = {name: start[name] + gone * a for name, a in along.items()}
+        if back > gone * size + PLACE:
+            raise InputError(f"found MB {back:g} behind a move of {gone * size:g} mm")
         for i in range(4):
             self._texts.changed(f"Q{result + i}")
         if machine.walk.measures:
@@ -304,10 +315,13 @@ class _Program:
         if not machine.walk.measures or going != [machine.base] or any(w.fate != "find" for w in machine.worlds[1:]):
             raise InputError("cycle 444 measures what has been found, and is left out where nothing has")
         base, start = machine.base, {name: machine.base.position[name] for name in "XYZ"}
-        asked = cycle_444.asked(match, lambda text: machine.value(base, spelt(text)), table, base)
+        if unseen := sorted(set(table) - set(self._columns)):
+            raise InputError(f"nothing has looked at {' '.join(unseen)} of the probe table, by which cycle 444 moves")
+        pole = self._options.get("length_ends") == "pole"
+        asked = cycle_444.asked(match, lambda text: machine.value(base, spelt(text)), table, base, pole)
         if max(abs(asked.begin[n] - start[n]) for n in start) > PLACE or abs(asked.height - start["Z"]) > PLACE:
             raise InputError("cycle 444 goes somewhere by itself before it probes")
-        before = cycle_444.unmarked(base)
+        before = cycle_444.marked(base)
         machine.measures(asked.end, table["F"], found=True)
         nominal = {name: machine.walk.at[name] for name in "XYZ"}
         machine.does(_unless_ahead(cycle_444.left(asked, start, nominal)))
