@@ -258,6 +258,7 @@ def test_side_faces_upright_to_the_spindle_are_within_reach() -> None:
     [
         (Obstacle("box", low=(105.0, -60.0, 20.0), high=(130.0, 0.0, 60.0)), "the body|the stem|the tip"),
         (Obstacle("cylinder", base=(125.0, -32.0, 0.0), axis=(0.0, 0.0, 1.0), radius=15.0, height=30.0), "would hit obstacle 1"),
+        (Obstacle("box", low=(100.3, -60.0, -40.0), high=(101.0, 0.0, -22.0)), "would hit obstacle 1"),  # right in front
     ],
 )
 def test_what_stands_beside_a_facet_is_in_the_way(obstacle: Obstacle, why: str) -> None:

@@ -29,6 +29,7 @@ MARGIN = 1.0  # mm around stem and tip elsewhere
 BODY_MARGIN = 2.0  # mm around the body
 BEHIND = 1000.0  # mm: what carries the probe is at least as thick as its body
 STEP = 1.0  # mm between the poses that are judged
+ALIKE = 0.9  # least cosine between the normals of a facet and of the face that it lies on; round obstacles have few faces
 SLANT = 1e-6  # cosine below which a way runs along a plane
 LEAN = math.radians(60.0)  # of the probe from the shortest way out of a slot, or from the normal of what is touched in there
 SIDES = 8  # of a patch
@@ -112,7 +113,7 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
     point = pose.tip - probe.tip_radius * pose.normal
     for number, body in enumerate(solid.obstacles, 1):
         name = f"obstacle {number}{artefact.obstacles[number - 1].name}"
-        own = np.abs((point @ body.normal.T - body.offset).max(axis=1)) <= LEVEL
+        own = _lies_on(body, point, pose.normal)
         for part in parts:
             yield from ((own & hit, why, "shank") for hit, why in _touched(body, name, part, pose, probe, approach))
         for hit, why, kind in _obstacle(body, name, parts, pose, probe, way):
@@ -120,6 +121,14 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
     for name, centre, size in zip(artefact.balls, solid.centre, solid.radius, strict=True):
         own = np.array([f.ball == name for f in facets], dtype=bool)
         yield from _ball(centre, float(size), f"ball {name}", own, parts, pose, probe, way)
+
+
+def _lies_on(body: Body, point: Array, normal: Array) -> Mask:
+    """body, (n, 3) mm, (n, 3) → whether the facet there is a face of it: in its plane and turned like it."""
+    outside = point @ body.normal.T - body.offset
+    face = np.abs(outside) <= LEVEL
+    alike = normal @ body.normal.T >= ALIKE
+    return np.any(face & alike, axis=1) & (outside.max(axis=1) <= LEVEL)
 
 
 def _inner(
