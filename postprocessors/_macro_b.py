@@ -81,7 +81,7 @@ class _Steps:
 
     def begin(self, job: Job) -> Iterator[str]:
         plan, machine = job.plan, job.machine
-        _check(job)
+        _check(job, self.words)
         yield "%"
         yield f"{self.stem(job)}(TANGO {comment(machine.name, 40)})"
         yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
@@ -174,9 +174,16 @@ def steps(words: Words) -> dict[str, Any]:
     }
 
 
-def _check(job: Job) -> None:
+def _check(job: Job, words: Words) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
     common.fits(job, most=8)
+    approach = job.plan.strategy.approach
+    feeds = {"controller.positioning_feed": job.options["positioning_feed"], "strategy.yaml: approach.feed": approach.feed}
+    if approach.find is not None:
+        feeds["strategy.yaml: approach.find.feed"] = approach.find.feed
+    for where, feed in feeds.items():
+        if feed > words.fastest:
+            raise InputError(f"{where}: found {feed:g} mm/min; allowed: at most {words.fastest:g} for a G31 of this control")
     for group, code in job.options["must_be_off"].items():
         known = isinstance(code, int | float) and not isinstance(code, bool) and 0 <= code < 1000
         if group not in range(4001, 4023) or not known:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -29,6 +30,7 @@ class Words:
     alarm: str = "#3000={number}({text})"
     first_alarm: int = 81
     o_digits: int = 4
+    fastest: float = math.inf  # mm/min of G31
 
     def stop(self, which: int, text: str) -> str:
         """number from 0, at most 26 characters (older controls show no more) → the statement that ends everything."""

@@ -23,5 +23,5 @@ POST = Post(
         *DOUBTS,
         "dynamic work offset G254 and tool centre point control G234 are off, and so are the settings for mirror images",
     ),
-    **steps(Words(o_digits=5, settle="G4 P1.")),
+    **steps(Words(o_digits=5, settle="G4 P1.", fastest=2500.0)),
 )

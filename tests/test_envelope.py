@@ -162,6 +162,8 @@ def test_a_thousand_random_plans_pass() -> None:
         ("#33=280.-#103", "#33=280.", r"found Z 483.500 mm"),
         ("GT0.02]THEN#3000", "GT200.]THEN#3000", r"the program goes on although a protected move has been stopped short in"),
         ("GE3]THEN#3000=83", "GE300]THEN#3000=83", "goes on after 3 touches in a row that found nothing"),
+        ("LT0.02]THEN#110=0", "LT0.2]THEN#110=0", "the flag is 0 where the contact came at the end of the search zone"),
+        ("\nG17 G40", "\nG40", r"something moves before G17 is stated, see controller\.reset"),
         ("LT0.02]THEN#110=0", "LT0.02]THEN#110=1", "3 touches in a row that found nothing"),
         ("LT5.]THEN#110=2", "LT4.]THEN#110=2", "just before the search zone"),
         ("GT0.001]THEN#3000=82", "GT9.]THEN#3000=82", "the work offset of X has changed"),

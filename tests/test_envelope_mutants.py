@@ -1,4 +1,4 @@
-"""Two hundred programs with one thing wrong in them, for every language, and a judge that shares nothing with the reader.
+"""A hundred programs with one thing wrong in them for every language, and a judge that shares nothing with the reader.
 
 The judge is the simulated control: it carries the changed program out beside the right one, on a machine as planned and on ones
 with a miss, an early contact, something in the way, a dead probe, a work offset. Dangerous is a program that moves otherwise

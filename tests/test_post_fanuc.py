@@ -19,7 +19,7 @@ from tango_cnc.files import read_cell
 from tango_cnc.link._client import Begun, Touched
 from tango_cnc.link._words import record
 from tango_cnc.plan import last_motion, part, plan
-from tango_cnc.records import Artefact, Cell, InputError, Plan, World
+from tango_cnc.records import Artefact, Cell, Find, InputError, Plan, World
 
 
 @pytest.fixture(scope="module")
@@ -220,6 +220,20 @@ def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
 def test_options_that_do_not_fit_are_refused(made: Plan, options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         lines_of(made, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "approach", "where"),
+    [
+        ({"positioning_feed": 3000.0}, {}, "controller.positioning_feed: found 3000"),
+        ({}, {"feed": 2600.0}, "approach.feed: found 2600"),
+        ({}, {"find": Find(feed=2501.0, retreat=6.0)}, "approach.find.feed: found 2501"),
+    ],
+)
+def test_g31_is_no_faster_than_a_haas_can(made: Plan, options: dict[str, Any], approach: dict[str, Any], where: str) -> None:
+    strategy = replace(made.strategy, approach=replace(made.strategy.approach, **approach))
+    with pytest.raises(InputError, match=f"{where} mm/min; allowed: at most 2500 for a G31 of this control"):
+        controls.lines_of("haas", replace(made, strategy=strategy), **options)
 
 
 def test_axes_are_read_by_the_numbers_of_the_profile(made: Plan) -> None:

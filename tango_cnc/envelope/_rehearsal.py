@@ -23,10 +23,11 @@ AWAY = 0.05  # deg by which a rotary axis has not arrived
 OFFSET = {"X": 11.25, "Y": -7.5, "Z": 203.5, "A": 3.0, "B": -2.0, "C": 31.0}  # machine minus work coordinates
 SPOILT = 77777.0  # in variables whose values are of the touch before
 ROUNDS = 20  # touches in a row without contact after which a program must have stopped that counts none by its profile
-# mm, no compensation of radius and length, no cycle, absolute, mm/min, and a spindle that stands
-MODAL = {"G21", "G40", "G49", "G80", "G90", "G94", "M5"}
+# plane, mm, no compensation of radius and length, no cycle, absolute, mm/min, and a spindle that stands
+MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94", "M5"}
 RESETS = re.compile(r"M5|G(17|21|40|40\.1|49|50|50\.1|54|61|64|67|69|80|90|94|97|98|13\.1|15|25|160|234|254)")
-TOLD = 5  # worlds that reach a record: the expected contact, a miss, and three other contacts; one more where finding was early
+TOLD = 6  # worlds that reach a record: the expected contact, a miss, and four other contacts; one more where finding was early
+LATE = 4.0  # tolerances of the profile before the end of a measuring move at which a contact still is one
 FARTHER = 0.3  # of the way from the nominal contact to the search end, where a touch that finds meets the facet
 PLACE = 2e-3  # mm or deg, of a recorded coordinate
 
@@ -168,7 +169,8 @@ class Rehearsal:
             self._left_out(target)
         else:
             self._found_otherwise(base, start, target)
-        miss, *others = other_contacts(base, start, target, zone)
+        near_the_end = LATE * float(self.options.get("tolerance", TOLERANCE))
+        miss, *others = other_contacts(base, start, target, zone, near_the_end)
         if finds:
             early = others[1]
             early.fate, early.what, early.found = "find", "finding has met its facet early", {n: early.skip[n] for n in target}

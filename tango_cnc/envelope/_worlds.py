@@ -73,8 +73,8 @@ def stopped_short(base: World, start: Place, target: Place, short: float, latche
         yield twin
 
 
-def other_contacts(base: World, start: Place, target: Place, zone: float) -> Iterator[World]:
-    """machine after a measuring move, mm to the beginning of the search zone → machines with a miss or another contact."""
+def other_contacts(base: World, start: Place, target: Place, zone: float, late: float) -> Iterator[World]:
+    """machine after a measuring move, mm to its search zone, mm before its end → machines with a miss or another contact."""
     length = sum((target[n] - start[n]) ** 2 for n in target) ** 0.5
 
     def contact(flag: str, what: str, way: float) -> World:
@@ -89,6 +89,7 @@ def other_contacts(base: World, start: Place, target: Place, zone: float) -> Ite
     yield contact("2", "the contact came at once", min(SOON, zone / 2))
     yield contact("2", "the contact came just before the search zone", zone - min(ZONE, zone / 4))
     yield contact("1", "the contact came at the beginning of the search zone", zone + ZONE)
+    yield contact("1", "the contact came at the end of the search zone", length - late)
 
 
 def offset_changed(base: World, start: Place, target: Place) -> Iterator[World]:

@@ -40,9 +40,8 @@ from ._rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
 from ._walk import OFF_FACET, PROTECTED
 from ._worlds import World, beside_the_line
 
-SURE = (
-    "G21 G40 G49 G80 G90 G94 M5"  # MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
-)
+# No plane matters here; MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
+SURE = "G17 G21 G40 G49 G80 G90 G94 M5"
 AHEAD = "ahead of"  # the label that a world is on its way to
 
 
