@@ -107,6 +107,11 @@ def test_words_of_the_profile_that_change_what_moves_mean_are_refused_whatever_t
         read_back(lines_of("fanuc", golden()), golden(), "fanuc", **options)
 
 
+def test_a_reset_line_that_states_no_plane_is_refused() -> None:
+    reset = {"reset": "G40 G49 G69 G80 G90 G94 M5"}
+    assert "something moves before G17 is stated, see controller.reset" in refused(lines_of("fanuc", golden(), **reset), **reset)
+
+
 def test_a_dialect_that_nobody_reads_is_said_to_be_unread() -> None:
     assert not check(lambda: iter(["; SOMETHING", "L Z+100 R0 FMAX"]), golden(), {})
 
@@ -163,7 +168,6 @@ def test_a_thousand_random_plans_pass() -> None:
         ("GT0.02]THEN#3000", "GT200.]THEN#3000", r"the program goes on although a protected move has been stopped short in"),
         ("GE3]THEN#3000=83", "GE300]THEN#3000=83", "goes on after 3 touches in a row that found nothing"),
         ("LT0.02]THEN#110=0", "LT0.2]THEN#110=0", "the flag is 0 where the contact came at the end of the search zone"),
-        ("\nG17 G40", "\nG40", r"something moves before G17 is stated, see controller\.reset"),
         ("LT0.02]THEN#110=0", "LT0.02]THEN#110=1", "3 touches in a row that found nothing"),
         ("LT5.]THEN#110=2", "LT4.]THEN#110=2", "just before the search zone"),
         ("GT0.001]THEN#3000=82", "GT9.]THEN#3000=82", "the work offset of X has changed"),
