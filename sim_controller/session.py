@@ -149,6 +149,14 @@ def _setting(name: str, text: str, kind: Any) -> Any:
         if text not in ("true", "false"):
             raise wrong("true or false")
         return text == "true"
+    if kind is float:
+        try:
+            number = float(text)
+        except ValueError:
+            raise wrong("a number") from None
+        if not math.isfinite(number):
+            raise wrong("a finite number")
+        return number
     if kind is Decimal:
         try:
             value = Decimal(text)

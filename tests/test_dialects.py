@@ -50,8 +50,11 @@ def beside(name: str) -> tuple[str, ...]:
 
 G31 = Spoken("macro_b", frame=1)
 SPOKEN = {
-    **dict.fromkeys(("fanuc", "mitsubishi", "mazak"), G31),
-    "haas": replace(G31, settings={"lettered": True, "padding": "bare", "overflow": "expanded", "line_end": "cr"}),
+    **dict.fromkeys(("fanuc", "mazak"), G31),
+    "mitsubishi": replace(G31, settings={"skip_feed": "own"}),
+    "haas": replace(
+        G31, settings={"lettered": True, "padding": "bare", "overflow": "expanded", "line_end": "cr", "fastest_skip": 2500.0}
+    ),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
     "centroid": Spoken("centroid"),

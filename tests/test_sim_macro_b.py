@@ -101,6 +101,18 @@ def test_a_haas_expands_its_fields_and_ends_lines_with_cr() -> None:
     assert run(program).out == b"\x12X 2345.5000 Y-   0.5000\n\x14"
 
 
+def test_the_feed_of_a_mitsubishis_g31_is_its_own() -> None:
+    """M700V p. 547: F in the block, the modal one is not updated, P603 without."""
+    assert "PS0011" in str(run("O1\nG31 X-5. F100.\nG1 X0.\nM30", skip_feed="own").alarm)
+    assert run("O1\nG31 X-5. F100.\nG1 X0.\nM30").alarm is None
+    assert "P603" in str(run("O1\nG1 X1. F100.\nG31 X-5.\nM30", skip_feed="own").alarm)
+
+
+def test_a_haas_does_not_skip_faster_than_it_may() -> None:
+    assert "faster than 2500" in str(run("O1\nG31 X-5. F2501.\nM30", fastest_skip="2500").alarm)
+    assert run("O1\nG31 X-5. F2500.\nM30", fastest_skip="2500").alarm is None
+
+
 @pytest.mark.parametrize(
     ("value", "text"), [(-0.4187, "X-.4187"), (0.504, "X.504"), (-90.0, "X-90."), (0.0, "X0."), (10.25, "X10.25")]
 )
@@ -500,3 +512,19 @@ def test_clocks_count_simulated_time() -> None:
 def test_a_wrong_parameter_of_the_control_is_refused(name: str, text: str) -> None:
     with pytest.raises(InputError, match="--set"):
         profile(macro_b, MACHINE, {name: text})
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "said"),
+    [
+        ("fastest_skip", "quick", "--set fastest_skip: found 'quick'; allowed: a number"),
+        ("fastest_skip", "nan", "--set fastest_skip: found 'nan'; allowed: a finite number"),
+        ("skip_feed", "mine", "--set skip_feed: found 'mine'; allowed: modal, own"),
+        ("increment", "0", "a number greater than 0"),
+        ("read_ahead", "yes", "true or false"),
+        ("g54", "X=1", "name:number pairs"),
+    ],
+)
+def test_what_a_field_of_the_control_cannot_be_is_said(field: str, text: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        run("O1\nM30", **{field: text})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -26,6 +27,10 @@ class Profile:
     signed_direction: bool = False  # the sign of a roll-over command is its direction (1008#1 RAB)
     straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
+    skip_feed: Literal["modal", "own"] = (
+        "modal"  # F of G31: as of any block, or its own alone, which other blocks do not see (M700V)
+    )
+    fastest_skip: float = math.inf  # mm/min of G31 (Haas: 2500)
     padding: Literal["spaces", "none", "bare"] = "spaces"  # leading zeros of DPRNT (6001#1 PRT); bare: as a Haas NGC
     overflow: Literal["dropped", "expanded"] = "dropped"  # digits that do not fit into a field; Haas expands it
     line_end: Literal["lf", "crlf", "lfcrcr", "cr"] = "lf"  # 100#3 NCR, 6001#4 CRO

@@ -176,12 +176,15 @@ class Control:
         if 65 in g_codes:
             return self._call_macro(found, block, depth), None
         m_codes = [int(word.value) for word in found if word.letter == "M"]
+        before = self._feed
         self._set_feed(found)
         self._axes.inch, self._axes.work = self._modal[6] == 20, int(self._modal[14])
         if 19 in m_codes:
             angle = next((word.value for word in found if word.letter == "R"), 0.0)
             self._motion.rapid({"S": math.radians(angle % 360)})
         self._move(g_codes, [word for word in found if word.letter not in "GMFST"], 19 in m_codes, block)
+        if 31 in g_codes and self._profile.skip_feed == "own":
+            self._feed = before
         for code in m_codes:
             self._note("m", code=code)
         if any(code in STOPS for code in m_codes):
@@ -220,8 +223,12 @@ class Control:
         elif 53 in g_codes:
             self._axes.machine_move(axes)
         elif 31 in g_codes:
+            if self._profile.skip_feed == "own" and "F" not in block.text:
+                raise alarm("P603", block.raw)
             if self._feed <= 0:
                 raise alarm("PS0011", block.raw)
+            if self._feed > self._profile.fastest_skip:
+                raise alarm("PS0035", f"{block.raw} is faster than {self._profile.fastest_skip:g}")
             self._axes.skip(axes, self._feed)
         elif axes and self._modal[1] == 0:
             self._axes.rapid(axes)
