@@ -26,6 +26,8 @@ from typing import Any
 
 from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
+from ._confirmed import confirmed
+
 FOLDER = Path(__file__).parent
 BLANK = "000000000000"  # stands for the mark while the mark is computed
 MARK = re.compile(r"\bPROGRAM ([0-9A-F]{12})\b")
@@ -34,7 +36,7 @@ CODES = re.compile(r"[A-Z0-9 .\-]*")  # what an option may put into a program: w
 
 @dataclass(frozen=True)
 class Option:
-    """A field of the control's profile: `controller:` keys of tango.yaml other than post and port.
+    """A field of the control's profile: `controller:` keys of tango.yaml other than post, port and confirmed.
 
     An unverified default is printed into the program and by `tango plan` until the profile states the field itself.
     """
@@ -90,7 +92,7 @@ class Post:
     title: str
     extension: str  # without the dot
     options: tuple[Option, ...]
-    doubts: tuple[str, ...]  # facts about the control that nobody has confirmed and no option can change
+    doubts: tuple[str, ...]  # facts about the control that no option can change: open until the profile lists them as confirmed
     stem: Callable[[Job], str]  # file name without extension
     begin: Whole  # framing, what this is, modal reset, checks before anything moves, start mark
     probe_on: Whole
@@ -146,14 +148,21 @@ def names() -> list[str]:
 
 
 def settings(post: Post, given: Mapping[str, Any]) -> dict[str, Any]:
-    """post, `controller` keys → every option with its value. Raises InputError for an unknown key or a value it cannot have."""
+    """post, `controller` keys → every option with its value.
+
+    Raises InputError for an unknown key, a value that it cannot have, and what is `confirmed` and no doubt of the post.
+    """
     known = {option.name: option for option in post.options}
     for key in given:
-        if key not in known:
-            near = difflib.get_close_matches(str(key), ["port", *known], n=1)
+        if key not in known and key != "confirmed":
+            near = difflib.get_close_matches(str(key), ["port", "confirmed", *known], n=1)
             hint = f" Did you mean {near[0]!r}?" if near else ""
-            raise InputError(f"controller: found the unknown key {key!r}; allowed: post, port, {', '.join(known)}.{hint}")
-    return {name: _value(option, given[name]) if name in given else option.default for name, option in known.items()}
+            raise InputError(
+                f"controller: found the unknown key {key!r}; allowed: post, port, confirmed, {', '.join(known)}.{hint}"
+            )
+    values = {name: _value(option, given[name]) if name in given else option.default for name, option in known.items()}
+    unverified(post, given)  # for what it complains of
+    return values
 
 
 def _value(option: Option, value: Any) -> Any:
@@ -183,10 +192,15 @@ def with_defaults(options: tuple[Option, ...], **defaults: Any) -> tuple[Option,
 
 
 def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:
-    """post, `controller` keys → what nobody has confirmed: a field that the profile states counts as confirmed."""
+    """post, `controller` keys → what nobody has confirmed: a field that the profile states counts as confirmed, as does a doubt
+    that it lists under `confirmed`. Raises InputError for what is listed there and is none.
+    """
     open_fields = (o for o in post.options if not o.verified and o.name not in given)
-    fields = (f"{o.name} = {o.default if o.default != '' else 'none'}: {o.meaning}" for o in open_fields)
-    return (*fields, *post.doubts, *post.further(given))
+    fields = tuple(f"{o.name} = {o.default if o.default != '' else 'none'}: {o.meaning}" for o in open_fields)
+    with _own(post):
+        doubts = (*post.doubts, *post.further(given))
+    done = confirmed(given.get("confirmed", ()), doubts, fields)
+    return (*fields, *(doubt for doubt in doubts if doubt not in done))
 
 
 def reach(plan: Plan) -> tuple[str, ...]:

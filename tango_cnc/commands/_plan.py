@@ -16,6 +16,8 @@ from ._common import table
 if TYPE_CHECKING:
     from .plan import Written
 
+CONFIRM = "confirm on your control and state it under controller: in tango.yaml, a key as itself, a fact without = under confirmed:"
+
 
 def dry(whole: Plan, most: int | None) -> Iterator[str]:
     """plan, touches a program may make → its moves, under the part of it that they belong to where there are several."""
@@ -114,5 +116,5 @@ def as_text(plan: Plan, result: dict[str, Any]) -> str:
         + "".join(f"program {p['program']} (hash {p['program_hash']}){_range(p, result)}\n" for p in result["programs"])
         + f"plan    {result['plan']} (hash {result['plan_hash']})\n"
         + (f"beside  {', '.join(map(_name, result['companions']))}: have to be on the control too, see docs/dialects.md\n" * beside)
-        + (f"unverified: confirm on your control and state it under controller: in tango.yaml{doubts}" if doubts else "")
+        + (f"unverified: {CONFIRM}{doubts}" if doubts else "")
     ).rstrip()

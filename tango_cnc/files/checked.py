@@ -311,6 +311,6 @@ def _where(node: Node, match: re.Match[str]) -> int:
     if isinstance(node.raw, Pairs):
         inside = dict(node.items())
         node = inside.get(match[3] or match[4], node)
-    elif isinstance(node.raw, Series):
+    if isinstance(node.raw, Series):  # an entry of it, or of the list under the key
         node = next((item for item in node.list() if item.plain() == match[4]), node)
     return node.line

@@ -1,0 +1,202 @@
+"""`confirmed:` of the profile: a doubt of the post that its user has checked on the control is no longer listed."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from postprocessors._base import Post, comment, load, names, settings, unverified
+from tango_cnc.cli import guarded, tango
+from tango_cnc.records import InputError
+
+CELL = Path(__file__).parent / "golden" / "cell"
+TRACK = next(doubt for doubt in load("heidenhain").doubts if doubt.startswith("TRACK of the probe table is off: "))
+WITH: dict[str, list[dict[str, Any]]] = {"heidenhain": [{}, {"cycle": 444}]}  # options that bring doubts of their own
+
+
+def call(*arguments: object) -> int:
+    return guarded(tango.main, [str(a) for a in arguments], prog_name="tango", standalone_mode=False)
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    shutil.copytree(CELL, tmp_path / "cell")
+    return tmp_path / "cell"
+
+
+def profile(cell: Path, *lines: str, post: str = "heidenhain") -> Path:
+    """folder of a cell, lines under `confirmed:` → its tango.yaml, written; the first entry stands in line 8."""
+    text = "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\ncontroller:\n"
+    text += f"  post: {post}\n  confirmed:\n" + "".join(f"    {line}\n" for line in lines)
+    (cell / "tango.yaml").write_text(text, encoding="utf-8")
+    return cell / "tango.yaml"
+
+
+def open_facts(post: Post, given: dict[str, Any]) -> list[str]:
+    """post, `controller` keys → what is unverified and no option."""
+    keys = tuple(f"{option.name} = " for option in post.options if option.name not in given and not option.verified)
+    return [text for text in unverified(post, given) if not text.startswith(keys)]
+
+
+# Through the command line
+
+
+def test_what_is_confirmed_leaves_the_list_and_the_header(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    profile(cell, "[]")
+    assert call("plan", "-C", cell, "--json", "-") == 0
+    before = json.loads(capsys.readouterr().out)
+    assert TRACK in before["unverified"] and "UNVERIFIED TRACK" in (cell / "program" / "TANGO.H").read_text()
+    profile(cell, "- TRACK of the probe table is off", "- nothing has left cycle 26")
+    assert call("plan", "-C", cell, "--json", "-") == 0
+    after = json.loads(capsys.readouterr().out)
+    text = (cell / "program" / "TANGO.H").read_text()
+    gone = [doubt for doubt in before["unverified"] if doubt not in after["unverified"]]
+    assert [doubt[:20] for doubt in gone] == ["nothing has left cyc", "TRACK of the probe t"]
+    assert "TRACK" not in text and text.count("UNVERIFIED") == len(after["unverified"]) == len(before["unverified"]) - 2
+    assert after["plan_hash"] == before["plan_hash"] and after["program_hash"] != before["program_hash"]
+
+
+def test_the_parts_of_a_plan_say_the_same(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    profile(cell, "- TRACK of the probe table is off")
+    assert call("plan", "-C", cell, "--split", 2) == 0
+    programs = [file.read_text() for file in sorted((cell / "program").glob("*.H"))]
+    assert len(programs) == 3 and all("TRACK" not in text and "UNVERIFIED NOTHING HAS LEFT" in text for text in programs)
+    assert "a fact without = under confirmed:" in (said := capsys.readouterr().out) and "TRACK" not in said
+
+
+def test_a_line_that_is_copied_from_the_list_is_read_as_it_stands(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """YAML makes a mapping of a text with a colon."""
+    profile(cell, f"- {TRACK}")
+    assert call("plan", "-C", cell) == 0
+    assert "TRACK" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [["plan"], ["plan", "--dry-run"], ["check"], ["run", "--port", "socket://127.0.0.1:9"]])
+def test_what_is_no_fact_is_refused_with_its_line_and_changes_nothing(
+    cell: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+) -> None:
+    file = profile(cell, "- nothing has left cycle 26", "- TRAK of the prob tabel")
+    assert call(*command, "-C", cell) == 2
+    said = capsys.readouterr().err
+    assert f"{file}:9: controller.confirmed: found 'TRAK of the prob tabel', which is no fact that this post leaves open" in said
+    assert f"Did you mean '{TRACK}'?" in said
+    assert not (cell / "program").exists() and not (cell / "readings.csv").exists()
+
+
+def test_a_post_by_option_starts_from_its_own_defaults(cell: Path) -> None:
+    """As with every other key of the profile: what holds for one control says nothing of another."""
+    profile(cell, "- TRACK of the probe table is off")
+    assert call("plan", "-C", cell, "--post", "fanuc") == 0
+
+
+def test_a_post_of_ones_own_has_it_too(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = (Path(__file__).parent.parent / "postprocessors" / "grbl.py").read_text(encoding="utf-8")
+    (cell / "own.py").write_text(source.replace("from ._", "from postprocessors._"), encoding="utf-8")
+    assert call("plan", "-C", cell, "--post", cell / "own.py", "--json", "-") == 0
+    assert "the letters of the rotary axes are those of the build" in json.loads(capsys.readouterr().out)["unverified"]
+    profile(cell, "- THE LETTERS OF THE ROTARY AXES", post="./own.py")
+    assert call("plan", "-C", cell, "--json", "-") == 0
+    assert not [text for text in json.loads(capsys.readouterr().out)["unverified"] if "letters of the rotary" in text]
+
+
+@pytest.mark.parametrize("page", ["formats", "dialects"])
+def test_the_example_of_the_page_works(cell: Path, capsys: pytest.CaptureFixture[str], page: str) -> None:
+    text = (Path(__file__).parent.parent / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"(?m)^ *controller:\n(?:(?!```).+\n)*? *confirmed:.*\n(?:.*- .*\n)+", text)
+    root = profile(cell).read_text(encoding="utf-8").partition("controller:")[0]
+    (cell / "tango.yaml").write_text(root + textwrap.dedent(example), encoding="utf-8")
+    assert call("plan", "-C", cell) == 0
+    said = capsys.readouterr().out
+    for entry in (entries := yaml.safe_load(textwrap.dedent(example))["controller"]["confirmed"]):
+        assert entry not in said
+    assert len(entries) == 2 and "stops nothing" in said
+
+
+# Every doubt of every dialect
+
+
+@pytest.mark.parametrize(("name", "options"), [(name, given) for name in names() for given in WITH.get(name, [{}])])
+def test_every_doubt_is_confirmed_by_its_text_and_by_that_of_the_header(name: str, options: dict[str, Any]) -> None:
+    post = load(name)
+    facts, listed = open_facts(post, options), unverified(post, options)
+    assert facts, "a dialect that nobody has run on a machine has doubts"
+    for fact in facts:
+        rest = tuple(text for text in listed if text != fact)
+        assert len(rest) == len(listed) - 1
+        for text in (fact, comment(fact, 1000), f"UNVERIFIED {comment(fact, 60)}"):
+            assert unverified(post, {**options, "confirmed": [text]}) == rest, text
+    assert open_facts(post, {**options, "confirmed": facts}) == []
+
+
+def test_a_fact_in_quotes_may_have_any_sign(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fact = "#506x, #502x and #504x of axes at rest differ by constants"
+    profile(cell, f'- "{fact}"', post="fanuc")
+    assert call("plan", "-C", cell) == 0
+    assert fact not in capsys.readouterr().out
+    profile(cell, "- G53 G0 turns a rotary axis", f"- {fact}", post="fanuc")
+    assert call("plan", "-C", cell) == 2
+    assert re.search(r"tango\.yaml:9: .* found nothing in place 2; allowed: texts; put it in quotes", capsys.readouterr().err)
+
+
+def test_a_doubt_that_an_option_brings_is_there_with_the_option_only() -> None:
+    post, said = load("heidenhain"), {"confirmed": ["the text of cycle 444"]}
+    cycle = {"cycle": 444}
+    (gone,) = set(unverified(post, cycle)) - set(unverified(post, cycle | said))
+    assert gone.startswith("the text of cycle 444 and of its parameters")
+    with pytest.raises(InputError, match="found 'the text of cycle 444', which is no fact that this post leaves open"):
+        settings(post, said)
+
+
+def test_it_is_no_option_that_a_step_sees() -> None:
+    post = load("heidenhain")
+    assert settings(post, {"confirmed": ["nothing has left cycle 26"]}) == settings(post, {}) == settings(post, {"confirmed": []})
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ("TRACK of the probe table is off", "found 'TRACK of the probe table is off'; allowed: a list, one fact a line"),
+        ("", "found nothing; allowed: a list"),
+        ("444", "found 444; allowed: a list"),
+        ("[444]", "found 444 in place 1; allowed: texts"),
+        ("[[nothing has left cycle 26]]", r"found \['nothing has left cycle 26'\] in place 1; allowed: texts"),
+        ("['']", r"found '', which is no fact that this post leaves open; allowed: .*:\n  the text of TCH PROBE 4"),
+        ("[TRACK]", rf"found 'TRACK', which says too little; .*12 letters and digits or more.* Did you mean '{TRACK}'"),
+        ("[t]", r"found 't', with which \d facts begin; allowed: one; write more of it.*:\n  the text of"),
+        (
+            "[no such thing at all]",
+            r"found 'no such thing at all', which is no fact that this post leaves open; .*:\n  the text of TCH PROBE 4",
+        ),
+        (
+            "[the probe table is off]",
+            f"found 'the probe table is off', which is no fact that this post leaves open; .* Did you mean '{TRACK}'",
+        ),
+        ("[clamp]", "found 'clamp', which is a key of its own; .*write clamp with its value under controller:"),
+        (
+            "['positioning_feed = 2000.0: mm/min']",
+            "found 'positioning_feed = .*', which is a key of its own; .*write positioning_feed with its value",
+        ),
+        (
+            "[nothing has left cycle 26, NOTHING HAS LEFT CYCLE]",
+            "found 'NOTHING HAS LEFT CYCLE', which is 'nothing has left cycle 26' once more; allowed: each fact once",
+        ),
+    ],
+)
+def test_what_is_none_is_told_so(stated: str, said: str) -> None:
+    with pytest.raises(InputError, match=rf"(?s)controller\.confirmed: {said}"):
+        settings(load("heidenhain"), {"confirmed": yaml.safe_load(stated)})
+
+
+def test_the_key_is_named_where_another_is_misspelt() -> None:
+    with pytest.raises(InputError, match=r"'confirm'; allowed: post, port, confirmed, .* Did you mean 'confirmed'"):
+        settings(load("fanuc"), {"confirm": []})
