@@ -33,6 +33,8 @@ LENGTH = "#4008 is 49 while no tool length is on, else the program ends at once:
 MUST_BE_OFF = (
     "#40nn and the G code in it that ends the program at once: scaling, polar coordinates, mirror image; {}: nothing is asked"
 )
+PROBE_STATE = "number of the variable that is not 0 while the probe is deflected, e.g. 1004; 0: G31 itself has to end at once"
+STATES = range(1000, 1064)
 ROLLOVER = (
     "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned; "
     "signed: as auto where the sign is the sense of the turn"
@@ -50,6 +52,7 @@ OPTIONS: tuple[Option, ...] = (
     Option("must_be_off", {4011: 51, 4017: 16, 4022: 51.1}, MUST_BE_OFF),
     Option("probe_on", "", "words that switch the probe on, e.g. G65 P9832", codes=True),
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),
+    Option("probe_state", 0, PROBE_STATE),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
     Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never", "signed")),
@@ -188,6 +191,10 @@ def _check(job: Job, words: Words) -> None:
         known = isinstance(code, int | float) and not isinstance(code, bool) and 0 <= code < 1000
         if group not in range(4001, 4023) or not known:
             raise InputError(f"controller.must_be_off: found {group!r}: {code!r}; allowed: 4001 … 4022 and a G code, e.g. 4011: 51")
+    if job.options["probe_state"] not in (0, *STATES):
+        raise InputError(
+            f"controller.probe_state: found {job.options['probe_state']}; allowed: 0 or 1000 … 1063, e.g. 1004 for #1004"
+        )
     if not 1 <= job.options["program_number"] <= 9995:
         raise InputError(f"controller.program_number: found {job.options['program_number']}; allowed: 1 … 9995")
 

@@ -50,6 +50,7 @@ def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
             yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}=#{5020 + axis}"
     yield from _targets(job, given)
     named = {name: WORK + i for i, (name, _) in enumerate(_linear(job), 1) if given is None or name in given}
+    yield from _free(job, words)
     yield f"G31 {' '.join(f'{name}#{place}' for name, place in named.items())} F{_value(given, 'F')}"
     yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE ON OR MET SOMETHING')}"
 
@@ -57,6 +58,7 @@ def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
 def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     """G31 from I J K to X Y Z at F: flag and machine coordinates."""
     yield from _targets(job, given)
+    yield from _free(job, words)
     yield f"G31 X#31 Y#32 Z#33 F{_value(given, 'F')}"
     for name, axis in axis_numbers(job).items():
         yield f"#{FLAG + axis}=#{5060 + axis}+#{5020 + axis}-#{5040 + axis}({name})"
@@ -105,6 +107,13 @@ PIECES: tuple[tuple[str, Piece], ...] = (
     ("RECORD OF TOUCH T WITH SPINDLE AT S", record),
     ("ROTARY AXES HAVE ARRIVED AT A B C", arrived),
 )
+
+
+def _free(job: Job, words: Words) -> Iterator[str]:
+    """Where the profile knows a variable for it: a deflected probe is an alarm, before a G31 that might not notice."""
+    if job.options["probe_state"]:
+        yield words.wait
+        yield f"IF[#{job.options['probe_state']}NE0]THEN{words.stop(6, 'PROBE IS DEFLECTED')}"
 
 
 def _linear(job: Job) -> list[tuple[str, int]]:

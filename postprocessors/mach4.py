@@ -25,7 +25,7 @@ START, RECORD, END, WAIT = 880, 881, 882, 883  # M codes
 SET, SUM, SPINDLE, TOUCH = 117, 118, 119, 120  # common variables: number of the set of scripts; what the record is made of
 PLACE = {name: i for i, name in enumerate("XYZABC", 1)}  # of an axis in #5021 …
 # G49 moves nothing here, and the reset line has the words that cancel what is asked elsewhere.
-FIXED: Mapping[str, Any] = {"macros": "inline", "print_format": "44", "length_check": False, "must_be_off": {}}
+FIXED: Mapping[str, Any] = {"macros": "inline", "print_format": "44", "length_check": False, "must_be_off": {}, "probe_state": 0}
 FILE = "tango-readings.txt"
 
 FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}"))

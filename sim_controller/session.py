@@ -149,11 +149,11 @@ def _setting(name: str, text: str, kind: Any) -> Any:
         if text not in ("true", "false"):
             raise wrong("true or false")
         return text == "true"
-    if kind is float:
+    if kind in (int, float):
         try:
-            number = float(text)
+            number = kind(text)
         except ValueError:
-            raise wrong("a number") from None
+            raise wrong("a whole number" if kind is int else "a number") from None
         if not math.isfinite(number):
             raise wrong("a finite number")
         return number

@@ -85,6 +85,8 @@ def test_what_the_posts_write_passes(post: str) -> None:
         ("heidenhain", {"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 5}, "unclamp": {"B": "M11"}, "clamp": {"B": "M10"}}),
         ("heidenhain", {"output": "TNC:\\A\\B.TXT", "positioning_feed": 999.5, "probe_on": "M64", "probe_off": "M65"}),
         ("fanuc", {"rollover": "signed"}),
+        ("fanuc", {"probe_state": 1004}),
+        ("haas", {"probe_state": 1028, "macros": "called"}),
         ("linuxcnc", {"unclamp": {"B": "M64 P2", "C": "M64 P3"}, "clamp": {"B": "M65 P2", "C": "M65 P3"}}),
         ("linuxcnc", {"wrapped": True, "probe_on": "M64 P1", "probe_off": "M65 P1"}),
     ],
@@ -105,6 +107,27 @@ def test_the_rest_of_a_run_passes(post: str) -> None:
 def test_words_of_the_profile_that_change_what_moves_mean_are_refused_whatever_the_post_says(options: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="in the profile; allowed: words that switch something"):
         read_back(lines_of("fanuc", golden()), golden(), "fanuc", **options)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("IF[#1004NE0]THEN#3000=87(PROBE IS DEFLECTED)\n", "", "moves without having asked whether the probe is deflected"),
+        ("IF[#1004NE0]", "IF[#1004NE1]", "without having asked|stops the program though"),
+        ("IF[#1004NE0]THEN#3000=87", "IF[#1004NE0]THEN#149=87", "goes on although the probe is deflected"),
+    ],
+)
+def test_the_probe_is_asked_before_it_is_trusted(old: str, new: str, words: str) -> None:
+    told = refused(changed(lines_of("fanuc", golden(), probe_state=1004), old, new), "fanuc", probe_state=1004)
+    assert re.search(words, told), told
+
+
+def test_the_probe_is_asked_when_the_axes_stand() -> None:
+    lines = lines_of("fanuc", golden(), probe_state=1004)
+    first = next(i for i, line in enumerate(lines) if line.startswith("G1 "))  # back from the first contact
+    wait = next(i for i in range(first, len(lines)) if lines[i] == "G53")
+    told = refused([*lines[:wait], *lines[wait + 1 :]], "fanuc", probe_state=1004)
+    assert "#1004 is read before anything has waited for the axes to stand" in told
 
 
 def test_a_reset_line_that_states_no_plane_is_refused() -> None:

@@ -66,6 +66,8 @@ def flags(events: list[Any]) -> list[int]:
         ({}, True, {"rollover": ("C",), "signed_direction": True}),
         ({"rollover": "signed"}, True, {"rollover": ("C",), "signed_direction": True}),
         ({"decimals": 4, "print_format": "44"}, True, {"padding": "none", "line_end": "crlf"}),
+        ({"probe_state": 1004}, True, {"probe_variable": 1004, "read_ahead": True}),
+        ({"probe_state": 1004, "macros": "called"}, False, {"probe_variable": 1004}),
     ],
 )
 def test_every_touch_is_made_where_it_is_planned(
@@ -85,6 +87,16 @@ def test_something_in_the_way_is_an_alarm_not_a_touch(made: Plan) -> None:
     events = run(lines_of(made), made, artefact=shifted(made, "top", 12.0))
     assert [type(e) for e in events] == [Begun, Touched, str], "the touch before it is on record, this one is not"
     assert "PROBE ON OR MET SOMETHING" in events[-1]
+
+
+def test_a_probe_that_is_deflected_is_named_before_anything_moves(made: Plan) -> None:
+    """Where the profile knows the variable that tells; without it the first G31 ends at once."""
+    known = replace(default_profile(made.machine), **(ACTIVE | {"probe_variable": 1004}))
+    ran = controls.run_on(
+        lambda motion, punch, note: Control(motion, known, punch, note), lines_of(made, probe_state=1004)[1:-1], made, stuck=True
+    )
+    assert "MC3087 PROBE IS DEFLECTED" in ran.why
+    assert not ran.moves
 
 
 def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: Plan) -> None:
@@ -200,6 +212,7 @@ def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
         ({"clamp": {"B": "M10"}}, "controller.clamp: found a word for B and none under unclamp; allowed: both for an axis"),
         ({"probe_on": "M3 S4000"}, "controller.probe_on: found 'M3 S4000'; allowed: no M3, after which .* the spindle turns"),
         ({"probe_off": "M99"}, "controller.probe_off: found 'M99'; allowed: no M99"),
+        ({"probe_state": 5021}, "controller.probe_state: found 5021; allowed: 0 or 1000 … 1063"),
         ({"must_be_off": {5021: 51}}, "controller.must_be_off: found 5021: 51; allowed: 4001 … 4022 and a G code"),
         ({"must_be_off": {4011: "G51"}}, "controller.must_be_off: found 4011: 'G51'"),
         ({"program_number": 12345}, "allowed: 1 … 9995"),

@@ -20,12 +20,13 @@ class Axes:
         self._length = 0.0
         self.inch, self.incremental, self.work = False, False, 54
         self._known = self._now()
+        self.deflected = motion.deflected
         self._skipped = dict(self._known)
         roll(self._motion, self._profile.rollover)
 
     def settle(self) -> None:
-        """The control has waited for the axes: what it knows of them is true again."""
-        self._known = self._now()
+        """The control has waited for the axes: what it knows of them and of the probe is true again."""
+        self._known, self.deflected = self._now(), self._motion.deflected
 
     def select_length(self, number: int, alone: bool) -> None:
         """G43 H, or 0 for G49; whether no axis stands beside it. Raises Alarm for an offset number that the control lacks."""

@@ -27,6 +27,7 @@ class Profile:
     signed_direction: bool = False  # the sign of a roll-over command is its direction (1008#1 RAB)
     straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
+    probe_variable: int = 0  # system variable that is 1 while the probe is deflected, as old as the last wait; 0: there is none
     skip_feed: Literal["modal", "own"] = (
         "modal"  # F of G31: as of any block, or its own alone, which other blocks do not see (M700V)
     )

@@ -292,6 +292,8 @@ class Control:
             return float(self._modal.get(number - 4000, 0))
         if number == 4109:
             return self._feed
+        if number and number == self._profile.probe_variable:
+            return float(self._axes.deflected)
         value = self._axes.variable(number)
         if value is None:
             raise alarm("PS0115", f"#{number}")

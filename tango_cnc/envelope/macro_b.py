@@ -77,6 +77,8 @@ class _Program:
         self._depth = 0
         self._ask, self._asked = bool(options.get("length_check")), False  # whether no tool length is on
         self._unasked = {(int(number), float(code)) for number, code in (options.get("must_be_off") or {}).items()}
+        self._state, self._free = int(options.get("probe_state") or 0), False  # variable of the probe; whether it has been asked
+        self._machine.base.shared[self._state] = 0.0
         self._begun = self._opened = self._closed = False
         self.over = False
 
@@ -125,6 +127,7 @@ class _Program:
         elif match := FEED.fullmatch(code):
             self._feed(match[1], match[2].split(), match[3])
         elif match := IF.fullmatch(code):
+            self._probe(match[1])
             self._machine.does(self._assignment(match[2], match[1]))
         elif ASSIGN.fullmatch(code):
             self._machine.does(self._assignment(code, None))
@@ -132,6 +135,16 @@ class _Program:
             self._call(int(match[1]), match[2].split())
         else:
             self._print(code)
+
+    def _probe(self, condition: str) -> None:
+        """The probe is asked: beside the machine there is one on which it is deflected."""
+        if self._state and condition == f"#{self._state}NE0":
+            if self._moving:
+                raise InputError(f"#{self._state} is read before anything has waited for the axes to stand (G53)")
+            twin = self._machine.base.twin("stop", "the probe is deflected")
+            twin.shared[self._state] = 1.0
+            self._machine.doubts([twin])
+            self._free = True
 
     def _angle(self, name: str, value: float) -> float:
         """axis letter, deg as written → deg meant: for endless axes of such controls the sign is the sense of the turn."""
@@ -165,6 +178,9 @@ class _Program:
         named = {item[0]: self._machine.same(item[1:]) + self._machine.base.offset[item[0]] for item in words}
         target = {name: self._machine.base.position[name] for name in "XYZ"} | named
         speed = self._machine.same(feed)
+        if word == "31" and self._state and not self._free:
+            raise InputError("moves without having asked whether the probe is deflected")
+        self._free = False
         if word == "1":
             self._machine.moves(target, OFF_FACET, speed)
         elif self._machine.walk.measures:
