@@ -11,9 +11,11 @@ from typing import Any
 
 import pytest
 import yaml
+from test_run import STRATEGY, Control, run
 
 from postprocessors._base import Post, comment, load, names, settings, unverified
 from tango_cnc.cli import guarded, tango
+from tango_cnc.commands.init import write_example
 from tango_cnc.records import InputError
 
 CELL = Path(__file__).parent / "golden" / "cell"
@@ -88,6 +90,18 @@ def test_what_is_no_fact_is_refused_with_its_line_and_changes_nothing(
     assert f"{file}:9: controller.confirmed: found 'TRAK of the prob tabel', which is no fact that this post leaves open" in said
     assert f"Did you mean '{TRACK}'?" in said
     assert not (cell / "program").exists() and not (cell / "readings.csv").exists()
+
+
+def test_the_program_that_is_sent_has_it_no_longer(tmp_path: Path) -> None:
+    folder = tmp_path / "cell"
+    write_example(folder, "hu40t")
+    (folder / "strategy.yaml").write_text(STRATEGY)
+    file = folder / "tango.yaml"
+    root = file.read_text(encoding="utf-8").partition("controller:")[0]
+    file.write_text(f"{root}controller:\n  post: fanuc\n  confirmed: [G53 G0 turns a rotary axis]\n", encoding="utf-8")
+    control = Control(folder)
+    assert run(folder, control).code == 0 and (folder / "readings.csv").exists()
+    assert b"UNVERIFIED G31 ENDS AT ONCE" in control.tape and b"G53 G0 TURNS" not in control.tape
 
 
 def test_a_post_by_option_starts_from_its_own_defaults(cell: Path) -> None:
