@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -171,6 +172,31 @@ def test_a_doubt_that_an_option_brings_is_there_with_the_option_only() -> None:
 def test_it_is_no_option_that_a_step_sees() -> None:
     post = load("heidenhain")
     assert settings(post, {"confirmed": ["nothing has left cycle 26"]}) == settings(post, {}) == settings(post, {"confirmed": []})
+
+
+@pytest.mark.parametrize(
+    ("stated", "left"),
+    [
+        (
+            "the probe is on",
+            ["the probe is on at the start", "#1 is on", "$1 is on", "датчик готов"],
+        ),  # whole, though another begins so
+        ("THE PROBE IS ON", ["the probe is on at the start", "#1 is on", "$1 is on", "датчик готов"]),
+        ("THE PROBE IS ON AT", ["the probe is on", "#1 is on", "$1 is on", "датчик готов"]),
+        ("$1 is on", ["the probe is on", "the probe is on at the start", "#1 is on", "датчик готов"]),
+        ("датчик готов", ["the probe is on", "the probe is on at the start", "#1 is on", "$1 is on"]),
+    ],
+)
+def test_doubts_that_look_alike_are_told_apart_by_their_text(stated: str, left: list[str]) -> None:
+    alike = ("the probe is on", "the probe is on at the start", "#1 is on", "$1 is on", "датчик готов")
+    post = replace(load("grbl"), doubts=alike, further=lambda given: alike[:1])  # the first one is said twice
+    said = unverified(post, {"confirmed": [stated]})
+    assert list(dict.fromkeys(text for text in said if text in alike)) == left
+
+
+def test_a_post_without_doubts_has_nothing_to_confirm() -> None:
+    with pytest.raises(InputError, match="found 'anything'; allowed: nothing, as this post has no doubts; leave the key out"):
+        settings(replace(load("grbl"), doubts=()), {"confirmed": ["anything"]})
 
 
 # What is refused
