@@ -1,98 +1,104 @@
 """A thousand plans that nobody has thought of, each in every dialect: nothing is hit, nothing leaves its travel, nothing turns low.
 
-Machines, tables and probes are those of the examples; indexations, facets, stand-offs and feeds are random. Each program runs on
-the simulated control of its dialect, with a work offset and a tool length active. The machine stops at a collision of ball,
-stylus, probe body or spindle nose with table, facet, ball or obstacle, and at a limit; it touches the facets that are meant;
-besides, whatever carries the probe is looked at while a rotary axis turns, by the simulator's transforms and without anything
-of the planner.
+Machines and tables are those of the examples; indexations, facets, stand-offs and feeds are random. A third of the plans touch
+twice, in two of five there is a box or a cylinder that the planner and the machine know, in two of five probe and spindle nose are
+longer, thicker or thinner than in the example, and of every other one the profile says something: words of clamps, called macros,
+another form of angles or numbers, cycle 444. Each program runs on the simulated control of its dialect, with a work offset active,
+and with a tool length where such a control measures with one (`SPOKEN` in test_dialects.py; the others would refuse to start). The
+machine stops at a collision of ball, stylus, probe body or spindle nose with table, facet, ball or obstacle, and at a limit; it
+touches the facets that are meant and nothing else; besides, whatever carries the probe is looked at while a rotary axis turns, by
+the simulator's transforms and without anything of the planner.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pytest
-from test_dialects import DRIVEN, EVERY, EXAMPLE, OFFSETS, driven
+from randomplans import Drawn, example, options, posts, random_plans
+from test_dialects import DRIVEN, EVERY, OFFSETS
+from test_link_grbl import driven
 
-from postprocessors._base import companions, load, names, program
+from postprocessors._base import companions, names, program
+from sim_controller import solids
 from sim_controller.interpreters import Alarm
 from sim_controller.motion import Motion, MotionStop
 from sim_controller.probing import Rig, home, rig
 from sim_controller.session import language
 from sim_controller.world import TrueMachine, nominal_machine, place
-from tango_cnc.files import read_cell
 from tango_cnc.link._client import Ended
 from tango_cnc.plan import plan, plan_hash
-from tango_cnc.records import Array, Cell, Indexation, InputError, Machine, Plan, World
+from tango_cnc.records import Array, Artefact, Ball, Facet, Indexation, InputError, Machine, Obstacle, Plan, World
 
-EXAMPLES = ("hu40t", "huron", "trunnion", "fork_head", "split", "three_axis")
-AIR = 1.0  # mm that must be left between the probe and every facet's plane, or ball, while something turns
-HEIGHTS = tuple(range(0, 401, 25))  # mm above the tip at which what carries it is looked at
+AIR = 1.0  # mm that must be left between the probe and every side of the table, obstacle or ball while something turns
+LOOKS = 25.0  # mm along the tool between the places at which what carries the tip is looked at
+FAR = 400.0  # mm above the tip, of a second point of the tool
+NOSE = 300.0  # mm of spindle above the probe
+LEVEL = 1.0  # mm: a facet over which another one looks by more than that is no side of the table
 STEP = math.radians(5.0)
+NOTHING: Mapping[str, Any] = MappingProxyType({})  # is stated of a control
 COMMENTS = re.compile(r"\([^)]*\)|;.*")
 
 
-@cache
-def example(name: str) -> Cell:
-    return read_cell(EXAMPLE.parent / name)
+@dataclass(frozen=True)
+class Truth:
+    """A machine that is true to the drawing, and what the judge knows of it."""
+
+    rig: Rig
+    tip: TrueMachine
+    far: TrueMachine  # whose probe ends FAR above the tip
+    bodies: tuple[tuple[Array, Array], ...]  # table and obstacles: normals (f, 3) of their sides, mm (f,) along them
+    parts: tuple[tuple[float, float, float], ...]  # of the probe: from and to above the tip, radius
 
 
-def random_plans(seed: int, count: int) -> Iterator[Plan]:
-    """seed → plans of one to four touches at one or two indexations, mostly of few: what a thousand of them cost is waited for."""
-    rng = np.random.default_rng(seed)
-    while count:
-        cell = example(str(rng.choice(EXAMPLES)))
-        facets = tuple(str(f) for f in rng.choice(list(cell.artefact.facets), 1 + int(rng.random() < 0.3), replace=False))
-        poses = tuple(Indexation(random_pose(cell.machine, rng), facets) for _ in range(rng.integers(1, 3)))
-        approach = replace(
-            cell.strategy.approach,
-            standoff=round(float(rng.uniform(3, 20)), 3),
-            search=round(float(rng.uniform(2, 6)), 3),
-            feed=float(rng.choice([60, 180, 999.5])),
-        )
-        strategy = replace(cell.strategy, indexations=poses, approach=approach)
-        try:
-            made = plan(replace(cell, strategy=strategy), "leave-out")
-        except InputError:
-            continue
-        count -= 1
-        yield made
+def truth(machine: Machine, artefact: Artefact) -> Truth:
+    """machine, what is on its table → what is true of them."""
+    probe = machine.probe
+    far = replace(machine, probe=replace(probe, length=probe.length - FAR))
+    stem = probe.length - probe.body_length
+    return Truth(
+        rig(machine, artefact, World()),
+        nominal_machine(machine),
+        nominal_machine(far),
+        (*sides(artefact), *((hull.normal, hull.offset) for hull in solids.obstacles(artefact))),
+        (
+            (0.0, stem, probe.stylus_radius),
+            (stem, probe.length, probe.body_radius),
+            (probe.length, probe.length + NOSE, max(probe.body_radius, probe.nose_radius)),
+        ),
+    )
 
 
-def random_pose(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
-    """→ rad of every rotary axis and the spindle, anywhere within the travels; now and then exactly at the end of one."""
-    pose = {}
-    for axis in machine.axes:
-        if axis.kind == "rotary":
-            low, high = axis.travel or (-math.tau, math.tau)
-            degrees = round(math.degrees(rng.uniform(low, high)), int(rng.integers(0, 4)))
-            pose[axis.name] = (
-                float(np.clip(math.radians(degrees), low, high)) if rng.random() < 0.95 else float(rng.choice([low, high]))
-            )
-        elif axis.kind == "spindle":
-            pose[axis.name] = math.radians(float(rng.choice([0, 90, 180, -45.5])))
-    return pose
+def sides(artefact: Artefact) -> tuple[tuple[Array, Array], ...]:
+    """artefact → the table as what is behind all facets that no other one looks over; nothing where there is no such facet."""
+    flat = [facet for facet in artefact.facets.values() if facet.ball is None]
+    if not flat:
+        return ()
+    point, normal = np.array([facet.point for facet in flat]), np.array([facet.normal for facet in flat])
+    offset = np.einsum("ij,ij->i", point, normal)
+    outer = (point @ normal.T - offset).max(axis=0) <= LEVEL
+    return ((normal[outer], offset[outer]),) if outer.any() else ()
 
 
 @dataclass
 class Watched:
     """A simulated machine on which whatever turns is looked at."""
 
-    rig: Rig
+    truth: Truth
     motion: Motion
     turns: int = 0
-    lowest: float = math.inf  # mm between what carries the probe and the table while something turned
+    lowest: float = math.inf  # mm between the probe with what carries it and what is on the table while something turned
     touched: list[str] = field(default_factory=list)
 
     def note(self, event: str, **data: Any) -> None:
         if event in ("rapid", "feed"):
-            machine = self.rig.machine
+            machine = self.truth.rig.machine
             end = np.array(
                 [v if a.kind == "linear" else math.radians(v) for a, v in zip(machine.axes, data["position"].values(), strict=True)]
             )
@@ -101,7 +107,7 @@ class Watched:
             if (change > 1e-9).any():
                 self.turns += 1
                 path = np.linspace(self.before, end, 2 + int(change.max() / STEP))
-                self.lowest = min(self.lowest, gap(self.rig, path))
+                self.lowest = min(self.lowest, gap(self.truth, path))
             self.before = end
         elif event in ("contact", "skip"):
             self.before = self.motion.position
@@ -110,63 +116,76 @@ class Watched:
     before: Array = None  # type: ignore[assignment]
 
 
-def watched(made: Plan) -> Watched:
-    """plan → its machine, true to the drawing, at its reference position."""
-    true = rig(made.machine, made.artefact, World())
-    seen = Watched(true, Motion(true))
-    seen.motion = Motion(true, seen.note)
-    seen.before = home(made.machine)
+def watched(true: Truth) -> Watched:
+    """what is true → the machine at its reference position."""
+    seen = Watched(true, Motion(true.rig))
+    seen.motion = Motion(true.rig, seen.note)
+    seen.before = home(true.rig.machine)
     return seen
 
 
-def gap(true: Rig, path: Array) -> float:
-    """(n, k) mm rad → mm between the line that carries the probe, thickened to its body, and the facets' planes and balls."""
-    machine, artefact = true.machine, true.artefact
-    tip, far = (place(drawn, path, np.ones_like(path)).tip for drawn in drawings(machine))
-    at = np.concatenate([tip + (far - tip) * h / HEIGHTS[-1] for h in HEIGHTS])
-    stem = machine.probe.length - machine.probe.body_length
-    radius = np.repeat([machine.probe.tip_radius if h <= stem else machine.probe.body_radius for h in HEIGHTS], len(path))
-    flat = [f for f in artefact.facets.values() if f.ball is None]
-    free = math.inf
-    if flat:
-        outside = np.max([(at - np.array(f.point)) @ np.array(f.normal) for f in flat], axis=0)
-        free = float((outside - radius).min())
-    for ball in artefact.balls.values():
-        free = min(free, float((np.linalg.norm(at - np.array(ball.centre), axis=1) - ball.radius - radius).min()))
-    return free
+def gap(true: Truth, path: Array) -> float:
+    """(n, k) mm rad → mm between ball, stylus, body or nose, and a plane that keeps them off table and obstacles, or a ball.
+
+    A disc across the tool reaches towards a plane by its radius times the sine of the angle between tool and normal.
+    """
+    tip, far = (place(drawn, path, np.ones_like(path)).tip for drawn in (true.tip, true.far))
+    up, ball = (far - tip) / FAR, true.rig.machine.probe.tip_radius
+    free = [math.inf]
+    for normal, offset in true.bodies:
+        height, lean = tip @ normal.T - offset, up @ normal.T
+        wide = np.sqrt(np.maximum(1 - lean**2, 0.0))
+        free.append((height - ball).max(axis=1).min())
+        for low, high, radius in true.parts:
+            along = np.linspace(low, high, 2 + int((high - low) / LOOKS))[:, None, None]
+            free.append((height + along * lean - radius * wide).max(axis=-1).min())
+    for sphere in true.rig.artefact.balls.values():
+        away = np.array(sphere.centre) - tip
+        along = np.einsum("ij,ij->i", away, up)
+        aside = np.linalg.norm(away - along[:, None] * up, axis=1)
+        free.append((np.linalg.norm(away, axis=1) - ball - sphere.radius).min())
+        for low, high, radius in true.parts:
+            outside = np.maximum(low - along, along - high).clip(0), (aside - radius).clip(0)
+            free.append((np.hypot(*outside) - sphere.radius).min())
+    return float(min(free))
 
 
-@cache
-def drawings(machine: Machine) -> tuple[TrueMachine, TrueMachine]:
-    """→ the machine without errors, and the same with a probe that ends at the uppermost of HEIGHTS."""
-    shorter = replace(machine, probe=replace(machine.probe, length=machine.probe.length - HEIGHTS[-1]))
-    return nominal_machine(machine), nominal_machine(shorter)
+def text_of(name: str, made: Plan, stated: Mapping[str, Any]) -> list[str]:
+    """dialect, plan, what the profile says → the program."""
+    return list(program(posts(name), made, stated, plan_hash(made))[2]())
 
 
-posts = cache(load)
-
-
-def text_of(name: str, made: Plan) -> list[str]:
-    return list(program(posts(name), made, {}, plan_hash(made))[2]())
-
-
-def stored(name: str, made: Plan) -> tuple[str, ...]:
-    """dialect, plan → what its control has in store: the files that come with the program, else what it always has."""
+def stored(name: str, made: Plan, stated: Mapping[str, Any] = NOTHING) -> tuple[str, ...]:
+    """dialect, plan, profile → what its control has in store: files that come with the program, else what it always has."""
     drive = "TNC:\\" if EVERY[name].family == "klartext" else ""
-    files = companions(posts(name), made, {})
+    files = companions(posts(name), made, stated)
     return tuple(line for file, lines in files.items() for line in (drive + file, *lines)) or EVERY[name].library
 
 
-def carried_out(name: str, lines: list[str], made: Plan) -> Watched:
-    """dialect, program → the machine after it, which has made every touch. Raises Alarm and MotionStop."""
-    seen, spoken = watched(made), EVERY[name]
+def settings(name: str, made: Plan, stated: Mapping[str, Any]) -> dict[str, Any]:
+    """dialect, plan, what the profile says → what is set at its control that the program needs."""
+    approach = made.strategy.approach
+    if stated.get("cycle") == 444 and approach.find is not None:
+        retreat, radius = approach.find.retreat, made.machine.probe.tip_radius
+        return {"probe_table": {"F": approach.feed, "DIST": retreat + approach.search, "SET_UP": retreat, "R": radius}}
+    if name == "grbl":
+        return {key: {axis: int(word[1:]) for axis, word in words.items()} for key, words in stated.items()}
+    if name == "centroid" and "clamp" in stated:
+        return {"macros": ("M19", *stated["unclamp"].values(), *stated["clamp"].values())}
+    return {}
+
+
+def carried_out(name: str, lines: list[str], made: Plan, stated: Mapping[str, Any], true: Truth) -> Watched:
+    """dialect, program, profile, machine → that machine, which has made every touch. Raises Alarm and MotionStop."""
+    seen, spoken = watched(true), EVERY[name]
     family = language(spoken.family)
     printed: list[bytes] = []
     offsets = {axis: value for axis, value in OFFSETS.items() if axis in made.machine.names}
-    profile = replace(family.default_profile(made.machine), g54=offsets, **spoken.settings)
-    control = family.Control(seen.motion, profile, printed.append, lambda event, **data: None, stored(name, made))
+    known = {"g54": offsets, **spoken.settings, **settings(name, made, stated)}
+    profile = replace(family.default_profile(made.machine), **known)
+    control = family.Control(seen.motion, profile, printed.append, lambda event, **data: None, stored(name, made, stated))
     if name in DRIVEN:
-        events = driven(made, control)
+        events, _ = driven(made, control, text="\n".join(lines))
         assert events[-1] == Ended(len(made.touches)), events[-1]
         return seen
     control.run(lines[spoken.frame : len(lines) - spoken.frame], False)
@@ -180,25 +199,35 @@ def what_it_does(lines: list[str]) -> tuple[str, ...]:
     return tuple(re.sub(r"\b[0-9A-F]{12}\b", "", line) for line in bare if line and not re.fullmatch(r"%|O\d+", line))
 
 
+def not_safe(name: str, drawn: Drawn, lines: list[str], true: Truth) -> str:
+    """dialect, plan, its program, machine → what is wrong with it in words; empty when nothing is."""
+    made = drawn.plan
+    try:
+        seen = carried_out(name, lines, made, options(name, drawn), true)
+    except (Alarm, MotionStop, AssertionError) as stop:
+        return repr(stop)
+    times = 2 if made.strategy.approach.find else 1
+    if seen.touched != [f"facet {touch.facet}" for touch in made.touches for _ in range(times)]:
+        return f"has touched {', '.join(seen.touched)}"
+    if seen.lowest <= AIR:
+        return f"something turns {seen.lowest:.2f} mm from what is on the table"
+    return "" if seen.turns or not made.machine.rotary else "has turned nothing"
+
+
 def in_every_dialect(seed: int, count: int) -> dict[str, int]:
     """→ how many programs were run, those that say the same once, per dialect; fails at the first that is not safe."""
     ran = dict.fromkeys((name for name in names() if name in EVERY), 0)
-    for i, made in enumerate(random_plans(seed, count)):
+    for i, drawn in enumerate(random_plans(seed, count)):
         done: set[tuple[str, ...]] = set()
+        true = truth(drawn.plan.machine, drawn.plan.artefact)
         for name in ran:
-            lines = text_of(name, made)
+            lines = text_of(name, drawn.plan, options(name, drawn))
             if (what := what_it_does(lines)) in done:
                 continue
             done.add(what)
             ran[name] += 1
-            where = f"plan {i} of seed {seed}, {made.machine.name}, {name}"
-            try:
-                seen = carried_out(name, lines, made)
-            except (Alarm, MotionStop, AssertionError) as stop:
-                pytest.fail(f"{where}: {stop!r}")
-            assert seen.touched == [f"facet {touch.facet}" for touch in made.touches], where
-            assert seen.lowest > AIR, f"{where}: something turns {seen.lowest:.2f} mm from the table"
-            assert seen.turns or not made.machine.rotary, where
+            found = not_safe(name, drawn, lines, true)
+            assert not found, f"plan {i} of seed {seed}, {drawn.plan.machine.name}, {name} {options(name, drawn)}: {found}"
     return ran
 
 
@@ -221,14 +250,35 @@ def test_a_thousand_random_plans_are_safe_in_every_dialect(part: int, capsys: py
 
 def test_what_turns_low_is_seen() -> None:
     """The judge itself: the table turned under a probe that stands on it, and far above it."""
-    made = next(plan_ for plan_ in random_plans(1, 20) if "B" in plan_.machine.names)
+    made = next(drawn.plan for drawn in random_plans(1, 20) if "B" in drawn.plan.machine.names)
     touch = made.touches[0]
     low, high = np.array(touch.contact), np.array(made.turns[0].before if made.turns else touch.over)
     column = made.machine.column("B")
     for start, safe in ((low, False), (high, True)):
         turned = start.copy()
         turned[column] += 0.5
-        assert (gap(watched(made).rig, np.linspace(start, turned, 10)) > AIR) == safe
+        assert (gap(truth(made.machine, made.artefact), np.linspace(start, turned, 10)) > AIR) == safe
+
+
+@pytest.mark.parametrize("body_length", [80.0, 210.0])
+@pytest.mark.parametrize("nose", [0.0, 60.0, 110.0])
+def test_how_low_a_probe_is_depends_on_where_it_points(nose: float, body_length: float) -> None:
+    """Upright it is the ball, however short the stem and thick the rest; level it is the thickest part, over whatever is there."""
+    machine = example("split").machine  # its pivot is 200 mm above a probe of 220 mm
+    machine = replace(machine, probe=replace(machine.probe, nose_radius=nose, body_length=body_length))
+    upright, level = np.zeros((2, 1, len(machine.names)))
+    upright[:, 2] = level[:, 2] = 500.0
+    level[:, machine.column("B")] = math.pi / 2
+    thick = max(nose, machine.probe.body_radius)
+    top = Artefact("top", {"1": Facet("1", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))})
+    assert gap(truth(machine, top), upright) == pytest.approx(500 - 220 - 3)
+    assert gap(truth(machine, top), level) == pytest.approx(500 + 200 - thick)
+    box = replace(top, obstacles=(Obstacle("box", low=(-900.0, -900.0, 0.0), high=(900.0, 900.0, 100.0)),))
+    assert gap(truth(machine, box), upright) == pytest.approx(400 - 220 - 3)
+    assert gap(truth(machine, box), level) == pytest.approx(400 + 200 - thick)
+    ball = replace(top, balls={"1": Ball("1", (0.0, 0.0, 100.0), 12.7)})
+    assert gap(truth(machine, ball), upright) == pytest.approx(400 - 220 - 3 - 12.7)
+    assert gap(truth(machine, ball), level) == pytest.approx(400 + 200 - thick - 12.7)
 
 
 ALONG = [
@@ -262,4 +312,5 @@ def test_a_head_that_points_nobody_knows_where_first_leaves_the_table_by_one_axi
     cell = example("fork_head")
     pose = Indexation({"A": math.radians(-49.0), "C": math.radians(-132.397), "S": math.pi}, ("205",))
     made = plan(replace(cell, strategy=replace(cell.strategy, indexations=(pose,))))
-    assert carried_out("fanuc", text_of("fanuc", made), made).touched == ["facet 205"]
+    true = truth(made.machine, made.artefact)
+    assert carried_out("fanuc", text_of("fanuc", made, NOTHING), made, NOTHING, true).touched == ["facet 205"]
