@@ -163,3 +163,16 @@ def options(name: str, drawn: Drawn) -> dict[str, Any]:
         every = {"rollover": "always", "rotary": "AC", "shortest": False}
         return {key: value for key, value in every.items() if key in known}
     return {}
+
+
+def settings(name: str, made: Plan, stated: Mapping[str, Any]) -> dict[str, Any]:
+    """dialect, plan, what the profile says → what is set at its control that the program needs."""
+    approach = made.strategy.approach
+    if stated.get("cycle") == 444 and approach.find is not None:
+        retreat, radius = approach.find.retreat, made.machine.probe.tip_radius
+        return {"probe_table": {"F": approach.feed, "DIST": retreat + approach.search, "SET_UP": retreat, "R": radius}}
+    if name == "grbl":
+        return {key: {axis: int(word[1:]) for axis, word in words.items()} for key, words in stated.items()}
+    if name == "centroid" and "clamp" in stated:
+        return {"macros": ("M19", *stated["unclamp"].values(), *stated["clamp"].values())}
+    return {}

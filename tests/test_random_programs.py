@@ -3,8 +3,8 @@
 Machines and tables are those of the examples; indexations, facets, stand-offs and feeds are random. A third of the plans touch
 twice, in two of five there is a box or a cylinder that the planner and the machine know, in two of five probe and spindle nose are
 longer, thicker or thinner than in the example, and of every other one the profile says something: words of clamps, called macros,
-another form of angles or numbers, cycle 444. Each program runs on the simulated control of its dialect, with a work offset active,
-and with a tool length where such a control measures with one (`SPOKEN` in test_dialects.py; the others would refuse to start). The
+another form of angles or numbers, cycle 444. Each program runs on the simulated control of its dialect, with a work offset active;
+a tool length is active where `SPOKEN` in test_dialects.py says so (Fagor, Heidenhain, Okuma, Siemens), in the others none is. The
 machine stops at a collision of ball, stylus, probe body or spindle nose with table, facet, ball or obstacle, and at a limit; it
 touches the facets that are meant and nothing else; besides, whatever carries the probe is looked at while a rotary axis turns, by
 the simulator's transforms and without anything of the planner.
@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from randomplans import Drawn, example, options, posts, random_plans
+from randomplans import EXAMPLES, POSES, WISHES, Drawn, example, options, posts, random_plans, settings
 from test_dialects import DRIVEN, EVERY, OFFSETS
 from test_link_grbl import driven
 
@@ -162,19 +162,6 @@ def stored(name: str, made: Plan, stated: Mapping[str, Any] = NOTHING) -> tuple[
     return tuple(line for file, lines in files.items() for line in (drive + file, *lines)) or EVERY[name].library
 
 
-def settings(name: str, made: Plan, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """dialect, plan, what the profile says → what is set at its control that the program needs."""
-    approach = made.strategy.approach
-    if stated.get("cycle") == 444 and approach.find is not None:
-        retreat, radius = approach.find.retreat, made.machine.probe.tip_radius
-        return {"probe_table": {"F": approach.feed, "DIST": retreat + approach.search, "SET_UP": retreat, "R": radius}}
-    if name == "grbl":
-        return {key: {axis: int(word[1:]) for axis, word in words.items()} for key, words in stated.items()}
-    if name == "centroid" and "clamp" in stated:
-        return {"macros": ("M19", *stated["unclamp"].values(), *stated["clamp"].values())}
-    return {}
-
-
 def carried_out(name: str, lines: list[str], made: Plan, stated: Mapping[str, Any], true: Truth) -> Watched:
     """dialect, program, profile, machine → that machine, which has made every touch. Raises Alarm and MotionStop."""
     seen, spoken = watched(true), EVERY[name]
@@ -246,6 +233,35 @@ def test_a_thousand_random_plans_are_safe_in_every_dialect(part: int, capsys: py
     ran = in_every_dialect(100 + part, 200)
     with capsys.disabled():
         print(f"\n200 plans: {', '.join(f'{name} {n}' for name, n in ran.items() if n)} programs run without a collision")
+
+
+def test_the_plans_are_as_different_as_is_said() -> None:
+    drawn = list(random_plans(2, 60))
+    usual = {example(name).machine.probe for name in EXAMPLES}
+    assert {one.plan.machine.name for one in drawn} == {example(name).machine.name for name in EXAMPLES}
+    assert {one.wish for one in drawn} == {"", "444", *WISHES}
+    for what in (
+        [one.plan.strategy.approach.find is not None for one in drawn],
+        [bool(one.plan.artefact.obstacles) for one in drawn],
+        [one.plan.machine.probe not in usual for one in drawn],
+    ):
+        assert 15 < sum(what) < 35
+    assert {len(one.plan.strategy.indexations) for one in drawn} == set(POSES)
+    assert max(len(one.plan.touches) for one in drawn) > 5
+
+
+def test_a_planner_that_did_not_know_the_obstacles_would_be_found() -> None:
+    """Its touches are those that it would make, on the machine on which the obstacle stands."""
+    for drawn in random_plans(2, 60):
+        made, machine = drawn.plan, drawn.plan.machine
+        cell = next(example(name) for name in EXAMPLES if example(name).machine.name == machine.name)
+        blind = replace(cell, machine=machine, strategy=made.strategy)
+        if made.artefact.obstacles:
+            other = Drawn(plan(blind, "leave-out"))
+            lines = text_of("linuxcnc", other.plan, NOTHING)
+            if "obstacle 1" in not_safe("linuxcnc", other, lines, truth(machine, made.artefact)):
+                return
+    raise AssertionError("no obstacle stands in anybody's way")
 
 
 def test_what_turns_low_is_seen() -> None:
