@@ -17,8 +17,8 @@ from tango_cnc.plan import plan
 from tango_cnc.records import Approach, Artefact, Cell, Find, Indexation, InputError, Machine, Obstacle, Plan, Probe
 
 EXAMPLES = ("hu40t", "huron", "trunnion", "fork_head", "split", "three_axis")
-POSES = {1: 0.45, 2: 0.4, 3: 0.15}  # how many, how often
-FACETS = {1: 0.5, 2: 0.28, 3: 0.13, 6: 0.09}  # at a pose
+POSES = {1: 0.5, 2: 0.38, 3: 0.12}  # how many, how often
+FACETS = {1: 0.5, 2: 0.3, 3: 0.12, 5: 0.08}  # at a pose
 CLEAR = 0.5  # mm between the search zone and where the second of two touches begins
 WISHES = ("clamps", "called", "angles", "decimals")  # of a profile, besides 444
 CLAMPS = {"linuxcnc": ("M64 P%d", "M65 P%d"), "mach3": ("M81%d", "M82%d"), "okuma": ("M2%d", "M3%d")}
