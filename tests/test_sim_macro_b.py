@@ -106,6 +106,7 @@ def test_the_feed_of_a_mitsubishis_g31_is_its_own() -> None:
     assert "PS0011" in str(run("O1\nG31 X-5. F100.\nG1 X0.\nM30", skip_feed="own").alarm)
     assert run("O1\nG31 X-5. F100.\nG1 X0.\nM30").alarm is None
     assert "P603" in str(run("O1\nG1 X1. F100.\nG31 X-5.\nM30", skip_feed="own").alarm)
+    assert "P603" in str(run("O1\nG1 X1. F100.\nG31 X[FIX[-5.5]]\nM30", skip_feed="own").alarm)
 
 
 def test_a_haas_does_not_skip_faster_than_it_may() -> None:

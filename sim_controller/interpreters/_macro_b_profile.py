@@ -28,9 +28,8 @@ class Profile:
     straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
     probe_variable: int = 0  # system variable that is 1 while the probe is deflected, as old as the last wait; 0: there is none
-    skip_feed: Literal["modal", "own"] = (
-        "modal"  # F of G31: as of any block, or its own alone, which other blocks do not see (M700V)
-    )
+    # F of G31: as of any block, or its own alone, which it has to have and other blocks do not see (M700V)
+    skip_feed: Literal["modal", "own"] = "modal"
     fastest_skip: float = math.inf  # mm/min of G31 (Haas: 2500)
     padding: Literal["spaces", "none", "bare"] = "spaces"  # leading zeros of DPRNT (6001#1 PRT); bare: as a Haas NGC
     overflow: Literal["dropped", "expanded"] = "dropped"  # digits that do not fit into a field; Haas expands it

@@ -177,6 +177,8 @@ class Control:
             return self._call_macro(found, block, depth), None
         m_codes = [int(word.value) for word in found if word.letter == "M"]
         before = self._feed
+        if 31 in g_codes and self._profile.skip_feed == "own" and not any(word.letter == "F" for word in found):
+            raise alarm("P603", block.raw)
         self._set_feed(found)
         self._axes.inch, self._axes.work = self._modal[6] == 20, int(self._modal[14])
         if 19 in m_codes:
@@ -223,8 +225,6 @@ class Control:
         elif 53 in g_codes:
             self._axes.machine_move(axes)
         elif 31 in g_codes:
-            if self._profile.skip_feed == "own" and "F" not in block.text:
-                raise alarm("P603", block.raw)
             if self._feed <= 0:
                 raise alarm("PS0011", block.raw)
             if self._feed > self._profile.fastest_skip:
