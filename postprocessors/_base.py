@@ -343,7 +343,7 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
         to.update(move.target)
         leg = Leg(move.kind, move.target, dict(to), touch, came)
         yield from _said(steps[move.kind](job, leg))
-        if move.kind == "back":
+        if move.kind == "probe":  # before the way back: what stops there takes no reading with it
             yield from _said(post.record(job, leg))
     yield from _said(post.probe_off(job))
     yield from _said(post.end(job))

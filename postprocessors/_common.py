@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from textwrap import wrap
 from typing import Any
 
-from tango_cnc.records import InputError, Machine
+from tango_cnc.records import OFF, InputError, Machine
 
 from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
 
@@ -35,7 +36,7 @@ ROLLOVER = Option(
 )
 TOLERANCE = Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True)
 MISSED = Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True)
-STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "back", "record", "probe_off", "end")
+STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "record", "back", "probe_off", "end")
 
 
 def steps(here: Mapping[str, Any]) -> dict[str, Any]:
@@ -127,6 +128,15 @@ def axis_numbers(job: Job) -> dict[str, int]:
 def standoff(job: Job, leg: Leg) -> dict[str, float]:
     """leg → {axis letter: mm or rad} of the stand-off of its touch."""
     return dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+
+
+def off(job: Job, leg: Leg, decimals: int = 3) -> dict[str, str]:
+    """leg → {linear axis: mm as text, with its sign} from where a measuring move has ended to where the probe has come free."""
+    begin = standoff(job, leg)
+    contact = dict(zip(job.machine.names, leg.touch.contact, strict=True))
+    away = {name: begin[name] - contact[name] for name in "XYZ"}
+    steps = {name: OFF * value / math.hypot(*away.values()) for name, value in away.items()}
+    return {n: f"{'-' if s < 0 else '+'}{number(abs(s), decimals)}" for n, s in steps.items() if abs(s) >= 0.5 * 10**-decimals}
 
 
 def words(job: Job, place: Mapping[str, float]) -> dict[str, str]:

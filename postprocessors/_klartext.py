@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
+from tango_cnc.records import OFF
+
 from ._base import Job, early_distance, number, search_distance
 
 ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
@@ -32,9 +34,8 @@ TOUCH, SPINDLE, SUM = "Q56", "Q57", "Q58"
 
 
 def guarded(job: Job) -> Iterator[str]:
-    """Probes to Q21 Q22 Q23 and must meet nothing. Less than 1 µm is no way to go."""
+    """Probes to Q21 Q22 Q23 and must meet nothing. Less than 1 µm is no way to go. The axes stand: every move is waited for."""
     yield f"LBL {GUARDED} ; GUARDED MOVE TO Q21 Q22 Q23"
-    yield "FN 20: WAIT FOR SYNC"
     for name in "XYZ":
         yield reading(job, NOW[name], name)
         yield f"{NOW[name]} = {TARGET[name]} - {NOW[name]}"
@@ -60,7 +61,7 @@ def measuring(job: Job, label: int = MEASURING, then: Iterable[str] = (), last: 
     """
     yield f"LBL {label} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
     yield from way()
-    yield from _tch_probe(feed_text(job.plan.strategy.approach.feed), f"+{search_distance(job.plan):.4f}")
+    yield from _tch_probe(feed_text(job.plan.strategy.approach.feed), f"+{OFF:.4f}")
     yield "FN 20: WAIT FOR SYNC"
     yield from turned(job)
     yield f"{FLAG} = 0"

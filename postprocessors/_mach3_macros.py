@@ -15,9 +15,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
-from tango_cnc.records import Machine
+from tango_cnc.records import OFF, Machine
 
-START, PROTECTED, MEASURE, BACK, TURN, RECORD, END = range(880, 887)
+START, PROTECTED, MEASURE, FREE, TURN, RECORD, END = range(880, 887)
 PLACE = {name: i for i, name in enumerate("XYZABC")}
 TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE, SET, MOVES = 101, 104, 105, 106, 109, 110, 111, 112, 113, 141
 _FLAG, _AT, _FRAME, _STOPPED, _MISSED = 120, 121, 131, 150, 151
@@ -32,7 +32,7 @@ def macros(machine: Machine, readings: str) -> dict[str, list[str]]:
         START: ("looks whether the probe is free, takes the frame, writes the start mark", _start(readings)),
         PROTECTED: ("protected move: whatever stops it short stops the program", _protected()),
         MEASURE: ("measuring move: contact, none, or early", _measure(machine)),
-        BACK: ("off the facet, the way it came", _back()),
+        FREE: (f"{OFF:g} mm off the facet, the way it came", _off()),
         TURN: ("turns rotary axis P (4 A, 5 B, 6 C)", _turn()),
         RECORD: ("writes touch P", _record(machine, readings)),
         END: ("writes the end mark", _end(readings)),
@@ -170,8 +170,15 @@ def _measure(machine: Machine) -> list[str]:
     ]
 
 
-def _back() -> list[str]:
-    return [*(f"{n} = GetVar({STANDOFF + PLACE[n]})" for n in "XYZ"), _code("G1", "XYZ", f"GetVar({FEED})"), *_WAIT]
+def _off() -> list[str]:
+    ways = [f"W{n} = GetVar({STANDOFF + PLACE[n]}) - GetVar({TARGET + PLACE[n]})" for n in "XYZ"]
+    return [
+        *ways,
+        "Far = Sqr(WX * WX + WY * WY + WZ * WZ)",
+        *(f"{n} = GetOEMDRO({_MACHINE + PLACE[n]}) + {OFF:g} * W{n} / Far" for n in "XYZ"),
+        _code("G1", "XYZ", f"GetVar({FEED})"),
+        *_WAIT,
+    ]
 
 
 def _turn() -> list[str]:

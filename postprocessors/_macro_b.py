@@ -139,11 +139,13 @@ class _Steps:
         start = common.standoff(job, leg)
         values = common.words(job, leg.to) | dict(zip("IJK", common.words(job, start).values(), strict=True))
         yield from self._macro(job, 2, values | {"F": number(job.plan.strategy.approach.feed)})
+        numbers = common.axis_numbers(job)
+        off = {name: f"[#{5020 + numbers[name]}{step}-#{FRAME + numbers[name]}]" for name, step in common.off(job, leg).items()}
+        yield f"G1 {' '.join(name + value for name, value in off.items())} F{number(job.options['positioning_feed'])}(OFF)"
 
     def back(self, job: Job, leg: Leg) -> Iterator[str]:
-        numbers = common.axis_numbers(job)
-        place = " ".join(f"{name}[{value}-#{FRAME + numbers[name]}]" for name, value in common.words(job, leg.to).items())
-        yield f"G1 {place} F{number(job.options['positioning_feed'])}"
+        yield "(BACK)"
+        yield from self._protected(job, leg)
 
     def record(self, job: Job, leg: Leg) -> Iterator[str]:
         yield from self._macro(job, 3, {"T": number(leg.touch.number), "S": common.spindle(job, leg.to["S"])})

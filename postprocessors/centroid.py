@@ -99,7 +99,7 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield f"IF [[{TRIPPED} != 0] || [[{short}] > {number(job.options['tolerance'])}]] THEN GOTO {ON_THE_WAY}"
 
 
-retract = clear = move
+retract = clear = back = move
 approach = common.approaching("; %s", move)
 
 
@@ -140,12 +140,9 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield f"#{MISSES} = [#{MISSES} + 1]"
     yield f"IF [#{FLAG} != 0] THEN #{MISSES} = 0"
     yield f"IF [#{MISSES} >= {job.options['misses']}] THEN GOTO {DEAD}"
-
-
-def back(job: Job, leg: Leg) -> Iterator[str]:
-    """Off the facet, where the probe may still be on."""
-    goal = {name: leg.to[name] for name in "XYZ" if name in leg.target}
-    yield f"G1 {_slashed(job, goal).replace('/', '')} F{number(job.options['positioning_feed'])}"
+    numbers = common.axis_numbers(job)
+    off = {n: f"#{5020 + numbers[n]} {step[0]} {step[1:]} - #{FRAME + numbers[n]}" for n, step in common.off(job, leg).items()}
+    yield f"G1 {' '.join(f'{n}[{value}]' for n, value in off.items())} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

@@ -120,7 +120,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             yield from _stop_if(f"{SHORT}>{number(ARRIVED, 6)}", "ROTARY AXIS NOT IN PLACE")
 
 
-retract = clear = move
+retract = clear = back = move
 approach = common.approaching("; %s", move)
 
 
@@ -148,11 +148,8 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield f"{MISSES}={MISSES}+1"
     yield from _if(f"{FLAG}!=0", f"{MISSES}=0")
     yield from _stop_if(f"{MISSES}>={job.options['misses']}", "NO CONTACT. IS THE PROBE ALIVE")
-
-
-def back(job: Job, leg: Leg) -> Iterator[str]:
-    """To the stand-off the way it came, the only unguarded move."""
-    yield f"G1 {_targets(common.words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    off = {name: f"{_machine(job, name)}{step}" for name, step in common.off(job, leg).items()}
+    yield f"G1 {_targets(off)} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

@@ -11,18 +11,15 @@ Targets are machine coordinates; `tango run` takes work offset, G92 and tool len
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 
 from tango_cnc.records import InputError
 
 from ._base import Job, Leg, Option, Post, degrees, number, rolled
-from ._common import PROBE_SWITCHES, approaching, fits, indexed, steps, switches, titled, unclamped, warned
+from ._common import PROBE_SWITCHES, approaching, fits, indexed, off, steps, switches, titled, unclamped, warned
 
 RESET = "G17 G21 G40 G49 G80 G90 G94 M5"
-OFF = 1.5  # mm off a facet, before which no search can begin
-SMALL = 0.005  # mm: less is no word
 ROOM = {"grblHAL": 255, "FluidNC": 127, "grbl": 79}  # characters of a line, comments apart
 OWN = {*range(10), 19, 30, *range(48, 69), *range(70, 74), 98, 99}  # M codes of the controls themselves; many of them want a P
 NO_P = " that a plugin of grblHAL knows: no P behind it"
@@ -79,25 +76,17 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
         yield f"G0 {' '.join(words.values())}"
 
 
-retract = clear = move
+retract = clear = back = move
 approach = approaching("(%s)", move)
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
-    """The measuring move."""
+    """The measuring move, then off the facet, far enough for the probe to come free."""
     yield _search(leg, job.plan.strategy.approach.feed)
-
-
-def back(job: Job, leg: Leg) -> Iterator[str]:
-    """Off the facet, far enough for the probe to come free, then a search again."""
-    machine = job.machine
-    away = [leg.touch.standoff[machine.column(n)] - leg.touch.contact[machine.column(n)] for n in machine.linear]
-    steps = {name: OFF * value / math.hypot(*away) for name, value in zip(machine.linear, away, strict=True)}
     yield "G21 G91"
-    words = " ".join(f"{n}{number(v, 2)}" for n, v in steps.items() if abs(v) >= SMALL)
+    words = " ".join(f"{name}{step.lstrip('+')}" for name, step in off(job, leg, 2).items())
     yield f"G1 {words} F{number(job.options['positioning_feed'])}"
     yield "G90"
-    yield from move(job, leg)
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

@@ -32,7 +32,6 @@ from ._klartext import (
     TARGET,
     TOUCH,
     TURNED,
-    feed_text,
     guarded,
     measuring,
     printed,
@@ -70,7 +69,7 @@ OPTIONS = (
 
 DOUBTS = (
     "the text of TCH PROBE 4, its results in three Q and -1 in the fourth without contact, REFERENCE SYSTEM 1 is the machine",
-    "TCH PROBE 4 that meets nothing goes on from the end of DIST, MB brings it back to its start after a contact",
+    "TCH PROBE 4 that meets nothing goes on from the end of DIST, MB backs it off after a contact, not farther than its start",
     "cycles 7 8 10 11 with the names that they have here and cycle 8 without an axis: no shift, mirror, rotation or scale is left",
     "nothing has left cycle 26 (a scale for each axis) on",
     "a deflected probe at the start of TCH PROBE 4 is an error of the control: no variable of it is asked",
@@ -124,7 +123,7 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield f"CALL LBL {GUARDED}"
 
 
-retract = clear = move
+retract = clear = back = move  # back: MB has taken the probe off the facet
 approach = common.approaching("; %s", move)
 
 
@@ -158,12 +157,6 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
         yield f"{TARGET[name]} = {_number(job, leg.to[name])}"
     measures = CYCLE if job.options["cycle"] == 444 else MEASURING
     yield f"CALL LBL {FINDING if leg.kind == 'find' else measures}"
-
-
-def back(job: Job, leg: Leg) -> Iterator[str]:
-    """To the stand-off the way it came, the only unguarded move: mostly MB has done it."""
-    words = " ".join(f"{name}{_number(job, leg.to[name])}" for name in "XYZ")
-    yield f"L {words} R0 F{feed_text(job.options['positioning_feed'])} M91"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

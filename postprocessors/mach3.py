@@ -77,7 +77,7 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield f"M{basic.PROTECTED}"
 
 
-retract = clear = move
+retract = clear = back = move
 approach = common.approaching("(%s)", move)
 
 
@@ -93,18 +93,14 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
-    """The measuring move by its macro."""
+    """The measuring move by its macro, off the facet by another."""
     start = common.standoff(job, leg)
     yield _three(basic.TARGET, leg.to)
     yield _three(basic.STANDOFF, start)
     yield f"#{basic.FEED}={number(job.plan.strategy.approach.feed)}"
     yield f"M{basic.MEASURE}"
-
-
-def back(job: Job, leg: Leg) -> Iterator[str]:
-    """Off the facet by its macro, to the stand-off."""
     yield f"#{basic.FEED}={number(job.options['positioning_feed'])}"
-    yield f"M{basic.BACK}"
+    yield f"M{basic.FREE}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

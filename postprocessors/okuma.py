@@ -121,7 +121,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             yield f"CALL OTG4 PA={there} PB={_position(job, name)}"
 
 
-retract = clear = move
+retract = clear = back = move
 approach = common.approaching("(%s)", move)
 
 
@@ -133,11 +133,8 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     targets = " ".join(f"P{name}={value}" for name, value in place.items())
     starts = " ".join(f"P{letter}={value}" for letter, value in zip("IJK", start.values(), strict=True))
     yield f"CALL OTG2 {targets} {starts}"
-
-
-def back(job: Job, leg: Leg) -> Iterator[str]:
-    """To the stand-off the way it came, the only unguarded move."""
-    yield f"G1 {common.joined(common.words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    off = " ".join(f"{name}={_position(job, name)}{step}" for name, step in common.off(job, leg).items())
+    yield f"G1 {off} F{number(job.options['positioning_feed'])}(OFF)"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

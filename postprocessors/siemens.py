@@ -98,7 +98,7 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield from _stop_if(f"($AC_MEA[{job.options['probe_input']}]<>0) OR (TG_SHORT>{number(job.options['tolerance'])})", MET)
 
 
-retract = clear = move
+retract = clear = back = move
 approach = common.approaching("; %s", move)
 
 
@@ -138,11 +138,8 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield "TG_MISSES=TG_MISSES+1"
     yield from _if("TG_FLAG<>0", "TG_MISSES=0")
     yield from _stop_if(f"TG_MISSES>={job.options['misses']}", DEAD)
-
-
-def back(job: Job, leg: Leg) -> Iterator[str]:
-    """To the stand-off the way it came, the only unguarded move."""
-    yield f"SUPA D0 G1 {common.joined(common.words(job, leg.to))} F{number(job.options['positioning_feed'])}"
+    off = " ".join(f"{name}=$AA_IM[{name}]{step}" for name, step in common.off(job, leg).items())
+    yield f"SUPA D0 G1 {off} F{number(job.options['positioning_feed'])}"
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

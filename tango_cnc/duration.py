@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from .records import Axis, Move, Plan
+from .records import OFF, Axis, Move, Plan
 
 FIND = "find and back"  # the first of two touches: to the facet, off it, and to where the measuring move begins
 PARTS = {
@@ -73,7 +73,9 @@ def _move_time(axes: Mapping[str, Axis], at: Mapping[str, float], move: Move, fe
     if feed is None or not linear:
         return clamp + rapid
     slowest = min(axes[name].acceleration or DEFAULT_ACCELERATION["linear"] for name in linear)
-    return clamp + max(rapid, trapezoid(math.hypot(*(travelled[name] for name in linear)), feed / 60, slowest * 1000))
+    way = math.hypot(*(travelled[name] for name in linear))
+    ways = [OFF, max(way - OFF, 0.0)] if move.kind in ("off", "back") else [way]  # off the facet, then guarded
+    return clamp + max(rapid, sum(trapezoid(part, feed / 60, slowest * 1000) for part in ways))
 
 
 def duration(plan: Plan, feed: float | None = None) -> dict[str, float]:

@@ -254,6 +254,7 @@ class Cell:
     controller: Controller | None = None
 
 
+OFF = 1.5  # mm that a program goes off a facet, where nothing can guard it, before it goes back guarded
 MoveKind = Literal["retract", "clear", "index", "approach", "find", "off", "near", "probe", "back"]
 
 

@@ -117,11 +117,11 @@ def test_axes_that_index_turn_one_after_the_other(cell: Path) -> None:
 
 
 def test_protected_moves_take_the_positioning_feed_of_the_post(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One touch, counted by hand: 10 mm at 180 mm/min; back 10 mm at 50 mm/s and 2 m/s²: 10/50 + 50/2000 s."""
+    """One touch, counted by hand: 10 mm at 180 mm/min; off and back 10 mm at 50 mm/s and 2 m/s²: 10/50 + 2 · 50/2000 s."""
     _, usual = checked(capsys, "-C", short)
     count, usual = usual["touches"], usual["predicted_time_s"]
     assert usual["probe"] == pytest.approx(count * 10 / 3)
-    assert usual["back off"] == pytest.approx(count * (10 / 50 + 50 / 2000))
+    assert usual["back off"] == pytest.approx(count * (10 / 50 + 2 * 50 / 2000))
     profile = (short / "tango.yaml").read_text(encoding="utf-8")
     (short / "tango.yaml").write_text(profile.replace("post: fanuc", "post: fanuc\n  positioning_feed: 1500.0"), encoding="utf-8")
     _, slow = checked(capsys, "-C", short)

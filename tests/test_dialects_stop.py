@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,14 +11,14 @@ from controls import GOLDEN, Ran, run_on
 from test_dialects import DRIVEN, EVERY, OFFSETS, driven
 
 from postprocessors._base import companions, load, program
-from sim_controller.motion import Motion
+from sim_controller.motion import Motion, Skip
 from sim_controller.probing import rig
 from sim_controller.session import language
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Failed, Touched
 from tango_cnc.link._trust import Gate, judge
 from tango_cnc.plan import plan, plan_hash
-from tango_cnc.records import Plan, World
+from tango_cnc.records import Obstacle, Plan, World
 
 AS_FANUC = ("brother", "mazak", "mitsubishi")  # the same text but for names and one word
 every_dialect = pytest.mark.parametrize(
@@ -89,6 +90,33 @@ def test_contact_on_the_way_ends_it_with_a_text(made: Plan, name: str) -> None:
     """The top is 40 mm higher than everybody thinks, so the stylus meets it between the first touch and the second."""
     touched, text, _ = ran(made, name, World(facets={"top": 40.0}))
     assert touched == ["ok"] and len(text) > 10
+
+
+@every_dialect
+def test_contact_on_the_way_back_ends_it_with_a_text_and_the_touch_on_record(
+    made: Plan, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Something has come to stand behind the probe while it touched facet 1: a plate, 4 mm from where the ball is then."""
+    x, y, z = made.artefact.facets["1"].point
+    plate = Obstacle("box", low=(x + 10, y - 4, z - 4), high=(x + 11, y + 4, z + 4))
+    skip, collide = Motion.skip, Motion._collide
+    unguarded: list[str] = []
+
+    def touching(motion: Motion, target: Mapping[str, float], feed: float) -> Skip:
+        done = skip(motion, target, feed)
+        if done.hit and motion.touches == 1:
+            motion.rig = rig(made.machine, replace(made.artefact, obstacles=(plate,)), World())
+        return done
+
+    def colliding(motion: Motion, kind: str, *where: Any) -> None:
+        unguarded.append(kind)
+        collide(motion, kind, *where)
+
+    monkeypatch.setattr(Motion, "skip", touching)
+    monkeypatch.setattr(Motion, "_collide", colliding)
+    touched, text, _ = ran(made, name, World())
+    assert touched == ["ok"] and len(text) > 10
+    assert not unguarded or name == "linuxcnc"  # which guards a plain move itself
 
 
 @every_dialect

@@ -231,7 +231,7 @@ def test_a_post_that_does_not_know_of_it_measures_twice_and_records_once(golden:
         record=lambda job, leg: ["RECORD"],
     )
     said = [line for line in _steps(own, Job(golden, settings(own, {}), "", "", ())) if re.match("PROBE|BACK|GUARDED|RECORD", line)]
-    assert " ".join(said).count("PROBE F800 BACK GUARDED PROBE F180 BACK RECORD GUARDED") == len(golden.touches)
+    assert " ".join(said).count("PROBE F800 BACK GUARDED PROBE F180 RECORD BACK GUARDED") == len(golden.touches)
 
 
 # Time
@@ -256,10 +256,10 @@ def test_the_predicted_time_is_that_of_the_simulated_control(cell: Cell, world: 
 
 
 def test_one_touch_counted_by_hand(golden: Plan) -> None:
-    """10 mm at 800 mm/min, back 10 mm and down 4 mm at 50 mm/s and 2 m/s², 6 mm at 180 mm/min."""
+    """10 mm at 800 mm/min, off 1.5 mm, back 8.5 mm and down 4 mm at 50 mm/s and 2 m/s², 6 mm at 180 mm/min."""
     parts, count = duration(golden, 3000.0), len(golden.touches)
     assert parts["probe"] == pytest.approx(count * 2.0)
-    assert parts["find and back"] == pytest.approx(count * (0.75 + (0.2 + 0.025) + (0.08 + 0.025)), rel=1e-3)
+    assert parts["find and back"] == pytest.approx(count * (0.75 + (0.03 + 0.025) + (0.17 + 0.025) + (0.08 + 0.025)), rel=1e-3)
     assert "find and back" not in duration(plan(read_cell(GOLDEN)))
 
 

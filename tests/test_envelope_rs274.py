@@ -28,9 +28,9 @@ Trace = list[tuple[str, tuple[float, ...]]]
         ("G38.3 X-98. F180.", "G38.3 X98. F180.", r"found X 98\.000 mm"),
         ("G38.3 X-98. F180.", "G38.2 X-98. F180.", "no line that a program of this kind"),
         ("G1 X-1.5 F2000.", "G1 X1.5 F2000.", "straight off the facet"),
-        ("G1 X-1.5 F2000.", "G1 X-15. F2000.", "found a move of 15.00 mm"),
+        ("G1 X-1.5 F2000.", "G1 X-15. F2000.", "found an unprotected move of 15.00 mm"),
         ("G1 X-1.5 F2000.", "G1 Y-1.5 F2000.", "straight off the facet"),
-        ("G90\nG38.3 X-113. F2000.", "G38.3 X-113. F2000.", "between G91 and G90"),
+        ("F2000.\nG90\n(RECORD P1 IS MADE OF THE ANSWER PRB)\n", "F2000.\n", "between G91 and G90"),
         ("G21 G91\nG1 X-1.5 F2000.\nG90\n", "", "does not take it off first"),
         ("G0 B-30. C-90.", "G0 B30. C-90.", "found B 30 deg"),
         ("G0 B-30. C-90.", "G0 B-30.", "the indexation lacks C"),
@@ -58,6 +58,11 @@ def test_what_is_dangerous_on_grbl_is_named(old: str, new: str, words: str) -> N
         ("#143=1", "#143=2", "#143 is neither 0 nor 1"),
         ("M882", "M881", "the feed is 180|the plan has a measuring move"),
         ("M883\n", "", "the touch before has no record|no line"),
+        (
+            "#104=1500.\nM883",
+            "#101=-128.\n#104=1500.\nM883",
+            "found an unprotected move of 1.50 mm; allowed: .* straight off the facet",
+        ),
         ("#105=-30.", "#105=30.", "found B 30 deg"),
         ("M884 P5", "M884 P4", "found A"),
         ("M885 P2", "M885 P3", "the record is of touch 3; this is touch 2"),
@@ -75,7 +80,7 @@ def test_what_is_dangerous_on_mach3_is_named(old: str, new: str, words: str) -> 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("G31 X#31 Y#32 Z#33 F3000.", "G1 X#31 Y#32 Z#33 F3000.", "found a linear move; the plan has a protected move"),
+        ("G31 X#31 Y#32 Z#33 F3000.", "G1 X#31 Y#32 Z#33 F3000.", "found an unprotected move; allowed: one off the facet"),
         ("GT0.02]THEN#3000", "GT200.]THEN#3000", "although a protected move has been stopped short"),
         ("GE3]THEN#3000=83", "GE300]THEN#3000=83", "3 touches in a row"),
         ("GT0.001]THEN#3000=82", "GT9.]THEN#3000=82", "the work offset of X has changed"),
@@ -95,7 +100,14 @@ def test_what_is_dangerous_on_mach4_is_named(old: str, new: str, words: str) -> 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("M125 /Z[383. - #29103] P#9011", "G1 Z[383. - #29103]", "found a linear move; the plan has a protected move"),
+        ("M125 /Z[383. - #29103] P#9011", "G1 Z[383. - #29103]", "found an unprotected move; allowed: one off the facet"),
+        ("G1 X[#5021 - 1.5 - #29101] F3000.\n", "", "the probe is at a facet, and this does not take it off first"),
+        (
+            "[#5021 - 1.5 - #29101]",
+            "[#5021 + 1.5 - #29101]",
+            "found an unprotected move of 1.50 mm; allowed: .* straight off the facet",
+        ),
+        ("[#5021 - 1.5 - #29101]", "[#5021 - 1.5]", "found an unprotected move of .* mm; allowed: 0.5 to 2 mm"),
         ("L1\n", "\n", "no line that a program of this kind"),
         ("M115 /X[-98. ", "M115 /X[98. ", r"found X 98\.000 mm"),
         ("> 0.02]] THEN GOTO 9001", "> 200.]] THEN GOTO 9001", "although a protected move has been stopped short"),

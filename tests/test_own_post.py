@@ -40,9 +40,10 @@ def test_its_program_has_every_touch_between_two_marks(cell: Path, capsys: pytes
     printed = [line for line in text.splitlines() if line.startswith("PRINT")]
     assert printed[0] == f'PRINT "TANGO START {mark} 6"' and printed[-1] == f'PRINT "TANGO END {mark} 6"'
     assert [re.match(r'PRINT "P(\d+) H#1 X#X', line)[1] for line in printed[1:-1]] == list("123456")  # type: ignore[index]
-    moves = [line.split()[0] for line in text.splitlines() if line.startswith(("G131", "G130", "G53 G1"))]
-    wanted = {"probe": "G130", "back": "G53"}
-    assert moves == [wanted.get(move.kind, "G131") for move in made.moves if move.kind != "index"]
+    moves = [line.split()[0] for line in text.splitlines() if line.startswith(("G131", "G130", "G1 ", 'PRINT "P'))]
+    wanted = {"probe": ["G130", "G1", "PRINT"]}
+    assert moves == [word for move in made.moves if move.kind != "index" for word in wanted.get(move.kind, ["G131"])]
+    assert "G91\nG1 X-1.5 F3000.\nG90\n" in text
 
 
 def test_its_options_are_those_of_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -116,12 +117,12 @@ def test_a_dry_run_looks_at_it_and_at_its_options(cell: Path, capsys: pytest.Cap
         ("options=OPTIONS,", "options=OPTIONS, finish=lambda lines: 1 / 0,", r"acme.py:\d+: ZeroDivisionError"),
         ("options=OPTIONS,", "options=OPTIONS, companions=lambda job: 1 / 0,", r"acme.py:\d+: ZeroDivisionError"),
         (
-            "def back(job, leg):",
-            "def back(job):",
-            r"acme.py: back\(\) takes 1 positional argument but 2 were given; a step is a function of job",
+            "def record(job, leg):",
+            "def record(job):",
+            r"acme.py: record\(\) takes 1 positional argument but 2 were given; a step is a function of job",
         ),
-        ('    yield f"G53 G1', '    return f"G53 G1', "acme.py: a step gave the text 'G53 G1 "),
-        ('    yield f"G53 G1', '    word = f"G53 G1', "acme.py: 'NoneType' object is not iterable; a step is a function of job"),
+        ('    yield f"G131', '    return f"G131', "acme.py: a step gave the text 'G131 "),
+        ('    yield f"G131', '    word = f"G131', "acme.py: 'NoneType' object is not iterable; a step is a function of job"),
         ('    yield "M30"', "    yield 30", "post ACME 3000: a step gave 30; allowed: lines of text"),
     ],
 )

@@ -51,6 +51,7 @@ GRAMMAR = Grammar(
     (*LOGIC, COMPARE, *ARITHMETIC),
     {"EQ": COMPARE["EQ"], "NE": COMPARE["NE"]},
 )
+COMPUTED = re.compile(r"(?<![A-Z])([XYZABC])\s*=\s*([^ ]+)")  # an expression stands behind =
 WORD = re.compile(r"\s*(?P<letters>RS|[A-Z])(?P<equals>\s*=)?\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+))?(?![\d.])")
 
 
@@ -192,7 +193,7 @@ class Control:
         elif re.match(r"(FWRITC|PUT|WRITE|CLOSE)\b", text):
             self._print(text, local)
         else:
-            return self._nc(text)
+            return self._nc(COMPUTED.sub(lambda word: f"{word[1]}{held(self._value(word[2], local), text):.6f}", text))
         return False
 
     def _assign(self, name: str, value: Value, local: dict[str, Value]) -> None:

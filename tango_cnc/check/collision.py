@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Approach, Array, Artefact, Facet, Id, Probe
+from ..records import OFF, Approach, Array, Artefact, Facet, Id, Probe
 from .solid import LEVEL, Body, Solid
 
 SHANK = -0.02  # least cosine between normal and spindle direction: 1.1° of undercut is within what a table is out of square
@@ -99,7 +99,8 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
     yield from _facing(pose, probe, stem)
     facets = [artefact.facets[f] for f in pose.facet]
     ball = np.array([f.ball is not None for f in facets], dtype=bool)
-    way = np.arange(-approach.search, approach.standoff + STEP, STEP).clip(max=approach.standoff)
+    farthest = approach.standoff + OFF  # where a contact right behind the stand-off sends the probe
+    way = np.arange(-approach.search, farthest + STEP, STEP).clip(max=farthest)
     if solid.table is not None:
         bounding = ball | np.array([f.id in solid.outer for f in facets], dtype=bool)
         for part in parts:
@@ -116,11 +117,11 @@ def _verdicts(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, 
         own = _lies_on(body, point, pose.normal)
         for part in parts:
             yield from ((own & hit, why, "shank") for hit, why in _touched(body, name, part, pose, probe, approach))
-        for hit, why, kind in _obstacle(body, name, parts, pose, probe, way):
+        for hit, why, kind in _obstacle(body, name, parts, pose, probe, way, approach.standoff):
             yield ~own & hit, why, kind
     for name, centre, size in zip(artefact.balls, solid.centre, solid.radius, strict=True):
         own = np.array([f.ball == name for f in facets], dtype=bool)
-        yield from _ball(centre, float(size), f"ball {name}", own, parts, pose, probe, way)
+        yield from _ball(centre, float(size), f"ball {name}", own, parts, pose, probe, way, approach.standoff)
 
 
 def _lies_on(body: Body, point: Array, normal: Array) -> Mask:
@@ -199,7 +200,9 @@ def _touched(body: Body, name: str, part: _Part, pose: Pose, probe: Probe, appro
     yield _crosses(body, lifted, run, wide), f"the {part.name} would hit {name} on the way to the stand-off"
 
 
-def _obstacle(body: Body, name: str, parts: tuple[_Part, ...], pose: Pose, probe: Probe, way: Array) -> Iterator[Verdict]:
+def _obstacle(
+    body: Body, name: str, parts: tuple[_Part, ...], pose: Pose, probe: Probe, way: Array, standoff: float
+) -> Iterator[Verdict]:
     between = STEP / 2
     for part in parts:
         run = (part.high - part.low) * pose.spindle
@@ -210,14 +213,22 @@ def _obstacle(body: Body, name: str, parts: tuple[_Part, ...], pose: Pose, probe
     tall = (parts[0].high - parts[0].low) * pose.spindle
     yield _any(_crosses(body, pose.tip + d * pose.normal, 0 * tall, air) for d in way), f"the tip would hit {name}", "tip"
     yield (
-        _crosses(body, pose.tip + way[-1] * pose.normal, tall, air),
+        _crosses(body, pose.tip + standoff * pose.normal, tall, air),
         f"the tip would hit {name} on the way to the stand-off",
         "tip",
     )
 
 
 def _ball(
-    centre: Array, radius: float, name: str, own: Mask, parts: tuple[_Part, ...], pose: Pose, probe: Probe, way: Array
+    centre: Array,
+    radius: float,
+    name: str,
+    own: Mask,
+    parts: tuple[_Part, ...],
+    pose: Pose,
+    probe: Probe,
+    way: Array,
+    standoff: float,
 ) -> Iterator[Verdict]:
     """A ball: of its own touches only the contact counts, as the probe leaves it straight away from its centre."""
     between = STEP / 2
@@ -227,7 +238,7 @@ def _ball(
         clear = radius + part.radius
         hit = np.where(own, _distance(centre, begin, run) < clear + part.touching, near < clear + part.margin + between)
         yield hit, f"the {part.name} would hit {name}", "shank"
-    down = _distance(centre, pose.tip + way[-1] * pose.normal, (parts[0].high - parts[0].low) * pose.spindle)
+    down = _distance(centre, pose.tip + standoff * pose.normal, (parts[0].high - parts[0].low) * pose.spindle)
     near = np.min([np.linalg.norm(pose.tip + d * pose.normal - centre, axis=1) for d in way], axis=0)
     clear = radius + probe.tip_radius
     yield ~own & (near < clear + MARGIN + between), f"the tip would hit {name}", "tip"

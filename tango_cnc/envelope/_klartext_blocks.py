@@ -6,7 +6,6 @@ import re
 from itertools import pairwise
 
 SIGNED = r"[+-]\d+\.\d+"
-BACK = re.compile(rf"L X({SIGNED}) Y({SIGNED}) Z({SIGNED}) R0 F(\d+\.?\d*) M91")
 TURN = re.compile(rf"L ([ABC])({SIGNED}) R0 FMAX M91")
 ANGLE = re.compile(rf"CYCL DEF 13\.1 ANGLE({SIGNED})")
 READ = re.compile(r"FN 18: SYSREAD (Q\d+) = ID(240|270) NR1 IDX([1-9])")

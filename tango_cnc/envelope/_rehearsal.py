@@ -64,6 +64,7 @@ class Rehearsal:
         self._once = False  # a touch that finds nothing is counted once: nothing is measured then
         self._late: World | None = None  # where only the second of two touches has met its facet; it may have stopped before
         self._owed = False  # a touch has been made that is not on record
+        self._pressed = False  # the probe may be deflected: no guarded move can begin
         self.records = 0
         self._mark = ""
         self.begun = self.ended = False
@@ -134,11 +135,42 @@ class Rehearsal:
             world.position.update(target)
         if self._dead is not None:
             self._since.append(_there(target))
+        self._pressed = False
+
+    def off(self, places: Mapping[str, str], feed: float, work: bool = False) -> None:
+        """{X Y Z: expression}, mm/min → the probe has come free, wherever the measuring move has ended; nothing guards this move.
+
+        `work`: the expressions are work coordinates and not machine coordinates.
+
+        Raises InputError when it is anything but a short move off the facet, or not right behind a measuring move.
+        """
+        self._ready()
+        if not self._pressed:
+            raise InputError("found an unprotected move; allowed: one off the facet, right behind a measuring move")
+        self._within(feed, self.options.get("positioning_feed", feed))
+        self._dies()
+
+        def goes(world: World) -> None:
+            world.position.update({name: self.value(world, text) + work * world.offset[name] for name, text in places.items()})
+
+        for world in self.worlds:
+            start = dict(world.position)
+            goes(world)
+            self.walk.off({name: world.position[name] - start[name] for name in "XYZ"})
+        if self._dead is not None:
+            self._since.append(goes)
+        self._pressed = False
+
+    def freed(self) -> None:
+        """The control itself has taken the probe off the facet."""
+        self._pressed = False
 
     def guarded(self, target: Mapping[str, float], feed: float) -> None:
         """A move that stops at a contact and says nothing: whoever looks afterwards must find it stopped short."""
         if self._owed:
             raise InputError("the touch before has no record")
+        if self._pressed:
+            raise InputError("the probe is at a facet, and this does not take it off first")
         start = dict(self.base.position)
         self.moves(target, PROTECTED, feed)
         for world in self.worlds:
@@ -175,7 +207,7 @@ class Rehearsal:
             early = others[1]
             early.fate, early.what, early.found = "find", "finding has met its facet early", {n: early.skip[n] for n in target}
             miss.fate, miss.what, others = "find", "finding has met nothing", [early]
-        self._owed, self._once = not finds, found
+        self._owed, self._once, self._pressed = not finds, found, True
         self.doubts([*others, *self._astray(base, start, target)])
         if not found:
             self.doubts([miss])

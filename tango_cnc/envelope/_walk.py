@@ -21,8 +21,11 @@ STEP = 5.0  # deg between the poses of a turn that are looked at
 SPACING = 10.0  # mm between the spheres that stand for the probe
 BEHIND = 300.0  # mm of what carries the probe
 
-PROTECTED = ("retract", "clear", "approach", "near")
-OFF_FACET = ("off", "back")  # from a facet, unprotected the way it came
+FARTHEST = 2.0  # mm off a facet without a guard: with a wrong sign the stylus still gives way
+LEAST = 0.5  # mm: less does not let the probe come free
+ALONG = math.cos(math.radians(2.0))
+
+PROTECTED = ("retract", "clear", "approach", "near", "off", "back")
 MEASURES = ("find", "probe")
 
 
@@ -86,6 +89,18 @@ class Walk:
             contact = self.place(self.touch.contact)
             self.at.update({name: contact[name] for name in target})
         self.next = next(self._moves, None)
+
+    def off(self, step: Mapping[str, float]) -> float:
+        """{axis letter: mm} right behind a measuring move, where nothing guards → mm. Raises InputError when it is wrong."""
+        touch, machine = self.touch, self._plan.machine
+        away = {name: touch.standoff[machine.column(name)] - touch.contact[machine.column(name)] for name in machine.linear}
+        length, way = math.hypot(*step.values()), math.hypot(*away.values())
+        along = sum(value * away[name] for name, value in step.items())
+        if not LEAST <= length <= FARTHEST or along < ALONG * length * way:
+            raise InputError(
+                f"found an unprotected move of {length:.2f} mm; allowed: {LEAST:g} to {FARTHEST:g} mm straight off the facet"
+            )
+        return length
 
     def rotary(self, name: str, value: float) -> bool:
         """axis letter, deg → it is turned; whether an indexation begins with it. Raises InputError when it is wrong."""

@@ -15,7 +15,6 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import axes_by_number, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, numbered
-from ._walk import OFF_FACET
 from ._worlds import World
 
 COORDINATE = r"\[[^\]]+\]"
@@ -157,7 +156,7 @@ class _Program:
             machine.measures(target, float(match[2]))
             self._moving = False
         elif match := AWAY.fullmatch(code):
-            machine.moves(self._target(match[1]), OFF_FACET, float(match[2]))
+            machine.off(self._named(match[1]), float(match[2]), work=True)
             self._moving = True
         elif match := TURN.fullmatch(code):
             machine.turns(match[1], float(match[2]), True)
@@ -167,12 +166,17 @@ class _Program:
         else:
             raise InputError("no line that a program of this kind may have here")
 
-    def _target(self, words: str) -> dict[str, float]:
-        """' /X[…] /Y[…]' → {X Y Z: machine mm}. Raises InputError for a letter that stands twice."""
+    @staticmethod
+    def _named(words: str) -> dict[str, str]:
+        """' /X[…] /Y[…]' → {X Y Z: expression}. Raises InputError for a letter that stands twice."""
         pairs = re.findall(rf"([XYZ])({COORDINATE})", words)
         if len(dict(pairs)) != len(pairs):
             raise InputError(f"found {words.strip()}; allowed: each letter once")
-        said = {name: self._machine.same(text) + self._machine.base.offset[name] for name, text in pairs}
+        return dict(pairs)
+
+    def _target(self, words: str) -> dict[str, float]:
+        """' /X[…] /Y[…]' → {X Y Z: machine mm}. Raises InputError for a letter that stands twice."""
+        said = {name: self._machine.same(text) + self._machine.base.offset[name] for name, text in self._named(words).items()}
         return {name: self._machine.base.position[name] for name in "XYZ"} | said
 
     def _if(self, condition: str, then: str) -> None:

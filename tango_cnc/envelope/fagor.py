@@ -15,10 +15,10 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, Statement
-from ._walk import OFF_FACET
 from ._worlds import Place, World, latched_elsewhere, offset_changed
 
-FEED = re.compile(rf"G(100|1)((?: [XYZ]\[{NUMBER}-P[123]\])+) F({NUMBER})")
+FEED = re.compile(rf"G100((?: [XYZ]\[{NUMBER}-P[123]\])+) F({NUMBER})")
+OFF = re.compile(rf"G1((?: [XYZ]\[[^ ]+-P[123]\])+) F({NUMBER})")
 TURN = re.compile(rf"#MCS G0 ([ABC])({NUMBER})")
 ASSIGN = re.compile(r"(P\d{1,2})=(?!=)(.+)")
 IF = re.compile(r"\$IF (.+)")
@@ -111,7 +111,9 @@ class _Program:
             self._machine.turns(match[1], float(match[2]), True)
             self._asked = False
         elif match := FEED.fullmatch(line):
-            self._feed(match[1], match[2].split(), float(match[3]))
+            self._feed(match[1].split(), float(match[2]))
+        elif match := OFF.fullmatch(line):
+            self._free(match[1].split(), float(match[2]))
         else:
             self._print(line)
 
@@ -122,22 +124,27 @@ class _Program:
             raise InputError("something moves before D0 has taken the tool offset away")
         self._machine.reset("G49")
 
-    def _feed(self, word: str, words: list[str], feed: float) -> None:
-        machine = self._machine
+    def _targets(self, words: list[str]) -> dict[str, str]:
+        """words of axes → {X Y Z: expression of its work coordinate}. Raises InputError for another frame than the axis' own."""
         self._tool()
         if len({item[0] for item in words}) < len(words):
             raise InputError(f"found {' '.join(words)}; allowed: every axis once")
-        target = {name: machine.base.position[name] for name in "XYZ"}
         for item in words:
-            value, frame = item[2:-1].rsplit("-", 1)
-            if frame != FRAME[item[0]]:
-                raise InputError(f"found {item}; allowed: {FRAME[item[0]]} taken off, which is the frame of {item[0]}")
-            target[item[0]] = machine.same(f"{value}-#<{frame}>") + machine.base.offset[item[0]]
-        if word == "1":
-            machine.moves(target, OFF_FACET, feed)
-        elif self._state and not self._asked:
+            if (frame := item[2:-1].rsplit("-", 1)[1]) != FRAME[item[0]]:
+                raise InputError(f"found {item}; allowed: {FRAME[item[0]]} taken off instead of {frame}, the frame of {item[0]}")
+        return {item[0]: self._spelt(item[2:-1]) for item in words}
+
+    def _free(self, words: list[str], feed: float) -> None:
+        self._machine.off(self._targets(words), feed, work=True)
+        self._asked = False
+
+    def _feed(self, words: list[str], feed: float) -> None:
+        machine = self._machine
+        said = {name: machine.same(text) + machine.base.offset[name] for name, text in self._targets(words).items()}
+        target = {name: machine.base.position[name] for name in "XYZ"} | said
+        if self._state and not self._asked:
             raise InputError("moves without having asked whether the probe is deflected")
-        elif machine.walk.measures:
+        if machine.walk.measures:
             machine.measures(target, feed)
         else:
             machine.guarded(target, feed)

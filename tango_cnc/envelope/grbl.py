@@ -7,7 +7,6 @@ touches without contact end the run, is decided by the driver and not readable h
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 from ..records import InputError, Plan
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER
-from ._walk import MEASURES, OFF_FACET, PROTECTED, Walk
+from ._walk import MEASURES, PROTECTED, Walk
 
 COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
 SEARCH = re.compile(rf"G38\.3((?: [XYZ]{NUMBER})+) F({NUMBER})")
@@ -26,10 +25,6 @@ START = re.compile(r"\(TANGO START ([0-9A-F]{12}) (\d+)\)")
 SWITCHED = re.compile(r"\((CLAMP|UNCLAMP) ([ABC]) (M\d{1,3})\)")  # the driver has the words from here
 END = re.compile(r"\(TANGO END ([0-9A-F]{12}) (\d+)\)")
 MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94", "M5"}
-FARTHEST = 2.0  # mm off a facet: with a wrong sign the stylus still gives way
-LEAST = 0.5  # mm: less does not let the probe come free
-ALIKE = 0.02  # mm by which these moves of one program may differ: their words have two places
-ALONG = math.cos(math.radians(2.0))
 
 
 def reads(head: list[str]) -> bool:
@@ -54,7 +49,6 @@ class _Program:
         self._modal: set[str] = set()
         self._began = self.over = False
         self._pressed = self._relative = False
-        self._length: float | None = None  # mm of the moves off the facets
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -127,7 +121,7 @@ class _Program:
         if abs(feed - wanted) > 1e-6:
             raise InputError(f"the feed is {feed:g}; allowed: {wanted:g} mm/min")
         target = {name: words.get(name, self._walk.at[name]) for name in "XYZ"}
-        self._walk.linear(target if not measures else words, MEASURES if measures else (*PROTECTED, *OFF_FACET))
+        self._walk.linear(target if not measures else words, MEASURES if measures else PROTECTED)
         self._pressed = measures
 
     def _off(self, line: str) -> None:
@@ -137,19 +131,7 @@ class _Program:
         elif (match := OFF.fullmatch(line)) and self._pressed:
             if abs(float(match[2]) - float(self._options.get("positioning_feed", match[2]))) > 1e-6:
                 raise InputError(f"the feed is {match[2]}; allowed: {self._options['positioning_feed']:g} mm/min")
-            step = [_values(match[1]).get(name, 0.0) for name in "XYZ"]
-            touch, machine = self._walk.touch, self._plan.machine
-            away = [touch.standoff[machine.column(n)] - touch.contact[machine.column(n)] for n in "XYZ"]
-            length = math.hypot(*step)
-            if not LEAST <= length <= FARTHEST or sum(a * b for a, b in zip(step, away, strict=True)) < ALONG * length * math.hypot(
-                *away
-            ):
-                raise InputError(f"found a move of {length:.2f} mm; allowed: {LEAST:g} to {FARTHEST:g} mm straight off the facet")
-            self._length = length if self._length is None else self._length
-            if abs(length - self._length) > ALIKE:
-                raise InputError(
-                    f"found a move of {length:.3f} mm off the facet; allowed: {self._length:.3f} mm, as off the others"
-                )
+            self._walk.off({name: _values(match[1]).get(name, 0.0) for name in "XYZ"})
             self._pressed = False
         else:
             raise InputError("no line that may stand between G91 and G90")

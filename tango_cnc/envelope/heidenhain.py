@@ -18,7 +18,6 @@ from ._klartext import Texts, labels, spelt, whole
 from ._klartext_blocks import (
     ANGLE,
     ASSIGN,
-    BACK,
     BEGIN,
     CALL,
     COMPARES,
@@ -37,11 +36,12 @@ from ._klartext_blocks import (
 )
 from ._reading import stated_words
 from ._rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
-from ._walk import OFF_FACET, PROTECTED
+from ._walk import FARTHEST, LEAST, PROTECTED
 from ._worlds import World, beside_the_line
 
 # No plane matters here; MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
 SURE = "G17 G21 G40 G49 G80 G90 G94 M5"
+NO_WAY = 0.0015  # mm: less than a label asks for before it moves
 AHEAD = "ahead of"  # the label that a world is on its way to
 
 
@@ -179,10 +179,6 @@ class _Program:
         elif match := TURN.fullmatch(code):
             machine.turns(match[1], float(match[2]), True)
             self._moving = True
-        elif match := BACK.fullmatch(code):
-            target = {name: float(text) for name, text in zip("XYZ", match.groups()[:3], strict=True)}
-            machine.moves(target, OFF_FACET, float(match[4]))
-            self._moving = True
         elif match := CALL.fullmatch(code):
             self._call(match[1])
         else:
@@ -270,42 +266,66 @@ class _Program:
             self._drive(int(results[1]), way.groups(), dist[1], float(dist[2]), float(dist[3]))
 
     def _drive(self, result: int, way: Iterable[str], distance: str, feed: float, back: float) -> None:
+        texts = {name: spelt(text) for name, text in zip("XYZ", way, strict=True)}
+        for i in range(4):
+            self._texts.changed(f"Q{result + i}")
+        if self._machine.walk.measures and not any(AHEAD in world.shared for world in self._machine.worlds):
+            self._measure(result, texts, spelt(distance), feed, back)
+        elif back:
+            raise InputError(f"found MB {back:g} behind a guarded move; allowed: 0")
+        else:
+            self._guarded(result, texts, spelt(distance), feed)
+
+    def _measure(self, result: int, way: Mapping[str, str], distance: str, feed: float, back: float) -> None:
         machine = self._machine
-        skipped = [AHEAD in world.shared for world in machine.worlds]
-        if any(skipped):
-            if not all(skipped):
-                raise InputError("moves in some cases only")
-            machine.moves({name: machine.base.position[name] for name in "XYZ"}, PROTECTED, feed)
-            return
         machine.watched()
         start = dict(machine.base.position)
-        along = {name: machine.same(spelt(text)) for name, text in zip("XYZ", way, strict=True)}
+        along = {name: machine.same(text) for name, text in way.items()}
         size = sum(a**2 for a in along.values()) ** 0.5
         if not size > 0:
             raise InputError("found a probing direction of length 0")
-        gone = machine.same(spelt(distance)) / size
-        target = {name: start[name] + gone * a for name, a in along.items()}
-        if back > gone * size + PLACE:
-            raise InputError(f"found MB {back:g} behind a move of {gone * size:g} mm")
-        for i in range(4):
-            self._texts.changed(f"Q{result + i}")
-        if machine.walk.measures:
-            machine.measures(target, feed)
-        else:
-            machine.guarded(target, feed)
+        gone = machine.same(distance) / size
+        if not LEAST <= back <= FARTHEST:
+            raise InputError(f"found MB {back:g} behind a measuring move; allowed: {LEAST:g} to {FARTHEST:g} mm off the facet")
+        machine.measures({name: start[name] + gone * a for name, a in along.items()}, feed)
+        machine.freed()
         self._moving = True
 
         def results(world: World) -> None:
-            for i, name in enumerate("XYZ"):
-                world.shared[f"Q{result + i}"] = world.skip[name] if world.hit else SPOILT
-            world.shared[f"Q{result + 3}"] = 0.0 if world.hit else -1.0
+            _told(world, result)
             if world.hit:
                 cycle_444.contact(world)
-            went = sum((world.position[n] - start[n]) * along[n] / size for n in along)
-            if world.hit and back:
+                went = sum((world.position[n] - start[n]) * along[n] / size for n in along)
                 world.position.update({n: world.position[n] - min(back, went) * along[n] / size for n in along})
 
         machine.does(results)
+
+    def _guarded(self, result: int, way: Mapping[str, str], distance: str, feed: float) -> None:
+        """To one place in all worlds; those that are there already are on their way to the label behind the move.
+
+        Where the machine is one of those, that the label waits for the axes behind its move has been seen elsewhere.
+        """
+        machine = self._machine
+        going = [world for world in machine.worlds if AHEAD not in world.shared]
+        goal = {name: machine.base.position[name] for name in "XYZ"}
+        for world in going:
+            along = {name: machine.value(world, text) for name, text in way.items()}
+            size = sum(a**2 for a in along.values()) ** 0.5
+            if not size > 0:
+                raise InputError("found a probing direction of length 0")
+            gone = machine.value(world, distance) / size
+            there = {name: world.position[name] + gone * along[name] for name in goal}
+            goal = there if world is machine.base else goal
+            if _apart(there, goal) > PLACE:
+                raise InputError("a guarded move goes to another place when something has gone wrong before")
+        if any(_apart(world.position, goal) > NO_WAY for world in machine.worlds if AHEAD in world.shared):
+            raise InputError("moves in some cases only")
+        if AHEAD in machine.base.shared:
+            machine.moves(goal, PROTECTED, feed)
+        else:
+            self._moving, self._alone = True, len(going) < len(machine.worlds)
+            machine.guarded(goal, feed)
+        machine.does(_unless_ahead(lambda world: _told(world, result)))
 
     def _cycle_444(self, match: re.Match[str]) -> None:
         """Measures, in all worlds but those on their way to a label, which have to be those that have found nothing."""
@@ -325,6 +345,7 @@ class _Program:
         nominal = {name: machine.walk.at[name] for name in "XYZ"}
         machine.does(_unless_ahead(cycle_444.left(asked, start, nominal)))
         machine.doubts(list(cycle_444.doubts(base, before, asked, start)))
+        machine.freed()
         self._moving = self._alone = True
 
     def _print(self, mask: str, output: str) -> None:
@@ -348,6 +369,17 @@ class _Program:
         if key not in world.shared:
             raise InputError(f"{key} is read before it has a value")
         return world.shared[key]
+
+
+def _apart(one: Mapping[str, float], other: Mapping[str, float]) -> float:
+    return max(abs(one[name] - other[name]) for name in "XYZ")
+
+
+def _told(world: World, result: int) -> None:
+    """What TCH PROBE 4 leaves in its four parameters."""
+    for i, name in enumerate("XYZ"):
+        world.shared[f"Q{result + i}"] = world.skip[name] if world.hit else SPOILT
+    world.shared[f"Q{result + 3}"] = 0.0 if world.hit else -1.0
 
 
 def _unless_ahead(statement: Callable[[World], None]) -> Callable[[World], None]:

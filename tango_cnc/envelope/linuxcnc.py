@@ -17,7 +17,7 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, World
-from ._walk import OFF_FACET, PROTECTED
+from ._walk import PROTECTED
 
 PLACES = dict(enumerate("XYZABC", 5061))
 LOCAL = range(1, 31)
@@ -117,7 +117,7 @@ class _Program:
             words = {word[0]: float(word[1:]) for word in match[1].split()}
             target = {name: machine.base.position[name] for name in "XYZ"} | words
             stays = all(abs(target[name] - machine.base.position[name]) < STILL for name in words)
-            machine.moves(target, (*PROTECTED, *OFF_FACET) if stays else ("clear", "approach", *OFF_FACET), float(match[2]))
+            machine.moves(target, PROTECTED if stays else ("clear", "approach", "off", "back"), float(match[2]))
         elif match := TURN.fullmatch(line):
             machine.turns(match[1], self._place(match[1], float(match[2])), False)
         elif match := ORIENT.fullmatch(line):

@@ -1,12 +1,13 @@
 """Programs for Mach3: targets in variables, everything else in macros that travel with the program.
 
 What a macro does is not readable here and is taken as its companion file says: M881 stops short of nothing but a contact, and then
-for good; M882 tells contact, none and early; M883 goes back to the stand-off; M884 turns one axis and asks whether it has arrived.
+for good; M882 tells contact, none and early; M883 goes 1.5 mm from target to stand-off; M884 turns an axis, asks if it has arrived.
 Read is what they are told: every target has to be the next one of the plan and within the travels, every limit that of the profile.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 from ..records import InputError, Plan
 from ._reading import read_through, stated_words
 from ._rehearsal import MODAL, NUMBER, RESETS
-from ._walk import CLOSE, MEASURES, OFF_FACET, PROTECTED, Walk
+from ._walk import CLOSE, MEASURES, PROTECTED, Walk
 
 COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
@@ -24,6 +25,7 @@ TURN = re.compile(r"M884 P([456])")
 RECORD = re.compile(r"M885 P(\d+)")
 MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE, MOVES = 101, 104, 105, 106, 109, 110, 111, 112, 141
+OFF = 1.5  # mm that M883 goes
 OWN = {*range(101, 114), 141, 142, 143}
 
 
@@ -47,7 +49,7 @@ class _Program:
         self._values: dict[int, float] = {}
         self._mark, self._modal = "", set[str]()
         self._records = 0
-        self._stage = ""  # of a touch: measured, back
+        self._stage = ""  # of a touch: measured, free
         self._finds = False  # whether the last measuring move was the first of two
         self._began = self._ended = self.over = False
 
@@ -118,9 +120,10 @@ class _Program:
             self._measure()
         elif line == "M883" and self._stage == "measured":
             self._is(FEED, float(self._options.get("positioning_feed", 0.0)), "the feed")
-            walk.linear({n: self._value(STANDOFF + i) for i, n in enumerate("XYZ")}, OFF_FACET)
-            self._stage = "" if self._finds else "back"
-        elif (match := RECORD.fullmatch(line)) and self._stage == "back":
+            way = [self._value(STANDOFF + i) - self._value(TARGET + i) for i in range(3)]
+            walk.off({name: OFF * value / (math.hypot(*way) or 1.0) for name, value in zip("XYZ", way, strict=True)})
+            self._stage = "" if self._finds else "free"
+        elif (match := RECORD.fullmatch(line)) and self._stage == "free":
             touch = self._plan.touches[self._records]
             if int(match[1]) != touch.number:
                 raise InputError(f"the record is of touch {match[1]}; this is touch {touch.number}")

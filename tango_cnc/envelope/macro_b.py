@@ -16,7 +16,6 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import axes_by_number, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, World, numbered
-from ._walk import OFF_FACET
 
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
 LOCAL, COMMON = range(1, 34), range(100, 150)
@@ -175,19 +174,21 @@ class _Program:
         if self._unasked:
             number, asked = min(self._unasked)
             raise InputError(f"something moves before IF[#{number}EQ{asked:g}]THEN#3000=… has asked, see controller.must_be_off")
+        speed = self._machine.same(feed)
+        if word == "1":
+            self._machine.off({item[0]: item[1:] for item in words}, speed, work=True)
+            self._moving = True
+            return
         named = {item[0]: self._machine.same(item[1:]) + self._machine.base.offset[item[0]] for item in words}
         target = {name: self._machine.base.position[name] for name in "XYZ"} | named
-        speed = self._machine.same(feed)
-        if word == "31" and self._state and not self._free:
+        if self._state and not self._free:
             raise InputError("moves without having asked whether the probe is deflected")
         self._free = False
-        if word == "1":
-            self._machine.moves(target, OFF_FACET, speed)
-        elif self._machine.walk.measures:
+        if self._machine.walk.measures:
             self._machine.measures(target, speed)
         else:
             self._machine.guarded(target, speed)
-        self._moving = word == "1"  # nothing is read ahead of the end of a G31
+        self._moving = False  # nothing is read ahead of the end of a G31
 
     def _assignment(self, text: str, condition: str | None) -> Callable[[World], None]:
         match = ASSIGN.fullmatch(text)

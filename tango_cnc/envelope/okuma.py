@@ -16,7 +16,6 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, numbered
-from ._walk import OFF_FACET
 from ._worlds import World, latched_elsewhere
 
 COMMENT = re.compile(r"\([^()]*\)")
@@ -27,6 +26,7 @@ GOTO = re.compile(r"GOTO (N[A-Z0-9]{1,5})")
 ASSIGN = re.compile(r"(VC\d{1,3}|TG[A-Z])=([^']+)")
 CALL = re.compile(r"CALL (O[A-Z0-9]{1,4})((?: P[A-Z]=[^ ]+)+)")
 FEED = re.compile(rf"([A-Z0-9 .]+?) ?((?: [XYZ]{NUMBER})+) F({NUMBER})")
+OFF = re.compile(rf"G1((?: [XYZ]=[A-Z0-9\[\]]+[-+]{NUMBER})+) F({NUMBER})")
 TURN = re.compile(rf"G0 ([ABC])({NUMBER})")
 TEXT = re.compile(r"VUACM\[1\]='[A-Z0-9 .]{1,16}'")
 STOP = re.compile(r"VDOUT\[99[0-3]\]=[1-9]\d*")
@@ -145,6 +145,8 @@ class _Program:
             self._moving, self._asked = True, False
         elif match := FEED.fullmatch(code):
             self._feed(match[1], match[2].split(), float(match[3]))
+        elif match := OFF.fullmatch(code):
+            self._free(match[1].split(), float(match[2]))
         elif match := ASSIGN.fullmatch(code):
             self._machine.does(lambda world: self._assign(world, code))
         else:
@@ -155,19 +157,23 @@ class _Program:
         if missing := sorted(wanted - self._seen):
             raise InputError(f"something moves before the program has asked for or stated: {', '.join(missing)}")
 
+    def _free(self, words: list[str], feed: float) -> None:
+        if len({item[0] for item in words}) < len(words):
+            raise InputError(f"found {' '.join(words)}; allowed: every axis once")
+        self._machine.off({item[0]: self._spelt(item[2:]) for item in words}, feed)
+        self._moving, self._asked = True, False
+
     def _feed(self, word: str, words: list[str], feed: float) -> None:
         machine = self._machine
         self._ready()
         target = {name: machine.base.position[name] for name in "XYZ"} | {item[0]: float(item[1:]) for item in words}
         if len({item[0] for item in words}) < len(words):
             raise InputError(f"found {' '.join(words)}; allowed: every axis once")
-        if word not in ("G1", self._options.get("skip")):
-            raise InputError(f"found {word}; allowed: G1, {self._options.get('skip')}")
-        if word == "G1":
-            machine.moves(target, OFF_FACET, feed)
-        elif self._state and not self._asked:
+        if word != self._options.get("skip"):
+            raise InputError(f"found {word}; allowed: {self._options.get('skip')}, and G1 from where a measuring move has ended")
+        if self._state and not self._asked:
             raise InputError("moves without having asked whether the probe is deflected")
-        elif machine.walk.measures:
+        if machine.walk.measures:
             machine.measures(target, feed)
         else:
             machine.guarded(target, feed)

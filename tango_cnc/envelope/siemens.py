@@ -14,9 +14,9 @@ from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, Statement, World, numbered
-from ._walk import OFF_FACET
 
-FEED = re.compile(rf"SUPA D0 G1( MEAS=[12])?((?: [XYZ]{NUMBER})+) F({NUMBER})")
+FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
+OFF = re.compile(rf"SUPA D0 G1((?: [XYZ][^ ]+)+) F({NUMBER})")
 INPUT = re.compile(r"(?:MEAS=|\$A_PROBE\[|\$AC_MEA\[)(\d+)")
 TURN = re.compile(rf"SUPA D0 G0 ([ABC])=(?:AC|DC)\(({NUMBER})\)")
 ORIENT = re.compile(rf"SPOS=({NUMBER})")
@@ -121,20 +121,26 @@ class _Program:
         elif match := ORIENT.fullmatch(line):
             self._machine.turns("S", float(match[1]), False)
         elif match := FEED.fullmatch(line):
-            self._feed(bool(match[1]), match[2].split(), float(match[3]))
+            self._feed(match[1].split(), float(match[2]))
+        elif match := OFF.fullmatch(line):
+            self._free(match[1].split(), float(match[2]))
         else:
             self._print(line)
 
-    def _feed(self, watching: bool, words: list[str], feed: float) -> None:
+    def _free(self, words: list[str], feed: float) -> None:
+        if len({word[0] for word in words}) < len(words):
+            raise InputError(f"found {' '.join(words)}; allowed: every axis once")
+        self._machine.off({word[0]: _spelt(word[1:].removeprefix("=")) for word in words}, feed)
+        self._moving, self._asked = True, False
+
+    def _feed(self, words: list[str], feed: float) -> None:
         machine = self._machine
         target = {name: machine.base.position[name] for name in "XYZ"} | {word[0]: float(word[1:]) for word in words}
         if self._head:
             raise InputError(f"something moves before {' '.join(sorted(self._head))}")
-        if watching and self._options.get("probe_state") and not self._asked:
+        if self._options.get("probe_state") and not self._asked:
             raise InputError("moves without having asked whether the probe is deflected")
-        if not watching:
-            machine.moves(target, OFF_FACET, feed)
-        elif machine.walk.measures:
+        if machine.walk.measures:
             machine.measures(target, feed)
         else:
             machine.guarded(target, feed)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 
-from ..records import Axis, InputError, Move, Touch
+from ..records import OFF, Axis, InputError, Move, Touch
 from . import _grbl_targets as targets
 from ._client import Begun, Ended, Event, Job, Refused, Touched
 from ._dialogue import Stop, Talk, low
@@ -37,7 +37,6 @@ FEED = 2000.0
 POLL = 0.25  # s between two ?, while a line is being executed
 CLOSE = 0.01  # mm or deg between target and the place that was reached
 SAME = 0.0015  # mm: the control shows three places
-OFF = 1.5  # mm of the move off a facet: with a wrong sign the stylus still gives way
 ASIDE, TURNED = 0.5, 0.1  # mm beside the line of a measuring move, deg beside its angles: somewhere else
 ENDLESS = (-math.inf, math.inf)
 MISSES = 3  # touches in a row without contact: a probe that is dead guards nothing
