@@ -86,7 +86,15 @@ def titled(job: Job, remark: str) -> Iterator[str]:
     """job, form of a comment → what the program is: machine, marks, number of touches."""
     yield remark % f"TANGO {comment(job.machine.name, 40)}"
     yield remark % f"PROGRAM {job.mark} PLAN {job.plan_mark}"
-    yield remark % f"{len(job.plan.touches)} TOUCHES OF {comment(job.plan.artefact.name, 40)}"
+    for text in counted(job):
+        yield remark % text
+
+
+def counted(job: Job) -> Iterator[str]:
+    """job → the text of remarks: how many touches the program makes, and how many the plan leaves out, if any."""
+    yield f"{len(job.plan.touches)} TOUCHES OF {comment(job.plan.artefact.name, 40)}"
+    if many := len(job.plan.left_out):
+        yield f"{many} {'TOUCH' if many == 1 else 'TOUCHES'} OF THE STRATEGY LEFT OUT - NO STRAIGHT STYLUS MAKES THEM"
 
 
 def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:

@@ -88,7 +88,8 @@ class _Steps:
         yield "%"
         yield f"{self.stem(job)}(TANGO {comment(machine.name, 40)})"
         yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
-        yield f"({len(plan.touches)} TOUCHES OF {comment(plan.artefact.name, 40)})"
+        for remark in common.counted(job):
+            yield f"({remark})"
         yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
         for remark in common.doubted(job, 80):
             yield f"({remark})"

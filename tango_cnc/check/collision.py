@@ -74,6 +74,7 @@ class Obstruction:
 
     why: str
     kind: Kind
+    away: bool  # the facet looks away, whatever else is in the way
 
 
 def obstruction(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact, solid: Solid) -> dict[int, Obstruction]:
@@ -81,9 +82,11 @@ def obstruction(pose: Pose, probe: Probe, approach: Approach, artefact: Artefact
     found: dict[int, Obstruction] = {}
     for start in range(0, len(pose.facet), CHUNK):
         for hit, why, kind in _verdicts(pose.rows(start, start + CHUNK), probe, approach, artefact, solid):
-            for row in start + np.flatnonzero(hit):
-                if int(row) not in found or (kind == "tip" and found[int(row)].kind == "facing"):
-                    found[int(row)] = Obstruction(why, kind)
+            for row in (start + np.flatnonzero(hit)).tolist():
+                if (before := found.get(row)) is None:
+                    found[row] = Obstruction(why, kind, kind == "facing")
+                elif before.kind == "facing" and kind == "tip":
+                    found[row] = Obstruction(f"{why}, and {before.why}", kind, True)
     return found
 
 

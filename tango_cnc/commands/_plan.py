@@ -1,4 +1,4 @@
-"""What `tango plan` tells of a plan and its programs: moves, JSON, text."""
+"""What `tango plan` tells of a plan and its programs: what is not in it, moves, JSON, text."""
 
 from __future__ import annotations
 
@@ -8,15 +8,49 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from ..files import drawn_lines
-from ..plan import plan_hash
+from ..plan import OBSTRUCTED, USUAL, plan_hash
 from ..records import Plan
-from ._common import table
+from ._common import Decorator, table
 
 if TYPE_CHECKING:
     from .plan import Written
 
+NAMED = 3  # doubtful touches that a warning names
 CONFIRM = "confirm on your control and state it under controller: in tango.yaml, a key as itself, a fact without = under confirmed:"
+
+
+obstructed_option: Decorator = click.option(
+    "--obstructed",
+    type=click.Choice(list(OBSTRUCTED)),
+    default=USUAL,
+    show_default=True,
+    help="Touches that a straight stylus cannot make. leave-out-facing-away: those on facets that face away from the spindle are "
+    "named and not in the program; where anything else is in the probe's way, it is an error. leave-out: none of them is in the "
+    "program. refuse: all are errors. warn: those on facets that face away ARE in the program, for a stylus that gets there; a "
+    "straight one would be driven into the table.",
+)
+
+
+def warnings(plan: Plan) -> list[str]:
+    """plan → what a person must know before it meets a machine: every touch that is left out, how many, and what may be hit."""
+    lines = [f"left out: {text}" for text in plan.left_out]
+    if many := len(plan.left_out):
+        lines.append(
+            f"WARNING: {many} of {many + len(plan.touches)} touches of the strategy are left out, as a straight stylus cannot make "
+            "them; 'tango check' says what the others tell. For a stylus that reaches facets that face away: --obstructed warn."
+        )
+    if many := len(plan.doubtful):
+        lines.append(
+            f"WARNING: {many} of {len(plan.touches)} touches are on facets that face away from the spindle; "
+            "on a machine a straight stylus would meet the table there and stop:"
+        )
+        lines += [f"  {text}" for text in plan.doubtful[:NAMED]]
+        lines += [f"  … and {many - NAMED} more"] if many > NAMED else []
+        lines.append("Take them out of the strategy, or plan without --obstructed warn, unless your stylus gets there.")
+    return lines
 
 
 def dry(whole: Plan, most: int | None) -> Iterator[str]:
@@ -107,7 +141,8 @@ def as_text(plan: Plan, result: dict[str, Any]) -> str:
         travel = "" if used["travel"] is None else f"{used['travel'][0]:g} … {used['travel'][1]:g}"
         rows.append([name, f"{used['from']:.3f}", f"{used['to']:.3f}", travel, used["unit"]])
     beside = bool(result["companions"])
-    missing = f", {len(plan.left_out)} touches of the strategy left out" if plan.left_out else ""
+    many = len(plan.left_out)
+    missing = f", {many} {'touch' if many == 1 else 'touches'} of the strategy left out" if many else ""
     doubts = "".join(f"\n  {text}" for text in result["unverified"])
     return (
         f"{result['touches']} touches on {result['facets']} facets at {result['indexations']} indexations{missing}\n"

@@ -19,6 +19,7 @@ from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
 from ._common import cell_option, dialect, json_option, table, write_json
+from ._plan import obstructed_option
 
 NAMED = 8  # touches that are named one by one
 
@@ -27,25 +28,29 @@ NAMED = 8  # touches that are named one by one
 @cell_option
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
+@obstructed_option
 @json_option
-def command(folder: Path, terms: str | None, degree: int, json_file: str | None) -> int:
-    """Validates the cell, plans it, and says what the touches would and would not tell.
+def command(folder: Path, terms: str | None, degree: int, obstructed: str, json_file: str | None) -> int:
+    """Validates the cell, plans it, and says what the touches of the program would and would not tell.
 
     What 'tango plan' would refuse is refused here too: the whole program is made and read back, and nothing is written. Exit
-    status 1 when something that the terms ask for cannot be seen, or touches of the strategy cannot be made.
+    status 1 when something that the terms ask for cannot be seen, or 'tango plan' refuses touches of the strategy; what is said
+    then is without these.
     """
     cell = read_cell(folder)
+    refused = None
     try:
-        made = plan(cell)
-    except InputError:
+        made = plan(cell, obstructed)
+    except InputError as error:
         # Whatever is beyond leaving out is still an error, and says so.
-        made = plan(cell, "leave-out")
+        made, refused = plan(cell, "leave-out"), str(error)
     _postable(cell, made)
     with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
         data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree, positioning_feed(cell))
+    data["refused"] = refused
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
-    return int(bool(data["left_out"]) or (bool(data["not_identifiable"]) and not data["mismatch_only"]))
+    return int(refused is not None or (bool(data["not_identifiable"]) and not data["mismatch_only"]))
 
 
 def positioning_feed(cell: Cell) -> float | None:
@@ -83,7 +88,45 @@ def _port(port: str, link: str) -> None:
 
 
 def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed: float | None = None) -> dict[str, Any]:
-    """cell, plan, terms, mm/min of protected moves → counts, condition number, expected std, what is not seen, predicted time."""
+    """cell, plan, terms, mm/min of protected moves → counts, condition number, expected std, what is not seen, predicted time.
+
+    All but `touches` and `with_left_out` is of the touches of the plan: these will be measured.
+    """
+    position = np.array([touch.contact for touch in made.touches])
+    count = Counter(t.facet for t in made.touches)
+    travelled = {name: [float(position[:, i].min()), float(position[:, i].max())] for i, name in enumerate(cell.machine.names)}
+    found = {
+        "format": "tango-check/1",
+        "machine": cell.machine.name,
+        "artefact": cell.artefact.name,
+        "strategy": cell.strategy.name,
+        "touches": len(made.touches) + len(made.left_out),
+        "planned_touches": len(made.touches),
+        "left_out": list(made.left_out),
+        "doubtful": list(made.doubtful),
+        "indexations": len({touch.indexation for touch in made.touches}),
+        "facets": {facet: count[facet] for facet in cell.artefact.facets},
+        "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
+        **_told(cell, made, terms, degree),
+        "predicted_time_s": duration(made, feed),
+        "positioning_feed": feed,
+        "drawings": drawn_sizes(cell.artefact),
+    }
+    if made.left_out and (whole := _whole(cell)) is not None:
+        found["with_left_out"] = {"touches": len(whole.touches), **_told(cell, whole, terms, degree)}
+    return found | ({} if (gain := saved(made, feed)) is None else {"double_touch_saves_s": gain})
+
+
+def _whole(cell: Cell) -> Plan | None:
+    """cell → the plan of all its touches, to look at and not to run; None where more than a facet that faces away is in the way."""
+    try:
+        return plan(cell, "warn")
+    except InputError:
+        return None
+
+
+def _told(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> dict[str, Any]:
+    """cell, plan, terms → what its touches tell: unknowns, condition number, expected std, what is not seen."""
     position = np.array([touch.contact for touch in made.touches])
     touches = of_facets(cell.machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
     selection = select(touches, terms, degree)
@@ -96,52 +139,38 @@ def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed
     scale = np.linalg.norm(weighted, axis=0)
     root = np.linalg.qr(weighted / scale, mode="r")
     std = sigma * np.linalg.norm(np.linalg.inv(root), axis=1) / scale
-    count = Counter(t.facet for t in made.touches)
-    travelled = {name: [float(position[:, i].min()), float(position[:, i].max())] for i, name in enumerate(cell.machine.names)}
     return {
-        "format": "tango-check/1",
-        "machine": cell.machine.name,
-        "artefact": cell.artefact.name,
-        "strategy": cell.strategy.name,
-        "touches": len(touches),
-        "left_out": list(made.left_out),
-        "doubtful": list(made.doubtful),
-        "indexations": len(cell.strategy.indexations),
-        "facets": {facet: count[facet] for facet in cell.artefact.facets},
-        "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
         "unknowns": len(model.names),
         "dof": len(touches) + len(rows) - len(model.names),
         "condition_number": condition_number(np.vstack([jacobian, rows])),
         "expected_std": {selection.label(c.name): {"std": float(std[i]), "unit": c.unit} for i, c in enumerate(model.coefficients)},
         "not_identifiable": [c.text for c in selection.unseen],
         "mismatch_only": selection.mismatch and len(selection.unseen) == 1,
-        "predicted_time_s": duration(made, feed),
-        "positioning_feed": feed,
-        "drawings": drawn_sizes(cell.artefact),
-    } | ({} if (gain := saved(made, feed)) is None else {"double_touch_saves_s": gain})
+    }
 
 
 def as_text(cell: Cell, data: dict[str, Any]) -> str:
     """result of `check` → what a person reads on the terminal."""
     count = data["facets"]
     touched = [facet for facet, n in count.items() if n]
+    part = f"of {data['touches']} " if data["left_out"] else ""
     lines = [
         f"{cell.machine.name} ({cell.machine.topology}), {cell.artefact.name}, {cell.strategy.name}",
-        f"{data['touches']} touches on {len(touched)} facets at {data['indexations']} indexations; all are within the travels:",
+        f"{data['planned_touches']} {part}touches on {len(touched)} facets at {data['indexations']} indexations; "
+        f"{'these' if part else 'all'} are within the travels:",
         "  " + "  ".join(f"{n} {low:.1f} … {high:.1f}" for n, (low, high) in data["range"].items()),
     ]
     lines += drawn_lines(data["drawings"])
+    lines += ["'tango plan' refuses this cell:", *(f"  {line}" for line in data["refused"].splitlines())] if data["refused"] else []
     if left_out := data["left_out"]:
-        more = "one more touch" if len(left_out) == 1 else f"{len(left_out)} more touches"
-        lines.append(f"{more} of the strategy cannot be made; what follows is without {'it' if len(left_out) == 1 else 'them'}:")
-        lines += [f"  {text}" for text in left_out[:NAMED]]
-        lines += [f"  … and {len(left_out) - NAMED} more (--json lists all)"] if len(left_out) > NAMED else []
-    if data["doubtful"]:
+        lines.append(f"{len(left_out)} cannot be made with a straight stylus and are left out; what follows is without them:")
+        lines += _some(left_out)
+        lines += _lost(data)
+    if doubtful := data["doubtful"]:
         lines.append(
-            f"{len(data['doubtful'])} of them are on facets that face away from the spindle, hardly in reach of a straight stylus:"
+            f"{len(doubtful)} are on facets that face away from the spindle; a straight stylus would meet the table there:"
         )
-        lines += [f"  {text}" for text in data["doubtful"][:NAMED]]
-        lines += [f"  … and {len(data['doubtful']) - NAMED} more (--json lists all)"] if len(data["doubtful"]) > NAMED else []
+        lines += _some(doubtful)
     once = [facet for facet in touched if count[facet] == 1 and cell.artefact.facets[facet].ball is None]
     if once:
         lines.append(f"touched once only, which tells nothing but their own offset: facets {', '.join(once)}")
@@ -165,3 +194,28 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         f"with linear moves {f'at {feed:g} mm/min, the positioning_feed of the post' if feed else 'in rapid: there is no post'}"
     )
     return "\n".join(lines)
+
+
+def _some(texts: list[str]) -> list[str]:
+    """sentences on touches → the first of them, and how many more there are."""
+    more = [f"  … and {len(texts) - NAMED} more (--json lists all)"] if len(texts) > NAMED else []
+    return [f"  {text}" for text in texts[:NAMED]] + more
+
+
+def _lost(data: dict[str, Any]) -> list[str]:
+    """result of `check` → what the touches that are left out would add, and how to have them."""
+    if (whole := data.get("with_left_out")) is None:
+        return []
+    std, more = data["expected_std"], whole["expected_std"]
+    number, better = f"{data['condition_number']:.4g}", f"{whole['condition_number']:.4g}"
+    lines = [f"  with them (--obstructed warn, for a stylus that gets there) condition number {better} instead of {number}"]
+    if gains := {name: std[name]["std"] / more[name]["std"] for name in std if name in more}:
+        name = max(gains, key=gains.__getitem__)
+        factor, unit = shown(std[name]["unit"])
+        lines[0] += (
+            f"; expected std of {name}, which gains most, {more[name]['std'] * factor:.3g} instead of "
+            f"{std[name]['std'] * factor:.3g} {unit}"
+        )
+    unseen = [text for text in data["not_identifiable"] if text not in whole["not_identifiable"]]
+    lines += [f"  cannot be seen without them: {text}" for text in summary(unseen)]
+    return lines

@@ -40,10 +40,10 @@ def planned(cell: Cell) -> Touches:
     made = plan(cell, "leave-out")
     position = np.array([touch.contact for touch in made.touches])
     touches = of_facets(cell.machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
-    spent = np.zeros(len(made.touches) + 1)
+    spent, row = np.zeros(len(touches)), {touch.number: row for row, touch in enumerate(made.touches)}
     for move, seconds in zip(made.moves, of_moves(made, positioning_feed(cell)), strict=True):
-        spent[min(move.touch - 1, len(made.touches))] += seconds
-    return replace(touches, time=np.cumsum(spent[:-1]), feed=np.full(len(touches), cell.strategy.approach.feed))
+        spent[row[move.touch]] += seconds
+    return replace(touches, time=np.cumsum(spent), feed=np.full(len(touches), cell.strategy.approach.feed))
 
 
 def _indexation(position: dict[str, float], facets: tuple[str, ...]) -> dict[str, Any]:

@@ -20,12 +20,11 @@ from ..files.targets import same, spared, writable
 from ..records import InputError, Plan
 from ._common import Output, cell_option, json_option, json_text
 from ._common import dialect as dialect_of
-from ._plan import as_json, as_text, dry
+from ._plan import as_json, as_text, dry, obstructed_option, warnings
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
 
-NAMED = 3  # touches that a warning names
 PROGRAM = re.compile(rb"\bPROGRAM [0-9A-F]{12} PLAN ([0-9A-F]{12})\b")
 CELL_FILES = ("artefact.yaml", "strategy.yaml")  # what --capability writes beside its program
 REST = "rest"  # folder beside the program, for the touches that a run has left
@@ -37,13 +36,7 @@ HEAD = 2000  # bytes of a program within which its mark stands
 @cell_option
 @click.option("--post", metavar="NAME|FILE.py", help="Dialect, or your own post; default: controller.post of the cell.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the program; default: program/ in the cell.")
-@click.option(
-    "--obstructed",
-    type=click.Choice(["warn", "refuse", "leave-out"]),
-    default="warn",
-    show_default=True,
-    help="Facets that face away from a straight probe: plan them with a warning, refuse the plan, or leave them out.",
-)
+@obstructed_option
 @click.option(
     "--capability",
     type=click.Choice(KINDS),
@@ -105,10 +98,8 @@ def command(
         artefact, strategy = capability_program(capability, cell.machine, cell.artefact, cell.strategy)
         cell = replace(cell, artefact=artefact, strategy=strategy)
     made = planner.plan(cell, obstructed)
-    for text in made.left_out:
-        click.echo(f"left out: {text}", err=True)
-    if made.doubtful:
-        click.echo(warning(made), err=True)
+    for text in warnings(made):
+        click.echo(text, err=True)
     beside: dict[str, tuple[Path, Content]] = {}  # option: what goes elsewhere than the program
     if picture is not None:
         drawn = path.picture(made, indexation)
@@ -228,14 +219,3 @@ def proven(title: str, lines: Callable[[], Iterator[str]], plan: Plan, settings:
     if envelope.check(lines, plan, settings):
         return ()
     return (f"the program has not been read back: there is no envelope check for {title}",)
-
-
-def warning(plan: Plan) -> str:
-    """plan with doubtful touches → what a person must know before it meets a machine."""
-    first = "".join(f"\n  {text}" for text in plan.doubtful[:NAMED])
-    more = f"\n  … and {len(plan.doubtful) - NAMED} more" if len(plan.doubtful) > NAMED else ""
-    return (
-        f"WARNING: {len(plan.doubtful)} of {len(plan.touches)} touches are on facets that a straight stylus can hardly reach; "
-        f"on a machine it would meet the table there and stop:{first}{more}\n"
-        "Take them out of the strategy, or plan with --obstructed leave-out."
-    )

@@ -18,6 +18,7 @@ from ..files.checked import read_text
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, cell_option, dialect
+from ._plan import obstructed_option, warnings
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -52,13 +53,7 @@ PART = re.compile(r"\bPLAN [0-9A-F]{12} PART (\d+) OF (\d+)\b")
 @click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="Silence of the control that is allowed."
 )
-@click.option(
-    "--obstructed",
-    type=click.Choice(["warn", "refuse", "leave-out"]),
-    default="warn",
-    show_default=True,
-    help="Facets that face away from a straight probe, as in 'tango plan'.",
-)
+@obstructed_option
 @click.option("--transcript", type=Output(stdout=True), metavar="FILE", help="Also write down every byte that goes over the line.")
 @click.option(
     "--json",
@@ -88,7 +83,6 @@ def command(
     from ..link._measure import Wanted, follow, measure
     from ..plan import plan
     from .check import positioning_feed
-    from .plan import warning
 
     target = readings_file or folder / "readings.csv"
     if watching:
@@ -114,8 +108,8 @@ def command(
     if most is not None and program_file is not None:
         raise InputError("--program and --split: the parts are written anew from the cell; leave --program out")
     made = plan(cell, obstructed)
-    if made.doubtful:
-        click.echo(warning(made), err=True)
+    for text in warnings(made):
+        click.echo(text, err=True)
     post = dialect(cell)
     someone = sys.stdin.isatty()
 
@@ -159,7 +153,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
             other = found[1] if found else "none"
             raise InputError(
                 f"{program_file}: found plan {other}; the cell makes plan {plan_hash(whole)}. "
-                "The files of the cell have changed since: write the program again with 'tango plan'"
+                "The files of the cell have changed since, or --obstructed is another: write the program again with 'tango plan'"
             )
         if several := PART.search(text):
             raise InputError(

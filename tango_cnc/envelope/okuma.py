@@ -274,7 +274,7 @@ class _Program:
         room = {letter: int(match[2]) for letter, match in zip(letters, values, strict=True) if match}
         if letters[:2] != ["P", "H"] or any(len(letter) != 1 for letter in letters) or len(room) != len(letters):
             raise InputError(f"{name} prints the letters {' '.join(letters)}; they begin with P H and stand once each")
-        if room["P"] < len(str(len(self._machine.plan.touches))) or min(r for key, r in room.items() if key not in "PH") < 10:
+        if room["P"] < len(str(self._machine.plan.touches[-1].number)) or min(r for key, r in room.items() if key not in "PH") < 10:
             raise InputError(f"{name} prints numbers in fewer places than they need: digits would be lost")
 
         def does(world: World) -> None:

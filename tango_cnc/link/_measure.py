@@ -239,7 +239,8 @@ def _started(file: Path, plan: Plan) -> list[dict[str, Any]]:
     if segment["plan_hash"] != plan_hash(plan):
         raise InputError(
             f"{file}: found a run of plan {segment['plan_hash']}; the cell now makes plan {plan_hash(plan)}. "
-            "Readings of two plans do not go together: restore the files of the cell, or run the whole plan without --resume"
+            "Readings of two plans do not go together: restore the files of the cell and state the same --obstructed, "
+            "or run the whole plan without --resume"
         )
     return entries
 

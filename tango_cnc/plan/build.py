@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -32,18 +33,25 @@ from .touches import PLACES, Planned
 from .turns import Turned
 from .ways import begins, lifts
 
-OBSTRUCTED = ("warn", "refuse", "leave-out")  # what to do with touches that the probe cannot make
+Fate = Literal["left out", "planned", "refused"]
+OBSTRUCTED: dict[str, tuple[Fate, Fate]] = {  # what becomes of touches on facets that face away; at which anything else is hit
+    "leave-out-facing-away": ("left out", "refused"),
+    "leave-out": ("left out", "left out"),
+    "refuse": ("refused", "refused"),
+    "warn": ("planned", "refused"),
+}
+USUAL = "leave-out-facing-away"
 NAMED = 8  # touches named in one complaint
 STRAIGHT = 1e-6  # mm aside
 SAID = {"contact": "contact", "standoff": "stand-off", "end": "search end", "over": "clear level"}
 
 
-def plan(cell: Cell, obstructed: str = "warn") -> Plan:
+def plan(cell: Cell, obstructed: str = USUAL) -> Plan:
     """cell → plan. Raises InputError naming touch, facet, indexation and axis of what cannot be reached.
 
-    `obstructed`: touches at which the straight probe would hit what is on the table are an error ('refuse'), or are not planned
-    and listed in the plan ('leave-out'). With 'warn' only those on facets that face away from the spindle are planned all the
-    same, as the strategy asks for them, and listed as doubtful: whoever wrote the strategy may have another stylus in mind.
+    `obstructed`, a key of `OBSTRUCTED`: touches that a straight probe cannot make are an error, or are listed in the plan and not
+    in its touches, whose numbers stay those of the strategy. With 'warn' those on facets that face away from the spindle are
+    planned all the same and listed as doubtful: whoever wrote the strategy may have another stylus in mind.
     """
     shared = scene(cell.machine, cell.artefact, cell.strategy)
     facet, at = _order(cell.strategy, shared.facet)
@@ -53,24 +61,30 @@ def plan(cell: Cell, obstructed: str = "warn") -> Plan:
         pose = _pose(cell, int(at[touch]))
         return f"touch {touch + 1} (facet {shared.facet[facet[touch]]}, indexation {at[touch] + 1}: {pose})"
 
-    said = {touch: f"{named(touch)}: {found.why}" for touch, found in sorted(blocked.items())}
-    doubtful = [touch for touch, found in blocked.items() if obstructed == "warn" and found.kind == "facing"]
-    doubts = tuple(said.pop(touch) for touch in sorted(doubtful))
-    if said and obstructed != "leave-out":
+    said: dict[Fate, dict[int, str]] = {"left out": {}, "planned": {}, "refused": {}}
+    for touch, found in sorted(blocked.items()):
+        said[_fate(found, obstructed)][touch] = f"{named(touch)}: {found.why}"
+    left_out, doubtful, refused = (tuple(texts.values()) for texts in said.values())
+    if refused:
         raise InputError(
-            f"{cell.strategy.name}: {len(said)} of {len(at)} touches cannot be made with a straight probe:\n"
-            f"{_some(said.values())}\n"
+            f"{cell.strategy.name}: {len(refused)} of {len(at)} touches cannot be made with a straight probe:\n"
+            f"{_some(refused)}\n"
             "Take these facets out of those indexations, or let the plan do it (--obstructed leave-out)."
         )
-    left_out = tuple(said.values())
-    if said:
-        keep = np.setdiff1d(np.arange(len(at)), list(said))
-        if not len(keep):
-            raise InputError(f"{cell.strategy.name}: no touch is left; the first one was {left_out[0]}")
-        facet, at = facet[keep], at[keep]
-    number = np.arange(1, 1 + len(at), dtype=np.int32)
-    touches, turns = _made(cell, shared, number, facet, at, None)
-    return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubts)
+    kept = np.setdiff1d(np.arange(len(at), dtype=np.int32), list(said["left out"]))
+    if not len(kept):
+        raise InputError(
+            f"{cell.strategy.name}: no touch is left: a straight probe can make none of {len(at)}:\n{_some(left_out)}\n"
+            "Turn the table otherwise, or touch other facets."
+        )
+    touches, turns = _made(cell, shared, kept + 1, facet[kept], at[kept], None)
+    return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubtful)
+
+
+def _fate(found: Obstruction, obstructed: str) -> Fate:
+    """what is in the probe's way, a key of `OBSTRUCTED` → what becomes of the touch."""
+    away, other = OBSTRUCTED[obstructed]
+    return away if found.kind == "facing" or (found.away and away == "left out") else other
 
 
 def _order(strategy: Strategy, names: Sequence[str]) -> tuple[Rows, Rows]:
@@ -102,7 +116,7 @@ def part(whole: Plan, numbers: Sequence[int]) -> Plan:
     unknown = wanted.difference(number.tolist())
     if unknown or not wanted:
         found = f"touch {min(unknown)}" if unknown else "no touch"
-        raise InputError(f"part of a plan: found {found}; allowed: touches 1 … {number[-1]} of the plan")
+        raise InputError(f"part of a plan: found {found}; allowed: touches {number[0]} … {number[-1]} of the plan")
     return of_rows(whole, np.flatnonzero(np.isin(number, list(wanted))))
 
 
