@@ -90,7 +90,7 @@ def test_touches_that_a_straight_stylus_cannot_make_are_counted_and_listed_and_t
     assert call("check", "-C", contract) == 0
     said = capsys.readouterr().out
     assert "358 of 393 touches on 36 facets at 28 indexations" in said
-    assert "35 cannot be made with a straight stylus and are left out; what follows is without them:" in said
+    assert "a straight stylus cannot make 35 of them: left out of the program, and of what follows:" in said
 
 
 def test_what_is_lost_with_the_touches_that_are_left_out_is_told(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,21 +112,24 @@ TILTED = """\
 name: a table that is only ever tilted one way
 approach: {standoff: 10, search: 5, feed: 180}
 indexations:
-  - {S: 0, B: 0, C: 0, facets: [3, 5, 7, 16, 19, 22, 25]}
-  - {S: 0, B: 0, C: 90, facets: [3, 5, 7, 16, 19, 22, 25]}
-  - {S: 90, B: 0, C: 0, facets: [3, 5, 7, 16, 19, 22, 25]}
-  - {S: 0, B: 60, C: 0, facets: [12, 13]}
+  - {S: 0, B: 0, C: 0, facets: [3, 5, 7, 11, 12, 13, 16, 19, 22, 25]}
+  - {S: 0, B: 0, C: 90, facets: [3, 5, 7, 11, 12, 13, 16, 19, 22, 25]}
+  - {S: 90, B: 0, C: 0, facets: [3, 5, 7, 11, 12, 13, 16, 19, 22, 25]}
+  - {S: 0, B: 60, C: 0, facets: [11, 12, 13, 15]}
 """
 
 
 def test_what_cannot_be_seen_without_the_touches_that_are_left_out_is_named(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Only touches that face away would tell how B and C stand to each other."""
+    """Only touches that face away would tell how C stands to B, and how long the stylus is."""
     (cell / "strategy.yaml").write_text(TILTED, encoding="utf-8")
     status, found = checked(capsys, "-C", cell)
-    assert status == 1 and found["planned_touches"] == 21 and found["indexations"] == 3
-    assert set(found["not_identifiable"]) - set(found["with_left_out"]["not_identifiable"])
+    assert status == 1 and found["planned_touches"] == 30 and found["indexations"] == 3
+    seen, whole = set(found["expected_std"]), set(found["with_left_out"]["expected_std"])
+    assert not {"EC0B", "EZt"} & seen and {"EC0B", "EZt"} <= whole
     assert call("check", "-C", cell) == 1
-    assert "cannot be seen without them:" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert re.search(r"with them \(--obstructed warn, .*\) .*EC0B, EZt could be seen", said)
+    assert "cannot be seen: EZt, EZZ1, EC0B each move" in said
 
 
 def test_what_plan_refuses_is_said_in_its_words_and_what_is_left_is_checked(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

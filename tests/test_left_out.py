@@ -137,7 +137,10 @@ def test_the_command_names_every_touch_that_it_leaves_out_and_how_to_have_them(f
     result = Result("plan", "-C", folder)
     assert result.code == 0
     assert [line for line in result.err.splitlines() if line.startswith("left out: ")] == [f"left out: {text}" for text in NAMED]
-    assert "WARNING: 3 of 10 touches of the strategy are left out" in result.err and "--obstructed warn" in result.err
+    assert (
+        "WARNING: a straight stylus cannot make 3 of 10 touches of the strategy: left out" in result.err
+        and "--obstructed warn" in result.err
+    )
     assert "7 touches on 4 facets at 3 indexations, 3 touches of the strategy left out" in result.out
     known = read_cell(folder)
     assert list(read_plan(folder / "program" / "plan.csv", known.machine).touch) == MADE
@@ -223,7 +226,7 @@ def test_a_run_makes_what_is_left_and_its_readings_have_the_numbers_of_the_strat
     with controller(folder, "--tcp", "127.0.0.1:0") as url:
         result = Result("run", "-C", folder, "--port", url, "--timeout", "10", "--json", folder / "run.json")
     assert result.code == 0, result.err
-    assert "WARNING: 3 of 10 touches of the strategy are left out" in result.err
+    assert "WARNING: a straight stylus cannot make 3 of 10 touches of the strategy: left out" in result.err
     assert list(readings(folder).touch) == MADE and as_simulated(folder)
     told = json.loads((folder / "readings.json").read_text(encoding="utf-8"))
     assert (told["touches"], told["missing"], told["left_out"]) == (7, [], NAMED)

@@ -39,8 +39,8 @@ def warnings(plan: Plan) -> list[str]:
     lines = [f"left out: {text}" for text in plan.left_out]
     if many := len(plan.left_out):
         lines.append(
-            f"WARNING: {many} of {many + len(plan.touches)} touches of the strategy are left out, as a straight stylus cannot make "
-            "them; 'tango check' says what the others tell. For a stylus that reaches facets that face away: --obstructed warn."
+            f"WARNING: a straight stylus cannot make {many} of {many + len(plan.touches)} touches of the strategy: left out of the "
+            "program. 'tango check' says what the others tell. For a stylus that reaches facets that face away: --obstructed warn."
         )
     if many := len(plan.doubtful):
         lines.append(

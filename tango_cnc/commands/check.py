@@ -163,7 +163,7 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
     lines += drawn_lines(data["drawings"])
     lines += ["'tango plan' refuses this cell:", *(f"  {line}" for line in data["refused"].splitlines())] if data["refused"] else []
     if left_out := data["left_out"]:
-        lines.append(f"{len(left_out)} cannot be made with a straight stylus and are left out; what follows is without them:")
+        lines.append(f"a straight stylus cannot make {len(left_out)} of them: left out of the program, and of what follows:")
         lines += _some(left_out)
         lines += _lost(data)
     if doubtful := data["doubtful"]:
@@ -203,19 +203,21 @@ def _some(texts: list[str]) -> list[str]:
 
 
 def _lost(data: dict[str, Any]) -> list[str]:
-    """result of `check` → what the touches that are left out would add, and how to have them."""
+    """result of `check` → what the touches that are left out would tell besides, and how to have them."""
     if (whole := data.get("with_left_out")) is None:
         return []
     std, more = data["expected_std"], whole["expected_std"]
-    number, better = f"{data['condition_number']:.4g}", f"{whole['condition_number']:.4g}"
-    lines = [f"  with them (--obstructed warn, for a stylus that gets there) condition number {better} instead of {number}"]
-    if gains := {name: std[name]["std"] / more[name]["std"] for name in std if name in more}:
-        name = max(gains, key=gains.__getitem__)
-        factor, unit = shown(std[name]["unit"])
-        lines[0] += (
-            f"; expected std of {name}, which gains most, {more[name]['std'] * factor:.3g} instead of "
-            f"{std[name]['std'] * factor:.3g} {unit}"
-        )
-    unseen = [text for text in data["not_identifiable"] if text not in whole["not_identifiable"]]
-    lines += [f"  cannot be seen without them: {text}" for text in summary(unseen)]
-    return lines
+    with_them = "  with them (--obstructed warn, for a stylus that gets there)"
+    if gained := [name for name in more if name not in std]:
+        return [f"{with_them} {', '.join(gained)} could be seen"]
+    if not std:
+        return []
+    name = max(std, key=lambda name: std[name]["std"] / more[name]["std"])
+    if std[name]["std"] < 1.01 * more[name]["std"]:
+        return [f"{with_them} next to nothing more would be told"]
+    factor, unit = shown(std[name]["unit"])
+    better, here = (f"{each[name]['std'] * factor:.3g}" for each in (more, std))
+    return [
+        f"{with_them} the condition number is {whole['condition_number']:.4g} instead of {data['condition_number']:.4g}, "
+        f"and the expected std of {name}, which gains most, {better} instead of {here} {unit}"
+    ]
