@@ -208,6 +208,17 @@ def test_the_program_of_the_public_cell_is_read_back_in_every_dialect_whole_and_
         assert sum(len(program.plan.touches) for program in written) == 358
 
 
+def test_what_measures_the_probe_touches_facets_that_can_be_touched(folder: Path) -> None:
+    """One facet is chosen for every direction that the strategy offers; in Z it offers only one that faces away."""
+    result = Result("plan", "-C", folder, "--capability", "drift", "--post", "linuxcnc")
+    assert result.code == 0 and "left out" not in result.err
+    touched = read_plan(folder / "capability" / "drift" / "plan.csv", read_cell(folder).machine).facet
+    assert set(touched) <= {"3", "5", "7", "20"}
+    (folder / "strategy.yaml").write_text(re.sub(r"facets: \[.*\]", "facets: [13]", STRATEGY).replace("B: 0,", "B: 90,"))
+    result = Result("plan", "-C", folder, "--capability", "drift", "--post", "linuxcnc")
+    assert result.code == 2 and "no touch is left: a straight probe can make none of 4" in result.err
+
+
 # Runs
 
 

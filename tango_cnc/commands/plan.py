@@ -95,7 +95,8 @@ def command(
     if not dry_run:  # before the work; the names of programs are known after it
         _kept("--out", [target / n for n in ("plan.csv", *(CELL_FILES if capability else ()))], folder, post)
     if capability is not None:
-        artefact, strategy = capability_program(capability, cell.machine, cell.artefact, cell.strategy)
+        within = planner.reachable(cell, obstructed)  # what is touched hundreds of times is a facet that can be touched
+        artefact, strategy = capability_program(capability, cell.machine, cell.artefact, within)
         cell = replace(cell, artefact=artefact, strategy=strategy)
     made = planner.plan(cell, obstructed)
     for text in warnings(made):

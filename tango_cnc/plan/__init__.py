@@ -1,8 +1,8 @@
 """Cell → Plan: where every touch happens and how the probe gets there without touching anything else."""
 
-from .build import OBSTRUCTED, USUAL, part, plan
+from .build import OBSTRUCTED, USUAL, part, plan, reachable
 from .digest import plan_hash
 from .motion import last_motion, last_moves
 from .split import split
 
-__all__ = ["OBSTRUCTED", "USUAL", "last_motion", "last_moves", "part", "plan", "plan_hash", "split"]
+__all__ = ["OBSTRUCTED", "USUAL", "last_motion", "last_moves", "part", "plan", "plan_hash", "reachable", "split"]

@@ -81,6 +81,24 @@ def plan(cell: Cell, obstructed: str = USUAL) -> Plan:
     return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubtful)
 
 
+def reachable(cell: Cell, obstructed: str = USUAL) -> Strategy:
+    """cell → its strategy without the touches that plan leaves out, and without indexations of which none is left.
+
+    Raises InputError when there is none at all.
+    """
+    shared, strategy = scene(cell.machine, cell.artefact, cell.strategy), cell.strategy
+    facet, at = _order(strategy, shared.facet)
+    out = {row for row, found in _blocked(shared, facet, at).items() if _fate(found, obstructed) == "left out"}
+    kept: list[list[str]] = [[] for _ in strategy.indexations]
+    for row in range(len(at)):
+        if row not in out:
+            kept[at[row]].append(shared.facet[facet[row]])
+    left = tuple(replace(i, facets=tuple(names)) for i, names in zip(strategy.indexations, kept, strict=True) if names)
+    if not left:
+        raise InputError(f"{strategy.name}: no touch is left: a straight probe can make none of {len(at)}; touch other facets")
+    return replace(strategy, indexations=left)
+
+
 def _fate(found: Obstruction, obstructed: str) -> Fate:
     """what is in the probe's way, a key of `OBSTRUCTED` → what becomes of the touch."""
     away, other = OBSTRUCTED[obstructed]
