@@ -233,8 +233,9 @@ def as_simulated(folder: Path) -> bool:
     return bool(np.abs(got.position - whole.position[rows])[:, :3].max() < 1.5e-3)
 
 
-def test_a_run_makes_what_is_left_and_its_readings_have_the_numbers_of_the_strategy(folder: Path) -> None:
-    with controller(folder, "--tcp", "127.0.0.1:0") as url:
+@pytest.mark.parametrize("protocol", ["dnc", "modbus"])
+def test_a_run_makes_what_is_left_and_its_readings_have_the_numbers_of_the_strategy(protocol: str, folder: Path) -> None:
+    with controller(folder, "--tcp", "127.0.0.1:0", "--protocol", protocol) as url:
         result = Result("run", "-C", folder, "--port", url, "--timeout", "10", "--json", folder / "run.json")
     assert result.code == 0, result.err
     assert "WARNING: a straight stylus cannot make 3 of 10 touches of the strategy: left out" in result.err
