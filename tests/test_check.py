@@ -90,7 +90,7 @@ def test_touches_that_a_straight_stylus_cannot_make_are_counted_and_listed_and_t
     assert call("check", "-C", contract) == 0
     said = capsys.readouterr().out
     assert "358 of 393 touches on 36 facets at 28 indexations" in said
-    assert "a straight stylus cannot make 35 of them: left out of the program, and of what follows:" in said
+    assert "a straight stylus cannot make the other 35: left out of the program, and of what follows:" in said
 
 
 def test_what_is_lost_with_the_touches_that_are_left_out_is_told(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:

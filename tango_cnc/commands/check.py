@@ -163,7 +163,7 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
     lines += drawn_lines(data["drawings"])
     lines += ["'tango plan' refuses this cell:", *(f"  {line}" for line in data["refused"].splitlines())] if data["refused"] else []
     if left_out := data["left_out"]:
-        lines.append(f"a straight stylus cannot make {len(left_out)} of them: left out of the program, and of what follows:")
+        lines.append(f"a straight stylus cannot make the other {len(left_out)}: left out of the program, and of what follows:")
         lines += _some(left_out)
         lines += _lost(data)
     if doubtful := data["doubtful"]:
@@ -210,9 +210,9 @@ def _lost(data: dict[str, Any]) -> list[str]:
     with_them = "  with them (--obstructed warn, for a stylus that gets there)"
     if gained := [name for name in more if name not in std]:
         return [f"{with_them} {', '.join(gained)} could be seen"]
-    if not std:
+    if not more:
         return []
-    name = max(std, key=lambda name: std[name]["std"] / more[name]["std"])
+    name = max(more, key=lambda name: std[name]["std"] / more[name]["std"])
     if std[name]["std"] < 1.01 * more[name]["std"]:
         return [f"{with_them} next to nothing more would be told"]
     factor, unit = shown(std[name]["unit"])
