@@ -262,12 +262,11 @@ MoveKind = Literal["retract", "clear", "index", "approach", "find", "off", "near
 class Touch:
     """One touch of a plan: axis positions (mm, rad; columns of `Machine.names`) of stand-off, contact and search end.
 
-    `number` is its place in the strategy, from 1, whether or not touches before it are in the plan.
     `over` is the stand-off backed off along the tool to where nothing on the table reaches at this indexation. `enter` and
     `leave` are between both: as high as the way from the touch before, and to the touch after it, needs; None is as high as `over`.
     """
 
-    number: int
+    number: int  # its place in the strategy, from 1, whether or not those before it are in the plan
     facet: Id
     indexation: int
     standoff: tuple[float, ...]
