@@ -8,6 +8,7 @@ Turning the spindle moves only the probe about its own axis and is done at the s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import chain
 
@@ -15,9 +16,10 @@ import numpy as np
 
 from .. import check, kinematics
 from ..check.travel import travel_text
-from ..records import Array, Axis, InputError, Machine, Touch, Turn
-from . import preload
+from ..records import Array, InputError, Touch, Turn
+from . import preload, sweep
 from .places import Rows, Scene
+from .sweep import Spans
 from .turns import Turned
 
 MARGIN = 20.0  # mm between the tip and everything on the table when the probe is clear
@@ -32,7 +34,11 @@ class Clearance:
         self._machine, self._chain, self._solid = scene.machine, scene.chain, scene.solid
         self._level, self._station, self._spindle = level, scene.station, scene.up
         self._columns = list(self._chain.linear_columns)
-        self._swivels = any(self._machine.axis(name).kind == "rotary" for name in self._machine.tool_branch)
+        self._swivels, self._tilts = (
+            any(self._machine.axis(name).kind == "rotary" for name in branch)
+            for branch in (self._machine.tool_branch, self._machine.workpiece_branch)
+        )
+        self._probe, self._table = sweep.probe(self._machine), sweep.table(self._solid)
         # A spindle that only ever stands one way is not turned.
         self._orients = bool(np.ptp(self._station[:, self._machine.column("S")]))
 
@@ -85,21 +91,29 @@ class Clearance:
         return sorted(ways, key=lambda way: -float(way @ upright))
 
     def _turn_towards(self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str]) -> Turn:
-        before = self._place(np.array(start.over), start.indexation, up, name)
-        after = before.copy()
-        turning = [i for i in range(len(before)) if i not in self._columns]
-        after[turning] = self._station[touch.indexation][turning]
+        over = np.array(start.over)
+        within = None
+        if previous is not None:
+            goal = self._turned(over, touch.indexation)
+            stops = preload.stop(self._machine, over, goal)
+            within = sweep.spans(self._machine, over, goal, *([] if stops is None else [np.array(stops)]))
+        before = self._place(over, start.indexation, up, name, within)
+        after = self._turned(before, touch.indexation)
         via = None
         tip = kinematics.tip(self._chain, after[None])[0]
         if tip @ self._spindle[touch.indexation] < self._level[touch.indexation] - 1e-9:
             via = self._descend(np.array(touch.over), touch.indexation, up, after, name)
         first = None
         if previous is None:
-            rotation, _ = _pose(self._machine, self._machine.workpiece_branch, before)
+            rotation, _ = sweep.pose(self._machine, self._machine.workpiece_branch, before)
             lift = self._along(before, rotation.T @ up)
             first = self._machine.names[self._columns[int(np.argmax(np.abs(lift[self._columns])))]]
         stop = self._preload(before, after, up) if first else preload.stop(self._machine, before, after)
         return Turn(touch.number, _tuple(before), _tuple(after), None if via is None else _tuple(via), first, stop)
+
+    def _turned(self, place: Array, index: int) -> Array:
+        """→ the place with the angles of an indexation."""
+        return np.where(np.isin(np.arange(len(place)), self._columns), place, self._station[index])
 
     def _preload(self, before: Array, after: Array, up: Array) -> tuple[float, ...]:
         """→ a stop short of the place and the angles, from which every axis moves a little: nobody knows how it came there."""
@@ -119,28 +133,24 @@ class Clearance:
             place[column] = after[column]
         return _tuple(place)
 
-    def _place(self, over: Array, index: int, up: Array, name: Callable[[int], str]) -> Array:
+    def _place(self, over: Array, index: int, up: Array, name: Callable[[int], str], within: Spans | None = None) -> Array:
         """position above a touch, its indexation, direction in the machine frame → where axes may turn, lifted that way."""
         place, lift = over.copy(), self._lift(over, index, up)
         for _ in range(TRIES):
-            missing = -self._apart(place, up)
+            missing = -self._apart(place, up, within)
             if missing <= 1e-9:
                 break
             place = place + (missing + 1e-9) * lift
-        if self._apart(place, up) < -1e-6:
+        if self._apart(place, up, within) < -1e-6:
             raise InputError(f"indexation {index + 1} ({name(index)}): no lift takes the probe clear of what the rotary axes sweep")
         return self._reachable(place, index, name)
 
     def _descend(self, over: Array, index: int, up: Array, after: Array, name: Callable[[int], str]) -> Array:
         """→ a place above the next touch at least as high as where the axes turned, in the direction `up`."""
         lift = self._lift(over, index, up)
-        missing = self._rise(up, over, after)
-        gain = self._rise(up, over, over + lift)
-        return self._reachable(over + max(missing / gain, 0.0) * lift, index, name)
-
-    def _rise(self, up: Array, low: Array, high: Array) -> float:
-        """→ mm that the probe is farther up from the table at the second position than at the first."""
-        return float(up @ (self._tool(high)[0] - self._tool(low)[0] - self._table(high)[0] + self._table(low)[0]))
+        rotation, _ = sweep.pose(self._machine, self._machine.workpiece_branch, over)
+        low, lifted, high = kinematics.tip(self._chain, np.array([over, over + lift, after])) @ (rotation.T @ up)
+        return self._reachable(over + max((high - low) / (lifted - low), 0.0) * lift, index, name)
 
     def _reachable(self, place: Array, index: int, name: Callable[[int], str]) -> Array:
         beyond = check.outside(self._machine, place[None])[0]
@@ -155,7 +165,7 @@ class Clearance:
 
     def _lift(self, over: Array, index: int, up: Array) -> Array:
         """→ (k,) displacement per mm upwards that does not bring the probe nearer to the table of this indexation."""
-        rotation, _ = _pose(self._machine, self._machine.workpiece_branch, over)
+        rotation, _ = sweep.pose(self._machine, self._machine.workpiece_branch, over)
         direction = rotation.T @ up  # table frame
         spindle = self._spindle[index]
         leaving = direction @ spindle
@@ -177,21 +187,33 @@ class Clearance:
 
     def _up(self, index: int) -> Array:
         """indexation → direction from the tip to the spindle in the machine frame."""
-        rotation, _ = _pose(self._machine, self._machine.tool_branch, self._station[index])
+        rotation, _ = sweep.pose(self._machine, self._machine.tool_branch, self._station[index])
         return rotation @ np.array(self._machine.spindle.direction)
 
-    def _apart(self, position: Array, up: Array) -> float:
-        """→ mm between the two spheres along `up`, beyond the margin."""
-        (tool, probe), (table, reach) = self._tool(position), self._table(position)
-        if not any(self._machine.axis(name).kind == "rotary" for name in self._machine.workpiece_branch):
-            rotation, shift = _pose(self._machine, self._machine.workpiece_branch, position)
-            reach = float(self._solid.top((rotation.T @ up)[None])[0])
-            table = shift
-        return float(up @ (tool - table)) - probe - reach - MARGIN
+    def _apart(self, position: Array, up: Array, within: Spans | None = None) -> float:
+        """→ mm between probe and table along `up`, beyond the margin, while axes are within these spans, or at any angles."""
+        return self._bottom(position, up, within) - self._top(position, up, within) - MARGIN
 
-    def _table(self, position: Array) -> tuple[Array, float]:
-        """→ centre (machine frame) and radius of what everything on the table can sweep."""
-        return _sphere(self._machine, self._machine.workpiece_branch, position, self._solid.reach)
+    def _top(self, position: Array, up: Array, within: Spans | None) -> float:
+        """→ mm along `up`, machine frame, that nothing on the table gets above."""
+        branch = self._machine.workpiece_branch
+        found = [math.inf]
+        if self._tilts:
+            centre, radius = sweep.sphere(self._machine, branch, position, self._solid.reach)
+            found.append(float(up @ centre) + radius)
+        if not self._tilts or within is not None:
+            found.append(sweep.farthest(self._machine, branch, position, within or {}, self._table, up))
+        return min(found)
+
+    def _bottom(self, position: Array, up: Array, within: Spans | None) -> float:
+        """→ mm along `up`, machine frame, that nothing of the probe gets below."""
+        centre, radius = self._tool(position)
+        if within is None:
+            return float(up @ centre) - radius
+        return max(
+            float(up @ centre) - radius,
+            -sweep.farthest(self._machine, self._machine.tool_branch, position, within, self._probe, -up),
+        )
 
     def _tool(self, position: Array) -> tuple[Array, float]:
         """→ centre (machine frame) and radius of what the probe can sweep; tip and tip radius where it cannot swivel."""
@@ -199,7 +221,7 @@ class Clearance:
         direction = np.array(self._machine.spindle.direction)
         tip = np.array(self._machine.spindle.point) - probe.length * direction
         if not self._swivels:
-            rotation, shift = _pose(self._machine, self._machine.tool_branch, position)
+            rotation, shift = sweep.pose(self._machine, self._machine.tool_branch, position)
             return rotation @ tip + shift, probe.tip_radius
         ends = tip, tip + max(probe.length - probe.body_length, 0.0) * direction, tip + probe.length * direction
         sizes = probe.tip_radius, probe.body_radius, max(probe.body_radius, probe.nose_radius)
@@ -207,74 +229,8 @@ class Clearance:
         def reach(point: Array) -> float:
             return max(float(np.linalg.norm(end - point)) + size for end, size in zip(ends, sizes, strict=True))
 
-        return _sphere(self._machine, self._machine.tool_branch, position, reach)
-
-
-def swept(machine: Machine, solid: check.Solid) -> tuple[Array, float] | None:
-    """machine, bodies → centre (table frame, all axes at zero) and radius mm of what the table sweeps; None when it never turns."""
-    if not any(machine.axis(name).kind == "rotary" for name in machine.workpiece_branch):
-        return None
-    return _sphere(machine, machine.workpiece_branch, np.zeros(len(machine.names)), solid.reach)
+        return sweep.sphere(self._machine, self._machine.tool_branch, position, reach)
 
 
 def _tuple(position: Array) -> tuple[float, ...]:
     return tuple(position.tolist())
-
-
-def _pose(machine: Machine, branch: Sequence[str], position: Array) -> tuple[Array, Array]:
-    """axes from the foundation outwards, (k,) → rotation (3, 3) and shift (3,): body frame at the zero pose → machine frame."""
-    rotation, shift = np.eye(3), np.zeros(3)
-    for name in branch:
-        axis, value = machine.axis(name), position[machine.column(name)]
-        if axis.kind == "linear":
-            shift = shift + value * (rotation @ np.array(axis.direction))
-        elif axis.kind == "rotary":
-            turn, point = _turn(axis, value), np.array(axis.point)
-            shift = shift + rotation @ (point - turn @ point)
-            rotation = rotation @ turn
-    return rotation, shift
-
-
-def _turn(axis: Axis, angle: float) -> Array:
-    """axis, rad → (3, 3) rotation about its direction (Rodrigues)."""
-    x, y, z = axis.direction
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
-
-
-def _sphere(machine: Machine, branch: Sequence[str], position: Array, reach: Callable[[Array], float]) -> tuple[Array, float]:
-    """branch, (k,), point → radius of the outermost body around it → centre (machine frame), radius for all rotary angles.
-
-    Linear axes between and beyond the rotary ones count as they stand.
-    """
-    rotary = [i for i, name in enumerate(branch) if machine.axis(name).kind == "rotary"]
-    if not rotary:
-        _, shift = _pose(machine, branch, position)
-        return shift, reach(np.zeros(3))
-    inner = branch[: rotary[0]]
-    rotation, shift = _pose(machine, inner, position)
-    axis = machine.axis(branch[rotary[0]])
-    if len(rotary) == 1:
-        beyond = _offset(machine, branch[rotary[0] + 1 :], position)
-        centre = np.array(axis.point)
-        return rotation @ centre + shift, reach(centre - beyond)
-    outer = machine.axis(branch[rotary[1]])
-    between = _offset(machine, branch[rotary[0] + 1 : rotary[1]], position)
-    beyond = _offset(machine, branch[rotary[1] + 1 :], position)
-    centre, nearest = _closest(axis, np.array(outer.point) + between, np.array(outer.direction))
-    return rotation @ centre + shift, float(np.linalg.norm(nearest - centre)) + reach(nearest - between - beyond)
-
-
-def _offset(machine: Machine, names: Sequence[str], position: Array) -> Array:
-    """linear axes → (3,) mm, what they shift together at the zero pose of the rotary ones."""
-    return sum((position[machine.column(name)] * np.array(machine.axis(name).direction) for name in names), np.zeros(3))
-
-
-def _closest(axis: Axis, point: Array, direction: Array) -> tuple[Array, Array]:
-    """axis and a line → the point of the axis and the point of the line that are nearest to each other."""
-    p, d = np.array(axis.point), np.array(axis.direction)
-    across = np.cross(d, direction)
-    if across @ across < 1e-12:
-        return p + ((point - p) @ d) * d, point
-    s, t = np.linalg.lstsq(np.column_stack([d, -direction]), point - p, rcond=None)[0]
-    return p + s * d, point + t * direction

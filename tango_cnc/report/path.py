@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from .. import check, kinematics
-from ..plan.clearance import swept
+from ..plan.sweep import swept
 from ..records import Array, Facet, InputError, Machine, Move, Plan, Touch
 from .pictures import BAD, GOOD, INK, MARK, PALE, figure, styled
 
