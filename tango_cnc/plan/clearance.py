@@ -57,20 +57,31 @@ class Clearance:
 
     def _turn(self, previous: Touch | None, touch: Touch, name: Callable[[int], str]) -> Turn:
         start = previous or touch
-        complaint: InputError | None = None
         ways = self._ways(self._up(start.indexation), self._up(touch.indexation)) if previous else self._first_ways(start)
-        for up in ways:
-            try:
-                return self._turn_towards(up, previous, start, touch, name)
-            except InputError as error:
-                complaint = complaint or error
-        assert complaint is not None
-        raise complaint
+        complaints = []
+        for alike in ways:
+            found = []
+            for up in alike:
+                try:
+                    found.append(self._turn_towards(up, previous, start, touch, name))
+                except InputError as error:
+                    complaints.append(error)
+            if found:
+                return min(found, key=lambda turn: self._length(start, turn, touch))
+        raise complaints[0]
 
-    def _ways(self, before: Array, after: Array) -> list[Array]:
-        """→ directions in which the probe may leave the table to turn: along the tool, or, for a head, also sideways of it."""
+    def _length(self, start: Touch, turn: Turn, touch: Touch) -> float:
+        """→ mm that the linear axes go from the touch before to the one after."""
+        places = np.array([start.over, turn.before, turn.via or turn.before, touch.over])[:, self._columns]
+        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+    def _ways(self, before: Array, after: Array) -> list[list[Array]]:
+        """→ directions in which the probe may leave the table to turn: along the tool, or, if a head must, sideways of it.
+
+        The shortest way out of the first of these lists in which there is one is taken.
+        """
         if not self._swivels:
-            return [before]
+            return [[before]]
         across = np.cross(before, np.eye(3)[np.argmin(np.abs(before))])
         across /= np.linalg.norm(across)
         sideways = [across, np.cross(before, across)]
@@ -78,17 +89,17 @@ class Clearance:
         size = np.linalg.norm(middle)
         between = [middle / size] if size > 0.1 else []
         upright = np.array(self._machine.spindle.direction)
-        return [before, after, upright, *between, *sideways, *(-way for way in sideways)]
+        return [[before, after, upright, *between], *([way] for way in sideways), *([-way] for way in sideways)]
 
-    def _first_ways(self, touch: Touch) -> list[Array]:
+    def _first_ways(self, touch: Touch) -> list[list[Array]]:
         """→ directions in which one axis alone takes a probe clear that points nobody knows where: along the spindle if it can."""
         upright = self._up(touch.indexation)
         if not self._swivels:
-            return [upright]
+            return [[upright]]
         upright = np.array(self._machine.spindle.direction)
         axes = [np.array(self._machine.axes[column].direction) for column in self._columns]
         ways = [way for axis in axes for way in (axis, -axis)]
-        return sorted(ways, key=lambda way: -float(way @ upright))
+        return [[way] for way in sorted(ways, key=lambda way: -float(way @ upright))]
 
     def _turn_towards(self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str]) -> Turn:
         over = np.array(start.over)

@@ -3,9 +3,9 @@
 Whatever the angles: a sphere on the rotary axis nearest the foundation. A body on the outermost rotary axis keeps its distance
 from a point of that axis, and that point keeps its distance from the first axis; so the radius is the sum.
 
-Within the angles of one turn: how far anything gets in a direction. The cosine and sine of an angle are a point of an arc, and the
-arc lies within the polygon of its two ends and of corners of tangents. How far a body gets is linear in that point, for each axis
-by itself; so nothing gets farther within the arcs than at a corner of the polygons, in whichever order the axes turn.
+Within the angles of one turn: how far anything gets in a direction, in whichever order the axes turn. By the outermost axis a point
+gets as far as a sine over an interval. Cosine and sine of the other one's angle are a point of an arc; the arc lies within the
+polygon of its two ends and of corners of tangents, and how far a body gets is linear in that point, hence farthest at a corner.
 """
 
 from __future__ import annotations
@@ -17,13 +17,11 @@ import numpy as np
 
 from .. import check
 from ..records import Array, Axis, Machine
-from .preload import endless
 
-PIECE = math.radians(10)  # of an arc between corners of its polygon: that is 0.4 % wider than the arc
+PIECE = math.radians(10)  # of an arc for each corner of its polygon: that is 0.4 % wider than the arc
 RIM = 24  # corners around a part of the probe
 BEHIND = 300.0  # mm of what carries the probe, as thick as the spindle nose
-WHOLE = math.radians(359.99)  # from here on a program may round an angle of 0 … 360 to the next turn
-SAME = math.radians(1e-6)
+ROOMY = math.radians(359)  # travel that some call a whole turn
 
 Spans = Mapping[str, tuple[float, float]]  # rotary axis → rad between which it is while axes turn
 
@@ -34,18 +32,13 @@ def spans(machine: Machine, *positions: Array) -> Spans:
 
 
 def _span(axis: Axis, angles: Sequence[float]) -> tuple[float, float]:
-    """axis, rad → from the smallest to the largest, or the whole circle where a control may go the other way round.
+    """axis, rad → from the smallest to the largest; all round where there is room for a whole turn, and the axis turns at all.
 
-    That is where an axis has no limits, where half a turn or more is turned, and where the angle that a program has within 0 … 360
-    is on the other side.
+    There a control may take the other way round, and a program may command the same place by another number.
     """
     low, high = min(angles), max(angles)
-    either = endless(axis) or high - low > math.pi - SAME
-    travel = axis.travel or (-math.inf, math.inf)
-    if travel[0] <= SAME and travel[1] >= math.tau - SAME:
-        rolled = [math.radians(round(math.degrees(angle), 9) % 360.0) for angle in angles]
-        either = either or max(rolled) > WHOLE or abs(max(rolled) - min(rolled) - (high - low)) > SAME
-    return (low, low + math.tau) if either else (low, high)
+    roomy = axis.travel is None or axis.travel[1] - axis.travel[0] > ROOMY
+    return (low, low + math.tau) if roomy and high > low else (low, high)
 
 
 def probe(machine: Machine) -> tuple[Array, Array]:
@@ -76,30 +69,52 @@ def table(solid: check.Solid) -> tuple[Array, Array]:
 def farthest(
     machine: Machine, branch: Sequence[str], position: Array, within: Spans, balls: tuple[Array, Array], way: Array
 ) -> float:
-    """branch, (k,), spans of its rotary axes, what it carries, direction in the machine frame → mm, as far as anything gets that way."""
-    direction, height = way[None], np.zeros(1)
-    for name in branch:
+    """branch, (k,), spans of its rotary axes, what it carries, direction in the machine frame → mm: how far anything gets."""
+    rotary = [i for i, name in enumerate(branch) if machine.axis(name).kind == "rotary"]
+    inner, beyond = (branch[: rotary[-1]], branch[rotary[-1] + 1 :]) if rotary else ([], branch)
+    direction, height = way[None], np.zeros(1)  # (n, 3), (n,): a point of the next body gets direction @ point + height far
+    for name in inner:
         axis = machine.axis(name)
         along = direction @ np.array(axis.direction)
         if axis.kind == "linear":
             height = height + position[machine.column(name)] * along
-        elif axis.kind == "rotary":
-            part = along[:, None] * np.array(axis.direction)
-            corner = _polygon(*within[name])[:, :, None, None]
-            turned = part + corner[0] * (direction - part) + corner[1] * np.cross(direction, axis.direction)
-            height = (height + (direction - turned) @ np.array(axis.point)).ravel()
-            direction = turned.reshape(-1, 3)
-    centre, radius = balls
-    return float((direction @ centre.T + height[:, None] + radius).max(initial=-np.inf))
+        else:
+            point, corners = np.array(axis.point), _polygon(*within[name])
+            height = np.tile(height + direction @ point, len(corners))
+            direction = np.concatenate([_turned(direction, axis, *corner) for corner in corners])
+            height = height - direction @ point
+    centre, radius = balls[0] + _offset(machine, beyond, position), balls[1]
+    if not len(centre):
+        return -math.inf
+    if not rotary:
+        return float((direction @ centre.T + radius).max())
+    name = branch[rotary[-1]]
+    return float((_farthest(machine.axis(name), within[name], direction, centre) + height[:, None] + radius).max())
+
+
+def _farthest(axis: Axis, span: tuple[float, float], direction: Array, centre: Array) -> Array:
+    """axis, rad, (n, 3), (v, 3) mm → (n, v) mm: how far in each direction each point gets by that axis."""
+    around, (low, high) = np.array(axis.point), span
+    along, cosine, sine = (_turned(direction, axis, *corner) @ (centre - around).T for corner in ((0, 0), (1, 0), (0, 1)))
+    cosine, sine = cosine - along, sine - along
+    ends = np.maximum(*(cosine * math.cos(angle) + sine * math.sin(angle) for angle in span))
+    passes = (np.arctan2(sine, cosine) - low) % math.tau <= high - low
+    return along + (direction @ around)[:, None] + np.where(passes, np.hypot(cosine, sine), ends)
+
+
+def _turned(direction: Array, axis: Axis, cosine: float, sine: float) -> Array:
+    """(n, 3) directions, axis → (n, 3): as the body on it sees them when it is turned."""
+    along = (direction @ np.array(axis.direction))[:, None] * np.array(axis.direction)
+    return along + cosine * (direction - along) + sine * np.cross(direction, axis.direction)
 
 
 def _polygon(low: float, high: float) -> Array:
-    """rad → (2, n) cosine and sine of a polygon's corners that holds the arc: its ends, and between them corners of tangents."""
+    """rad → (n, 2) cosine and sine of a polygon's corners that holds the arc: its ends, and between them corners of tangents."""
     pieces = max(math.ceil((high - low) / PIECE), 1)
     half = (high - low) / pieces / 2
     angle = np.concatenate([[low, high], low + half * (2 * np.arange(pieces) + 1)])
     size = np.concatenate([[1.0, 1.0], np.full(pieces, 1 / math.cos(half))])
-    return size * np.array([np.cos(angle), np.sin(angle)])
+    return size[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def swept(machine: Machine, solid: check.Solid) -> tuple[Array, float] | None:
