@@ -75,9 +75,8 @@ def farthest(
     direction, height = way[None], np.zeros(1)  # (n, 3), (n,): a point of the next body gets direction @ point + height far
     for name in inner:
         axis = machine.axis(name)
-        along = direction @ np.array(axis.direction)
         if axis.kind == "linear":
-            height = height + position[machine.column(name)] * along
+            height = height + position[machine.column(name)] * (direction @ np.array(axis.direction))
         else:
             point, corners = np.array(axis.point), _polygon(*within[name])
             height = np.tile(height + direction @ point, len(corners))
@@ -169,8 +168,9 @@ def sphere(machine: Machine, branch: Sequence[str], position: Array, reach: Call
 
 
 def _offset(machine: Machine, names: Sequence[str], position: Array) -> Array:
-    """linear axes → (3,) mm, what they shift together at the zero pose of the rotary ones."""
-    return sum((position[machine.column(name)] * np.array(machine.axis(name).direction) for name in names), np.zeros(3))
+    """axes, of which the linear ones count → (3,) mm, what they shift together at the zero pose of the rotary ones."""
+    linear = (name for name in names if machine.axis(name).kind == "linear")
+    return sum((position[machine.column(name)] * np.array(machine.axis(name).direction) for name in linear), np.zeros(3))
 
 
 def _closest(axis: Axis, point: Array, direction: Array) -> tuple[Array, Array]:
