@@ -8,7 +8,6 @@ Turning the spindle moves only the probe about its own axis and is done at the s
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from itertools import chain
 
@@ -31,14 +30,11 @@ class Clearance:
 
     def __init__(self, scene: Scene, level: Array) -> None:
         """machine with what is on its table, clear level (m,) mm of each indexation."""
-        self._machine, self._chain, self._solid = scene.machine, scene.chain, scene.solid
+        self._machine, self._chain = scene.machine, scene.chain
         self._level, self._station, self._spindle = level, scene.station, scene.up
         self._columns = list(self._chain.linear_columns)
-        self._swivels, self._tilts = (
-            any(self._machine.axis(name).kind == "rotary" for name in branch)
-            for branch in (self._machine.tool_branch, self._machine.workpiece_branch)
-        )
-        self._probe, self._table = sweep.probe(self._machine), sweep.table(self._solid)
+        self._swivels = any(self._machine.axis(name).kind == "rotary" for name in self._machine.tool_branch)
+        self._probe, self._table = sweep.probe(self._machine), sweep.table(scene.solid)
         # A spindle that only ever stands one way is not turned.
         self._orients = bool(np.ptp(self._station[:, self._machine.column("S")]))
 
@@ -203,44 +199,8 @@ class Clearance:
 
     def _apart(self, position: Array, up: Array, within: Spans | None = None) -> float:
         """→ mm between probe and table along `up`, beyond the margin, while axes are within these spans, or at any angles."""
-        return self._bottom(position, up, within) - self._top(position, up, within) - MARGIN
-
-    def _top(self, position: Array, up: Array, within: Spans | None) -> float:
-        """→ mm along `up`, machine frame, that nothing on the table gets above."""
-        branch = self._machine.workpiece_branch
-        found = [math.inf]
-        if self._tilts:
-            centre, radius = sweep.sphere(self._machine, branch, position, self._solid.reach)
-            found.append(float(up @ centre) + radius)
-        if not self._tilts or within is not None:
-            found.append(sweep.farthest(self._machine, branch, position, within or {}, self._table, up))
-        return min(found)
-
-    def _bottom(self, position: Array, up: Array, within: Spans | None) -> float:
-        """→ mm along `up`, machine frame, that nothing of the probe gets below."""
-        centre, radius = self._tool(position)
-        if within is None:
-            return float(up @ centre) - radius
-        return max(
-            float(up @ centre) - radius,
-            -sweep.farthest(self._machine, self._machine.tool_branch, position, within, self._probe, -up),
-        )
-
-    def _tool(self, position: Array) -> tuple[Array, float]:
-        """→ centre (machine frame) and radius of what the probe can sweep; tip and tip radius where it cannot swivel."""
-        probe = self._machine.probe
-        direction = np.array(self._machine.spindle.direction)
-        tip = np.array(self._machine.spindle.point) - probe.length * direction
-        if not self._swivels:
-            rotation, shift = sweep.pose(self._machine, self._machine.tool_branch, position)
-            return rotation @ tip + shift, probe.tip_radius
-        ends = tip, tip + max(probe.length - probe.body_length, 0.0) * direction, tip + probe.length * direction
-        sizes = probe.tip_radius, probe.body_radius, max(probe.body_radius, probe.nose_radius)
-
-        def reach(point: Array) -> float:
-            return max(float(np.linalg.norm(end - point)) + size for end, size in zip(ends, sizes, strict=True))
-
-        return sweep.sphere(self._machine, self._machine.tool_branch, position, reach)
+        top = sweep.reach(self._machine, self._machine.workpiece_branch, position, within, self._table, up)
+        return -sweep.reach(self._machine, self._machine.tool_branch, position, within, self._probe, -up) - top - MARGIN
 
 
 def _tuple(position: Array) -> tuple[float, ...]:

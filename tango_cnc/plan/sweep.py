@@ -11,7 +11,7 @@ polygon of its two ends and of corners of tangents, and how far a body gets is l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -24,6 +24,7 @@ BEHIND = 300.0  # mm of what carries the probe, as thick as the spindle nose
 ROOMY = math.radians(359)  # travel that some call a whole turn
 
 Spans = Mapping[str, tuple[float, float]]  # rotary axis → rad between which it is while axes turn
+Balls = tuple[Array, Array]  # (n, 3) mm centres, (n,) mm radii
 
 
 def spans(machine: Machine, *positions: Array) -> Spans:
@@ -41,7 +42,7 @@ def _span(axis: Axis, angles: Sequence[float]) -> tuple[float, float]:
     return (low, low + math.tau) if roomy and high > low else (low, high)
 
 
-def probe(machine: Machine) -> tuple[Array, Array]:
+def probe(machine: Machine) -> Balls:
     """machine → (n, 3), (n,) mm: balls, machine frame at the zero pose, whose hull holds the probe and what carries it."""
     own, up = machine.probe, np.array(machine.spindle.direction)
     across = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
@@ -61,15 +62,27 @@ def probe(machine: Machine) -> tuple[Array, Array]:
     return balls, size
 
 
-def table(solid: check.Solid) -> tuple[Array, Array]:
+def table(solid: check.Solid) -> Balls:
     """bodies → (n, 3), (n,) mm: balls, table frame, whose hull holds everything on the table."""
     return np.vstack([solid.corner, solid.centre]), np.concatenate([np.zeros(len(solid.corner)), solid.radius])
 
 
-def farthest(
-    machine: Machine, branch: Sequence[str], position: Array, within: Spans, balls: tuple[Array, Array], way: Array
-) -> float:
-    """branch, (k,), spans of its rotary axes, what it carries, direction in the machine frame → mm: how far anything gets."""
+def reach(machine: Machine, branch: Sequence[str], position: Array, within: Spans | None, balls: Balls, way: Array) -> float:
+    """branch, (k,), spans of its rotary axes or None for all angles, what it carries, direction → mm: nothing gets farther.
+
+    The direction is one of the machine frame. Linear axes stand as they are.
+    """
+    sweeps = any(machine.axis(name).kind == "rotary" for name in branch)
+    found = []
+    if sweeps:
+        centre, radius = _sphere(machine, branch, position, balls)
+        found.append(float(way @ centre) + radius)
+    if within is not None or not sweeps:
+        found.append(_farthest(machine, branch, position, within or {}, balls, way))
+    return min(found)
+
+
+def _farthest(machine: Machine, branch: Sequence[str], position: Array, within: Spans, balls: Balls, way: Array) -> float:
     rotary = [i for i, name in enumerate(branch) if machine.axis(name).kind == "rotary"]
     inner, beyond = (branch[: rotary[-1]], branch[rotary[-1] + 1 :]) if rotary else ([], branch)
     direction, height = way[None], np.zeros(1)  # (n, 3), (n,): a point of the next body gets direction @ point + height far
@@ -88,10 +101,10 @@ def farthest(
     if not rotary:
         return float((direction @ centre.T + radius).max())
     name = branch[rotary[-1]]
-    return float((_farthest(machine.axis(name), within[name], direction, centre) + height[:, None] + radius).max())
+    return float((_by_one(machine.axis(name), within[name], direction, centre) + height[:, None] + radius).max())
 
 
-def _farthest(axis: Axis, span: tuple[float, float], direction: Array, centre: Array) -> Array:
+def _by_one(axis: Axis, span: tuple[float, float], direction: Array, centre: Array) -> Array:
     """axis, rad, (n, 3), (v, 3) mm → (n, v) mm: how far in each direction each point gets by that axis."""
     around, (low, high) = np.array(axis.point), span
     along, cosine, sine = (_turned(direction, axis, *corner) @ (centre - around).T for corner in ((0, 0), (1, 0), (0, 1)))
@@ -120,7 +133,7 @@ def swept(machine: Machine, solid: check.Solid) -> tuple[Array, float] | None:
     """machine, bodies → centre (table frame, all axes at zero) and radius mm of what the table sweeps; None when it never turns."""
     if not any(machine.axis(name).kind == "rotary" for name in machine.workpiece_branch):
         return None
-    return sphere(machine, machine.workpiece_branch, np.zeros(len(machine.names)), solid.reach)
+    return _sphere(machine, machine.workpiece_branch, np.zeros(len(machine.names)), table(solid))
 
 
 def pose(machine: Machine, branch: Sequence[str], position: Array) -> tuple[Array, Array]:
@@ -144,27 +157,29 @@ def _turn(axis: Axis, angle: float) -> Array:
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
 
 
-def sphere(machine: Machine, branch: Sequence[str], position: Array, reach: Callable[[Array], float]) -> tuple[Array, float]:
-    """branch, (k,), point → radius of the outermost body around it → centre (machine frame), radius for all rotary angles.
+def _sphere(machine: Machine, branch: Sequence[str], position: Array, balls: Balls) -> tuple[Array, float]:
+    """branch with a rotary axis, (k,), what it carries → centre (machine frame), radius mm for all rotary angles.
 
     Linear axes between and beyond the rotary ones count as they stand.
     """
     rotary = [i for i, name in enumerate(branch) if machine.axis(name).kind == "rotary"]
-    if not rotary:
-        _, shift = pose(machine, branch, position)
-        return shift, reach(np.zeros(3))
     inner = branch[: rotary[0]]
     rotation, shift = pose(machine, inner, position)
     axis = machine.axis(branch[rotary[0]])
     if len(rotary) == 1:
         beyond = _offset(machine, branch[rotary[0] + 1 :], position)
         centre = np.array(axis.point)
-        return rotation @ centre + shift, reach(centre - beyond)
+        return rotation @ centre + shift, _around(centre - beyond, balls)
     outer = machine.axis(branch[rotary[1]])
     between = _offset(machine, branch[rotary[0] + 1 : rotary[1]], position)
     beyond = _offset(machine, branch[rotary[1] + 1 :], position)
     centre, nearest = _closest(axis, np.array(outer.point) + between, np.array(outer.direction))
-    return rotation @ centre + shift, float(np.linalg.norm(nearest - centre)) + reach(nearest - between - beyond)
+    return rotation @ centre + shift, float(np.linalg.norm(nearest - centre)) + _around(nearest - between - beyond, balls)
+
+
+def _around(point: Array, balls: Balls) -> float:
+    """→ mm, radius of the sphere around the point that holds all of them."""
+    return float((np.linalg.norm(balls[0] - point, axis=1) + balls[1]).max(initial=0.0))
 
 
 def _offset(machine: Machine, names: Sequence[str], position: Array) -> Array:
