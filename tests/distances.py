@@ -1,17 +1,18 @@
 """How far a probe is from what stands on a table: the true distance of convex bodies, by nothing that the planner uses.
 
-A plane between two bodies proves that they are as far apart as their farthest points towards it. The planes of a body's faces and
-the one across the tool often are enough; where they are not, the pair of nearest points is searched for (Gilbert, Johnson, Keerthi).
+A plane between two bodies proves that they are as far apart as what they reach towards it. The planes of a body's faces and the one
+across the tool often are enough; where they are not, the two nearest points are searched for (Gilbert, Johnson and Keerthi).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import linprog, nnls
+from scipy.spatial import HalfspaceIntersection
 
 from tango_cnc.records import Array, Probe
 
@@ -32,7 +33,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Body:
-    """On the table: a polytope by its corners (v, 3), rounded by `radius` mm (a ball is a corner), unit normals (f, 3) of its faces."""
+    """On the table: a polytope by its corners (v, 3) and the unit normals (f, 3) of its faces; a ball is a corner with a radius."""
 
     corner: Array
     normal: Array
@@ -49,6 +50,13 @@ def parts(probe: Probe) -> tuple[Part, ...]:
         Part(stem, probe.length, probe.body_radius),
         Part(probe.length, probe.length + NOSE, nose),
     )
+
+
+def corners(normal: Array, offset: Array) -> Array:
+    """(f, 3) unit normals, (f,) mm → (v, 3) mm corners of the body behind all these planes."""
+    deepest = linprog([0, 0, 0, -1], np.column_stack([normal, np.ones(len(normal))]), offset, bounds=(None, None)).x
+    found: Array = HalfspaceIntersection(np.column_stack([normal, -offset]), deepest[:3]).intersections
+    return found
 
 
 def distance(tip: Array, tool: Array, probe: Probe, bodies: Sequence[Body], enough: float) -> float:
@@ -106,5 +114,3 @@ def _nearest(part: Part, body: Body, tip: Array, tool: Array) -> float:
         found = [point for point, much in zip(found, share, strict=True) if much > 0]
         at = share[share > 0] @ np.array(found)
     return proven
-
-

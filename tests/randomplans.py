@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -46,9 +47,7 @@ def random_plans(seed: int, count: int) -> Iterator[Drawn]:
     rng = np.random.default_rng(seed)
     while count:
         cell = example(str(rng.choice(EXAMPLES)))
-        poses = tuple(
-            Indexation(random_pose(cell.machine, rng), random_facets(cell.artefact, rng)) for _ in range(some(POSES, rng))
-        )
+        poses = tuple(Indexation(pose, random_facets(cell.artefact, rng)) for pose in random_poses(cell.machine, rng))
         approach = random_approach(rng)
         machine = cell.machine if rng.random() < 0.6 else replace(cell.machine, probe=random_probe(cell.machine.probe, rng))
         obstacles = (random_obstacle(cell.artefact, poses[-1].facets, rng),) if rng.random() < 0.4 else ()
@@ -71,6 +70,18 @@ def some(often: Mapping[int, float], rng: np.random.Generator) -> int:
 def random_facets(artefact: Artefact, rng: np.random.Generator) -> tuple[str, ...]:
     """→ one facet or some, each once."""
     return tuple(str(facet) for facet in rng.choice(list(artefact.facets), some(FACETS, rng), replace=False))
+
+
+def random_poses(machine: Machine, rng: np.random.Generator) -> list[dict[str, float]]:
+    """→ some, each of them anywhere, or, every other one, a little farther by one of the axes than the one before."""
+    poses = [random_pose(machine, rng) for _ in range(some(POSES, rng))]
+    for before, after in pairwise(poses):
+        if machine.rotary and rng.random() < 0.5:
+            name = str(rng.choice(machine.rotary))
+            low, high = machine.axis(name).travel or (-math.tau, math.tau)
+            turned = before[name] + math.radians(round(float(rng.uniform(-30, 30)), 2))
+            after.update(before | {name: float(np.clip(turned, low, high))})
+    return poses
 
 
 def random_pose(machine: Machine, rng: np.random.Generator) -> dict[str, float]:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tango_cnc import kinematics
 from tango_cnc.files import read_cell
-from tango_cnc.plan import last_motion, part, plan, plan_hash, travel
+from tango_cnc.plan import clearance, last_motion, part, plan, plan_hash, travel
 from tango_cnc.records import Array, Cell, Facet, InputError, Machine, Obstacle, Plan, Surface
 
 TABLES = ("wCBXfZY(S)t", "wCAYbXZ(S)t".replace("b", "f"), "wCXYfZ(S)t", "wXYfZ(S)t", "wCXBfZY(S)t")
@@ -325,7 +325,7 @@ def _assert_clear(made: Plan) -> None:
     for kind, number, start, end in positions(made):
         if kind == "index":
             assert np.array_equal(start[columns], end[columns]), "a linear axis moves while rotary axes turn"
-            path, margin = _turns(made.machine, start, end), 5.0
+            path, margin = _turns(made.machine, start, end), clearance.MARGIN - 1e-5
         else:
             assert np.array_equal(np.delete(start, columns), np.delete(end, columns)), "a rotary axis moves near the table"
             if kind in ("probe", "back"):  # up to the contact; what is behind it is the surface itself
@@ -403,16 +403,18 @@ def test_a_table_far_from_the_axis_that_tilts_it_is_given_room() -> None:
 
 
 def test_the_way_is_clear_at_the_example_of_the_thesis(shared: Path) -> None:
-    """No rotary axis moves unless the tip is farther from the rotary axes than anything on the table."""
+    """No rotary axis moves unless the probe is 20 mm above every facet and ball, at both ends of the turn."""
     made = plan(read_cell(shared / "contract" / "hu40t"), "leave-out")
-    chain = kinematics.chain(made.machine)
+    chain, radius = kinematics.chain(made.machine), made.machine.probe.tip_radius
     corners = np.array([f.point for f in made.artefact.facets.values()])
-    reach = max(np.linalg.norm(corners, axis=1).max(), *(np.linalg.norm(b.centre) + b.radius for b in made.artefact.balls.values()))
-    turned = [start for kind, _, start, _ in positions(made) if kind == "index"]
+    turned = [(start, end) for kind, _, start, end in positions(made) if kind == "index"]
     assert len(turned) == 30  # 28 indexations, C twice by half a turn or more; where the axes were before the first nobody knows
-    tips = kinematics.tip(chain, np.array(turned))
-    assert np.linalg.norm(tips, axis=1).min() > reach + made.machine.probe.tip_radius + 20
-    assert (np.array(turned)[:, 2] - made.machine.probe.length > reach).all()
+    places = np.array(turned).reshape(-1, len(made.machine.names))
+    spindle = kinematics.spindle_axis(chain, places)
+    height = np.einsum("ij,ij->i", kinematics.tip(chain, places), spindle) - radius
+    assert (height > (spindle @ corners.T).max(axis=1) + 20 - 1e-6).all()
+    for ball in made.artefact.balls.values():
+        assert (height > spindle @ np.array(ball.centre) + ball.radius + 20 - 1e-6).all()
 
 
 def test_time_and_memory_grow_with_the_number_of_touches_only() -> None:

@@ -6,8 +6,8 @@ longer, thicker or thinner than in the example, and of every other one the profi
 another form of angles or numbers, cycle 444. Each program runs on the simulated control of its dialect, with a work offset active;
 a tool length is active where `SPOKEN` in test_dialects.py says so (Fagor, Heidenhain, Okuma, Siemens), in the others none is. The
 machine stops at a collision of ball, stylus, probe body or spindle nose with table, facet, ball or obstacle, and at a limit; it
-touches the facets that are meant and nothing else; besides, whatever carries the probe is looked at while a rotary axis turns, by
-the simulator's transforms and without anything of the planner.
+touches the facets that are meant and nothing else; besides, the probe and what carries it are looked at all along every turn of a
+rotary axis, by the simulator's transforms and without anything of the planner: their true distance from every body has to be 20 mm.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from distances import Body, corners, distance
 from randomplans import EXAMPLES, POSES, WISHES, Drawn, example, options, posts, random_plans, settings
 from test_dialects import DRIVEN, EVERY, OFFSETS
 from test_link_grbl import driven
@@ -37,12 +38,12 @@ from tango_cnc.link._client import Ended
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import Array, Artefact, Ball, Facet, Indexation, InputError, Machine, Obstacle, Plan, World
 
-AIR = 1.0  # mm that must be left between the probe and every side of the table, obstacle or ball while something turns
+KEPT = 19.9  # mm between the probe and everything on the table while something turns: 20, but for the decimals of a program
 LOOKS = 25.0  # mm along the tool between the places at which what carries the tip is looked at
 FAR = 400.0  # mm above the tip, of a second point of the tool
 NOSE = 300.0  # mm of spindle above the probe
 LEVEL = 1.0  # mm: a facet over which another one looks by more than that is no side of the table
-STEP = math.radians(5.0)
+STEP = math.radians(3.0)
 NOTHING: Mapping[str, Any] = MappingProxyType({})  # is stated of a control
 COMMENTS = re.compile(r"\([^)]*\)|;.*")
 
@@ -55,6 +56,7 @@ class Truth:
     tip: TrueMachine
     far: TrueMachine  # whose probe ends FAR above the tip
     bodies: tuple[tuple[Array, Array], ...]  # table and obstacles: normals (f, 3) of their sides, mm (f,) along them
+    whole: tuple[Body, ...]  # the same with their corners, and the balls
     parts: tuple[tuple[float, float, float], ...]  # of the probe: from and to above the tip, radius
 
 
@@ -63,11 +65,14 @@ def truth(machine: Machine, artefact: Artefact) -> Truth:
     probe = machine.probe
     far = replace(machine, probe=replace(probe, length=probe.length - FAR))
     stem = probe.length - probe.body_length
+    bodies = (*sides(artefact), *((hull.normal, hull.offset) for hull in solids.obstacles(artefact)))
+    balls = (Body(np.array([ball.centre]), np.zeros((0, 3)), ball.radius) for ball in artefact.balls.values())
     return Truth(
         rig(machine, artefact, World()),
         nominal_machine(machine),
         nominal_machine(far),
-        (*sides(artefact), *((hull.normal, hull.offset) for hull in solids.obstacles(artefact))),
+        bodies,
+        (*(Body(corners(*sides), sides[0]) for sides in bodies), *balls),
         (
             (0.0, stem, probe.stylus_radius),
             (stem, probe.length, probe.body_radius),
@@ -113,7 +118,7 @@ class Watched:
             if (change > 1e-9).any():
                 self.turns += 1
                 path = np.linspace(self.before, end, 2 + int(change.max() / STEP))
-                self.lowest = min(self.lowest, gap(self.truth, path))
+                self.lowest = min(self.lowest, apart(self.truth, path))
             self.before = end
         elif event in ("contact", "skip"):
             self.before = self.motion.position
@@ -154,6 +159,15 @@ def gap(true: Truth, path: Array) -> float:
             outside = np.maximum(low - along, along - high).clip(0), (aside - radius).clip(0)
             free.append((np.hypot(*outside) - sphere.radius).min())
     return float(min(free))
+
+
+def apart(true: Truth, path: Array) -> float:
+    """(n, k) mm rad → mm, the true distance between the probe with what carries it and what is on the table, or KEPT and more."""
+    kept = gap(true, path)
+    if kept >= KEPT:
+        return kept
+    tip, far = (place(drawn, path, np.ones_like(path)).tip for drawn in (true.tip, true.far))
+    return distance(tip, (far - tip) / FAR, true.rig.machine.probe, true.whole, KEPT)
 
 
 def text_of(name: str, made: Plan, stated: Mapping[str, Any]) -> list[str]:
@@ -202,7 +216,7 @@ def not_safe(name: str, drawn: Drawn, lines: list[str], true: Truth) -> str:
     times = 2 if made.strategy.approach.find else 1
     if seen.touched != [f"facet {touch.facet}" for touch in made.touches for _ in range(times)]:
         return f"has touched {', '.join(seen.touched)}"
-    if seen.lowest <= AIR:
+    if seen.lowest < KEPT:
         return f"something turns {seen.lowest:.2f} mm from what is on the table"
     return "" if seen.turns or not made.machine.rotary else "has turned nothing"
 
@@ -242,7 +256,7 @@ def test_a_thousand_random_plans_are_safe_in_every_dialect(part: int, capsys: py
 
 
 def test_the_plans_are_as_different_as_is_said() -> None:
-    drawn = list(random_plans(2, 60))
+    drawn = list(random_plans(5, 60))
     usual = {example(name).machine.probe for name in EXAMPLES}
     assert {one.plan.machine.name for one in drawn} == {example(name).machine.name for name in EXAMPLES}
     assert {one.wish for one in drawn} == {"", "444", *WISHES}
@@ -279,7 +293,7 @@ def test_what_turns_low_is_seen() -> None:
     for start, safe in ((low, False), (high, True)):
         turned = start.copy()
         turned[column] += 0.5
-        assert (gap(truth(made.machine, made.artefact), np.linspace(start, turned, 10)) > AIR) == safe
+        assert (apart(truth(made.machine, made.artefact), np.linspace(start, turned, 10)) >= KEPT) == safe
 
 
 def test_nothing_is_known_of_what_is_far_below_a_pallet() -> None:

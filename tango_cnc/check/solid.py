@@ -59,12 +59,6 @@ class Solid:
         balls = (self.centre @ direction.T + self.radius[:, None]).max(axis=0, initial=-np.inf)
         return np.maximum(corners, balls)
 
-    def reach(self, point: Array) -> float:
-        """(3,) → mm, radius of the sphere around the point that holds everything on the table."""
-        corners = np.linalg.norm(self.corner - point, axis=1).max(initial=0.0)
-        balls = (np.linalg.norm(self.centre - point, axis=1) + self.radius).max(initial=0.0)
-        return float(max(corners, balls))
-
 
 def solid(artefact: Artefact) -> Solid:
     """artefact → the bodies on the table."""

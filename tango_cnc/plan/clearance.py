@@ -1,9 +1,8 @@
-"""Where rotary axes may turn: what the table sweeps and what a swivelling probe sweeps are two spheres that stay apart.
+"""Where rotary axes turn: a plane keeps the probe 20 mm from everything on the table, at all angles that are passed (`sweep.py`).
 
-The sphere of a branch sits on its rotary axis nearest the foundation. A body on the outermost rotary axis keeps its distance
-from a point of that axis, and that point keeps its distance from the first axis; so the radius is the sum, whatever the
-angles. A branch without a rotary axis sweeps nothing: its table is taken as it stands, its probe points where it points.
-Turning the spindle moves only the probe about its own axis and is done at the same places.
+Before the first touch nobody knows at which angles the axes stand, and after the last one nobody knows where they will be turned:
+there the plane keeps apart what table and probe sweep at any angles. Turning the spindle moves only the probe about its own axis
+and is done at the same places.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from .places import Rows, Scene
 from .sweep import Spans
 from .turns import Turned
 
-MARGIN = 20.0  # mm between the tip and everything on the table when the probe is clear
+MARGIN = 20.0  # mm between the probe and everything on the table when the probe is clear
 TRIES = 8  # a lift that also moves what it is lifted from is approached step by step
 
 
@@ -99,11 +98,8 @@ class Clearance:
 
     def _turn_towards(self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str]) -> Turn:
         over = np.array(start.over)
-        within = None
-        if previous is not None:
-            goal = self._turned(over, touch.indexation)
-            stops = preload.stop(self._machine, over, goal)
-            within = sweep.spans(self._machine, over, goal, *([] if stops is None else [np.array(stops)]))
+        # Before the first turn nobody knows the angles. Where an axis stops short of its goal (`preload.stop`) is on its way.
+        within = None if previous is None else sweep.spans(self._machine, over, self._turned(over, touch.indexation))
         before = self._place(over, start.indexation, up, name, within)
         after = self._turned(before, touch.indexation)
         via = None

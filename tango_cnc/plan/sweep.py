@@ -27,17 +27,18 @@ Spans = Mapping[str, tuple[float, float]]  # rotary axis → rad between which i
 Balls = tuple[Array, Array]  # (n, 3) mm centres, (n,) mm radii
 
 
-def spans(machine: Machine, *positions: Array) -> Spans:
-    """machine, positions (k,) that axes turn between → what they pass on the way, on every control."""
-    return {name: _span(machine.axis(name), [float(at[machine.column(name)]) for at in positions]) for name in machine.rotary}
+def spans(machine: Machine, start: Array, end: Array) -> Spans:
+    """machine, (k,) and (k,) between which axes turn → what they pass on the way, on every control."""
+    columns = {name: machine.column(name) for name in machine.rotary}
+    return {name: _span(machine.axis(name), float(start[column]), float(end[column])) for name, column in columns.items()}
 
 
-def _span(axis: Axis, angles: Sequence[float]) -> tuple[float, float]:
-    """axis, rad → from the smallest to the largest; all round where there is room for a whole turn, and the axis turns at all.
+def _span(axis: Axis, start: float, end: float) -> tuple[float, float]:
+    """axis, rad, rad → the smaller and the larger one; all round where there is room for a whole turn, and the axis turns at all.
 
     There a control may take the other way round, and a program may command the same place by another number.
     """
-    low, high = min(angles), max(angles)
+    low, high = min(start, end), max(start, end)
     roomy = axis.travel is None or axis.travel[1] - axis.travel[0] > ROOMY
     return (low, low + math.tau) if roomy and high > low else (low, high)
 
