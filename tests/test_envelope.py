@@ -248,7 +248,7 @@ def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
         ("#<_tango_flag> = 0", "#<_tango_flag> = 1", "the flag is 1 where nothing was touched has happened"),
         ("G53 G0 C265.", "G53 G0 C-265.", "found C -265 deg; the plan turns to C 265 deg"),
         ("G90 G94", "G91 G94", "found the word G91"),
-        ("O<tango_free> CALL [60.] [-40.] [473.9967] [3000.]\n", "", "the plan has the retract move"),
+        ("O<tango_free> CALL [60.] [-40.] [412.3568] [3000.]\n", "", "the plan has the retract move"),
         ("M2", "M2\nG53 G0 Z0.", "behind the end of the program"),
     ],
 )

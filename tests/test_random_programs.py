@@ -1,4 +1,4 @@
-"""A thousand plans that nobody has thought of, each in every dialect: nothing is hit, nothing leaves its travel, nothing turns low.
+"""A thousand plans that nobody has thought of, each in every dialect: nothing is hit, nothing leaves its travel or turns low.
 
 Machines and tables are those of the examples; indexations, facets, stand-offs and feeds are random. A third of the plans touch
 twice, in two of five there is a box or a cylinder that the planner and the machine know, in two of five probe and spindle nose are

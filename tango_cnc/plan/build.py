@@ -10,8 +10,8 @@ table frame as the linear axes do, on straight lines. Seen from there, with the 
         stand-off ──probe──▶ | facet   ▼          straight down, then along the facet's normal, and back the same way
 
 The first touch of an indexation is entered from the clear level, and the last one left up to there: above it everything of the
-probe is above the tip, so any way is free. Rotary axes turn only where the sphere that the table can sweep, and the sphere that
-a swivelling probe can sweep, are apart (`clearance.py`).
+probe is above the tip, so any way is free. Rotary axes turn only where a plane keeps the probe from everything on the table at
+all angles that they pass (`clearance.py`).
 """
 
 from __future__ import annotations
