@@ -32,16 +32,14 @@ from sim_controller.interpreters import Alarm
 from sim_controller.motion import Motion, MotionStop
 from sim_controller.probing import Rig, home, rig
 from sim_controller.session import language
-from sim_controller.surfaces import EXTENT
 from sim_controller.world import TrueMachine, nominal_machine, place
 from tango_cnc.link._client import Ended
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import Array, Artefact, Ball, Facet, Indexation, InputError, Machine, Obstacle, Plan, World
 
 KEPT = 19.9  # mm between the probe and everything on the table while something turns: 20, but for the decimals of a program
-LOOKS = 25.0  # mm along the tool between the places at which what carries the tip is looked at
+OVERHANG = 50.0  # mm that the table may go on beyond its facets
 FAR = 400.0  # mm above the tip, of a second point of the tool
-NOSE = 300.0  # mm of spindle above the probe
 LEVEL = 1.0  # mm: a facet over which another one looks by more than that is no side of the table
 STEP = math.radians(3.0)
 NOTHING: Mapping[str, Any] = MappingProxyType({})  # is stated of a control
@@ -55,34 +53,25 @@ class Truth:
     rig: Rig
     tip: TrueMachine
     far: TrueMachine  # whose probe ends FAR above the tip
-    bodies: tuple[tuple[Array, Array], ...]  # table and obstacles: normals (f, 3) of their sides, mm (f,) along them
-    whole: tuple[Body, ...]  # the same with their corners, and the balls
-    parts: tuple[tuple[float, float, float], ...]  # of the probe: from and to above the tip, radius
+    bodies: tuple[Body, ...]  # table, obstacles, balls
 
 
 def truth(machine: Machine, artefact: Artefact) -> Truth:
     """machine, what is on its table → what is true of them."""
     probe = machine.probe
     far = replace(machine, probe=replace(probe, length=probe.length - FAR))
-    stem = probe.length - probe.body_length
-    bodies = (*sides(artefact), *((hull.normal, hull.offset) for hull in solids.obstacles(artefact)))
+    planes = (*sides(artefact), *((hull.normal, hull.offset) for hull in solids.obstacles(artefact)))
     balls = (Body(np.array([ball.centre]), np.zeros((0, 3)), ball.radius) for ball in artefact.balls.values())
     return Truth(
         rig(machine, artefact, World()),
         nominal_machine(machine),
         nominal_machine(far),
-        bodies,
-        (*(Body(corners(*sides), sides[0]) for sides in bodies), *balls),
-        (
-            (0.0, stem, probe.stylus_radius),
-            (stem, probe.length, probe.body_radius),
-            (probe.length, probe.length + NOSE, max(probe.body_radius, probe.nose_radius)),
-        ),
+        (*(Body(corners(*one), one[0]) for one in planes), *balls),
     )
 
 
 def sides(artefact: Artefact) -> tuple[tuple[Array, Array], ...]:
-    """artefact → the table: behind all facets that no other one looks over, and no farther off than their patches go.
+    """artefact → normals (f, 3), mm (f,) of the table: behind all facets that no other one looks over, and OVERHANG beyond them.
 
     A pallet has no facet below it: turned over, it would be as thick as the room. Nothing where there is no such facet.
     """
@@ -92,7 +81,7 @@ def sides(artefact: Artefact) -> tuple[tuple[Array, Array], ...]:
     point, normal = np.array([facet.point for facet in flat]), np.array([facet.normal for facet in flat])
     offset = np.einsum("ij,ij->i", point, normal)
     outer = (point @ normal.T - offset).max(axis=0) <= LEVEL
-    room = np.concatenate([point.max(axis=0), -point.min(axis=0)]) + EXTENT
+    room = np.concatenate([point.max(axis=0), -point.min(axis=0)]) + OVERHANG
     box = np.vstack([np.eye(3), -np.eye(3)])
     return ((np.vstack([normal[outer], box]), np.concatenate([offset[outer], room])),) if outer.any() else ()
 
@@ -118,7 +107,7 @@ class Watched:
             if (change > 1e-9).any():
                 self.turns += 1
                 path = np.linspace(self.before, end, 2 + int(change.max() / STEP))
-                self.lowest = min(self.lowest, apart(self.truth, path))
+                self.lowest = min(self.lowest, gap(self.truth, path, KEPT))
             self.before = end
         elif event in ("contact", "skip"):
             self.before = self.motion.position
@@ -135,39 +124,10 @@ def watched(true: Truth) -> Watched:
     return seen
 
 
-def gap(true: Truth, path: Array) -> float:
-    """(n, k) mm rad → mm between ball, stylus, body or nose, and a plane that keeps them off table and obstacles, or a ball.
-
-    A disc across the tool reaches towards a plane by its radius times the sine of the angle between tool and normal.
-    """
+def gap(true: Truth, path: Array, enough: float = math.inf) -> float:
+    """(n, k) mm rad → mm between the probe with what carries it and what is on the table; no more than `enough` is asked."""
     tip, far = (place(drawn, path, np.ones_like(path)).tip for drawn in (true.tip, true.far))
-    up, ball = (far - tip) / FAR, true.rig.machine.probe.tip_radius
-    free = [math.inf]
-    for normal, offset in true.bodies:
-        height, lean = tip @ normal.T - offset, up @ normal.T
-        wide = np.sqrt(np.maximum(1 - lean**2, 0.0))
-        free.append((height - ball).max(axis=1).min())
-        for low, high, radius in true.parts:
-            along = np.linspace(low, high, 2 + int((high - low) / LOOKS))[:, None, None]
-            free.append((height + along * lean - radius * wide).max(axis=-1).min())
-    for sphere in true.rig.artefact.balls.values():
-        away = np.array(sphere.centre) - tip
-        along = np.einsum("ij,ij->i", away, up)
-        aside = np.linalg.norm(away - along[:, None] * up, axis=1)
-        free.append((np.linalg.norm(away, axis=1) - ball - sphere.radius).min())
-        for low, high, radius in true.parts:
-            outside = np.maximum(low - along, along - high).clip(0), (aside - radius).clip(0)
-            free.append((np.hypot(*outside) - sphere.radius).min())
-    return float(min(free))
-
-
-def apart(true: Truth, path: Array) -> float:
-    """(n, k) mm rad → mm, the true distance between the probe with what carries it and what is on the table, or KEPT and more."""
-    kept = gap(true, path)
-    if kept >= KEPT:
-        return kept
-    tip, far = (place(drawn, path, np.ones_like(path)).tip for drawn in (true.tip, true.far))
-    return distance(tip, (far - tip) / FAR, true.rig.machine.probe, true.whole, KEPT)
+    return distance(tip, (far - tip) / FAR, true.rig.machine.probe, true.bodies, enough)
 
 
 def text_of(name: str, made: Plan, stated: Mapping[str, Any]) -> list[str]:
@@ -293,7 +253,7 @@ def test_what_turns_low_is_seen() -> None:
     for start, safe in ((low, False), (high, True)):
         turned = start.copy()
         turned[column] += 0.5
-        assert (apart(truth(made.machine, made.artefact), np.linspace(start, turned, 10)) >= KEPT) == safe
+        assert (gap(truth(made.machine, made.artefact), np.linspace(start, turned, 10)) >= KEPT) == safe
 
 
 def test_nothing_is_known_of_what_is_far_below_a_pallet() -> None:
