@@ -84,6 +84,7 @@ def reach(machine: Machine, branch: Sequence[str], position: Array, within: Span
 
 
 def _farthest(machine: Machine, branch: Sequence[str], position: Array, within: Spans, balls: Balls, way: Array) -> float:
+    """→ mm: how far anything gets while the rotary axes are within their spans."""
     rotary = [i for i, name in enumerate(branch) if machine.axis(name).kind == "rotary"]
     inner, beyond = (branch[: rotary[-1]], branch[rotary[-1] + 1 :]) if rotary else ([], branch)
     direction, height = way[None], np.zeros(1)  # (n, 3), (n,): a point of the next body gets direction @ point + height far
@@ -107,7 +108,8 @@ def _farthest(machine: Machine, branch: Sequence[str], position: Array, within: 
 
 def _by_one(axis: Axis, span: tuple[float, float], direction: Array, centre: Array) -> Array:
     """axis, rad, (n, 3), (v, 3) mm → (n, v) mm: how far in each direction each point gets by that axis."""
-    around, (low, high) = np.array(axis.point), span
+    low, high = span
+    around = np.array(axis.point)
     along, cosine, sine = (_turned(direction, axis, *corner) @ (centre - around).T for corner in ((0, 0), (1, 0), (0, 1)))
     cosine, sine = cosine - along, sine - along
     ends = np.maximum(*(cosine * math.cos(angle) + sine * math.sin(angle) for angle in span))
