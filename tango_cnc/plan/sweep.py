@@ -93,10 +93,9 @@ def _farthest(machine: Machine, branch: Sequence[str], position: Array, within: 
         if axis.kind == "linear":
             height = height + position[machine.column(name)] * (direction @ np.array(axis.direction))
         else:
-            point, corners = np.array(axis.point), _polygon(*within[name])
-            height = np.tile(height + direction @ point, len(corners))
-            direction = np.concatenate([_turned(direction, axis, *corner) for corner in corners])
-            height = height - direction @ point
+            point, foot = np.array(axis.point), height + direction @ np.array(axis.point)
+            turned = _turned(direction, axis, *_polygon(*within[name])[:, :, None, None])
+            height, direction = (foot - turned @ point).ravel(), turned.reshape(-1, 3)
     centre, radius = balls[0] + _offset(machine, beyond, position), balls[1]
     if not len(centre):
         return -math.inf
@@ -117,19 +116,19 @@ def _by_one(axis: Axis, span: tuple[float, float], direction: Array, centre: Arr
     return along + (direction @ around)[:, None] + np.where(passes, np.hypot(cosine, sine), ends)
 
 
-def _turned(direction: Array, axis: Axis, cosine: float, sine: float) -> Array:
-    """(n, 3) directions, axis → (n, 3): as the body on it sees them when it is turned."""
+def _turned(direction: Array, axis: Axis, cosine: Array | float, sine: Array | float) -> Array:
+    """(n, 3) directions, axis, numbers or (m, 1, 1) → (n, 3) or (m, n, 3): as the body on it sees them when it is turned."""
     along = (direction @ np.array(axis.direction))[:, None] * np.array(axis.direction)
     return along + cosine * (direction - along) + sine * np.cross(direction, axis.direction)
 
 
 def _polygon(low: float, high: float) -> Array:
-    """rad → (n, 2) cosine and sine of a polygon's corners that holds the arc: its ends, and between them corners of tangents."""
+    """rad → (2, n) cosine and sine of a polygon's corners that holds the arc: its ends, and between them corners of tangents."""
     pieces = max(math.ceil((high - low) / PIECE), 1)
     half = (high - low) / pieces / 2
     angle = np.concatenate([[low, high], low + half * (2 * np.arange(pieces) + 1)])
     size = np.concatenate([[1.0, 1.0], np.full(pieces, 1 / math.cos(half))])
-    return size[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    return size * np.array([np.cos(angle), np.sin(angle)])
 
 
 def swept(machine: Machine, solid: check.Solid) -> tuple[Array, float] | None:
