@@ -164,7 +164,7 @@ class Walk:
         axis, machine = self._plan.machine.axis(name), self._plan.machine
         start = self.at[name] if name in self._known else None
         low, high = axis.travel or (-math.pi, math.pi)
-        round_trip = high - low > math.radians(800) or axis.travel is None
+        round_trip = high - low > math.radians(359) or axis.travel is None  # a control may go the other way round
         if start is None or round_trip:
             first, last = (goal - 180.0, goal + 180.0) if round_trip else (math.degrees(low), math.degrees(high))
         else:
@@ -177,7 +177,7 @@ class Walk:
             raise InputError(f"{name} turns with the probe {gap:.1f} mm from what is on the table; retract before turning")
 
     def _gap(self, poses: Array) -> float:
-        """(n, k) mm deg → mm between probe and table, never more than there is: the distance to a body's outermost plane."""
+        """(n, k) mm deg → mm between probe and table, never more than there is: to an outermost plane or one across the tool."""
         machine, probe = self._plan.machine, self._plan.machine.probe
         position = poses * [1.0 if axis.kind == "linear" else math.pi / 180 for axis in machine.axes]
         stem = max(probe.length - probe.body_length, 0.0)
@@ -189,8 +189,10 @@ class Walk:
         points = tip[:, None, :] + height[None, :, None] * spindle[:, None, :]
         gap = math.inf
         for body in (*([self._solid.table] if self._solid.table else []), *self._solid.obstacles):
-            outside = (points @ body.normal.T - body.offset).max(axis=2)
-            gap = min(gap, float((outside - radius).min()))
+            outside = ((points @ body.normal.T - body.offset).max(axis=2) - radius).min(axis=1)
+            # Over a pointed body no plane of its own says much: the one across the tool does.
+            across = np.einsum("ij,ij->i", tip, spindle) - probe.tip_radius - (spindle @ body.corner.T).max(axis=1)
+            gap = min(gap, float(np.maximum(outside, across).min()))
         for centre, size in zip(self._solid.centre, self._solid.radius, strict=True):
             gap = min(gap, float((np.linalg.norm(points - centre, axis=2) - size - radius).min()))
         return gap
