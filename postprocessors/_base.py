@@ -100,9 +100,9 @@ class Post:
     clear: Step  # above everything, guarded
     index: Step  # rotary axes and spindle
     approach: Step  # down to the stand-off, guarded
-    probe: Step  # the measuring move, and whether it hit, missed or came early
-    back: Step  # to the stand-off the way it came; the probe may still be deflected
+    probe: Step  # the measuring move, whether it hit, missed or came early, and off the facet so that the probe comes free
     record: Step  # one line for the reader: touch, flag, machine coordinates
+    back: Step  # to the stand-off, guarded
     probe_off: Whole
     end: Whole  # end mark, end of program, macros that travel with it
     link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
