@@ -27,6 +27,7 @@ Trace = list[tuple[str, tuple[float, ...]]]
         ("G38.3 X-98. F180.", "G38.3 X-98. F2000.", "the feed is 2000; allowed: 180"),
         ("G38.3 X-98. F180.", "G38.3 X98. F180.", r"found X 98\.000 mm"),
         ("G38.3 X-98. F180.", "G38.2 X-98. F180.", "no line that a program of this kind"),
+        ("G38.3 X-26.9808 Z313.2679 F180.", "G38.3 Z313.2679 F180.", r"found X -19\.481 mm; the plan goes to X -26\.981"),
         ("G1 X-1.5 F2000.", "G1 X1.5 F2000.", "straight off the facet"),
         ("G1 X-1.5 F2000.", "G1 X-15. F2000.", "found an unprotected move of 15.00 mm"),
         ("G1 X-1.5 F2000.", "G1 Y-1.5 F2000.", "straight off the facet"),
@@ -107,6 +108,11 @@ def test_what_is_dangerous_on_mach4_is_named(old: str, new: str, words: str) -> 
             "[#5021 + 1.5 - #29101]",
             "found an unprotected move of 1.50 mm; allowed: .* straight off the facet",
         ),
+        (
+            "[#5021 - 1.5 - #29101]",
+            "[#24301 - 1.5 - #29101]",
+            "found an unprotected move of .* mm; allowed: 0.5 to 2 mm",
+        ),  # after a miss
         ("[#5021 - 1.5 - #29101]", "[#5021 - 1.5]", "found an unprotected move of .* mm; allowed: 0.5 to 2 mm"),
         ("L1\n", "\n", "no line that a program of this kind"),
         ("M115 /X[-98. ", "M115 /X[98. ", r"found X 98\.000 mm"),

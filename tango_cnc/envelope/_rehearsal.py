@@ -64,6 +64,7 @@ class Rehearsal:
         self._once = False  # a touch that finds nothing is counted once: nothing is measured then
         self._late: World | None = None  # where only the second of two touches has met its facet; it may have stopped before
         self._owed = False  # a touch has been made that is not on record
+        self._told = False  # it is on record, and has not gone back yet: the same way back wherever the probe was met
         self._pressed = False  # the probe may be deflected: no guarded move can begin
         self.records = 0
         self._mark = ""
@@ -135,6 +136,8 @@ class Rehearsal:
             world.position.update(target)
         if self._dead is not None:
             self._since.append(_there(target))
+        if self._told:  # on record, and back where the next touch finds it
+            self.worlds, self._told = [self.base], False
         self._pressed = False
 
     def off(self, places: Mapping[str, str], feed: float, work: bool = False) -> None:
@@ -315,7 +318,7 @@ class Rehearsal:
         told = TOLD + (1 if self.plan.strategy.approach.find else 0)
         if sum(world is not self._late for world in self.worlds) != told:
             raise InputError("the program stops at a miss or an early contact instead of recording it")
-        self.worlds, self._silent, self._dead, self._late, self._owed = [self.base], None, None, None, False
+        self._silent, self._dead, self._late, self._owed, self._told = None, None, None, False, True
         self._forget(flag, *places.values())
         self.records += 1
 
@@ -323,9 +326,10 @@ class Rehearsal:
         """Spoils what has been recorded, so that the next touch cannot live on it."""
         for text in texts:
             key: int | str = int(text[1:]) if text[1:].isdigit() else text.strip("#<>")
-            for store in (self.base.shared, *self.base.local):
-                if key in store:
-                    store[key] = SPOILT
+            for world in self.worlds:
+                for store in (world.shared, *world.local):
+                    if key in store:
+                        store[key] = SPOILT
 
     def _within(self, feed: float, wanted: float) -> None:
         if abs(feed - wanted) > 1e-6:

@@ -14,7 +14,7 @@ from typing import Any
 from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import axes_by_number, read_through, stated_words
-from ._rehearsal import NUMBER, Rehearsal, numbered
+from ._rehearsal import NUMBER, SPOILT, Rehearsal, numbered
 from ._worlds import World
 
 COORDINATE = r"\[[^\]]+\]"
@@ -220,7 +220,7 @@ class _Program:
             if key - base in self._axis and base < key < base + 20:
                 name = self._axis[key - base]
                 if base == 24300:
-                    return world.skip[name]
+                    return world.skip[name] if world.hit else SPOILT  # what was met before
                 if self._moving:
                     raise InputError(f"#{key} is read before anything has waited for the axes to stand ({WAIT})")
                 return world.position[name] - (world.offset[name] if base == 5040 else 0.0)

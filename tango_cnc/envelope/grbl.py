@@ -121,7 +121,7 @@ class _Program:
         if abs(feed - wanted) > 1e-6:
             raise InputError(f"the feed is {feed:g}; allowed: {wanted:g} mm/min")
         target = {name: words.get(name, self._walk.at[name]) for name in "XYZ"}
-        self._walk.linear(target if not measures else words, MEASURES if measures else PROTECTED)
+        self._walk.linear(target, MEASURES if measures else PROTECTED)
         self._pressed = measures
 
     def _off(self, line: str) -> None:

@@ -42,6 +42,7 @@ from ._worlds import World, beside_the_line
 # No plane matters here; MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
 SURE = "G17 G21 G40 G49 G80 G90 G94 M5"
 NO_WAY = 0.0015  # mm: less than a label asks for before it moves
+NO_STEP = 1e-4  # mm: nothing a control could take a direction from
 AHEAD = "ahead of"  # the label that a world is on its way to
 
 
@@ -282,7 +283,7 @@ class _Program:
         start = dict(machine.base.position)
         along = {name: machine.same(text) for name, text in way.items()}
         size = sum(a**2 for a in along.values()) ** 0.5
-        if not size > 0:
+        if size < NO_STEP:
             raise InputError("found a probing direction of length 0")
         gone = machine.same(distance) / size
         if not LEAST <= back <= FARTHEST:
@@ -311,7 +312,7 @@ class _Program:
         for world in going:
             along = {name: machine.value(world, text) for name, text in way.items()}
             size = sum(a**2 for a in along.values()) ** 0.5
-            if not size > 0:
+            if size < NO_STEP:
                 raise InputError("found a probing direction of length 0")
             gone = machine.value(world, distance) / size
             there = {name: world.position[name] + gone * along[name] for name in goal}

@@ -115,6 +115,8 @@ class _Program:
             raise InputError("moves without having asked whether the probe is deflected")
         if match := MOVE.fullmatch(line):
             words = {word[0]: float(word[1:]) for word in match[1].split()}
+            if len(words) < len(match[1].split()):
+                raise InputError(f"found {match[1].strip()}; allowed: every axis once")
             target = {name: machine.base.position[name] for name in "XYZ"} | words
             stays = all(abs(target[name] - machine.base.position[name]) < STILL for name in words)
             machine.moves(target, PROTECTED if stays else ("clear", "approach", "off", "back"), float(match[2]))

@@ -13,10 +13,10 @@ from typing import Any
 from ..records import InputError, Plan
 from ._expressions import Value
 from ._reading import read_through, stated_words
-from ._rehearsal import NUMBER, Rehearsal, Statement, World, numbered
+from ._rehearsal import NUMBER, SPOILT, Rehearsal, Statement, World, numbered
 
 FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
-OFF = re.compile(rf"SUPA D0 G1((?: [XYZ][^ ]+)+) F({NUMBER})")
+OFF = re.compile(rf"SUPA D0 G1((?: [XYZ](?:{NUMBER}|=[^ ]+))+) F({NUMBER})")
 INPUT = re.compile(r"(?:MEAS=|\$A_PROBE\[|\$AC_MEA\[)(\d+)")
 TURN = re.compile(rf"SUPA D0 G0 ([ABC])=(?:AC|DC)\(({NUMBER})\)")
 ORIENT = re.compile(rf"SPOS=({NUMBER})")
@@ -128,20 +128,21 @@ class _Program:
             self._print(line)
 
     def _free(self, words: list[str], feed: float) -> None:
-        if len({word[0] for word in words}) < len(words):
-            raise InputError(f"found {' '.join(words)}; allowed: every axis once")
-        self._machine.off({word[0]: _spelt(word[1:].removeprefix("=")) for word in words}, feed)
+        self._machine.off({name: _spelt(word[1:].removeprefix("=")) for name, word in _once(words).items()}, feed)
         self._moving, self._asked = True, False
 
     def _feed(self, words: list[str], feed: float) -> None:
         machine = self._machine
-        target = {name: machine.base.position[name] for name in "XYZ"} | {word[0]: float(word[1:]) for word in words}
+        target = {name: machine.base.position[name] for name in "XYZ"} | {n: float(word[1:]) for n, word in _once(words).items()}
         if self._head:
             raise InputError(f"something moves before {' '.join(sorted(self._head))}")
         if self._options.get("probe_state") and not self._asked:
             raise InputError("moves without having asked whether the probe is deflected")
         if machine.walk.measures:
             machine.measures(target, feed)
+            for world in machine.worlds:
+                if not world.hit:  # then $AA_MM is what was met before
+                    world.skip.update(dict.fromkeys("XYZ", SPOILT))
         else:
             machine.guarded(target, feed)
         self._moving, self._asked = True, False
@@ -230,6 +231,14 @@ class _Program:
         if key not in world.shared:
             raise InputError(f"{key} is read before it has a value")
         return world.shared[key]
+
+
+def _once(words: list[str]) -> dict[str, str]:
+    """words of axes → {axis: its word}. Raises InputError for an axis that stands twice."""
+    named = {word[0]: word for word in words}
+    if len(named) < len(words):
+        raise InputError(f"found {' '.join(words)}; allowed: every axis once")
+    return named
 
 
 def _spelt(text: str) -> str:
