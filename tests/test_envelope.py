@@ -347,6 +347,31 @@ def test_what_is_dangerous_in_klartext_is_named(old: str, new: str, words: str) 
     assert re.search(words, told), told
 
 
+@pytest.mark.parametrize(
+    ("post", "options", "behind", "reset"),
+    [
+        ("fanuc", {}, r"G1 .*\(OFF\)", "#109=0"),
+        ("fanuc", {}, r"DPRNT\[P.*", "#109=0"),
+        ("fanuc", {"macros": "called"}, "O8701.*", "#109=0"),  # in the guarded move
+        ("siemens", {}, r"SUPA D0 G1 [XYZ]=.*", "TG_MISSES=0"),
+        ("okuma", {}, r"G1 .*\(OFF\)", "VC102=0"),
+        ("fagor", {}, "G1 .*", "P5=0"),
+        ("centroid", {}, "G1 .*", "#29109 = 0"),
+        ("mach4", {}, r"G1 .*\(OFF\)", "#109=0"),
+        ("heidenhain", {}, "LBL 1 .*", "Q47 = 0"),
+    ],
+)
+def test_a_dead_probe_stops_nothing_where_the_count_of_misses_is_forgotten_between_touches(
+    post: str, options: dict[str, Any], behind: str, reset: str
+) -> None:
+    text = "\n".join(bare(post, golden(), **options))
+    forgetful, times = re.subn(f"^({behind})$", rf"\1\n{reset}", text, flags=re.MULTILINE)
+    assert times
+    lines = forgetful.split("\n")
+    told = refused(renumbered(lines) if post == "heidenhain" else lines, post, **options)
+    assert "although no touch finds anything any more" in told, told
+
+
 SWITCHES = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}, "probe_on": "M720", "probe_off": "M721"}
 
 

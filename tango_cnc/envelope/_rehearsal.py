@@ -59,6 +59,8 @@ class Rehearsal:
         self._silent: World | None = None  # where this touch and all after it miss
         self._statements: list[Statement] = []
         self._modal: set[str] = set()
+        self._unlucky: World | None = None  # where touch after touch has missed, and what each left behind is there still
+        self._missed = 0  # how often
         self._dead: World | None = None  # the same from finding until the record, for a measuring move that is left out then
         self._since: list[Statement] = []
         self._once = False  # a touch that finds nothing is counted once: nothing is measured then
@@ -137,7 +139,7 @@ class Rehearsal:
         if self._dead is not None:
             self._since.append(_there(target))
         if self._told:  # on record, and back where the next touch finds it
-            self.worlds, self._told = [self.base], False
+            self.worlds, self._told = [self.base, *(w for w in self.worlds[1:] if w is self._unlucky)], False
         self._pressed = False
 
     def off(self, places: Mapping[str, str], feed: float, work: bool = False) -> None:
@@ -215,9 +217,24 @@ class Rehearsal:
         if not found:
             self.doubts([miss])
             dead = "stop", "no touch finds anything any more"
+            if self.options.get("cycle") != 444:  # which measures nothing that has not been found
+                self._misses_again(miss, target, 2 if approach.find else 1)
             self._silent, self._statements = miss.twin(*dead), []
         if finds:
             self._dead, self._since = miss.twin(*dead), [_there(target)]
+
+    def _misses_again(self, miss: World, target: Mapping[str, float], each: int) -> None:
+        """Beside the machine there is one that misses again and again, `each` times a touch, until it has to have stopped."""
+        world = next((world for world in self.worlds if world is self._unlucky), None)
+        if world is None:
+            world = self._unlucky = miss.twin("0", "no touch finds anything any more")
+            self._missed = 0
+            self.doubts([world])
+        world.position.update(target)
+        world.skip, world.hit = dict(world.position), False
+        self._missed += 1
+        if self._missed >= each * int(self.options.get("misses", ROUNDS)):
+            world.fate = "stop"
 
     def _found_otherwise(self, base: World, start: Mapping[str, float], target: Mapping[str, float]) -> None:
         """Where finding has met nothing, measuring may meet the facet all the same: then that is what the record has to say.
@@ -316,7 +333,7 @@ class Rehearsal:
             if abs(self.value(world, places["K"]) - total) > PLACE:
                 raise InputError("the sum in the record is not that of its coordinates")
         told = TOLD + (1 if self.plan.strategy.approach.find else 0)
-        if sum(world is not self._late for world in self.worlds) != told:
+        if sum(world is not self._late and world is not self._unlucky for world in self.worlds) != told:
             raise InputError("the program stops at a miss or an early contact instead of recording it")
         self._silent, self._dead, self._late, self._owed, self._told = None, None, None, False, True
         self._forget(flag, *places.values())
