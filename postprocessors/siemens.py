@@ -133,7 +133,7 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield "TG_FLAG=1"
     yield from _if(f"TG_WAY<{number(early_distance(job.plan))}", "TG_FLAG=2")
     missed = f"($AC_MEA[{job.options['probe_input']}]==0) OR (TG_SHORT<{number(job.options['tolerance'])})"
-    yield from _if(missed, "TG_FLAG=0")
+    yield from _if(missed, "TG_FLAG=0", *(f"TG_{name}=$AA_IM[{name}]" for name in "XYZ"))  # $AA_MM: of the contact before
     yield from _stop_if(f"(TG_FLAG<>0) AND (TG_LAG>{number(LAG)})", STALE)
     yield "TG_MISSES=TG_MISSES+1"
     yield from _if("TG_FLAG<>0", "TG_MISSES=0")
@@ -179,9 +179,9 @@ def _stop_if(condition: str, which: int) -> Iterator[str]:
     yield f"IF {condition} GOTOF TG_STOP_{which}"
 
 
-def _if(condition: str, then: str) -> Iterator[str]:
+def _if(condition: str, *then: str) -> Iterator[str]:
     yield f"IF {condition}"
-    yield then
+    yield from then
     yield "ENDIF"
 
 

@@ -272,7 +272,7 @@ def test_what_is_dangerous_on_linuxcnc_is_named(old: str, new: str, words: str) 
         ("X=$AA_IM[X]-1.5", "X=$AA_IM[X]+1.5", "found an unprotected move of 1.50 mm; allowed: .* straight off the facet"),
         ("X=$AA_IM[X]-1.5", "X-104.5", "found an unprotected move of .* mm; allowed: 0.5 to 2 mm"),
         ("X=$AA_IM[X]-1.5", "X=$AA_MM[X]-1.5", "found an unprotected move of .* mm; allowed: 0.5 to 2 mm"),  # after a miss
-        ("X=$AA_IM[X]-1.5", "X=TG_X-1.5", "found an unprotected move of .* mm; allowed: 0.5 to 2 mm"),
+        ("TG_FLAG=0\nTG_X=$AA_IM[X]\n", "TG_FLAG=0\n", "the record has X 77777.000; the machine was at"),
         ("X=$AA_IM[X]-1.5", "X$AA_IM[X]-1.5", "no line that a program of this kind"),
         ("MEAS=1 X-113. Y-10. Z280.", "MEAS=1 X-113. Z-10. Z280.", "allowed: every axis once"),
         ("SUPA D0 G1 MEAS=1 X-113. Y-10. Z280.", "G1 MEAS=1 X-113. Y-10. Z280.", "no line that a program of this kind"),

@@ -140,9 +140,6 @@ class _Program:
             raise InputError("moves without having asked whether the probe is deflected")
         if machine.walk.measures:
             machine.measures(target, feed)
-            for world in machine.worlds:
-                if not world.hit:  # then $AA_MM is what was met before
-                    world.skip.update(dict.fromkeys("XYZ", SPOILT))
         else:
             machine.guarded(target, feed)
         self._moving, self._asked = True, False
@@ -221,6 +218,8 @@ class _Program:
         if name in ("AA_IM", "AA_MM") and axis in world.position:
             if self._moving:
                 raise InputError(f"${name}[{axis}] is read before anything has waited for the axes to stand (STOPRE)")
+            if name == "AA_MM" and not world.hit:
+                return SPOILT  # what was met before
             return (world.position if name == "AA_IM" else world.skip)[axis]
         if name == "AC_MEA":
             return float(world.hit)
