@@ -259,6 +259,10 @@ def test_what_is_dangerous_on_linuxcnc_is_named(old: str, new: str, words: str) 
     assert re.search(words, told), told
 
 
+SUMMED = "TG_SUM=TG_X+TG_Y+TG_Z+TG_B+TG_C+0.0000"
+SHOWN = 'TG_TEXT=SPRINT("P2 H%D X%.4F Y%.4F Z%.4F B%.4F C%.4F S0.0000 K%.4F",TG_FLAG,TG_X,TG_Y,TG_Z,TG_B,TG_C,TG_SUM)'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -282,6 +286,8 @@ def test_what_is_dangerous_on_linuxcnc_is_named(old: str, new: str, words: str) 
         ("TG_TURN>0.01", "TG_TURN>9.", "although B has not arrived"),
         ("STOPRE\nTG_X=", "TG_X=", "is read before anything has waited"),
         ("STOPRE\nIF $A_PROBE[1]<>0 GOTOF", "IF $A_PROBE[1]<>0 GOTOF", r"[$]A_PROBE is read before"),
+        ("TG_SUM=TG_X+", "TG_SUM=0.1+TG_X+", "the sum in the record"),
+        (f"{SUMMED}\n{SHOWN}", f"{SHOWN}\n{SUMMED}", "before it has a value|TG_TEXT was put together before its values were there"),
         ("TG_WAY<5.", "TG_WAY<4.", "just before the search zone"),
         ("TG_MISSES>=3 ", "TG_MISSES>=300 ", "3 touches in a row"),
         ("IF $A_PROBE[1]<>0 GOTOF TG_STOP_1\nSUPA", "IF $A_PROBE[1]==5 GOTOF TG_STOP_1\nSUPA", "although the probe is deflected"),

@@ -90,8 +90,8 @@ class Walk:
             self.at.update({name: contact[name] for name in target})
         self.next = next(self._moves, None)
 
-    def off(self, step: Mapping[str, float]) -> None:
-        """{axis letter: mm} right behind a measuring move, where nothing guards → nothing. Raises InputError when it is wrong."""
+    def off(self, step: Mapping[str, float]) -> float:
+        """{axis letter: mm} right behind a measuring move, where nothing guards → mm. Raises InputError when it is wrong."""
         touch, machine = self.touch, self._plan.machine
         away = {name: touch.standoff[machine.column(name)] - touch.contact[machine.column(name)] for name in machine.linear}
         length, way = math.hypot(*step.values()), math.hypot(*away.values())
@@ -100,6 +100,7 @@ class Walk:
             raise InputError(
                 f"found an unprotected move of {length:.2f} mm; allowed: {LEAST:g} to {FARTHEST:g} mm straight off the facet"
             )
+        return length
 
     def rotary(self, name: str, value: float) -> bool:
         """axis letter, deg → it is turned; whether an indexation begins with it. Raises InputError when it is wrong."""

@@ -24,6 +24,7 @@ MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 START = re.compile(r"\(TANGO START ([0-9A-F]{12}) (\d+)\)")
 SWITCHED = re.compile(r"\((CLAMP|UNCLAMP) ([ABC]) (M\d{1,3})\)")  # the driver has the words from here
 END = re.compile(r"\(TANGO END ([0-9A-F]{12}) (\d+)\)")
+ALIKE = 0.02  # mm by which moves off the facets of one program may differ: their words have two places
 MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94", "M5"}
 
 
@@ -49,6 +50,7 @@ class _Program:
         self._modal: set[str] = set()
         self._began = self.over = False
         self._pressed = self._relative = False
+        self._length: float | None = None  # mm of the moves off the facets
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -131,7 +133,12 @@ class _Program:
         elif (match := OFF.fullmatch(line)) and self._pressed:
             if abs(float(match[2]) - float(self._options.get("positioning_feed", match[2]))) > 1e-6:
                 raise InputError(f"the feed is {match[2]}; allowed: {self._options['positioning_feed']:g} mm/min")
-            self._walk.off({name: _values(match[1]).get(name, 0.0) for name in "XYZ"})
+            length = self._walk.off({name: _values(match[1]).get(name, 0.0) for name in "XYZ"})
+            self._length = length if self._length is None else self._length
+            if abs(length - self._length) > ALIKE:
+                raise InputError(
+                    f"found a move of {length:.3f} mm off the facet; allowed: {self._length:.3f} mm, as off the others"
+                )
             self._pressed = False
         else:
             raise InputError("no line that may stand between G91 and G90")

@@ -77,6 +77,7 @@ class _Program:
         self._input = str(options.get("probe_input", 1))
         self._stops, self._options = stops, options
         self._text: tuple[str, str, dict[str, str]] | None = None  # of the record that is next
+        self._shown: list[str] = []  # what its text shows, as expressions
         self._moving, self._asked, self._within = True, False, False
         self._opened = self._closed = self.over = False
         self._mark = ""
@@ -182,7 +183,12 @@ class _Program:
         if len(values) != len(letters) + 2:
             raise InputError(f"{len(values)} values for {len(letters) + 2} places")
         places = dict(zip(letters, map(_spelt, values[1:-1]), strict=True)) | {"S": match[3], "K": _spelt(values[-1])}
-        self._text = match[1], _spelt(values[0]), places
+        self._text, self._shown = (match[1], _spelt(values[0]), places), [_spelt(value) for value in values]
+
+        def does(world: World) -> None:
+            world.shared.update({f"TEXT {i}": self._machine.value(world, shown) for i, shown in enumerate(self._shown)})
+
+        self._machine.does(does)
 
     def _print(self, line: str) -> None:
         if OPEN.fullmatch(line) and not self._opened:
@@ -204,6 +210,9 @@ class _Program:
 
     def _write(self, text: str) -> None:
         if text == "TG_TEXT" and self._text is not None:
+            for world in self._machine.worlds:
+                if any(self._machine.value(world, shown) != world.shared[f"TEXT {i}"] for i, shown in enumerate(self._shown)):
+                    raise InputError("TG_TEXT was put together before its values were there")
             self._machine.record(*self._text)
             self._text = None
         elif match := START.fullmatch(text):
