@@ -173,13 +173,16 @@ def _switched_on(folder: Path, port: int, process: subprocess.Popen[bytes]) -> C
         time.sleep(0.25)
     else:
         pytest.fail("linuxcncrsh does not answer")
-    for joint in range(len(ORDER)):
-        control.tell(f"set home {joint}")
-        time.sleep(0.5)
-    homed = control.tell("get joint_homed")[0]
-    if "NO" in homed.split()[1 : 1 + len(ORDER)]:
-        pytest.fail(f"not homed: {homed}; {(folder / 'out.log').read_text()[-1000:]}")
-    return control
+    homed = ""
+    for _ in range(20):  # what is told before the machine is really on has no effect
+        for joint in range(len(ORDER)):
+            if homed.split()[1 + joint : 2 + joint] != ["YES"]:
+                control.tell("set machine on", f"set home {joint}")
+                time.sleep(0.5)
+        homed = control.tell("get joint_homed")[0]
+        if homed.split()[1 : 1 + len(ORDER)] == ["YES"] * len(ORDER):
+            return control
+    pytest.fail(f"not homed: {homed}; {(folder / 'out.log').read_text()[-1000:]}")
 
 
 def _shut_down(port: int, process: subprocess.Popen[bytes]) -> None:
