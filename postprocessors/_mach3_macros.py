@@ -5,9 +5,10 @@
 Public macros do it the same way: G31 by Code, waiting for IsMoving, GetVar(2000 …), GetOEMDRO for positions, GetOEMLED(825) for
 the probe. Variables: #101 #102 #103 target, #104 feed, #105 angle of an axis, #106 #107 #108 stand-off (machine coordinates, mm),
 #109 early, #110 tolerance, #111 misses allowed, #112 angle of the spindle, #113 number of the set of macros that the program was
-written for, #141 #142 #143 which of X Y Z a protected move moves.
-The macros keep #120 … (flag and place of the touch), #131 … (machine minus work), #150 (not 0: stopped, and every macro refuses)
-and #151 (misses).
+written for, #114 how many calls of macros there are with this one, #141 #142 #143 which of X Y Z a protected move moves.
+The macros keep #120 … (flag and place of the touch), #131 … (machine minus work), #150 (not 0: stopped, and every macro refuses),
+#151 (misses) and #152 (how many calls have been carried out): where one has not, because its file is missing, because Basic has
+complained or because somebody has started in the middle of the program, the next one stops.
 """
 
 from __future__ import annotations
@@ -19,10 +20,12 @@ from tango_cnc.records import OFF, Machine
 
 START, PROTECTED, MEASURE, FREE, TURN, RECORD, END = range(880, 887)
 PLACE = {name: i for i, name in enumerate("XYZABC")}
-TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE, SET, MOVES = 101, 104, 105, 106, 109, 110, 111, 112, 113, 141
+TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE = 101, 104, 105, 106, 109, 110, 111, 112
+SET, CALL, MOVES, DONE = 113, 114, 141, 152
 _FLAG, _AT, _FRAME, _STOPPED, _MISSED = 120, 121, 131, 150, 151
 _MACHINE, _WORK, _PROBE, _STOP = 83, 800, 825, 1003
 _WAIT = ["While IsMoving()", "  Sleep 20", "Wend"]
+_DONE = f"Call SetVar({DONE}, GetVar({CALL}))"
 _HALF_DEGREE = 0.00872664626  # rad
 
 
@@ -37,9 +40,9 @@ def macros(machine: Machine, readings: str) -> dict[str, list[str]]:
         RECORD: ("writes touch P", _record(machine, readings)),
         END: ("writes the end mark", _end(readings)),
     }
-    number = _number(texts)
+    number = _number("\n".join(line for code, (_, body) in texts.items() for line in _whole(0, code, body)))
     return {
-        f"m{code}.m1s": [f"' M{code} of tango, set {number}: {what}", *_belongs(number, code), *_WAIT, *body]
+        f"m{code}.m1s": [f"' M{code} of tango, set {number}: {what}", *_whole(number, code, body)]
         for code, (what, body) in texts.items()
     }
 
@@ -49,15 +52,19 @@ def set_number(machine: Machine, readings: str) -> int:
     return int(macros(machine, readings)[f"m{START}.m1s"][0].split(",")[1].split()[1].rstrip(":"))
 
 
-def _number(texts: Mapping[int, tuple[str, list[str]]]) -> int:
-    whole = "\n".join(line for _, body in texts.values() for line in body)
-    return int(hashlib.sha256(whole.encode("ascii")).hexdigest(), 16) % 900_000 + 100_000
+def _whole(number: int, code: int, body: list[str]) -> list[str]:
+    return [*_belongs(number, code), *_WAIT, *body, _DONE]
+
+
+def _number(text: str) -> int:
+    return int(hashlib.sha256(text.encode("ascii")).hexdigest(), 16) % 900_000 + 100_000
 
 
 def _belongs(number: int, code: int) -> list[str]:
-    """What every macro asks first: stopped before, or of another set than the program?"""
+    """What every macro asks first: stopped before, of another set than the program, has the call before been carried out?"""
     awake = [f"If GetVar({_STOPPED}) <> 0 Then", "  Exit Sub", "End If"] if code != START else []
-    return [*awake, *_stop(f"GetVar({SET}) <> {number}", "MACROS ARE NOT THOSE OF THIS PROGRAM")]
+    own = _stop(f"GetVar({SET}) <> {number}", "MACROS ARE NOT THOSE OF THIS PROGRAM")
+    return [*awake, *own, *_stop(f"GetVar({DONE}) + 1 <> GetVar({CALL})", "A MACRO IS MISSING OR A LINE WAS LEFT OUT")]
 
 
 def _stop(condition: str, text: str) -> list[str]:

@@ -16,6 +16,7 @@ from . import _common as common
 from . import _mach3_macros as basic
 from ._base import Job, Leg, Option, Post, early_distance, number
 
+CALLS = re.compile(rf"M({'|'.join(map(str, range(basic.START, basic.END + 1)))})\b")
 FILE = re.compile(r"[A-Z]:\\(?:[A-Za-z0-9_ -]{1,40}\\){0,6}[A-Za-z0-9_-]{1,40}\.[a-z]{1,4}")
 
 OPTIONS = (
@@ -63,6 +64,7 @@ def begin(job: Job) -> Iterator[str]:
     yield f"#{basic.TOLERANCE}={number(options['tolerance'])}"
     yield f"#{basic.MISSES}={options['misses']}"
     yield f"#{basic.SET}={basic.set_number(job.machine, options['readings'])}"
+    yield f"#{basic.DONE}=0"
     yield f"M{basic.START} (TANGO START {job.mark} {len(plan.touches)})"
 
 
@@ -115,6 +117,16 @@ def end(job: Job) -> Iterator[str]:
     yield "M30"
 
 
+def counted(lines: Iterator[str]) -> Iterator[str]:
+    """lines → the same; every call of a macro says how many there are with it, so that none is lost without a stop."""
+    calls = 0
+    for line in lines:
+        if CALLS.match(line):
+            calls += 1
+            yield f"#{basic.CALL}={calls}"
+        yield line
+
+
 def _three(first: int, place: Mapping[str, float]) -> str:
     return " ".join(f"#{first + i}={number(place[name])}" for i, name in enumerate("XYZ") if name in place)
 
@@ -136,6 +148,7 @@ POST = Post(
     doubts=DOUBTS,
     stem=lambda job: "tango",
     link="file",
+    finish=counted,
     companions=lambda job: basic.macros(job.machine, job.options["readings"]),
     **common.steps(globals()),
 )

@@ -119,7 +119,6 @@ def _scripts(job: Job) -> dict[str, list[str]]:
             RECORD,
             "writes one touch",
             [
-                "local function value(number) return (mc.mcCntlGetPoundVar(inst, number)) end",
                 f'say(string.format("{form}", {values}))',
             ],
             job,

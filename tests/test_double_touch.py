@@ -18,7 +18,7 @@ from test_dialects_stop import ran
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
 
-from postprocessors._base import Job, Leg, Post, _steps, load, program, settings
+from postprocessors._base import Job, Leg, Post, _steps, companions, load, program, settings
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
@@ -153,7 +153,9 @@ def lines_of(post: Post, made: Plan) -> list[str]:
 def refused(post: Post, made: Plan) -> str:
     """post with something wrong in it → what the check of its program says; empty when it lets it pass."""
     try:
-        assert check(lambda: iter(lines_of(post, made)), made, settings(post, {})), "nobody has read it"
+        assert not check(lambda: iter(lines_of(post, made)), made, settings(post, {}), companions(post, made, {})), (
+            "nobody has read it"
+        )
     except InputError as error:
         return str(error)
     return ""

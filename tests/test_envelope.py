@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -15,7 +15,7 @@ import pytest
 from blockcell import NORMALS, block, cell, machine
 
 from postprocessors import heidenhain
-from postprocessors._base import load, names, program, settings
+from postprocessors._base import companions, load, names, program, settings
 from tango_cnc.cli import guarded, tango
 from tango_cnc.envelope import check
 from tango_cnc.files import read_cell
@@ -27,6 +27,9 @@ MACRO_B = ("fanuc", "haas", "mitsubishi", "mazak", "brother")
 READ = (*MACRO_B, "linuxcnc", "siemens", "heidenhain", "okuma", "fagor", "grbl", "mach3", "mach4", "centroid")
 
 
+Beside = Mapping[str, list[str]]  # file name → lines, of what travels with a program
+
+
 @cache
 def golden() -> Plan:
     return plan(read_cell(GOLDEN / "cell"))
@@ -36,14 +39,16 @@ def lines_of(post: str, made: Plan, **options: Any) -> list[str]:
     return list(program(load(post), made, options, plan_hash(made))[2]())
 
 
-def read_back(lines: list[str], made: Plan, post: str, **options: Any) -> bool:
-    return check(lambda: iter(lines), made, settings(load(post), options))
+def read_back(lines: list[str], made: Plan, post: str, beside: Beside | None = None, **options: Any) -> bool:
+    """→ whether everything has been read, with what travels with the program: that of the post unless stated."""
+    travels = companions(load(post), made, options) if beside is None else beside
+    return not check(lambda: iter(lines), made, settings(load(post), options), travels)
 
 
-def refused(lines: list[str], post: str = "fanuc", made: Plan | None = None, **options: Any) -> str:
+def refused(lines: list[str], post: str = "fanuc", made: Plan | None = None, beside: Beside | None = None, **options: Any) -> str:
     """→ the refusal, in words; empty when there is none."""
     try:
-        assert read_back(lines, made or golden(), post, **options), "nobody has read it"
+        assert read_back(lines, made or golden(), post, beside, **options), "nobody has read it"
     except InputError as error:
         return str(error)
     return ""
@@ -136,7 +141,7 @@ def test_a_reset_line_that_states_no_plane_is_refused() -> None:
 
 
 def test_a_dialect_that_nobody_reads_is_said_to_be_unread() -> None:
-    assert not check(lambda: iter(["; SOMETHING", "L Z+100 R0 FMAX"]), golden(), {})
+    assert check(lambda: iter(["; SOMETHING", "L Z+100 R0 FMAX"]), golden(), {}) == ("the program",)
 
 
 ANGLES = [-180, -120, -90, -45, -30, 0, 15, 30, 60, 90, 135, 180, 270]

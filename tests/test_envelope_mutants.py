@@ -119,8 +119,8 @@ class Traced(Motion):
         return result
 
 
-def carried_out(post: str, lines: list[str], world: World) -> tuple[Trace, list[str]]:
-    """program, true machine → every place it moves to, every line it prints."""
+def carried_out(post: str, lines: list[str], world: World, library: tuple[str, ...] | None = None) -> tuple[Trace, list[str]]:
+    """program, true machine, what its control has in store → every place it moves to, every line it prints."""
     spoken = SPOKEN[post]
     family = language(spoken.family)
     printed: list[bytes] = []
@@ -132,7 +132,8 @@ def carried_out(post: str, lines: list[str], world: World) -> tuple[Trace, list[
         if event == "block" and next(blocks, None) is None:
             raise Endless
 
-    control = family.Control(motion, profile, printed.append, counted, stored(post, short()))
+    library = stored(post, short()) if library is None else library
+    control = family.Control(motion, profile, printed.append, counted, library)
     with suppress(Alarm, Silence):
         control.run(iter(lines[spoken.frame : len(lines) - spoken.frame]), False)
     return motion.trace, b"".join(printed).decode("ascii").split("\n")
@@ -140,20 +141,27 @@ def carried_out(post: str, lines: list[str], world: World) -> tuple[Trace, list[
 
 def danger(post: str, originals: list[tuple[Trace, list[str]]], lines: list[str]) -> str:
     """→ how the program is dangerous, empty when it is not."""
-    for world, (moves, said) in zip(worlds(), originals, strict=True):
+    for world, right in zip(worlds(), originals, strict=True):
         try:
-            after, says = carried_out(post, lines, world)
+            if how := compared(right, carried_out(post, lines, world)):
+                return how
         except Endless:
             return "never ends"
-        for (kind, place), (wanted, there) in zip(after, moves, strict=False):
-            if kind != wanted:
-                return "a move of another kind"
-            if max(abs(a - b) for a, b in zip(place, there, strict=True)) > NEAR:
-                return "a move to another place"
-        if len(after) > len(moves):
-            return "goes on where it has to stop"
-        if any(not same(a, b) for a, b in zip(says[:-1], said, strict=False)) or len(says) > len(said):
-            return "another record"
+    return ""
+
+
+def compared(right: tuple[Trace, list[str]], other: tuple[Trace, list[str]]) -> str:
+    """moves and records as they should be, as they are → how they are dangerous, empty when they are not."""
+    (moves, said), (after, says) = right, other
+    for (kind, place), (wanted, there) in zip(after, moves, strict=False):
+        if kind != wanted:
+            return "a move of another kind"
+        if max(abs(a - b) for a, b in zip(place, there, strict=True)) > NEAR:
+            return "a move to another place"
+    if len(after) > len(moves):
+        return "goes on where it has to stop"
+    if any(not same(a, b) for a, b in zip(says[:-1], said, strict=False)) or len(says) > len(said):
+        return "another record"
     return ""
 
 

@@ -14,7 +14,7 @@ import pytest
 from test_run import STRATEGY, Result
 from test_run_simulated import agree, controller
 
-from postprocessors._base import load, mark_of, names, of_part, program, settings
+from postprocessors._base import companions, load, mark_of, names, of_part, program, settings
 from tango_cnc.commands.init import write_example
 from tango_cnc.envelope import check
 from tango_cnc.files import read_cell
@@ -76,7 +76,7 @@ def test_every_part_is_a_program_of_its_own_that_is_read_back(post: str) -> None
         text = "\n".join(lines()) + "\n"
         assert f"PLAN {plan_hash(whole)} PART {number} OF 2" in text
         assert mark_of(text) == mark
-        check(lines, part, settings(dialect, given))
+        assert not check(lines, part, settings(dialect, given), companions(dialect, whole, given))
         found.append((name, mark))
     assert len({name for name, _ in found}) == len({mark for _, mark in found}) == 2
 

@@ -104,6 +104,30 @@ def test_without_its_macros_nothing_moves_but_the_spindle(made: Plan) -> None:
     assert not any(event in ("feed", "skip", "contact") for event, _ in ran.events)
 
 
+@pytest.mark.parametrize("code", range(880, 886))
+def test_one_macro_that_is_missing_stops_at_the_next_call(made: Plan, code: int) -> None:
+    """Mach3 skips its calls in silence; nothing moves then that its macros move, and nothing is put on record."""
+    lines, own = lines_of(made), library(made)
+    names = [line for line in own if line.startswith("m88")] + ["end"]
+    first = own.index(name := f"m{code}.m1s")
+    after = names[names.index(name) + 1]
+    ran = run(lines, made, stored=own[:first] + own[own.index(after) if after in own else None :])
+    whole = run(lines, made)
+    call = next(i for i, line in enumerate(lines) if line.split()[0] == f"M{code}")
+    assert "A MACRO IS MISSING OR A LINE WAS LEFT OUT" in ran.why
+    done = sum(line.startswith("M885 ") for line in lines[:call])
+    assert ran.lines == whole.lines[: done + (code != 880)]
+    assert ran.moves < whole.moves
+
+
+def test_a_program_that_is_started_in_the_middle_stops_before_it_moves(made: Plan) -> None:
+    lines = lines_of(made)
+    middle = [i for i, line in enumerate(lines) if line.startswith("(TOUCH")][1]
+    begin = [line for line in lines[: lines.index("M881")] if not line.startswith("M880")]
+    ran = run([*begin, *lines[middle:]], made)
+    assert "A MACRO IS MISSING OR A LINE WAS LEFT OUT" in ran.why and ran.moves == 0
+
+
 def test_a_macro_of_another_set_refuses(made: Plan) -> None:
     """One old file in the folder is enough to stop, whichever it is."""
     other, own = library(made, readings="C:\\other.txt"), library(made)

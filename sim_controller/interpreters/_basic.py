@@ -65,6 +65,8 @@ class Script:
             self._block(0, len(self._lines))
         except Leave:
             return
+        except (TypeError, ValueError, LookupError, ArithmeticError) as error:
+            raise Alarm("BASIC", f"{type(error).__name__}: {error}") from None
 
     def _block(self, index: int, end: int) -> None:
         while index < end:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -179,11 +179,12 @@ def programs(dialect: Post, whole: Plan, options: Mapping[str, Any], most: int |
 
     plans = (whole,) if most is None else planner.split(whole, most)
     mark, found = planner.plan_hash(whole), []
+    beside = posts.companions(dialect, whole, options)
     for number, plan in enumerate(plans, 1):
         part = number, len(plans)
         given = posts.of_part(dialect, options, part)
         name, program_mark, lines = posts.program(dialect, plan, given, mark, part)
-        doubts = proven(dialect.title, lines, plan, posts.settings(dialect, given))
+        doubts = proven(dialect.title, lines, plan, posts.settings(dialect, given), beside)
         found.append(Written(name, program_mark, lines, plan, part, doubts))
     return found
 
@@ -210,13 +211,18 @@ def _head(file: Path) -> bytes:
         return opened.read(HEAD)
 
 
-def proven(title: str, lines: Callable[[], Iterator[str]], plan: Plan, settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """title of a post, its program, plan, every option → nothing, or that nobody reads this dialect back.
+def proven(
+    title: str,
+    lines: Callable[[], Iterator[str]],
+    plan: Plan,
+    settings: Mapping[str, Any],
+    companions: Mapping[str, Sequence[str]],
+) -> tuple[str, ...]:
+    """title of a post, its program, plan, every option, what travels with it → what nobody has read back, in sentences.
 
     Raises InputError naming the line of the program that must not reach a machine.
     """
     from .. import envelope
 
-    if envelope.check(lines, plan, settings):
-        return ()
-    return (f"the program has not been read back: there is no envelope check for {title}",)
+    unread = envelope.check(lines, plan, settings, companions)
+    return tuple(f"{what} has not been read back: there is no envelope check of it for {title}" for what in unread)

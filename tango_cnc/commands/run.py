@@ -161,7 +161,9 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
                 "'tango run --split N' with the N of 'tango plan' runs all parts in their order"
             )
         try:
-            doubts = proven(post.title, lambda: iter(text.splitlines()), whole, posts.settings(post, cell.controller.options))
+            options = cell.controller.options
+            beside = posts.companions(post, whole, options)
+            doubts = proven(post.title, lambda: iter(text.splitlines()), whole, posts.settings(post, options), beside)
         except InputError as error:
             raise InputError(f"{program_file}: {error}; nothing was sent") from None
         for doubt in doubts:

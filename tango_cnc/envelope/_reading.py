@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from ..records import InputError, Plan
 from ._rehearsal import at_line, numbered
+
+Companions = Mapping[str, Sequence[str]]  # file name → lines, of what travels with a program
 
 HARMLESS = (4, 15, 65)  # dwell, the frame that Okuma counts by, a call of a macro
 OWN = 100  # G words from here on are the builder's own

@@ -84,10 +84,10 @@ class Rehearsal:
         except (ValueError, ZeroDivisionError, OverflowError, TypeError) as error:
             raise InputError(f"{text!r} has no value: {error}") from None
 
-    def same(self, text: str) -> float:
-        """expression → its value, which must not depend on what has gone wrong."""
+    def same(self, text: str, within: float = 1e-6) -> float:
+        """expression → its value, which must not depend on what has gone wrong by more than `within`."""
         first, *rest = (self.value(world, text) for world in self.worlds)
-        if any(abs(first - other) > 1e-6 for other in rest):
+        if any(abs(first - other) > within for other in rest):
             raise InputError(f"{text!r} depends on where the probe was met")
         return first
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ..records import InputError, Plan
-from ._reading import read_through, stated_words
+from ._reading import Companions, read_through, stated_words
 from ._rehearsal import NUMBER
 from ._walk import MEASURES, PROTECTED, Walk
 
@@ -33,8 +33,8 @@ def reads(head: list[str]) -> bool:
     return any(SEARCH.fullmatch(line) for line in head) and not any(line.startswith(("O<", "(LOGOPEN")) for line in head)
 
 
-def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
-    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
     read_through(lines, lambda: _Program(plan, options))
 
 

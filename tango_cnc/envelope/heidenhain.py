@@ -34,11 +34,13 @@ from ._klartext_blocks import (
     TEXT,
     TURN,
 )
-from ._reading import stated_words
+from ._reading import Companions, stated_words
 from ._rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
 from ._walk import FARTHEST, LEAST, PROTECTED
 from ._worlds import World, beside_the_line
 
+COMPANIONS = re.compile(r".+\.A")
+MASK = ["M_APPEND;", '"%S",QS1;', "M_CLOSE;"]
 # No plane matters here; MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
 SURE = "G17 G21 G40 G49 G80 G90 G94 M5"
 NO_WAY = 0.0015  # mm: less than a label asks for before it moves
@@ -51,10 +53,13 @@ def reads(head: list[str]) -> bool:
     return any(re.match(r"\d+ BEGIN PGM ", line) for line in head[:2])
 
 
-def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
-    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
     at = 0, ""
     program: _Program | None = None
+    for name, texts in companions.items():
+        if list(texts) != MASK:
+            raise InputError(f"{name}: found {list(texts)}; allowed: {MASK}, which adds what the program says to its file")
     try:
         for at in numbered(_blocks(lines())):
             program = program or _Program(plan, options, labels(block for _, block in numbered(_blocks(lines()))))

@@ -1,32 +1,35 @@
-"""Programs for Mach3: targets in variables, everything else in macros that travel with the program.
+"""Programs for Mach3: targets in variables, everything else in macros of Basic that travel with the program, which are read too.
 
-What a macro does is not readable here and is taken as its companion file says: M881 stops short of nothing but a contact, and then
-for good; M882 tells contact, none and early; M883 goes 1.5 mm from target to stand-off; M884 turns an axis, asks if it has arrived.
-Read is what they are told: every target has to be the next one of the plan and within the travels, every limit that of the profile.
+Facts: G31 and G1 of a macro are queued by Code and done when IsMoving says so; GetVar(2000 …) is the place of the contact in work
+coordinates, GetOEMDRO(83 …) machine and (800 …) work positions, GetOEMLED(825) the probe; the difference is the frame.
+Mach3 skips an M code that has no macro, and after a stop it carries out lines that were read ahead: where a call is lost nothing
+may move any more, and a stop has to be remembered in a variable that every macro asks first.
 """
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ..records import InputError, Plan
-from ._reading import read_through, stated_words
-from ._rehearsal import MODAL, NUMBER, RESETS
-from ._walk import CLOSE, MEASURES, PROTECTED, Walk
+from . import _basic as basic
+from ._expressions import Value
+from ._reading import Companions, read_through, stated_words
+from ._rehearsal import NUMBER, SPOILT, Rehearsal
+from ._worlds import Place, World, latched_elsewhere, offset_changed
 
-COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
+COMPANIONS = re.compile(r"m88[0-6]\.m1s")
+COMMENT = re.compile(r"\((?!TANGO START|TANGO END)[A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
-START = re.compile(r"M880 \(TANGO START ([0-9A-F]{12}) (\d+)\)")
-END = re.compile(r"M886 \(TANGO END ([0-9A-F]{12}) (\d+)\)")
-TURN = re.compile(r"M884 P([456])")
-RECORD = re.compile(r"M885 P(\d+)")
-MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
-TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE, MOVES = 101, 104, 105, 106, 109, 110, 111, 112, 141
-OFF = 1.5  # mm that M883 goes
-OWN = {*range(101, 114), 141, 142, 143}
+CALL = re.compile(r"M(88[0-6])(?: P(\d+))?")
+MARKED = re.compile(r"M(880|886) \(TANGO (START|END) ([0-9A-F]{12}) (\d+)\)")
+PROGRAM = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
+STATED = {*range(101, 115), 141, 142, 143, 152}  # what a program may give a value to …
+KEPT = {*range(120, 137), 150, 151, 152}  # … and what a macro may
+LETTERS, MACHINE, WORK, PROBE, CONTACT = "XYZABC", basic.DISPLAY + 83, basic.DISPLAY + 800, basic.LAMP + 825, 2000
+START = 880
+INCREMENT = 2e-4  # mm: an axis that is not to move is sent where it stands, in four decimals
 
 
 def reads(head: list[str]) -> bool:
@@ -34,24 +37,55 @@ def reads(head: list[str]) -> bool:
     return any(line.startswith("M880 (") or line in ("M881", "M882") for line in head)
 
 
-def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
-    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
-    read_through(lines, lambda: _Program(plan, options))
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
+    read_through(lines, lambda: _Program(plan, options, companions))
+
+
+def _macros(companions: Companions) -> dict[int, list[tuple[int, basic.Step]]]:
+    """{file name: lines} → {M code: steps}. Raises InputError for a macro that would not refuse after a stop."""
+    found = {}
+    for name, lines in companions.items():
+        try:
+            found[int(name[1:4])] = basic.steps(lines)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+    stops = {step.variable for steps in found.values() for _, step in steps if isinstance(step, basic.Stop)}
+    if len(stops) != 1:
+        raise InputError(
+            f"macros: stops are remembered in {', '.join(f'#{n}' for n in sorted(stops)) or 'nothing'}; allowed: one variable"
+        )
+    (stopped,) = stops
+    for code, steps in found.items():
+        _refuses(code, [step for _, step in steps], stopped)
+    return found
+
+
+def _refuses(code: int, steps: list[basic.Step], stopped: int) -> None:
+    """Raises InputError for a macro that does anything after a stop, or lets others do so."""
+    if code != START and steps[:1] != [basic.Leave(f"[#{stopped} NE 0]")]:
+        raise InputError(f"m{code}.m1s: does not leave first of all where #{stopped} is not 0: it would go on after a stop")
+    for i, step in enumerate(steps):
+        if isinstance(step, basic.Given) and step.name == stopped:
+            later = steps[i + 1 :]
+            if code != START or (step.value != "1" and not all(isinstance(other, basic.Given) for other in later)):
+                raise InputError(f"m{code}.m1s: gives #{stopped} a value, which says that the program has stopped")
 
 
 class _Program:
     """Line by line."""
 
-    def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
-        self._plan, self._options, self._walk = plan, options, Walk(plan, options)
-        self._words = stated_words(options)
+    def __init__(self, plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+        self._macros = _macros(companions)
+        self._machine = Rehearsal(plan, options, self._read, latches=True, astray=_astray)
+        self._machine.base.hit = False
+        self._options, self._words = options, stated_words(options)
         self._orient, self._reset = options.get("orient", ""), options.get("reset", "")
-        self._values: dict[int, float] = {}
-        self._mark, self._modal = "", set[str]()
-        self._records = 0
-        self._stage = ""  # of a touch: measured, free
-        self._finds = False  # whether the last measuring move was the first of two
-        self._began = self._ended = self.over = False
+        self._mark = ""
+        self._said = ("", "", 0)  # the mark in the line that calls
+        self._looked = ""  # which mark the macro has taken out of the program
+        self._lost: World | None = None  # where the last call of a macro has done nothing
+        self._moving = self._asked = self.over = False
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -60,108 +94,174 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
+        machine = self._machine
         if self.over:
             raise InputError("a line behind the end of the program")
-        if match := MARK.match(line):
+        if match := PROGRAM.match(line):
             self._mark = match[1]
-        elif COMMENT.fullmatch(line) or (self._began and line in self._words):
-            self._walk.switch(line)
-        elif line == self._reset and not self._began:
-            self._modal |= set(line.split())
-            if strange := [word for word in line.split() if not RESETS.fullmatch(word)]:
-                raise InputError(f"found the word {strange[0]}; allowed here: modal words that switch something off or state units")
+        elif COMMENT.fullmatch(line) or (machine.begun and line in self._words):
+            machine.walk.switch(line)
+        elif line == self._reset and not machine.begun:
+            machine.reset(line)
         elif line.startswith("#"):
             self._set(line)
-        elif match := START.fullmatch(line):
-            self._start(match[1], int(match[2]))
-        elif match := END.fullmatch(line):
-            self._end(match[1], int(match[2]))
-        elif line == "M30" and self._ended:
+        elif line == "M30" and machine.ended:
             self.over = True
-        elif not self._began or self._ended:
+        elif machine.ended:
             raise InputError("something happens outside of start mark and end mark")
+        elif match := MARKED.fullmatch(line):
+            self._said = match[2], match[3], int(match[4])
+            self._call(int(match[1]), 0)
+        elif match := CALL.fullmatch(line):
+            self._said = "", "", 0
+            self._call(int(match[1]), int(match[2] or 0))
+        elif self._orient and (match := re.fullmatch(re.escape(self._orient) + f"({NUMBER})", line)):
+            machine.turns("S", float(match[1]), False)
         else:
-            self._call(line)
+            raise InputError("no line that a program of this kind may have here")
 
     def _set(self, line: str) -> None:
         for item in line.split():
             match = SET.fullmatch(item)
-            if match is None or int(match[1]) not in OWN:
-                raise InputError(f"found {item}; allowed: numbers for #101 … #113, #141 … #143")
-            self._values[int(match[1])] = float(match[2])
+            if match is None or int(match[1]) not in STATED:
+                raise InputError(f"found {item}; allowed: numbers for #101 … #114, #141 … #143, #152")
+            statement = _given(int(match[1]), float(match[2]))
+            self._machine.does(statement)
+            if self._lost is not None:
+                statement(self._lost)
 
-    def _value(self, number: int) -> float:
-        if number not in self._values:
-            raise InputError(f"#{number} is needed before it has a value")
-        return self._values[number]
+    def _call(self, code: int, number: int) -> None:
+        """A macro with its P, in all worlds; beside them there is one where it is lost."""
+        machine = self._machine
+        if code not in self._macros:
+            raise InputError(f"m{code}.m1s is not among the macros")
+        if self._lost is not None:
+            machine.doubts([self._lost])
+        lost = machine.base.twin("stop", f"M{code} has been lost")
+        lost.shared = {**dict.fromkeys(KEPT, 0.0), **lost.shared}  # what earlier programs may have left
+        machine.does(_entered(float(number)))
+        self._moving = True  # what was read ahead
+        for at, step in self._macros[code]:
+            try:
+                self._step(step)
+            except InputError as error:
+                raise InputError(f"m{code}.m1s line {at}: {error}") from None
+        self._lost = lost
 
-    def _is(self, number: int, wanted: float, what: str, within: float = 1e-6) -> None:
-        if abs(self._value(number) - wanted) > within:
-            raise InputError(f"{what} is {self._value(number):g}; allowed: {wanted:g}")
+    def _step(self, step: basic.Step) -> None:
+        machine = self._machine
+        match step:
+            case basic.Wait():
+                self._moving = False
+            case basic.Leave(condition) | basic.Stop(condition):
+                if f"#{PROBE}" in condition and not machine.begun:
+                    self._asks()
+                machine.does(lambda world: setattr(world, "stopped", bool(machine.value(world, condition))))
+            case basic.Given():
+                self._given(step)
+            case basic.Move("G31"):
+                machine.watched()
+                target = {name: machine.same(text, INCREMENT) + machine.base.offset[name] for name, text in step.target.items()}
+                does = machine.measures if machine.walk.measures else machine.guarded
+                does(target, machine.same(step.feed))
+                self._moving = True
+            case basic.Move():
+                machine.off(step.target, machine.same(step.feed), work=True)
+                machine.does(_released)
+                self._moving = True
+            case basic.Turn():
+                machine.turns(chr(int(machine.same(step.letter))), machine.same(step.angle), True)
+                self._moving = True
+            case basic.Look():
+                self._looked = step.word
+                machine.does(_named("mark", 1.0))
+            case basic.Say():
+                self._file(step.file)
+                self._marked()
+            case basic.Record():
+                self._file(step.file)
+                machine.record(step.number, step.flag, step.places)
 
-    def _start(self, mark: str, count: int) -> None:
-        if self._began or mark != self._mark or count != len(self._plan.touches):
-            raise InputError(f"the start mark is {mark} {count}; this program is {self._mark} {len(self._plan.touches)}")
-        if missing := sorted(MODAL - self._modal):
-            raise InputError(f"begins before {' '.join(missing)} is stated")
-        self._began = True
+    def _asks(self) -> None:
+        """The probe is asked: beside the machine there is one on which it is deflected."""
+        self._asked = True
+        twin = self._machine.base.twin("stop", "the probe is deflected")
+        twin.hit = True
+        self._machine.doubts([twin])
 
-    def _end(self, mark: str, count: int) -> None:
-        if mark != self._mark:
-            raise InputError(f"the end mark is that of {mark}; this program is {self._mark}")
-        if self._stage or self._ended or count != len(self._plan.touches) or count != self._records:
-            raise InputError(f"the end mark says {count}; {self._records} of {len(self._plan.touches)} touches are on record")
-        self._walk.ends()
-        self._ended = True
+    def _given(self, step: basic.Given) -> None:
+        machine = self._machine
+        if isinstance(step.name, int) and step.name not in KEPT:
+            raise InputError(f"found #{step.name} given a value; allowed: #120 … #136, #150 … #152")
 
-    def _call(self, line: str) -> None:
-        walk = self._walk
-        if line == "M882" and not self._stage:
-            self._measure()
-        elif line == "M883" and self._stage == "measured":
-            self._is(FEED, float(self._options.get("positioning_feed", 0.0)), "the feed")
-            way = [self._value(STANDOFF + i) - self._value(TARGET + i) for i in range(3)]
-            walk.off({name: OFF * value / (math.hypot(*way) or 1.0) for name, value in zip("XYZ", way, strict=True)})
-            self._stage = "" if self._finds else "free"
-        elif (match := RECORD.fullmatch(line)) and self._stage == "free":
-            touch = self._plan.touches[self._records]
-            if int(match[1]) != touch.number:
-                raise InputError(f"the record is of touch {match[1]}; this is touch {touch.number}")
-            turned = self._walk.place(touch.contact)["S"] - self._value(SPINDLE)
-            if abs((turned + 180.0) % 360.0 - 180.0) > CLOSE:
-                raise InputError(f"the record has S {self._value(SPINDLE):g}")
-            self._records, self._stage = self._records + 1, ""
-        elif self._stage:
-            raise InputError("the touch before has no record")
-        elif line == "M881":
-            self._protected()
-        elif match := TURN.fullmatch(line):
-            walk.rotary("ABC"[int(match[1]) - 4], self._value(ANGLE))
-        elif self._orient and (match := re.fullmatch(re.escape(self._orient) + f"({NUMBER})", line)):
-            walk.rotary("S", float(match[1]))
+        def does(world: World) -> None:
+            if not step.condition or machine.value(world, step.condition):
+                store: dict[int | str, Value] = world.shared if isinstance(step.name, int) else world.local[-1]
+                store[step.name] = machine.value(world, step.value)
+
+        machine.does(does)
+
+    def _file(self, name: str) -> None:
+        if name != self._options.get("readings"):
+            raise InputError(f"found the file {name}; allowed: that of the profile")
+
+    def _marked(self) -> None:
+        word, mark, count = self._said
+        if self._looked != word:
+            raise InputError(f"the mark {self._looked or 'of nothing'} is written; this line has {word or 'none'}")
+        if word == "START":
+            if not self._asked:
+                raise InputError("begins without having asked whether the probe is deflected")
+            self._machine.watched()
+            self._machine.start(mark, count, self._mark)
         else:
-            raise InputError("no line that a program of this kind may have here")
+            self._machine.end(mark, count)
 
-    def _protected(self) -> None:
-        self._is(FEED, float(self._options.get("positioning_feed", 0.0)), "the feed")
-        self._is(TOLERANCE, float(self._options.get("tolerance", 0.0)), "the tolerance")
-        target = dict(self._walk.at)
-        for i, name in enumerate("XYZ"):
-            if self._value(MOVES + i) not in (0.0, 1.0):
-                raise InputError(f"#{MOVES + i} is neither 0 nor 1")
-            if self._value(MOVES + i):
-                target[name] = self._value(TARGET + i)
-        self._walk.linear({name: target[name] for name in "XYZ"}, PROTECTED)
+    def _read(self, world: World, key: int | str) -> Value:
+        if isinstance(key, str):
+            if key not in world.local[-1]:
+                raise InputError(f"{key} is read before it has a value")
+            return world.local[-1][key]
+        if key == PROBE or CONTACT <= key < CONTACT + 6 or key >= basic.DISPLAY:
+            if self._moving:
+                raise InputError("a position or the probe is read before anything has waited for the axes to stand (IsMoving)")
+            return self._shown(world, key)
+        if key not in world.shared:
+            raise InputError(f"#{key} is read before it has a value")
+        return world.shared[key]
 
-    def _measure(self) -> None:
-        walk, approach = self._walk, self._plan.strategy.approach
-        self._finds = walk.next is not None and walk.next.kind == "find"
-        self._is(FEED, approach.find.feed if self._finds and approach.find else approach.feed, "the feed")
-        self._is(EARLY, max(approach.standoff - approach.search, 0.1 * approach.standoff), "the distance of early contacts", 1e-4)
-        self._is(TOLERANCE, float(self._options.get("tolerance", 0.0)), "the tolerance")
-        self._is(MISSES, float(self._options.get("misses", 0)) * (2 if approach.find else 1), "the number of misses")
-        start = self._walk.place(self._walk.touch.standoff)
-        for i, name in enumerate("XYZ"):
-            self._is(STANDOFF + i, start[name], f"the stand-off in {name}", CLOSE)
-        self._walk.linear({n: self._value(TARGET + i) for i, n in enumerate("XYZ")}, MEASURES)
-        self._stage = "measured"
+    @staticmethod
+    def _shown(world: World, key: int) -> float:
+        if key == PROBE:
+            return float(world.hit)
+        for base, places, frame in ((CONTACT, world.skip, True), (MACHINE, world.position, False), (WORK, world.position, True)):
+            if base <= key < base + len(LETTERS):
+                name = LETTERS[key - base]
+                return places[name] - frame * world.offset[name] if name in places else SPOILT
+        raise InputError(f"display or lamp {key % basic.DISPLAY} of the control is read, which nobody knows here")
+
+
+def _astray(base: World, start: Place, target: Place) -> Iterator[World]:
+    yield from offset_changed(base, start, target)
+    yield from latched_elsewhere(base, start, target)
+
+
+def _given(number: int, value: float) -> Callable[[World], None]:
+    return lambda world: world.shared.__setitem__(number, value)
+
+
+def _named(name: str, value: float) -> Callable[[World], None]:
+    return lambda world: world.local[-1].__setitem__(name, value)
+
+
+def _entered(number: float) -> Callable[[World], None]:
+    """P of a call → the statement that begins it: no name has a value yet."""
+
+    def does(world: World) -> None:
+        world.local[:] = [{"param1": number}]
+
+    return does
+
+
+def _released(world: World) -> None:
+    world.hit = False

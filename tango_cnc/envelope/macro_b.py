@@ -14,7 +14,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import axes_by_number, read_through, stated_words
+from ._reading import Companions, axes_by_number, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, World, numbered
 
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
@@ -43,8 +43,8 @@ def reads(head: list[str]) -> bool:
     return any(re.match(r"O\d{4,5}\(", line) for line in head[:2]) or any("DPRNT[" in line or "#5041" in line for line in head)
 
 
-def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
-    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
     read_through(lines, lambda: _Program(plan, options, _macros(lines())), tail=True)
 
 

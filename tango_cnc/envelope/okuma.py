@@ -14,7 +14,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import read_through, stated_words
+from ._reading import Companions, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, numbered
 from ._worlds import World, latched_elsewhere
 
@@ -50,8 +50,8 @@ def reads(head: list[str]) -> bool:
     return any(line.startswith(("FWRITC ", "IF[VRSTT")) for line in head)
 
 
-def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
-    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
     read_through(lines, lambda: _Program(plan, options, _behind(lines())), tail=True)
 
 

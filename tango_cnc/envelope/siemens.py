@@ -12,7 +12,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import read_through, stated_words
+from ._reading import Companions, read_through, stated_words
 from ._rehearsal import NUMBER, SPOILT, Rehearsal, Statement, World, numbered
 
 FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
@@ -45,8 +45,8 @@ def reads(head: list[str]) -> bool:
     return any("TG_ERROR" in line for line in head)
 
 
-def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any]) -> None:
-    """program, plan, options of its profile → nothing. Raises InputError naming the line that must not reach a machine."""
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
     read_through(lines, lambda: _Program(plan, options, _stops(lines())), tail=True)
 
 
