@@ -51,7 +51,7 @@ def measured(touches: int, post: str) -> dict[str, float]:
 
     (lines, size), program_s = timed(written)
     wrote = _peak()
-    _, check_s = timed(lambda: envelope.check(lines, made, posts.settings(dialect, {})))
+    _, check_s = timed(lambda: envelope.check(lines, made, posts.settings(dialect, {}), posts.companions(dialect, made, {})))
     return {
         "touches": len(made.touches),
         "plan_s": plan_s,

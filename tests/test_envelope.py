@@ -252,7 +252,7 @@ def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
         ("M66 E0 L0\n", "", "is read before M66 E0 L0"),
         ("(ABORT,NO CONTACT. IS THE PROBE ALIVE)\n", "", "3 touches in a row"),
         ("G38.3", "G38.2", "no line that a program of this kind"),
-        ("#<_tango_flag> = 0", "#<_tango_flag> = 1", "the flag is 1 where nothing was touched has happened"),
+        ("#<_tango_flag> = 0", "#<_tango_flag> = 1", "the flag is 1 where nothing was touched; it"),
         ("G53 G0 C265.", "G53 G0 C-265.", "found C -265 deg; the plan turns to C 265 deg"),
         ("G90 G94", "G91 G94", "found the word G91"),
         ("O<tango_free> CALL [60.] [-40.] [412.3568] [3000.]\n", "", "the plan has the retract move"),

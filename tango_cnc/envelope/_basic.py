@@ -27,7 +27,7 @@ WORDS = rf"(?: & \" [A-Z]\" & {PRECISE})+"
 WORD = re.compile(r'" ([A-Z])" & Format\(([^"&]+), "0\.0000"\)')
 IF = re.compile(r"If (.+) Then")
 SETS = re.compile(rf"Call SetVar\((\d+), ({VALUE})\)")
-ASSIGN = re.compile(rf"({NAME}) = (.+)")
+ASSIGN = re.compile(rf"(?!(?:Mark|Text|At) )({NAME}) = (.+)", re.IGNORECASE)
 MESSAGE = re.compile(r'Message "TANGO STOPPED\. [A-Z0-9 .]+"')
 BUTTON, LEAVES = "Call DoOEMButton(1003)", "Exit Sub"
 WAIT = ["While IsMoving()", "Sleep 20", "Wend"]

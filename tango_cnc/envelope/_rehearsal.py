@@ -55,7 +55,7 @@ class Rehearsal:
         self.plan, self.options, self._read = plan, options, read
         self.walk = Walk(plan, options)
         start = dict(self.walk.at)
-        self.worlds = [World("1", "nothing", start, dict(start), dict(OFFSET))]
+        self.worlds = [World("1", "nothing has gone wrong", start, dict(start), dict(OFFSET))]
         self._silent: World | None = None  # where this touch and all after it miss
         self._statements: list[Statement] = []
         self._modal: set[str] = set()
@@ -320,7 +320,7 @@ class Rehearsal:
         for world in self.worlds:
             said = self.value(world, flag)
             if f"{said:g}" != world.fate:
-                raise InputError(f"the flag is {said:g} where {world.what} has happened; it has to be {world.fate}")
+                raise InputError(f"the flag is {said:g} where {world.what}; it has to be {world.fate}")
             if self.value(world, number) != touch.number:
                 raise InputError(f"the record is of touch {self.value(world, number):g}; this is touch {touch.number}")
             for name in names:

@@ -39,7 +39,7 @@ from ._rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
 from ._walk import FARTHEST, LEAST, PROTECTED
 from ._worlds import World, beside_the_line
 
-COMPANIONS = re.compile(r".+\.A")
+COMPANIONS = re.compile(r".+")
 MASK = ["M_APPEND;", '"%S",QS1;', "M_CLOSE;"]
 # No plane matters here; MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
 SURE = "G17 G21 G40 G49 G80 G90 G94 M5"

@@ -20,7 +20,7 @@ from ._rehearsal import NUMBER, SPOILT, Rehearsal
 from ._worlds import Place, World, latched_elsewhere, offset_changed
 
 COMPANIONS = re.compile(r"m88[0-6]\.m1s")
-COMMENT = re.compile(r"\((?!TANGO START|TANGO END)[A-Z0-9 .+-]*\)")
+COMMENT = re.compile(r"\((?!.*TANGO (?:START|END) )[A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
 CALL = re.compile(r"M(88[0-6])(?: P(\d+))?")
 MARKED = re.compile(r"M(880|886) \(TANGO (START|END) ([0-9A-F]{12}) (\d+)\)")
@@ -44,17 +44,18 @@ def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[st
 
 def _macros(companions: Companions) -> dict[int, list[tuple[int, basic.Step]]]:
     """{file name: lines} → {M code: steps}. Raises InputError for a macro that would not refuse after a stop."""
-    found = {}
+    found: dict[int, list[tuple[int, basic.Step]]] = {}
+    if not companions:
+        raise InputError("its macros are missing, m880.m1s to m886.m1s")
     for name, lines in companions.items():
         try:
             found[int(name[1:4])] = basic.steps(lines)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
     stops = {step.variable for steps in found.values() for _, step in steps if isinstance(step, basic.Stop)}
-    if len(stops) != 1:
-        raise InputError(
-            f"macros: stops are remembered in {', '.join(f'#{n}' for n in sorted(stops)) or 'nothing'}; allowed: one variable"
-        )
+    if len(stops) != 1 or stops - KEPT or stops & STATED:
+        said = ", ".join(f"#{number}" for number in sorted(stops)) or "nothing"
+        raise InputError(f"macros: stops are remembered in {said}; allowed: one variable of theirs")
     (stopped,) = stops
     for code, steps in found.items():
         _refuses(code, [step for _, step in steps], stopped)
@@ -66,6 +67,8 @@ def _refuses(code: int, steps: list[basic.Step], stopped: int) -> None:
     if code != START and steps[:1] != [basic.Leave(f"[#{stopped} NE 0]")]:
         raise InputError(f"m{code}.m1s: does not leave first of all where #{stopped} is not 0: it would go on after a stop")
     for i, step in enumerate(steps):
+        if isinstance(step, basic.Leave) and (i or code == START):
+            raise InputError(f"m{code}.m1s: leaves without a stop where {step.condition}")
         if isinstance(step, basic.Given) and step.name == stopped:
             later = steps[i + 1 :]
             if code != START or (step.value != "1" and not all(isinstance(other, basic.Given) for other in later)):
