@@ -63,7 +63,7 @@ def edited(post: str, file: str, old: str, new: str, made: Plan | None = None) -
         ("m881.m1s", "Call SetVar(150, 1)", "Call SetVar(151, 1)", "stops are remembered in #150, #151"),
         ("m881.m1s", "  Call DoOEMButton(1003)\n", "", "allowed in an If: Exit Sub, one value, or a stop"),
         ("m881.m1s", "If GetVar(152) + 1 <> GetVar(114) Then", "If GetVar(152) > GetVar(114) Then", "although M880 has been lost"),
-        ("m882.m1s", "Call SetVar(152, GetVar(114))", "Call SetVar(152, 0)", "stops the program though"),
+        ("m882.m1s", "Call SetVar(152, GetVar(114))", "Call SetVar(152, 0)", r"does not count itself in #152 last of all"),
         ("m882.m1s", "PX = GetVar(2000) +", "PX = GetVar(2001) +", "flag|goes on although|stops the program though"),
         ("m882.m1s", "While IsMoving()\n  Sleep 20\nWend\nPX", "PX", "read before anything has waited for the axes"),
         ("m882.m1s", "> 0.001 Then", "> 1 Then", "the work offset of X has changed"),
@@ -81,17 +81,88 @@ def edited(post: str, file: str, old: str, new: str, made: Plan | None = None) -
         ("m885.m1s", "Format(GetVar(125)", "Format(GetVar(126)", "the record has B|the sum"),
         ("m885.m1s", " + GetVar(112), ", ", ", "the sum in the record"),
         ("m885.m1s", "tango-readings.txt", "other.txt", "found the file"),
-        ("m880.m1s", "GetOEMLED(825) <> 0", "GetOEMLED(825) <> 1", "stops the program though|probe is deflected"),
+        ("m880.m1s", "GetOEMLED(825) <> 0", "GetOEMLED(825) <> 1", "a lamp <> a number"),
         ("m880.m1s", "If GetOEMLED(825) <> 0 Then", "If GetOEMLED(824) <> 0 Then", "which nobody knows|without having asked"),
         ("m880.m1s", "GetOEMDRO(84) - GetOEMDRO(801)", "GetOEMDRO(84)", "found Y|stops the program"),
         ("m880.m1s", 'InStr(Text, "TANGO START ")', 'InStr(Text, "TANGO END ")', "the mark END is written|no line"),
         ("m886.m1s", "Open FileName() For Input As #1", "Kill FileName()", "no line that a macro"),
+        ("m883.m1s", ' & " F"', ' & " B" & Format(GetVar(101), "0.0000") & " F"', "no line that a macro"),
+        ("m881.m1s", ' & " F"', ' & " M" & Format(3, "0.0000") & " F"', "no line that a macro"),
+        ("m881.m1s", ' & " Z" & Format(Z - GetVar(133), "0.0000")', "", "no line that a macro"),
+        ("m884.m1s", "Abs(Sin(", "(Sin(", "goes on although B has not arrived"),
+        ("m884.m1s", "0.00872664626", "0.01745329252", "goes on although B has not arrived"),
+        ("m884.m1s", "GetOEMDRO(82 + Param1())", "GetOEMDRO(82.6 + Param1())", "# of 10087.6, which some controls round"),
+        ("m884.m1s", 'Letter = "B"', 'Letter = "S"', "turns no axis"),
+        ("m882.m1s", "Abs(GetOEMDRO(84) - GetOEMDRO(801)", "(GetOEMDRO(84) - GetOEMDRO(801)", "the work offset of Y has changed"),
+        ("m882.m1s", "Abs(PY - GetOEMDRO(84))", "(PY - GetOEMDRO(84))", "the latched position of Y has changed"),
+        ("m882.m1s", "Flag = 1", "Flag = 1 + (GetVar(2000) = 0)", "a number \\+ a comparison"),
+        ("m882.m1s", "Call SetVar(120, Flag)", 'Call SetVar(120, "")', "no line that a macro"),
+        ("m881.m1s", "GetOEMLED(825) <> 0", "GetOEMLED(825) = 1", "a lamp = a number"),
+        ("m881.m1s", "GetOEMLED(825) <> 0", "GetOEMLED(825) > 0", "a lamp > a number"),
+        ("m881.m1s", "GetOEMLED(825) <> 0", "GetOEMLED(825) And 2", "a lamp and a number"),
+        ("m882.m1s", "Call SetVar(120, Flag)", "' a remark _\nCall SetVar(120, Flag)", "no line that a macro"),
+        ("m881.m1s", "Off = Abs", "IsMoving = 0\nOff = Abs", "no line that a macro"),
+        ("m885.m1s", "While IsMoving()", "Call SetVar(152, GetVar(114))\nWhile IsMoving()", "does not count itself"),
+        ("m885.m1s", "If GetVar(113) <> ", "If GetVar(113) = 1", "stops|the macros are not those of this program"),
     ],
 )
 def test_what_is_dangerous_in_a_macro_of_mach3_is_named(file: str, old: str, new: str, words: str) -> None:
     told = refused(lines_of("mach3", golden()), "mach3", beside=edited("mach3", file, old, new))
     assert re.search(words, told), told
     assert file in told or "macros" in told or "program line" in told
+
+
+@pytest.mark.parametrize(
+    ("passage", "other", "words"),
+    [
+        ("GetVar(152) + 1 <> GetVar(114)", "GetVar(152) + 1 < GetVar(114)", "somebody has started in the middle of the program"),
+        (
+            "If GetVar(113) <> (\\d+) Then",
+            r"If GetVar(113) <> \1 And GetVar(113) = 5 Then",
+            "the macros are not those of this program",
+        ),
+    ],
+)
+def test_what_every_macro_has_to_ask_is_asked(passage: str, other: str, words: str) -> None:
+    """Changed alike in all of them, as a program and macros of one mind would have it."""
+    pattern = passage if "\\" in passage else re.escape(passage)
+    pattern = pattern.replace("GetVar(113)", r"GetVar\(113\)")
+    files = {name: [re.sub(pattern, other, line) for line in lines] for name, lines in beside("mach3").items()}
+    assert files != beside("mach3")
+    assert re.search(words, refused(lines_of("mach3", golden()), "mach3", beside=files))
+
+
+def test_a_lost_start_is_found_whatever_the_run_before_has_left() -> None:
+    """An M880 that sets the counter itself, and a program that does not: without its file the counter is that of before."""
+    files = beside("mach3")
+    first = files["m880.m1s"].index("If GetVar(152) + 1 <> GetVar(114) Then")
+    files["m880.m1s"] = [*files["m880.m1s"][:first], *files["m880.m1s"][first + 6 :]]
+    lines = [line for line in lines_of("mach3", golden()) if line != "#152=0"]
+    assert re.search("although (M880 has been lost|somebody has started)", refused(lines, "mach3", beside=files))
+
+
+def test_a_record_cannot_live_on_the_flag_of_the_touch_before() -> None:
+    files = edited("mach3", "m880.m1s", "Call SetVar(151, 0)", "Call SetVar(151, 0)\nCall SetVar(120, 1)")
+    when = "If Flag <> 1 Then\n  Call SetVar(120, Flag)\nEnd If"
+    files |= {"m882.m1s": edited("mach3", "m882.m1s", "Call SetVar(120, Flag)", when)["m882.m1s"]}
+    files |= {"m885.m1s": edited("mach3", "m885.m1s", "Format(GetVar(120),", "Format(GetVar(120) + 0,")["m885.m1s"]}
+    assert "the flag is" in refused(lines_of("mach3", golden()), "mach3", beside=files)
+
+
+def test_the_end_mark_is_taken_out_by_the_macro_that_writes_it() -> None:
+    files = beside("mach3")
+    end = files["m886.m1s"]
+    first = end.index('Mark = ""')
+    look = end[first : first + 10]
+    files["m886.m1s"] = end[:first] + end[first + 16 :]
+    files["m885.m1s"] = [*files["m885.m1s"][:-1], *look, files["m885.m1s"][-1]]
+    assert "the mark of nothing is written" in refused(lines_of("mach3", golden()), "mach3", beside=files)
+
+
+def test_nothing_happens_behind_the_mark_of_the_program_or_the_end_mark() -> None:
+    lines = lines_of("mach3", golden())
+    assert "no line that a program" in refused([f"{line} G0 Z-50" if "(PROGRAM" in line else line for line in lines], "mach3")
+    assert "outside of start mark and end mark" in refused([*lines[:-1], "#152=9", "M30"], "mach3")
 
 
 def test_a_macro_that_is_missing_is_named() -> None:

@@ -22,16 +22,24 @@ LEVELS: tuple[Mapping[str, str], ...] = (
     {"+": "+", "-": "-"},
     {"*": "*", "/": "/"},
 )
+COMPARED = 2  # level of the comparisons
+NUMBER, TEXT, LIT, TRUTH = "number", "text", "lamp", "comparison"
 NAME, VALUE, PRECISE = r"[A-Z][A-Za-z]{0,9}", r"[^\"&]+", r"Format\([^\"&]+, \"0\.0000\"\)"
 WORDS = rf"(?: & \" [A-Z]\" & {PRECISE})+"
 WORD = re.compile(r'" ([A-Z])" & Format\(([^"&]+), "0\.0000"\)')
 IF = re.compile(r"If (.+) Then")
 SETS = re.compile(rf"Call SetVar\((\d+), ({VALUE})\)")
-ASSIGN = re.compile(rf"(?!(?:Mark|Text|At) )({NAME}) = (.+)", re.IGNORECASE)
+ASSIGN = re.compile(rf"({NAME}) = (.+)", re.IGNORECASE)
+TAKEN = re.compile(  # names that mean something else: no value is given to them
+    "mark|text|at|rem|let|call|setvar|getvar|getoemdro|getoemled|ismoving|filename|param|abs|sqr|sin|format|mid|len|instr|eof|"
+    "code|message|sleep|open|print|close|line|if|then|end|while|wend|exit|sub|stop|or|and|not|true|false"
+)
+REMARK = re.compile(r"'[A-Za-z0-9 .,:()]*")  # nothing that goes on in the next line
 MESSAGE = re.compile(r'Message "TANGO STOPPED\. [A-Z0-9 .]+"')
 BUTTON, LEAVES = "Call DoOEMButton(1003)", "Exit Sub"
 WAIT = ["While IsMoving()", "Sleep 20", "Wend"]
-MOVE = re.compile(rf'Code "G90 G21 (G31|G1)"({WORDS}) & " F" & ({VALUE})')
+GOAL = "".join(rf' & " {name}" & {PRECISE}' for name in "XYZ")
+MOVE = re.compile(rf'Code "G90 G21 (G31|G1)"({GOAL}) & " F" & ({VALUE})')
 TURN = re.compile(rf'Code "G90 G21 G53 G0 " & ({NAME}) & Format\(({VALUE}), "0\.0000"\)')
 OPEN = re.compile(r'Open "([^"&]+)" For Append As #1')
 RECORD = re.compile(rf'Print #1, "P" & Format\(({VALUE}), "0"\) & " H" & Format\(({VALUE}), "0"\)({WORDS})')
@@ -124,7 +132,7 @@ Step = Leave | Stop | Given | Wait | Move | Turn | Look | Say | Record
 
 def steps(lines: Sequence[str]) -> list[tuple[int, Step]]:
     """lines of a macro → (line number, step). Raises InputError naming the line that is in none of the forms."""
-    rows = [(n, line.strip()) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("'")]
+    rows = [(n, line.strip()) for n, line in enumerate(lines, 1) if line.strip() and not REMARK.fullmatch(line)]
     found, at = [], 0
     while at < len(rows):
         number, line = rows[at]
@@ -144,7 +152,7 @@ def _step(rows: list[str]) -> tuple[Step, int]:
         return Wait(), 3
     if match := IF.fullmatch(line):
         inner = rows[1 : rows.index("End If")] if "End If" in rows else []
-        return _conditional(spelt(match[1]), inner), len(inner) + 2
+        return _conditional(spelt(match[1], (TRUTH,)), inner), len(inner) + 2
     for word in ("START", "END"):
         if rows[: len(LOOK)] == [text.format(word) for text in LOOK]:
             return Look(word), len(LOOK)
@@ -171,8 +179,8 @@ def _conditional(condition: str, inner: list[str]) -> Step:
 def _given(line: str, condition: str = "") -> Given:
     if match := SETS.fullmatch(line):
         return Given(int(match[1]), spelt(match[2]), condition)
-    if match := ASSIGN.fullmatch(line):
-        return Given(match[1].lower(), spelt(match[2]), condition)
+    if (match := ASSIGN.fullmatch(line)) and not TAKEN.fullmatch(match[1].lower()):
+        return Given(match[1].lower(), spelt(match[2], (NUMBER, TEXT)), condition)
     raise InputError("no line that a macro of this kind may have here")
 
 
@@ -193,8 +201,11 @@ def _words(text: str) -> dict[str, str]:
     return dict(pairs)
 
 
-def spelt(text: str) -> str:
-    """expression of Basic → the same as in parametric programs. Raises InputError for what is none."""
+def spelt(text: str, kinds: tuple[str, ...] = (NUMBER,)) -> str:
+    """expression of Basic, what it may be → the same as in parametric programs. Raises InputError for what is none.
+
+    True is -1 in Basic and And works bit by bit: what is true is no number here. A lamp that is lit is 1 or -1: not 0.
+    """
     tokens, at = [], 0
     text = text.strip()
     while at < len(text):
@@ -204,51 +215,69 @@ def spelt(text: str) -> str:
         tokens.append(match[1])
         at = match.end()
     tokens.reverse()
-    found = _level(tokens, 0)
+    found, kind = _level(tokens, 0)
     if tokens:
         raise InputError(f"no expression at {tokens[-1]!r}")
+    if kind not in kinds:
+        raise InputError(f"{text!r} is a {kind}; allowed: a {' or a '.join(kinds)}")
     return found
 
 
-def _level(tokens: list[str], depth: int) -> str:
+def _level(tokens: list[str], depth: int) -> tuple[str, str]:
     if depth == len(LEVELS):
         return _primary(tokens)
-    left = _level(tokens, depth + 1)
+    left, kind = _level(tokens, depth + 1)
     while tokens and (word := tokens[-1].lower()) in LEVELS[depth]:
         tokens.pop()
-        left = f"[{left} {LEVELS[depth][word]} {_level(tokens, depth + 1)}]"
-    return left
+        right, other = _level(tokens, depth + 1)
+        if depth < COMPARED:
+            fits = kind == other == TRUTH
+        elif depth == COMPARED and word in ("=", "<>"):
+            fits = right == "0" if kind == LIT else {kind, other} <= {NUMBER, TEXT}
+        else:
+            fits = kind == other == NUMBER
+        if not fits:
+            raise InputError(f"a {kind} {word} a {other}; allowed: numbers, Or and And of comparisons, a lamp = 0 or <> 0")
+        left, kind = f"[{left} {LEVELS[depth][word]} {right}]", TRUTH if depth <= COMPARED else NUMBER
+    return left, kind
 
 
-def _primary(tokens: list[str]) -> str:
+def _primary(tokens: list[str]) -> tuple[str, str]:
     word = tokens.pop() if tokens else ""
     if word == "-":
-        return f"[-{_primary(tokens)}]"
+        return f"[-{_number(*_primary(tokens))}]", NUMBER
     if word == "(":
         return _closed(tokens)
     if word[:1] == '"':
-        return str(ord(word[1])) if len(word) == 3 else "0"
+        return (str(ord(word[1])) if len(word) == 3 else "0"), TEXT
     if word[:1].isdigit():
-        return word
+        return word, NUMBER
     if not word[:1].isalpha():
         raise InputError(f"no expression at {word!r}" if word else "the expression ends too soon")
     if not tokens or tokens[-1] != "(":
-        return f"#<{word.lower()}>"
+        return f"#<{word.lower()}>", NUMBER
     tokens.pop()
     if word == "Param1":
         if not tokens or tokens.pop() != ")":
             raise InputError("found a value for Param1; allowed: Param1()")
-        return "#<param1>"
-    inner = _closed(tokens)
+        return "#<param1>", NUMBER
+    inner = _number(*_closed(tokens))
     if word in ("GetVar", "GetOEMDRO", "GetOEMLED"):
         added = {"GetOEMDRO": DISPLAY, "GetOEMLED": LAMP}.get(word, 0)
-        return f"#{int(inner) + added}" if inner.isdigit() else f"#[{added} + {inner}]"
+        place = f"#{int(inner) + added}" if inner.isdigit() else f"#[{added} + {inner}]"
+        return place, LIT if word == "GetOEMLED" else NUMBER
     if word not in ("Abs", "Sqr", "Sin"):
         raise InputError(f"found {word}; allowed: GetVar, GetOEMDRO, GetOEMLED, Param1, Abs, Sqr, Sin")
-    return {"Abs": "ABS[{}]", "Sqr": "SQRT[{}]", "Sin": f"SIN[{DEGREES} * {{}}]"}[word].format(inner)
+    return {"Abs": "ABS[{}]", "Sqr": "SQRT[{}]", "Sin": f"SIN[{DEGREES} * {{}}]"}[word].format(inner), NUMBER
 
 
-def _closed(tokens: list[str]) -> str:
+def _number(text: str, kind: str) -> str:
+    if kind != NUMBER:
+        raise InputError(f"found a {kind}; allowed: a number")
+    return text
+
+
+def _closed(tokens: list[str]) -> tuple[str, str]:
     inner = _level(tokens, 0)
     if not tokens or tokens.pop() != ")":
         raise InputError(") is missing")

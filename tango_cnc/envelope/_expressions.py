@@ -88,7 +88,7 @@ def _primary(tokens: list[str]) -> Expression:
     if word == "#":
         if tokens and tokens[-1] == "[":
             place = _bracket(tokens)
-            return lambda get: get(int(place(get) or 0.0))
+            return lambda get: get(_whole(place(get) or 0.0))
         if not tokens or not tokens[-1].isdigit():
             raise ValueError("# without a number")
         number = int(tokens.pop())
@@ -100,6 +100,12 @@ def _primary(tokens: list[str]) -> Expression:
     except ValueError:
         raise ValueError(f"no expression at {word!r}") from None
     return lambda get: constant
+
+
+def _whole(number: float) -> int:
+    if number != int(number):
+        raise ValueError(f"# of {number:g}, which some controls round and others cut off")
+    return int(number)
 
 
 def _bracket(tokens: list[str]) -> Expression:

@@ -19,7 +19,7 @@ from ._worlds import Place, World, latched_elsewhere, offset_changed, other_cont
 NUMBER = r"-?\d+\.\d*"  # with its decimal point, without which controls count in thousandths
 SHORT = 3.0  # tolerances of the profile by which a protected move is stopped short
 TOLERANCE = 0.02  # mm, where the profile has none
-AWAY = 0.05  # deg by which a rotary axis has not arrived
+AWAY = (0.05, -0.05, 180.0)  # deg by which a rotary axis has not arrived
 OFFSET = {"X": 11.25, "Y": -7.5, "Z": 203.5, "A": 3.0, "B": -2.0, "C": 31.0}  # machine minus work coordinates
 SPOILT = 77777.0  # in variables whose values are of the touch before
 ROUNDS = 20  # touches in a row without contact after which a program must have stopped that counts none by its profile
@@ -28,6 +28,7 @@ MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94", "M5"}
 RESETS = re.compile(r"M5|G(17|21|40|40\.1|49|50|50\.1|54|61|64|67|69|80|90|94|97|98|13\.1|15|25|160|234|254)")
 TOLD = 6  # worlds that reach a record: the expected contact, a miss, and four other contacts; one more where finding was early
 LATE = 4.0  # tolerances of the profile before the end of a measuring move at which a contact still is one
+VARIABLE = re.compile(r"#(?:(\d+)|<(\w+)>)")
 FARTHER = 0.3  # of the way from the nominal contact to the search end, where a touch that finds meets the facet
 PLACE = 2e-3  # mm or deg, of a recorded coordinate
 
@@ -150,6 +151,8 @@ class Rehearsal:
         Raises InputError when it is anything but a short move off the facet, or not right behind a measuring move.
         """
         self._ready()
+        if not {*places} <= {*"XYZ"}:
+            raise InputError(f"found an unprotected move of {' '.join(places)}; allowed: X Y Z")
         if not self._pressed:
             raise InputError("found an unprotected move; allowed: one off the facet, right behind a measuring move")
         self._within(feed, self.options.get("positioning_feed", feed))
@@ -282,9 +285,9 @@ class Rehearsal:
             self.watched()
         for world in self.worlds:
             world.position[name] = value
-        if asked:
+        for away in AWAY if asked else ():
             twin = self.base.twin("stop", f"{name} has not arrived")
-            twin.position[name] += AWAY
+            twin.position[name] += away
             self.doubts([twin])
 
     def start(self, mark: str, count: float, wanted: str) -> None:
@@ -342,11 +345,12 @@ class Rehearsal:
     def _forget(self, *texts: str) -> None:
         """Spoils what has been recorded, so that the next touch cannot live on it."""
         for text in texts:
-            key: int | str = int(text[1:]) if text[1:].isdigit() else text.strip("#<>")
-            for world in self.worlds:
-                for store in (world.shared, *world.local):
-                    if key in store:
-                        store[key] = SPOILT
+            for number, name in VARIABLE.findall(text):
+                key: int | str = int(number) if number else name
+                for world in self.worlds:
+                    for store in (world.shared, *world.local):
+                        if key in store:
+                            store[key] = SPOILT
 
     def _within(self, feed: float, wanted: float) -> None:
         if abs(feed - wanted) > 1e-6:

@@ -55,7 +55,7 @@ class World:
 
 
 def stopped_short(base: World, start: Place, target: Place, short: float, latches: bool) -> Iterator[World]:
-    """machine after a protected move from start to target, mm → machines on which it has ended `short` before it, axis by axis.
+    """machine after a protected move from start to target, mm → machines on which it ends `short` of it, by axis and on its line.
 
     `latches`: the control tells contact from none apart from where the axes stand, so either may be the only sign.
     """
@@ -67,6 +67,13 @@ def stopped_short(base: World, start: Place, target: Place, short: float, latche
                 twin.hit = hit
                 twin.position[name] = twin.skip[name] = goal + max(min(way, short), -short)
                 yield twin
+    farthest = max(abs(start[name] - goal) for name, goal in target.items())
+    for hit in (True, False) if latches and farthest > short else ():
+        twin = base.twin("stop", "a protected move has been stopped short on its line")
+        twin.hit = hit
+        twin.position.update({name: goal + (start[name] - goal) * short / farthest for name, goal in target.items()})
+        twin.skip.update({name: twin.position[name] for name in target})
+        yield twin
     if latches:
         twin = base.twin("stop", "a protected move has met something at its very end")
         twin.hit = True
@@ -95,17 +102,19 @@ def other_contacts(base: World, start: Place, target: Place, zone: float, late: 
 def offset_changed(base: World, start: Place, target: Place) -> Iterator[World]:
     """machine after a measuring move → machines whose work offset is another one now, axis by axis."""
     for name in target:
-        world = base.twin("stop", f"the work offset of {name} has changed")
-        world.offset[name] += CHANGE
-        yield world
+        for change in (CHANGE, -CHANGE):
+            world = base.twin("stop", f"the work offset of {name} has changed")
+            world.offset[name] += change
+            yield world
 
 
 def latched_elsewhere(base: World, start: Place, target: Place) -> Iterator[World]:
     """machine after a measuring move → machines that say another position was latched, axis by axis."""
     for name in target:
-        world = base.twin("stop", f"the latched position of {name} has changed")
-        world.skip[name] += LAG
-        yield world
+        for lag in (LAG, -LAG):
+            world = base.twin("stop", f"the latched position of {name} has changed")
+            world.skip[name] += lag
+            yield world
 
 
 def beside_the_line(base: World, start: Place, target: Place) -> Iterator[World]:

@@ -20,7 +20,7 @@ COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
 SEARCH = re.compile(rf"G38\.3((?: [XYZ]{NUMBER})+) F({NUMBER})")
 OFF = re.compile(rf"G1((?: [XYZ]{NUMBER})+) F({NUMBER})")
 TURN = re.compile(rf"G0((?: [ABC]{NUMBER})+)")
-MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
+MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}\)")
 START = re.compile(r"\(TANGO START ([0-9A-F]{12}) (\d+)\)")
 SWITCHED = re.compile(r"\((CLAMP|UNCLAMP) ([ABC]) (M\d{1,3})\)")  # the driver has the words from here
 END = re.compile(r"\(TANGO END ([0-9A-F]{12}) (\d+)\)")
@@ -61,7 +61,7 @@ class _Program:
         """One line of the file. Raises InputError when it must not reach a machine."""
         if self.over:
             raise InputError("a line behind the end mark")
-        if match := MARK.match(line):
+        if match := MARK.fullmatch(line):
             self._mark = match[1]
         elif match := START.fullmatch(line):
             self._start(match[1], int(match[2]))

@@ -24,11 +24,13 @@ COMMENT = re.compile(r"\((?!.*TANGO (?:START|END) )[A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
 CALL = re.compile(r"M(88[0-6])(?: P(\d+))?")
 MARKED = re.compile(r"M(880|886) \(TANGO (START|END) ([0-9A-F]{12}) (\d+)\)")
-PROGRAM = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
+PROGRAM = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}\)")
 STATED = {*range(101, 115), 141, 142, 143, 152}  # what a program may give a value to …
 KEPT = {*range(120, 137), 150, 151, 152}  # … and what a macro may
 LETTERS, MACHINE, WORK, PROBE, CONTACT = "XYZABC", basic.DISPLAY + 83, basic.DISPLAY + 800, basic.LAMP + 825, 2000
 START = 880
+FOLDER, CALLS, DONE = 113, 114, 152  # number of the set of macros, calls with this one, calls carried out
+LEFT = (-1000.0, -2.0, -1.0, 1.0, 2.0, 1000.0)  # from what this program has counted, what an earlier one may have left
 INCREMENT = 2e-4  # mm: an axis that is not to move is sent where it stands, in four decimals
 
 
@@ -66,6 +68,11 @@ def _refuses(code: int, steps: list[basic.Step], stopped: int) -> None:
     """Raises InputError for a macro that does anything after a stop, or lets others do so."""
     if code != START and steps[:1] != [basic.Leave(f"[#{stopped} NE 0]")]:
         raise InputError(f"m{code}.m1s: does not leave first of all where #{stopped} is not 0: it would go on after a stop")
+    counts = [i for i, step in enumerate(steps) if isinstance(step, basic.Given) and step.name == DONE]
+    if counts != [len(steps) - 1] or steps[-1] != basic.Given(DONE, f"#{CALLS}"):
+        raise InputError(
+            f"m{code}.m1s: does not count itself in #{DONE} last of all: it would count where Basic has complained of it"
+        )
     for i, step in enumerate(steps):
         if isinstance(step, basic.Leave) and (i or code == START):
             raise InputError(f"m{code}.m1s: leaves without a stop where {step.condition}")
@@ -100,18 +107,18 @@ class _Program:
         machine = self._machine
         if self.over:
             raise InputError("a line behind the end of the program")
-        if match := PROGRAM.match(line):
+        if match := PROGRAM.fullmatch(line):
             self._mark = match[1]
         elif COMMENT.fullmatch(line) or (machine.begun and line in self._words):
             machine.walk.switch(line)
         elif line == self._reset and not machine.begun:
             machine.reset(line)
-        elif line.startswith("#"):
-            self._set(line)
         elif line == "M30" and machine.ended:
             self.over = True
         elif machine.ended:
             raise InputError("something happens outside of start mark and end mark")
+        elif line.startswith("#"):
+            self._set(line)
         elif match := MARKED.fullmatch(line):
             self._said = match[2], match[3], int(match[4])
             self._call(int(match[1]), 0)
@@ -141,15 +148,29 @@ class _Program:
         if self._lost is not None:
             machine.doubts([self._lost])
         lost = machine.base.twin("stop", f"M{code} has been lost")
-        lost.shared = {**dict.fromkeys(KEPT, 0.0), **lost.shared}  # what earlier programs may have left
+        self._strange()
         machine.does(_entered(float(number)))
+        self._looked = ""
         self._moving = True  # what was read ahead
         for at, step in self._macros[code]:
             try:
                 self._step(step)
             except InputError as error:
                 raise InputError(f"m{code}.m1s line {at}: {error}") from None
+        lost.shared = {**dict.fromkeys(KEPT, 0.0), **machine.base.shared, **lost.shared}  # left by this program, run before
         self._lost = lost
+
+    def _strange(self) -> None:
+        """Beside the machine there are ones whose macros are of another set, or where somebody starts at this call."""
+        base, twins = self._machine.base, []
+        for variable, what, others in (
+            (FOLDER, "the macros are not those of this program", (-1.0, 1.0)),
+            (DONE, "somebody has started in the middle of the program", LEFT),
+        ):
+            for other in others:
+                twins.append(twin := base.twin("stop", what))
+                twin.shared[variable] = (twin.shared.get(variable) or 0.0) + other
+        self._machine.doubts(twins)
 
     def _step(self, step: basic.Step) -> None:
         machine = self._machine
@@ -173,7 +194,10 @@ class _Program:
                 machine.does(_released)
                 self._moving = True
             case basic.Turn():
-                machine.turns(chr(int(machine.same(step.letter))), machine.same(step.angle), True)
+                letter = machine.same(step.letter)
+                if letter not in [float(ord(name)) for name in "ABC"]:
+                    raise InputError("turns no axis; allowed: A B C")
+                machine.turns(chr(int(letter)), machine.same(step.angle), True)
                 self._moving = True
             case basic.Look():
                 self._looked = step.word
