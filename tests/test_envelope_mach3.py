@@ -165,6 +165,16 @@ def test_nothing_happens_behind_the_mark_of_the_program_or_the_end_mark() -> Non
     assert "outside of start mark and end mark" in refused([*lines[:-1], "#152=9", "M30"], "mach3")
 
 
+@pytest.mark.parametrize("blank", ["\t", "\r", "\xa0", "\n"])
+def test_a_blank_is_a_blank(blank: str) -> None:
+    """Not a character at which a control may begin another line, or complain."""
+    lines = [line.replace(" ", blank) if line.startswith("#101") else line for line in lines_of("mach3", golden())]
+    assert "not of ASCII" in refused(lines, "mach3")
+    files = beside("mach3")
+    files["m881.m1s"] = [line.replace(") + Abs", f"){blank}+ Abs") for line in files["m881.m1s"]]
+    assert "not of ASCII" in refused(lines_of("mach3", golden()), "mach3", beside=files)
+
+
 def test_a_macro_that_is_missing_is_named() -> None:
     for name in beside("mach3"):
         told = refused(lines_of("mach3", golden()), "mach3", beside={n: text for n, text in beside("mach3").items() if n != name})

@@ -133,6 +133,9 @@ Step = Leave | Stop | Given | Wait | Move | Turn | Look | Say | Record
 def steps(lines: Sequence[str]) -> list[tuple[int, Step]]:
     """lines of a macro → (line number, step). Raises InputError naming the line that is in none of the forms."""
     rows = [(n, line.strip()) for n, line in enumerate(lines, 1) if line.strip() and not REMARK.fullmatch(line)]
+    for number, line in rows:
+        if not (line.isascii() and line.isprintable()):
+            raise InputError(f"line {number} {line[:80]!r}: found a character that cannot be printed or is not of ASCII")
     found, at = [], 0
     while at < len(rows):
         number, line = rows[at]

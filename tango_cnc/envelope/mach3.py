@@ -107,6 +107,8 @@ class _Program:
         machine = self._machine
         if self.over:
             raise InputError("a line behind the end of the program")
+        if not (line.isascii() and line.isprintable()):
+            raise InputError("found a character that cannot be printed or is not of ASCII")
         if match := PROGRAM.fullmatch(line):
             self._mark = match[1]
         elif COMMENT.fullmatch(line) or (machine.begun and line in self._words):
