@@ -40,7 +40,7 @@ RECORD = re.compile(r"\(LOG,P%d(#\d+) H(#<\w+>) ([A-Z])%\.[4-9]f(#<\w+>)((?: [A-
 STILL = 1e-4  # mm
 SYNCHRONOUS = "M66 E0 L0"  # the lines behind it are read when everything before it has been done
 PIN = "#<_hal[motion.probe-input]>"
-MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}\)")
+MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}(?: PART \d+ OF \d+)?\)")
 
 
 def reads(head: list[str]) -> bool:

@@ -24,13 +24,13 @@ COMMENT = re.compile(r"\((?!.*TANGO (?:START|END) )[A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
 CALL = re.compile(r"M(88[0-6])(?: P(\d+))?")
 MARKED = re.compile(r"M(880|886) \(TANGO (START|END) ([0-9A-F]{12}) (\d+)\)")
-PROGRAM = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}\)")
+PROGRAM = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}(?: PART \d+ OF \d+)?\)")
 STATED = {*range(101, 115), 141, 142, 143, 152}  # what a program may give a value to …
 KEPT = {*range(120, 137), 150, 151, 152}  # … and what a macro may
 LETTERS, MACHINE, WORK, PROBE, CONTACT = "XYZABC", basic.DISPLAY + 83, basic.DISPLAY + 800, basic.LAMP + 825, 2000
 START = 880
 FOLDER, CALLS, DONE = 113, 114, 152  # number of the set of macros, calls with this one, calls carried out
-LEFT = (-1000.0, -2.0, -1.0, 1.0, 2.0, 1000.0)  # from what this program has counted, what an earlier one may have left
+LEFT = (-1000.0, 1.0, 1000.0)  # from what this program has counted, what an earlier one may have left
 INCREMENT = 2e-4  # mm: an axis that is not to move is sent where it stands, in four decimals
 
 
