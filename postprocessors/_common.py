@@ -216,7 +216,7 @@ def fits(job: Job, most: int = 9) -> None:
         if isinstance(word := options.get(key), str) and _moves(job, word + value):
             raise InputError(f"controller.{key}: found {word!r}; allowed: words that move no axis of the machine, or a call by G65")
 
-    for key in ("probe_on", "probe_off", "orient"):
+    for key in ("probe_on", "probe_off", "orient", "wait", "machine_frame"):
         if isinstance(word := options.get(key), str) and (found := STOPS_OR_SPINS.search(word)):
             raise InputError(
                 f"controller.{key}: found {options[key]!r}; allowed: no {found[0]}, after which the program is over or the spindle "

@@ -57,7 +57,7 @@ def _whole(number: int, code: int, body: list[str]) -> list[str]:
 
 
 def _number(text: str) -> int:
-    return int(hashlib.sha256(text.encode("ascii")).hexdigest(), 16) % 900_000 + 100_000
+    return int(hashlib.sha256(text.encode()).hexdigest(), 16) % 900_000 + 100_000
 
 
 def _belongs(number: int, code: int) -> list[str]:

@@ -215,9 +215,16 @@ def _number(job: Job, value: float) -> str:
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
     options = job.options
-    for key in ("mask", "output"):
+    for key, default in (("mask", "TNC:\\TANGO.A"), ("output", "TNC:\\TANGO.TXT")):
         if not FILE.fullmatch(options[key]):
-            raise InputError(f"controller.{key}: found {options[key]!r}; allowed: a file such as TNC:\\TANGO.TXT")
+            raise InputError(f"controller.{key}: found {options[key]!r}; allowed: a file such as {default}")
+    if not options["mask"].upper().endswith(".A"):  # one called as the program or plan.csv would take its place in the folder
+        raise InputError(f"controller.mask: found {options['mask']!r}; allowed: a file that ends in .A, as masks of FN 16 do")
+    if options["output"].upper().endswith((".A", ".H")):
+        raise InputError(
+            f"controller.output: found {options['output']!r}; allowed: a file that is no mask (.A) and no program (.H), such as "
+            "TNC:\\TANGO.TXT, because the records are added to it"
+        )
     common.fits(job)
     if options["cycle"] == 444:
         cycle_444.fits(job)

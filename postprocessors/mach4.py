@@ -98,7 +98,7 @@ def scripts(job: Job) -> dict[str, list[str]]:
 
 def _set(found: Mapping[str, list[str]]) -> int:
     whole = "\n".join(line for lines in found.values() for line in lines)
-    return int(hashlib.sha256(whole.encode("ascii")).hexdigest(), 16) % 900_000 + 100_000
+    return int(hashlib.sha256(whole.encode()).hexdigest(), 16) % 900_000 + 100_000
 
 
 def _scripts(job: Job) -> dict[str, list[str]]:

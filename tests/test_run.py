@@ -304,6 +304,7 @@ def test_a_program_that_tango_did_not_write_is_not_sent(cell, edit, why):
     result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--program", cell / "other.nc")
     assert result.code == 2
     assert why in result.err
+    assert "other.nc: the program" in result.err and "nothing was sent" in result.err
 
 
 def test_a_program_that_does_not_do_what_its_plan_says_is_not_sent(cell):

@@ -167,7 +167,11 @@ def test_angles_are_0_to_360_for_an_endless_axis_only(made: Plan) -> None:
     ("options", "message"),
     [
         ({"output": "TNC:\\A.TXT\nM30"}, "a file such as"),
-        ({"mask": "C:\\A.A"}, "a file such as"),
+        ({"mask": "C:\\A.A"}, r"a file such as TNC:\\TANGO\.A"),
+        ({"mask": "TNC:\\TANGO.H"}, r"controller\.mask: found .*; allowed: a file that ends in \.A"),
+        ({"mask": "TNC:\\PLAN.CSV"}, r"controller\.mask: found .*; allowed: a file that ends in \.A"),
+        ({"output": "TNC:\\tango.a"}, r"controller\.output: found .*; allowed: a file that is no mask"),
+        ({"output": "TNC:\\TANGO.H"}, r"controller\.output: found .*; allowed: a file that is no mask"),
         ({"axis_numbers": {"X": 1}}, "a number 1 … 9 of its own"),
         ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 4}}, "a number 1 … 9 of its own"),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),

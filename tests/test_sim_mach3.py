@@ -155,9 +155,10 @@ def test_a_board_that_probes_along_one_axis_only_is_found(made: Plan) -> None:
 
 def test_the_path_of_the_file_goes_nowhere_but_into_a_string(made: Plan) -> None:
     assert any('Open "D:\\cnc\\mine.txt" For Append As #1' in line for line in library(made, readings="D:\\cnc\\mine.txt"))
-    for bad in ('C:\\a.txt" & Kill("b', "a.txt", "C:\\..\\a.txt"):
+    for bad in ('C:\\a.txt" & Kill("b', "a.txt", "C:\\..\\a.txt", "C:\\Mäch3\\a.txt"):
         with pytest.raises(InputError, match=r"controller\.readings"):
             lines_of(made, readings=bad)
+        library(made, readings=bad)  # is made before anybody looks at the path
 
 
 # The control

@@ -102,8 +102,10 @@ def test_what_the_control_does_not_know(made: Plan) -> None:
 
 
 def test_the_name_of_the_file_goes_nowhere_but_into_a_string(made: Plan) -> None:
-    with pytest.raises(InputError, match=r"controller\.readings"):
-        lines_of(made, readings='a" os.remove("b')
+    for bad in ('a" os.remove("b', "Prüfung.txt"):
+        with pytest.raises(InputError, match=r"controller\.readings"):
+            lines_of(made, readings=bad)
+        library(made, readings=bad)  # is made before anybody looks at the name
     assert any(line.endswith('.. "mine.txt"') for line in library(made, readings="mine.txt"))
 
 

@@ -134,6 +134,8 @@ def test_contacts_in_another_frame_are_noticed_at_the_first_touch(made: Plan) ->
         ({"skip": "G0"}, "a word such as G31"),
         ({"wait": ""}, "words of the control"),
         ({"wait": "G0 Z-500"}, "move no axis"),
+        ({"wait": "M30"}, "no M30, after which the program is over"),
+        ({"machine_frame": "G15 H0 M2"}, "no M2, after which the program is over"),
         ({"machine_frame": "G15 H0 G0 X0"}, "move no axis"),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
         ({"orient": ""}, "as this strategy turns the spindle"),

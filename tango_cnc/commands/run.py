@@ -147,7 +147,10 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
     letters = post.record_letters(part.machine)
     if program_file is not None:
         text = read_text(program_file)
-        mark = posts.mark_of(text)
+        try:
+            mark = posts.mark_of(text)
+        except InputError as error:
+            raise InputError(f"{program_file}: {error}; nothing was sent") from None
         found = PLAN.search(text)
         if found is None or found[1] != plan_hash(whole):
             other = found[1] if found else "none"
