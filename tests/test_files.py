@@ -471,3 +471,9 @@ def test_whatever_is_typed_into_a_file_it_is_read_or_refused(
         files.read_readings(folder / "readings.csv", cell.machine, cell.artefact)
     except InputError as error:
         assert str(folder) in str(error)
+
+
+def test_a_file_that_is_no_mapping_is_told_what_was_found_and_what_is_allowed(tmp_path):
+    (tmp_path / "tango.yaml").write_text("- 1\n")
+    with pytest.raises(InputError, match=r"tango.yaml:1: found a list; allowed: a mapping"):
+        files.read_cell(tmp_path)

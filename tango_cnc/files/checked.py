@@ -124,7 +124,10 @@ class Node:
 
     def wrong(self, allowed: str, found: str | None = None) -> InputError:
         """what is allowed here → the error to raise."""
-        return complaint(self.file, self.line, self.path, found or self._shown(), allowed)
+        shown = found or self._shown()
+        if not self.path:  # the file as a whole has no key
+            return complaint(self.file, self.line, "", f"found {shown}", f"allowed: {allowed}")
+        return complaint(self.file, self.line, self.path, shown, allowed)
 
     def _shown(self) -> str:
         if isinstance(self.raw, Scalar):
