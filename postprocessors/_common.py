@@ -203,6 +203,7 @@ def fits(job: Job, most: int = 9) -> None:
             known = isinstance(word, str) and SWITCH.fullmatch(word) and not STOPS_OR_SPINS.search(word)
             if name not in job.machine.rotary or not known or HOLDS.search(word):
                 allowed = f"a word such as M10 for {', '.join(job.machine.rotary) or 'a rotary axis, of which there is none'}"
+                allowed += ", none that ends the program, waits for a person or turns the spindle" * isinstance(word, str)
                 raise InputError(f"controller.{key}: found {name!r}: {word!r}; allowed: {allowed}")
     if "unclamp" in options and (held := sorted(set(options.get("clamp", {})) - set(options["unclamp"]))):
         raise InputError(f"controller.clamp: found a word for {', '.join(held)} and none under unclamp; allowed: both for an axis")
@@ -226,6 +227,18 @@ def fits(job: Job, most: int = 9) -> None:
         if isinstance(word := options.get(key), str) and (found := MODAL.search(word)):
             raise InputError(
                 f"controller.{key}: found {options[key]!r}; allowed: no {found[0]}, which may change what a move means"
+            )
+
+
+def spares(job: Job, first: int, last: int) -> None:
+    """job, numbers of M codes that travel with the program → nothing. Raises InputError for a word of the profile that is one."""
+    options = job.options
+    stated = {key: options[key] for key in ("probe_on", "probe_off", "orient") if options.get(key)}
+    stated |= {f"{key}: {name}": word for key in ("unclamp", "clamp") for name, word in options.get(key, {}).items()}
+    for key, word in stated.items():
+        if taken := [number for number in re.findall(r"(?<![A-Z])M *0*(\d+)", str(word)) if first <= int(number) <= last]:
+            raise InputError(
+                f"controller.{key}: found {word!r}; allowed: not M{taken[0]}, M{first} to M{last} travel with the program"
             )
 
 

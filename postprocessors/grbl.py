@@ -32,10 +32,8 @@ OPTIONS = (
     *PROBE_SWITCHES,
     Option("positioning_feed", 2000.0, "mm/min of guarded moves; feed in the port's URL has to be the same", verified=True),
 )
-DOUBTS = (
-    "the letters of the rotary axes are those of the build",
-    "a probe that is off stops nothing and guarded moves are guarded only while it is on",
-)
+LETTERS = "the letters of the rotary axes are those of the build"
+DOUBTS = ("a probe that is off stops nothing and guarded moves are guarded only while it is on",)
 
 
 def begin(job: Job) -> Iterator[str]:
@@ -130,6 +128,7 @@ POST = Post(
     extension="gcode",
     options=OPTIONS,
     doubts=DOUBTS,
+    further=lambda given: () if given.get("control") == "grbl" else (LETTERS,),
     stem=lambda job: "tango",
     **steps(globals()),
     link="grbl",

@@ -139,6 +139,7 @@ def _check(job: Job) -> None:
             "of letters, digits, blanks, _ and -"
         )
     common.fits(job)
+    common.spares(job, basic.START, basic.END)
 
 
 POST = Post(

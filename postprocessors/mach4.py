@@ -16,7 +16,7 @@ from typing import Any
 from tango_cnc.records import InputError
 
 from ._base import Job, Leg, Option, Post, number, with_defaults
-from ._common import axes, spindle
+from ._common import axes, spares, spindle
 from ._macro_b import OPTIONS as FAMILY_OPTIONS
 from ._macro_b import steps
 from ._macro_b_text import FLAG, Words
@@ -64,6 +64,7 @@ def begin(job: Job) -> Iterator[str]:
         raise InputError(
             f"controller.readings: found {job.options['readings']!r}; allowed: a file name of letters, digits, _ and -"
         )
+    spares(job, START, WAIT)
     for line in FAMILY["begin"](_stated(job)):
         if line == f"M{WAIT}":
             yield f"#{SET}={_set(_scripts(job))}"

@@ -26,7 +26,7 @@ from ._base import Job, Leg, Option, Post, early_distance, number
 VARIABLE = re.compile(r"[A-Z]{2,6}\?(\[\d{1,4}\])?")  # ? stands for the axis letter
 STATE = re.compile(r"([A-Z]{2,8}(\[\d{1,4}\])?)?")
 FILE = re.compile(r"[A-Z]{2}\d:[A-Z0-9-]{1,16}\.[A-Z]{3}")
-SKIP = re.compile(r"G[1-9]\d{1,2}")
+SKIP = re.compile(r"G(22|3[1-9]|[1-9]\d\d)")  # no word that homes, or changes what the moves behind it mean
 ARRIVED = 0.01  # deg
 LAG = 1.0  # mm that the axes may have run on between the contact and their stop
 FLAG, MISSES, FOUND, SUM = 0, 1, 2, 8  # places among the common variables; FOUND: X Y Z and up to three rotary axes
@@ -264,7 +264,7 @@ def _check(job: Job) -> None:
         ("position", VARIABLE, "a variable such as VAPA?, ? is the axis letter"),
         ("probe_state", STATE, "a variable such as VDIN[1001], or nothing"),
         ("output", FILE, "a file such as MD1:TANGO.TXT"),
-        ("skip", SKIP, "a word such as G31, and none of G0 … G9"),
+        ("skip", SKIP, "a word such as G31: G22, G31 … G39, or one of the builder's own, G100 …"),
     ):
         if not pattern.fullmatch(options[key]):
             raise InputError(f"controller.{key}: found {options[key]!r}; allowed: {allowed}")

@@ -196,7 +196,12 @@ def test_doubts_that_look_alike_are_told_apart_by_their_text(stated: str, left: 
 
 def test_a_post_without_doubts_has_nothing_to_confirm() -> None:
     with pytest.raises(InputError, match="found 'anything'; allowed: nothing, as this post has no doubts; leave the key out"):
-        settings(replace(load("grbl"), doubts=()), {"confirmed": ["anything"]})
+        settings(replace(load("grbl"), doubts=(), further=lambda given: ()), {"confirmed": ["anything"]})
+
+
+def test_grbl_with_three_axes_has_no_rotary_letters_to_confirm() -> None:
+    letters = "the letters of the rotary axes are those of the build"
+    assert letters in unverified(load("grbl"), {}) and letters not in unverified(load("grbl"), {"control": "grbl"})
 
 
 # What is refused

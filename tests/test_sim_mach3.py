@@ -161,6 +161,17 @@ def test_the_path_of_the_file_goes_nowhere_but_into_a_string(made: Plan) -> None
         library(made, readings=bad)  # is made before anybody looks at the path
 
 
+@pytest.mark.parametrize("post", ["mach3", "mach4"])
+@pytest.mark.parametrize(
+    "options", [{"unclamp": {"B": "M0883"}}, {"probe_on": "M880"}, {"probe_off": "M881 P1"}, {"orient": "M883 R"}]
+)
+def test_words_of_the_profile_that_would_call_its_own_macros_are_refused(made: Plan, post: str, options: dict[str, Any]) -> None:
+    with pytest.raises(
+        InputError, match=r"controller\..*: found 'M.*'; allowed: not M0?88\d, M880 to M88\d travel with the program"
+    ):
+        controls.lines_of(post, made, **options)
+
+
 # The control
 
 

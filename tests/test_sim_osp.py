@@ -132,6 +132,8 @@ def test_contacts_in_another_frame_are_noticed_at_the_first_touch(made: Plan) ->
         ({"common": 195}, "1 … 192"),
         ({"skip": ""}, "a word such as G31"),
         ({"skip": "G0"}, "a word such as G31"),
+        ({"skip": "G28"}, "a word such as G31"),
+        ({"skip": "G91"}, "a word such as G31"),
         ({"wait": ""}, "words of the control"),
         ({"wait": "G0 Z-500"}, "move no axis"),
         ({"wait": "M30"}, "no M30, after which the program is over"),

@@ -49,7 +49,7 @@ HEAD = 2000  # bytes of a program within which its mark stands
     metavar="N",
     help="Write several programs of at most N touches, cut between indexations; 'tango run --split N' runs them in turn.",
 )
-@click.option("--dry-run", is_flag=True, help="Print the moves instead of writing anything.")
+@click.option("--dry-run", is_flag=True, help="Print the moves instead of writing programs.")
 @click.option(
     "--picture",
     type=Output(),
@@ -184,7 +184,10 @@ def programs(dialect: Post, whole: Plan, options: Mapping[str, Any], most: int |
         part = number, len(plans)
         given = posts.of_part(dialect, options, part)
         name, program_mark, lines = posts.program(dialect, plan, given, mark, part)
-        doubts = proven(dialect.title, lines, plan, posts.settings(dialect, given), beside)
+        try:
+            doubts = proven(dialect.title, lines, plan, posts.settings(dialect, given), beside)
+        except InputError as error:
+            raise InputError(f"{error}: nothing was written. Correct the post, or the profile under 'controller'") from None
         found.append(Written(name, program_mark, lines, plan, part, doubts))
     return found
 

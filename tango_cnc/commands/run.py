@@ -168,7 +168,7 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
             beside = posts.companions(post, whole, options)
             doubts = proven(post.title, lambda: iter(text.splitlines()), whole, posts.settings(post, options), beside)
         except InputError as error:
-            raise InputError(f"{program_file}: {error}; nothing was sent") from None
+            raise InputError(f"{program_file}: {error}: nothing was sent. Write it again with 'tango plan'") from None
         for doubt in doubts:
             click.echo(f"{program_file}: {doubt}", err=True)
         return [Program(text, mark, letters, whole, str(program_file))]

@@ -369,8 +369,6 @@ def numbered(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
 
 
 def at_line(number: int, line: str, error: InputError) -> InputError:
-    """line (0: none of them) and what is wrong with it → the error that says where, and what to do."""
+    """line (0: none of them) and what is wrong with it → the error that says where."""
     where = f"program line {number} {line[:80]!r}" if number else "program"
-    return InputError(
-        f"{where}: {error}. Nothing was written: the program is not the plan. Correct the post or the profile under controller:"
-    )
+    return InputError(f"{where}: {error}. The program is not the plan")
