@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import random
+import re
 import resource
 import shutil
 import subprocess
@@ -40,9 +41,9 @@ def measured(touches: int, post: str) -> dict[str, float]:
     from tango_cnc import envelope
     from tango_cnc.plan import plan, plan_hash
 
-    cell, base = drawn(touches), _peak()
+    cell, base = drawn(touches), peak()
     made, plan_s = timed(lambda: plan(cell))
-    planned = _peak()
+    planned = peak()
     dialect = posts.load(post)
 
     def written() -> tuple[Any, int]:
@@ -50,7 +51,7 @@ def measured(touches: int, post: str) -> dict[str, float]:
         return lines, sum(len(line) + 1 for line in lines())
 
     (lines, size), program_s = timed(written)
-    wrote = _peak()
+    wrote = peak()
     _, check_s = timed(lambda: envelope.check(lines, made, posts.settings(dialect, {}), posts.companions(dialect, made, {})))
     return {
         "touches": len(made.touches),
@@ -60,7 +61,7 @@ def measured(touches: int, post: str) -> dict[str, float]:
         "plan_mb": planned - base,
         "base_mb": base,
         "program_mb": wrote - planned,
-        "check_mb": _peak() - wrote,
+        "check_mb": peak() - wrote,
         "size_mb": size / 1e6,
     }
 
@@ -93,16 +94,16 @@ def whole(touches: int, post: str, split: int | None = None) -> dict[str, float]
         shutil.copytree(CELL, cell)
         (cell / "strategy.yaml").write_text(strategy_text(drawn(touches).strategy), encoding="utf-8")
         code = (
-            "import json, resource, sys\nfrom tango_cnc.cli import main\n"
+            "import json, runpy, sys, time\nfrom tango_cnc.cli import main\n"
             "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
-            "used = resource.getrusage(resource.RUSAGE_SELF)\n"
-            "print(json.dumps([used.ru_utime + used.ru_stime, used.ru_maxrss]), file=sys.stderr)"
+            f"used = time.process_time(), runpy.run_path({__file__!r})['peak']()\n"
+            "print(json.dumps(used), file=sys.stderr)"
         )
         call = [sys.executable, "-c", code, "plan", "-C", str(cell), "--post", post]
         call += ["--split", str(split)] if split else []
         said = subprocess.run(call, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True).stderr
     seconds, size = json.loads(said.splitlines()[-1])
-    return {"whole_s": seconds, "whole_mb": size / (1e6 if sys.platform == "darwin" else 1e3)}
+    return {"whole_s": seconds, "whole_mb": size}
 
 
 def dialects() -> dict[str, tuple[int, float]]:
@@ -122,8 +123,14 @@ def dialects() -> dict[str, tuple[int, float]]:
     return found
 
 
-def _peak() -> float:
-    """→ MB, the most that this process has ever had."""
+def peak() -> float:
+    """→ MB, the most that this process has ever had.
+
+    Linux counts into `ru_maxrss` what the process that started this one had at that moment; VmHWM begins anew with the program.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        return int(re.findall(r"^VmHWM:\s+(\d+) kB$", status.read_text(), re.MULTILINE)[0]) / 1e3
     size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return size / (1e6 if sys.platform == "darwin" else 1e3)
 
