@@ -22,7 +22,6 @@ PROBE = (
     re.compile(r"TCH PROBE 4\.2 IX\+(Q\d+) IY\+(Q\d+) IZ\+(Q\d+)"),
     re.compile(r"TCH PROBE 4\.3 DIST\+(Q\d+) F(\d+\.?\d*) MB\+(\d+\.?\d*) REFERENCE SYSTEM: 1"),
 )
-MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
 BEGIN, END = re.compile(r"BEGIN PGM (\S+) MM"), "END PGM {} MM"
 HEAD = (  # nothing is shifted, mirrored, turned or scaled, and the spindle stands
     *(

@@ -11,6 +11,11 @@ from ._rehearsal import at_line, numbered
 
 Companions = Mapping[str, Sequence[str]]  # file name → lines, of what travels with a program
 
+# The line that names a program, a comment in brackets or behind a semicolon, and nothing behind it that a control would carry out
+_MARK = r"PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}(?: PART \d+ OF \d+)?"
+MARK_IN_BRACKETS = re.compile(rf"\({_MARK}\)")
+MARK_BEHIND_SEMICOLON = re.compile(rf"; {_MARK}")
+
 HARMLESS = (4, 15, 65)  # dwell, the frame that Okuma counts by, a call of a macro
 OWN = 100  # G words from here on are the builder's own
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import Companions, axes_by_number, read_through, stated_words
+from ._reading import MARK_BEHIND_SEMICOLON, Companions, axes_by_number, read_through, stated_words
 from ._rehearsal import NUMBER, SPOILT, Rehearsal, numbered
 from ._worlds import World
 
@@ -30,7 +30,6 @@ START = re.compile(r'M223 "TANGO START ([0-9A-F]{12}) (\d+)\\n"')
 END = re.compile(r'M223 "TANGO END ([0-9A-F]{12}) (\d+)\\n"')
 RECORD = re.compile(r'M223 "P%\.0f H%\.0f((?: [A-Z]%\.[4-9]f)+)\\n"((?: #\d+)+)')
 STOP = re.compile(r'M225 #(\d+) "TANGO STOPPED\. [A-Z0-9 .]+"')
-MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
 WAIT = "IF #50010"
 OWN = range(29000, 30000)
 INPUT, PROBE_BIT, TRIPPED = 9011, 50015, 25022
@@ -101,7 +100,7 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
-        if match := MARK.match(line):
+        if match := MARK_BEHIND_SEMICOLON.fullmatch(line):
             self._mark = match[1]
         code = line.partition(";")[0].strip() if '"' not in line else line
         if not code or code in self._words:

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import Companions, read_through, stated_words
+from ._reading import MARK_BEHIND_SEMICOLON, Companions, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, Statement
 from ._worlds import Place, World, latched_elsewhere, offset_changed
 
@@ -27,7 +27,6 @@ OPEN = re.compile(r'#OPEN \["[A-Z]:[^"]+","A"\]')
 TEXT = re.compile(r'#WRITE \["P(\d+) H%(\.4F|[A-Z])((?: [A-Z]%(?:\.4F|[A-Z]))+) S(\d+\.\d*) K%(?:\.4F|[A-Z])",([^"]+)\]')
 START = re.compile(r'#WRITE \["TANGO START ([0-9A-F]{12}) (\d+)"\]')
 END = re.compile(r'#WRITE \["TANGO END ([0-9A-F]{12}) (\d+)"\]')
-MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
 SPELT = [("!=", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
 LOCAL = range(26)
@@ -73,7 +72,7 @@ class _Program:
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
         if line.startswith(";"):
-            self._mark = match[1] if (match := MARK.match(line)) else self._mark
+            self._mark = match[1] if (match := MARK_BEHIND_SEMICOLON.fullmatch(line)) else self._mark
         elif self.over:
             raise InputError("something stands behind the end of the program")
         elif not self._begun:

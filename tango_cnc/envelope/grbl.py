@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ..records import InputError, Plan
-from ._reading import Companions, read_through, stated_words
+from ._reading import MARK_IN_BRACKETS, Companions, read_through, stated_words
 from ._rehearsal import NUMBER
 from ._walk import MEASURES, PROTECTED, Walk
 
@@ -20,7 +20,6 @@ COMMENT = re.compile(r"\([A-Z0-9 .+-]*\)")
 SEARCH = re.compile(rf"G38\.3((?: [XYZ]{NUMBER})+) F({NUMBER})")
 OFF = re.compile(rf"G1((?: [XYZ]{NUMBER})+) F({NUMBER})")
 TURN = re.compile(rf"G0((?: [ABC]{NUMBER})+)")
-MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}(?: PART \d+ OF \d+)?\)")
 START = re.compile(r"\(TANGO START ([0-9A-F]{12}) (\d+)\)")
 SWITCHED = re.compile(r"\((CLAMP|UNCLAMP) ([ABC]) (M\d{1,3})\)")  # the driver has the words from here
 END = re.compile(r"\(TANGO END ([0-9A-F]{12}) (\d+)\)")
@@ -61,7 +60,7 @@ class _Program:
         """One line of the file. Raises InputError when it must not reach a machine."""
         if self.over:
             raise InputError("a line behind the end mark")
-        if match := MARK.fullmatch(line):
+        if match := MARK_IN_BRACKETS.fullmatch(line):
             self._mark = match[1]
         elif match := START.fullmatch(line):
             self._start(match[1], int(match[2]))

@@ -26,7 +26,6 @@ from ._klartext_blocks import (
     FOLLOWS,
     HEAD,
     JUMP,
-    MARK,
     PRINT,
     PROBE,
     PROBE_TABLE,
@@ -34,7 +33,7 @@ from ._klartext_blocks import (
     TEXT,
     TURN,
 )
-from ._reading import Companions, stated_words
+from ._reading import MARK_BEHIND_SEMICOLON, Companions, stated_words
 from ._rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
 from ._walk import FARTHEST, LEAST, PROTECTED
 from ._worlds import World, beside_the_line
@@ -118,7 +117,7 @@ class _Program:
 
     def line(self, block: str) -> None:
         """One block. Raises InputError when it must not reach a machine."""
-        if match := MARK.match(block):
+        if match := MARK_BEHIND_SEMICOLON.fullmatch(block):
             self._mark = match[1]
         if match := BEGIN.fullmatch(block):
             self._begin(match[1])

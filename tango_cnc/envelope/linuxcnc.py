@@ -15,7 +15,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import Companions, read_through, stated_words
+from ._reading import MARK_IN_BRACKETS, Companions, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, World
 from ._walk import PROTECTED
 
@@ -40,7 +40,6 @@ RECORD = re.compile(r"\(LOG,P%d(#\d+) H(#<\w+>) ([A-Z])%\.[4-9]f(#<\w+>)((?: [A-
 STILL = 1e-4  # mm
 SYNCHRONOUS = "M66 E0 L0"  # the lines behind it are read when everything before it has been done
 PIN = "#<_hal[motion.probe-input]>"
-MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}(?: PART \d+ OF \d+)?\)")
 
 
 def reads(head: list[str]) -> bool:
@@ -81,7 +80,7 @@ class _Program:
             self._sub(match[1], match[2])
         elif self._writing is not None:
             self._subs[self._writing].append(line)
-        elif match := MARK.fullmatch(line):
+        elif match := MARK_IN_BRACKETS.fullmatch(line):
             self._mark = match[1]
         elif (COMMENT.fullmatch(line) and line != "(LOGCLOSE)") or (self._opened and line in self._words):
             self._machine.walk.switch(line)

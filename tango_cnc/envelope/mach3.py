@@ -15,7 +15,7 @@ from typing import Any
 from ..records import InputError, Plan
 from . import _basic as basic
 from ._expressions import Value
-from ._reading import Companions, read_through, stated_words
+from ._reading import MARK_IN_BRACKETS, Companions, read_through, stated_words
 from ._rehearsal import NUMBER, SPOILT, Rehearsal
 from ._worlds import Place, World, latched_elsewhere, offset_changed
 
@@ -24,7 +24,6 @@ COMMENT = re.compile(r"\((?!.*TANGO (?:START|END) )[A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
 CALL = re.compile(r"M(88[0-6])(?: P(\d+))?")
 MARKED = re.compile(r"M(880|886) \(TANGO (START|END) ([0-9A-F]{12}) (\d+)\)")
-PROGRAM = re.compile(r"\(PROGRAM ([0-9A-F]{12}) PLAN [0-9A-F]{12}(?: PART \d+ OF \d+)?\)")
 STATED = {*range(101, 115), 141, 142, 143, 152}  # what a program may give a value to …
 KEPT = {*range(120, 137), 150, 151, 152}  # … and what a macro may
 LETTERS, MACHINE, WORK, PROBE, CONTACT = "XYZABC", basic.DISPLAY + 83, basic.DISPLAY + 800, basic.LAMP + 825, 2000
@@ -109,7 +108,7 @@ class _Program:
             raise InputError("a line behind the end of the program")
         if not (line.isascii() and line.isprintable()):
             raise InputError("found a character that cannot be printed or is not of ASCII")
-        if match := PROGRAM.fullmatch(line):
+        if match := MARK_IN_BRACKETS.fullmatch(line):
             self._mark = match[1]
         elif COMMENT.fullmatch(line) or (machine.begun and line in self._words):
             machine.walk.switch(line)

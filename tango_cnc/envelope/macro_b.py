@@ -14,7 +14,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import Companions, axes_by_number, read_through, stated_words
+from ._reading import MARK_IN_BRACKETS, Companions, axes_by_number, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, World, numbered
 
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
@@ -32,7 +32,6 @@ RECORD = re.compile(r"DPRNT\[P(#\d+)\[60\]\*H(#\d+)\[10\]((?:\*[A-Z]#\d+\[(?:44|
 LENGTH = re.compile(r"IF\[#4008NE49\]THEN#3000=\d{1,3}")
 MODE = re.compile(r"IF\[#(40[012]\d)EQ(\d{1,3}(?:\.\d)?)\]THEN#3000=\d{1,3}")
 DWELL = re.compile(r"G4 P\d{1,2}\.")
-MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 STOP = 3000
 ENDS = ("M30", "M2")
 PASSIVE = {"POPEN", "PCLOS", ""}
@@ -88,7 +87,7 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the tape. Raises InputError when it must not reach a machine."""
-        if match := MARK.match(line):
+        if match := MARK_IN_BRACKETS.fullmatch(line):
             self._mark = match[1]
         code = COMMENT.sub("", line)
         if re.fullmatch(r"N\d{1,5}", code) or (not self._begun and re.fullmatch(r"%|O\d{4,5}", code)):

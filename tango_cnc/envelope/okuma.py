@@ -14,7 +14,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import Companions, read_through, stated_words
+from ._reading import MARK_IN_BRACKETS, Companions, read_through, stated_words
 from ._rehearsal import NUMBER, Rehearsal, numbered
 from ._worlds import World, latched_elsewhere
 
@@ -35,7 +35,6 @@ VALUE = re.compile(r"PUT ([A-Z]{2}\d{0,3}),(\d{1,2})")
 OPEN = re.compile(r"FWRITC [A-Z]{2}\d:[A-Z0-9-]{1,16}\.[A-Z]{3};A")
 START = re.compile(r"TANGO START ([0-9A-F]{12}) (\d+)")
 END = re.compile(r"TANGO END ([0-9A-F]{12}) (\d+)")
-MARK = re.compile(r"\(PROGRAM ([0-9A-F]{12}) ")
 WORD = re.compile(r"[A-Z]\w*")
 OPERATORS = {"ABS", "SQRT", "FIX", "EQ", "NE", "GT", "GE", "LT", "LE", "AND", "OR"}
 FRAME = {"G10", "G170", "G53"}  # no rotation, no tool centre point, no tool length: what the first has, the third is G49 elsewhere
@@ -113,7 +112,7 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
-        if match := MARK.match(line):
+        if match := MARK_IN_BRACKETS.fullmatch(line):
             self._mark = match[1]
         code = COMMENT.sub("", line)
         orient = self._options.get("orient", "")

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..records import InputError, Plan
 from ._expressions import Value
-from ._reading import Companions, read_through, stated_words
+from ._reading import MARK_BEHIND_SEMICOLON, Companions, read_through, stated_words
 from ._rehearsal import NUMBER, SPOILT, Rehearsal, Statement, World, numbered
 
 FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
@@ -31,7 +31,6 @@ CLOSE = re.compile(r'EXTCLOSE\(TG_ERROR,"[^"]+"\)')
 TEXT = re.compile(r'TG_TEXT=SPRINT\("P(\d+) H%D((?: [A-Z]%\.4F)+) S(-?\d+\.\d*) K%\.4F",(.+)\)')
 START = re.compile(r'"TANGO START ([0-9A-F]{12}) (\d+)"')
 END = re.compile(r'"TANGO END ([0-9A-F]{12}) (\d+)"')
-MARK = re.compile(r"; PROGRAM ([0-9A-F]{12}) ")
 STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"\)|SETAL\(\d+\)|M0')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
@@ -92,7 +91,7 @@ class _Program:
         if (asked := INPUT.search(line)) and asked[1] != self._input:
             raise InputError(f"found {asked[0]}; the probe is at input {self._input}")
         if line.startswith(";"):
-            self._mark = match[1] if (match := MARK.match(line)) else self._mark
+            self._mark = match[1] if (match := MARK_BEHIND_SEMICOLON.fullmatch(line)) else self._mark
         elif match := JUMP.fullmatch(line):
             self._jump(match[1], match[2])
         elif line == "ENDIF" and self._within:
