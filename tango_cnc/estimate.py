@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, stats
+from scipy import linalg, special
 
 from . import kinematics
 from .identify import Selection, condition_number, select
@@ -252,7 +252,7 @@ def _outliers(result: Estimate) -> NDArray[np.int64]:
         if np.max(np.abs(new - weight)) < 0.02:
             break
         weight = new
-    return result.model.touches.number[np.abs(standard) > float(stats.norm.isf(0.0005 / n))]
+    return result.model.touches.number[np.abs(standard) > -float(special.ndtri(0.0005 / n))]
 
 
 def without(readings: Readings, touches: NDArray[np.int64]) -> Readings:

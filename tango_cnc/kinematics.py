@@ -161,8 +161,10 @@ def _amount(step: Step, position: Array, errors: Errors) -> Array | float | None
 
 
 def _start(chain: Chain, position: Array, errors: Errors) -> Point:
-    given = [np.zeros(position.shape[:-1]) + errors.get(Slot("t", "stylus", i), 0.0) for i in range(3)]
-    offset = np.array(np.broadcast_arrays(*given))
+    slots = [Slot("t", "stylus", i) for i in range(3)]
+    if not any(slot in errors for slot in slots):
+        return [np.full(position.shape[:-1], value) for value in chain.tip]
+    offset = np.array(np.broadcast_arrays(*(np.zeros(position.shape[:-1]) + errors.get(slot, 0.0) for slot in slots)))
     return [chain.tip[i] + np.tensordot(chain.spindle_frame[:, i], offset, 1) for i in range(3)]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, optimize, stats
+from scipy import linalg, optimize, special
 
 from .. import kinematics
 from ..model import Model, residual
@@ -86,7 +86,7 @@ def wetness(values: Array, block: int = 100) -> Wetness:
     rest = means - columns @ fit
     dof = count - 3
     spread = math.sqrt(float(rest @ rest) / dof * inverse[2, 2])
-    p = float(2 * stats.t.sf(abs(fit[2]) / spread, dof)) if spread > 0 else 0.0
+    p = float(2 * special.stdtr(dof, -abs(fit[2]) / spread)) if spread > 0 else 0.0
     return Wetness(means, blocks.std(axis=1, ddof=1), float(np.ptp(means)), float(fit[2]), spread, p)
 
 

@@ -63,13 +63,16 @@ def _level(tokens: list[str], depth: int) -> Expression:
 
 
 def _joined(word: str, join: Callable[[float, float], float], left: Expression, right: Expression) -> Expression:
-    def value(get: Get) -> Value:
-        a, b = left(get), right(get)
-        if word in ("EQ", "NE") and (a is None or b is None):
-            return float((a is b) == (word == "EQ"))
-        return join(a or 0.0, b or 0.0)
+    if word not in ("EQ", "NE"):
+        return lambda get: join(left(get) or 0.0, right(get) or 0.0)
 
-    return value
+    def compared(get: Get) -> Value:
+        a, b = left(get), right(get)
+        if a is None or b is None:
+            return float((a is b) == (word == "EQ"))
+        return join(a, b)
+
+    return compared
 
 
 def _primary(tokens: list[str]) -> Expression:

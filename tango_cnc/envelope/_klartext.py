@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 
 from ..records import InputError
 
@@ -28,6 +29,7 @@ def whole(lines: Iterable[str]) -> Iterator[str]:
         raise InputError("the last line goes on with ~")
 
 
+@lru_cache(maxsize=4096)
 def spelt(text: str) -> str:
     """formula as this control spells it → as the reader of expressions does."""
     text = re.sub(r"Q\d+", lambda match: f"#<{match[0]}>", text)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 from ..records import InputError, Plan
@@ -81,7 +82,7 @@ class Rehearsal:
     def value(self, world: World, text: str) -> float:
         """expression → its value in a world. Raises InputError for what is no expression."""
         try:
-            return expression(text)(lambda key: self._read(world, key)) or 0.0
+            return expression(text)(partial(self._read, world)) or 0.0
         except (ValueError, ZeroDivisionError, OverflowError, TypeError) as error:
             raise InputError(f"{text!r} has no value: {error}") from None
 

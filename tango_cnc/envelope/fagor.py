@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from ..records import InputError, Plan
@@ -53,6 +54,7 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
+        self._spelt = lru_cache(maxsize=4096)(self._expressed)
         self._machine = Rehearsal(plan, options, self._read, latches=bool(options.get("met")), astray=_astray)
         self._words = stated_words(options)
         self._off = {f"#{word} OFF" for word in options.get("off", "").split()}
@@ -209,7 +211,7 @@ class _Program:
         else:
             raise InputError("no line that a program of this kind may have here")
 
-    def _spelt(self, text: str) -> str:
+    def _expressed(self, text: str) -> str:
         """expression as this control spells it → as the reader of expressions does."""
         if self._state:
             text = text.replace(self._state, "#<A_PROBE>")

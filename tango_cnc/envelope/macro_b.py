@@ -18,6 +18,7 @@ from ._reading import MARK_IN_BRACKETS, Companions, axes_by_number, read_through
 from ._rehearsal import NUMBER, Rehearsal, World, numbered
 
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
+ARGUED = max(ARGUMENTS.values())
 LOCAL, COMMON = range(1, 34), range(100, 150)
 WORD = rf"(?:#\d+|{NUMBER}|\[[^ ]+\])"
 COMMENT = re.compile(r"\([^()]*\)")
@@ -238,10 +239,10 @@ class _Program:
         assert isinstance(key, int)
         if key == 0:
             return None
-        if key in LOCAL and (key <= max(ARGUMENTS.values()) or key in world.local[-1]):
+        if key in LOCAL and (key <= ARGUED or key in world.local[-1]):
             return world.local[-1].get(key)
-        kind, axis = divmod(key - 5000, 20)
-        if 5020 < key < 5080 and kind in (1, 2, 3) and axis in self._axis:
+        kind, axis = divmod(key - 5000, 20) if 5020 < key < 5080 else (0, 0)
+        if kind and axis in self._axis:
             name = self._axis[axis]
             if kind == 3:
                 return world.skip[name] - world.offset[name]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from ..records import InputError, Plan
@@ -94,6 +95,7 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], parts: Mapping[str, _Part]) -> None:
+        self._spelt = lru_cache(maxsize=4096)(self._expressed)
         self._machine = Rehearsal(plan, options, self._read, astray=latched_elsewhere)
         self._parts, self._options = parts, options
         self._names = [axis.name for axis in plan.machine.axes if axis.kind != "spindle"]
@@ -303,7 +305,7 @@ class _Program:
         else:
             raise InputError("no line that a program of this kind may have here")
 
-    def _spelt(self, text: str) -> str:
+    def _expressed(self, text: str) -> str:
         """expression as this control spells it → as the reader of expressions does."""
         if self._state:
             text = text.replace(self._state, "A_PROBE")

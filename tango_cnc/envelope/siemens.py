@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from ..records import InputError, Plan
@@ -248,6 +249,7 @@ def _once(words: list[str]) -> dict[str, str]:
     return named
 
 
+@lru_cache(maxsize=4096)
 def _spelt(text: str) -> str:
     """expression as this control spells it → as the reader of expressions does."""
     text = SYSTEM.sub(r"#<\1__\2>", text)
