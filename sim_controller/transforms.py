@@ -16,7 +16,7 @@ def translation(vectors: Array) -> Array:
 
 def _identities(count: int) -> Array:
     result = np.zeros((count, 4, 4))
-    result.reshape(count, 16)[:, ::5] = 1.0  # a slice takes a fifth of the time of an index for each element
+    result.reshape(count, 16)[:, ::5] = 1.0  # a slice is some three times as quick as indices, and every joint of every place asks
     return result
 
 
