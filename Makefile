@@ -5,7 +5,7 @@ BIN := .venv/bin
 export OPENBLAS_NUM_THREADS ?= 1
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 
-.PHONY: demo test check-long campaign campaign-link blind lint format clean
+.PHONY: demo test check-long campaign campaign-link blind nights lint format clean
 
 demo: .venv/base.stamp
 	$(BIN)/tango demo
@@ -26,12 +26,16 @@ campaign-link: .venv/test.stamp
 
 # Effects hidden in simulated readings by the hundred, and the confusion matrix of what the diagnosis makes of them.
 blind: .venv/test.stamp
-	$(BIN)/python -m pytest tests/test_diagnose_blind.py -m campaign -s
+	$(BIN)/python -m pytest tests/test_diagnose_blind.py tests/test_diagnose_outside.py -m campaign -s
 
 lint: .venv/test.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+# One simulated year of nights again, step for step: make nights SEED=17. Without SEED a thousand years; TANGO_YEARS=5 for less.
+nights: .venv/test.stamp
+	TANGO_SEED=$(SEED) $(BIN)/python -m pytest tests/test_nights.py -m campaign -k years -s
 
 format: .venv/test.stamp
 	$(BIN)/ruff format .

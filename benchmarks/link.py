@@ -21,14 +21,15 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sim_controller.interpreters.grbl import switched_on
+from sim_controller.languages.grbl import switched_on
 from sim_controller.lines import PtyLine, TcpLine
 from sim_controller.motion import Skip
 from sim_controller.probing import home
 from sim_controller.protocols import grbl, modbus
 from tango_cnc.files import read_cell
-from tango_cnc.link._measure import Program, Wanted, measure
+from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.plan import plan
+from tango_cnc.program import Program
 
 LIMIT = 50.0  # ms a touch
 NEAR = 0.01  # mm between the end of a measuring move as planned and as sent
@@ -123,7 +124,7 @@ def overhead(how: str, touches: int) -> tuple[float, float]:
     cell = replace(cell, strategy=replace(cell.strategy, indexations=tuple(kept)))
     made = plan(cell)
     seen: list[tuple[float, float]] = []
-    program = Program("%\nO1\nM30\n%\n", "5AFE", (*cell.machine.names,), made)
+    program = Program("O1.nc", "5AFE", lambda: iter(("%", "O1", "M30", "%")), made, cell.machine.names, summed=False)
     with tempfile.TemporaryDirectory() as folder:
         wanted = Wanted(served(how, cell, made), "dnc", "fanuc", Path(folder) / "readings.csv", timeout=60.0)
         watch = lambda step: seen.append((time.perf_counter(), time.process_time()))  # noqa: E731

@@ -38,7 +38,7 @@ STAGES = ("plan", "program", "check", "whole")
 def measured(touches: int, post: str) -> dict[str, float]:
     """→ CPU seconds and MB at the peak, of planning, writing and reading back."""
     from postprocessors import _base as posts
-    from tango_cnc import envelope
+    from tango_cnc import readback
     from tango_cnc.plan import plan, plan_hash
 
     cell, base = drawn(touches), peak()
@@ -52,7 +52,7 @@ def measured(touches: int, post: str) -> dict[str, float]:
 
     (lines, size), program_s = timed(written)
     wrote = peak()
-    _, check_s = timed(lambda: envelope.check(lines, made, posts.settings(dialect, {}), posts.companions(dialect, made, {})))
+    _, check_s = timed(lambda: readback.check(lines, made, posts.settings(dialect, {}), posts.companions(dialect, made, {})))
     return {
         "touches": len(made.touches),
         "plan_s": plan_s,

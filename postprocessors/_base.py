@@ -49,6 +49,10 @@ class Option:
     codes: bool = False  # the text goes into the program as it stands
 
 
+GATE = Option("gate", "finger", "what proves the probe alive before the first descent, or none", True, ("finger", "none"))
+UNPROVEN = "nothing proves the probe alive before the first descent: a flat battery drives the stylus into the table"
+
+
 @dataclass(frozen=True)
 class Job:
     """One plan on its way into a program."""
@@ -105,11 +109,18 @@ class Post:
     back: Step  # to the stand-off, guarded
     probe_off: Whole
     end: Whole  # end mark, end of program, macros that travel with it
+    language: str = ""  # that the program is written in: one of tango_cnc/readback/languages; empty: by what it looks like
+    summed: bool = True  # whether every record ends with K, the sum of its coordinates; one without it is refused then
     link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
     record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
     finish: Callable[[Iterator[str]], Iterator[str]] = iter  # what is done to the lines as a whole: block numbers
     further: Callable[[Mapping[str, Any]], tuple[str, ...]] = field(default=lambda given: ())  # doubts that an option brings
     companions: Callable[[Job], Mapping[str, Lines]] = field(default=lambda job: {})  # file name → lines that the control needs too
+    gate: Step | None = None  # the slow move before the first descent during which somebody touches the stylus
+
+    def __post_init__(self) -> None:
+        if self.gate is not None and not any(option.name == GATE.name for option in self.options):
+            object.__setattr__(self, "options", (*self.options, GATE))
 
 
 def is_own(name: str) -> bool:
@@ -198,7 +209,8 @@ def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:
     open_fields = (o for o in post.options if not o.verified and o.name not in given)
     fields = tuple(f"{o.name} = {o.default if o.default != '' else 'none'}: {o.meaning}" for o in open_fields)
     with _own(post):
-        doubts = (*post.doubts, *post.further(given))
+        unproven = () if post.gate is not None and given.get(GATE.name, GATE.default) != "none" else (UNPROVEN,)
+        doubts = (*unproven, *post.doubts, *post.further(given))
     done = confirmed(given.get("confirmed", ()), doubts, fields)
     return (*fields, *(doubt for doubt in doubts if doubt not in done))
 
@@ -338,7 +350,13 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
     to: dict[str, float] = {}
     yield from _said(post.begin(job))
     yield from _said(post.probe_on(job))
+    from . import _alive
+
+    gate = post.gate if job.options.get(GATE.name) == "finger" else None
     for move, touch in job.plan.served:
+        if gate is not None and move.kind == "approach":
+            yield from _said(gate(job, _alive.leg(job, dict(to))))
+            gate = None
         came = dict(to)
         to.update(move.target)
         leg = Leg(move.kind, move.target, dict(to), touch, came)

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from textwrap import wrap
 from typing import Any
 
+from tango_cnc.gate import TOUCH
 from tango_cnc.records import OFF, InputError, Machine
 
 from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
@@ -18,6 +19,7 @@ STOPS_OR_SPINS = re.compile(r"(?<![A-Z])M0*(?:[2346]|30|99)(?!\d)")  # end of pr
 HOLDS = re.compile(r"M0*(?:[01]|98)(?!\d)")  # waits for a person, calls a program: no word that holds an axis
 # G words that change what the moves behind them mean: all but a dwell, the frame of G15, a call, and the builder's own G100 …
 MODAL = re.compile(r"(?<![A-Z])G *0*(?!(?:4|15|65)(?!\d))\d{1,2}(?!\d)")
+WAITS = ("G53", "G103 P1")  # blocks of their own that wait for the axes, or end reading ahead
 LIMITS = {  # of options that are numbers; what is beyond them is a slip of the finger
     "positioning_feed": (1, 1_000_000),
     "tolerance": (0.001, 1),  # with more, a move that was stopped short would pass
@@ -36,11 +38,15 @@ ROLLOVER = Option(
 )
 TOLERANCE = Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True)
 MISSED = Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True)
-STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "record", "back", "probe_off", "end")
+TOUCHING = f"{TOUCH} - THE PROBE MOVES UP SLOWLY FOR 20 S"
+LETTING_GO = "LET GO OF THE STYLUS"
+UNTOUCHED = "STYLUS WAS NOT TOUCHED"  # or the probe is dead, off, or wired to another input: nothing has come near the table
+RELEASE = 5  # s for the hand to go
+STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "record", "back", "probe_off", "end", "gate")
 
 
 def steps(here: Mapping[str, Any]) -> dict[str, Any]:
-    """globals() of a post → {step: the function named after it}; one that is missing is missed by `Post`."""
+    """globals() of a post → {step: the function named after it}; one that is missing, but `gate`, is missed by `Post`."""
     return {name: here[name] for name in STEPS if name in here}
 
 
@@ -224,7 +230,7 @@ def fits(job: Job, most: int = 9) -> None:
                 "turns; a probe that is switched on by its spinning needs a macro that stops the spindle again"
             )
     for key in ("probe_on", "probe_off", "orient", "wait", "machine_frame"):
-        if isinstance(word := options.get(key), str) and (found := MODAL.search(word)):
+        if isinstance(word := options.get(key), str) and word not in WAITS and (found := MODAL.search(word)):
             raise InputError(
                 f"controller.{key}: found {options[key]!r}; allowed: no {found[0]}, which may change what a move means"
             )

@@ -9,13 +9,14 @@ from tango_cnc.records import OFF
 from ._base import Job, early_distance, number, search_distance
 
 ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
-GUARDED, MEASURING, RECORD, FINDING, CYCLE = 1, 2, 3, 4, 5  # labels
-MET, DEAD, ELSEWHERE, TURNED, TABLE, DISAGREES, ASTRAY = 91, 92, 93, 94, 95, 96, 97
+GUARDED, MEASURING, RECORD, FINDING, CYCLE, GATE = 1, 2, 3, 4, 5, 6  # labels
+MET, DEAD, ELSEWHERE, TURNED, TABLE, DISAGREES, ASTRAY, UNTOUCHED = 91, 92, 93, 94, 95, 96, 97, 98
 STOPS = {
     MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
     DEAD: "NO CONTACT. IS THE PROBE ALIVE",
     ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
     TURNED: "ROTARY AXIS NOT IN PLACE",
+    UNTOUCHED: "STYLUS WAS NOT TOUCHED",
 }
 CANCELS = (  # datum shift, mirror image, rotation, scaling
     *("CYCL DEF 7.0 DATUM SHIFT", "CYCL DEF 7.1 X+0.0", "CYCL DEF 7.2 Y+0.0", "CYCL DEF 7.3 Z+0.0"),
@@ -41,7 +42,7 @@ def guarded(job: Job) -> Iterator[str]:
         yield f"{NOW[name]} = {TARGET[name]} - {NOW[name]}"
     yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
     yield f"FN 12: IF +{WAY} LT +0.001 GOTO LBL 11"
-    yield from _tch_probe(feed_text(job.options["positioning_feed"]), "+0")
+    yield from _tch_probe(job.options["distance"], feed_text(job.options["positioning_feed"]), "+0")
     yield f"FN 11: IF +{NONE} GT -0.5 GOTO LBL {MET}"
     yield "FN 20: WAIT FOR SYNC"
     yield "Q35 = 0"
@@ -61,7 +62,7 @@ def measuring(job: Job, label: int = MEASURING, then: Iterable[str] = (), last: 
     """
     yield f"LBL {label} ; MEASURING MOVE FROM Q24 Q25 Q26 TO Q21 Q22 Q23"
     yield from way()
-    yield from _tch_probe(feed_text(job.plan.strategy.approach.feed), f"+{OFF:.4f}")
+    yield from _tch_probe(job.options["distance"], feed_text(job.plan.strategy.approach.feed), f"+{OFF:.4f}")
     yield "FN 20: WAIT FOR SYNC"
     yield from turned(job)
     yield f"{FLAG} = 0"
@@ -109,12 +110,12 @@ def on_its_line(job: Job, place: Mapping[str, str], label: int, aside: float = A
     yield f"FN 11: IF +Q37 GT +{aside**2:.4f} GOTO LBL {label}"
 
 
-def _tch_probe(feed: str, back_by: str) -> Iterator[str]:
+def _tch_probe(word: str, feed: str, back_by: str) -> Iterator[str]:
     """In the direction of Q31 Q32 Q33 by Q34; results in Q41 … Q44 in machine coordinates."""
     yield "TCH PROBE 4.0 MEASURING IN 3-D"
     yield f"TCH PROBE 4.1 {HIT}"
     yield f"TCH PROBE 4.2 IX+{NOW['X']} IY+{NOW['Y']} IZ+{NOW['Z']}"
-    yield f"TCH PROBE 4.3 DIST+{WAY} F{feed} MB{back_by} REFERENCE SYSTEM: 1"
+    yield f"TCH PROBE 4.3 {word}+{WAY} F{feed} MB{back_by} REFERENCE SYSTEM: 1"
 
 
 def record_text(job: Job) -> Iterator[str]:
@@ -141,7 +142,7 @@ def reading(job: Job, parameter: str, name: str, frame: str = "ID240") -> str:
     """→ the block that puts an axis' machine position (ID270: that of the ball in the program's frame) into a parameter."""
     stated = job.options["axis_numbers"]
     which = stated[name] if stated else 1 + "XYZABC".index(name)
-    return f"FN 18: SYSREAD {parameter} = {frame} NR1 IDX{which}"
+    return f"FN 18: SYSREAD {parameter} = {frame} NR{8 if frame == 'ID240' else 1} IDX{which}"
 
 
 def feed_text(value: float) -> str:

@@ -8,7 +8,9 @@ Four pieces of macro text do everything near the table (`_macro_b_text.py`):
     4  rotary axes A B C have arrived
 
 They stand in the program wherever they are needed (`macros: inline`: nothing to load, runs from memory and drip-fed), or once, as
-O-programs behind the main program (`macros: called`: a quarter of the size, but only from memory).
+O-programs before the main program (`macros: called`: a quarter of the size, but only from memory). Before, because controls
+stop reading a file at M30 (3201#6): what stands there would be missing, or be somebody else's program of that number. A called
+program says which set it belongs to (#121), and leaves the number of its set (#122), which is compared after each call.
 
 All targets are machine coordinates. G31 lives in the work frame, so the constant difference of both is read once with the axes
 at rest (#101 …) and taken off; each touch reads it again and stops when it has changed.
@@ -16,15 +18,18 @@ at rest (#101 …) and taken off; each touch reads it again and stops when it ha
 
 from __future__ import annotations
 
+import hashlib
 import math
+import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tango_cnc.records import InputError
 
 from . import _common as common
 from . import _macro_b_text as text
+from ._alive import proving
 from ._base import Job, Leg, Option, comment, is_endless, number
 from ._macro_b_text import FLAG, FRAME, MISSES, Words
 
@@ -35,16 +40,21 @@ MUST_BE_OFF = (
 )
 PROBE_STATE = "number of the variable that is not 0 while the probe is deflected, e.g. 1004; 0: G31 itself has to end at once"
 STATES = range(1000, 1064)
+WANTED, RAN = 121, 122  # number of the set of macros: that of the program, that of the macro which has run last
+MACROS = ("inline", "called")
+WAITING = "block behind which #5021 is read with the axes at rest: G53, G103 P1 with two empty blocks, or a builder's M word"
+SKIPS = re.compile(r"G31(\.[1-4])?( P[1-9]\d?)?")
+WAITS = re.compile(r"G53|G103 P1|G4 [PX]\d*\.\d*|M[1-9]\d{1,3}")
 ROLLOVER = (
     "angles of 0 to 360 for rotary axes without limits (auto) or for all that can stand there (always); never: as planned; "
     "signed: as auto where the sign is the sense of the turn"
 )
 
 OPTIONS: tuple[Option, ...] = (
-    Option("program_number", 8700, "O number of the program; macros take the next four", verified=True),
-    Option(
-        "macros", "inline", "where the macro text stands: in every touch, or called from behind M30", True, ("inline", "called")
-    ),
+    Option("program_number", 7700, "O number of the program; macros take the next four", verified=True),
+    Option("macros", "inline", "where the macro text stands: in every touch, or called, before the program", True, MACROS),
+    Option("skip", "G31", "word of the move that the probe ends; G31 P1 where the control has several skip inputs", codes=True),
+    Option("wait", "G53", WAITING, codes=True),
     Option(
         "reset", "G17 G40 G49 G69 G80 G90 G94 M5", "modal state besides G21; the control must know every word of it", codes=True
     ),
@@ -86,6 +96,8 @@ class _Steps:
         plan, machine = job.plan, job.machine
         _check(job, self.words)
         yield "%"
+        if job.options["macros"] == "called":
+            yield from self._programs(job)
         yield f"{self.stem(job)}(TANGO {comment(machine.name, 40)})"
         yield f"(PROGRAM {job.mark} PLAN {job.plan_mark})"
         for remark in common.counted(job):
@@ -99,10 +111,12 @@ class _Steps:
             yield f"IF[#{group}EQ{code:g}]THEN{self.words.stop(5, f'CANCEL G{code:g} FIRST')}"
         yield from ("G21", job.options["reset"])  # Fanuc wants G21 in a block of its own
         yield "(MACHINE MINUS WORK COORDINATES)"
-        yield self.words.wait
+        yield from text.waited(job)
         for name, axis in common.axis_numbers(job).items():
             yield f"#{FRAME + axis}=#{5020 + axis}-#{5040 + axis}({name})"
         yield f"#{MISSES}=0"
+        if job.options["macros"] == "called":
+            yield f"#{WANTED}={self._set(job)}"
         yield from self.words.open
         yield f"#{FLAG}={len(plan.touches)}"
         yield f"DPRNT[TANGO*START*{job.mark}*#{FLAG}[60]]"
@@ -137,12 +151,24 @@ class _Steps:
             yield from self._macro(job, 4, turned)
 
     def probe(self, job: Job, leg: Leg) -> Iterator[str]:
-        start = common.standoff(job, leg)
-        values = common.words(job, leg.to) | dict(zip("IJK", common.words(job, start).values(), strict=True))
-        yield from self._macro(job, 2, values | {"F": number(job.plan.strategy.approach.feed)})
+        yield from self._measured(job, leg, job.plan.strategy.approach.feed)
         numbers = common.axis_numbers(job)
         off = {name: f"[#{5020 + numbers[name]}{step}-#{FRAME + numbers[name]}]" for name, step in common.off(job, leg).items()}
         yield f"G1 {' '.join(name + value for name, value in off.items())} F{number(job.options['positioning_feed'])}(OFF)"
+
+    def _measured(self, job: Job, leg: Leg, feed: float) -> Iterator[str]:
+        start = common.standoff(job, leg)
+        values = common.words(job, leg.to) | dict(zip("IJK", common.words(job, start).values(), strict=True))
+        yield from self._macro(job, 2, values | {"F": number(feed)})
+
+    def gate(self, job: Job, leg: Leg) -> Iterator[str]:
+        proof = proving(job)
+        yield f"({common.TOUCHING})"
+        yield from self._measured(job if job.options["macros"] == "called" else proof, leg, proof.plan.strategy.approach.feed)
+        yield f"IF[#{FLAG}EQ0]THEN{self.words.stop(7, common.UNTOUCHED)}"
+        yield f"({common.LETTING_GO})"
+        yield self.words.dwell.format(common.RELEASE)
+        yield from self._protected(job, replace(leg, to=leg.came))
 
     def back(self, job: Job, leg: Leg) -> Iterator[str]:
         yield "(BACK)"
@@ -156,17 +182,29 @@ class _Steps:
         yield f"DPRNT[TANGO*END*{job.mark}*#{FLAG}[60]]"
         yield from self.words.close
         yield self.words.end
-        if job.options["macros"] == "called":
-            for which, (title, piece) in enumerate(text.PIECES, 1):
-                yield f"O{job.options['program_number'] + which:0{self.words.o_digits}d}({title})"
-                yield from piece(job, self.words, None)
-                yield "M99"
         yield "%"
+
+    def _programs(self, job: Job) -> Iterator[str]:
+        """The pieces as O-programs: each refuses a main program of another set, and leaves the number of its own."""
+        own = self._set(job)
+        for which, (title, piece) in enumerate(text.PIECES, 1):
+            yield f"O{job.options['program_number'] + which:0{self.words.o_digits}d}({title})"
+            yield f"IF[#{WANTED}NE{own}]THEN{self.words.stop(8, 'MACROS OF ANOTHER PROGRAM')}"
+            yield from piece(job, self.words, None)
+            yield f"#{RAN}={own}"
+            yield "M99"
+
+    def _set(self, job: Job) -> int:
+        """→ number of the set of macros of this job, whatever feed and distances a step has."""
+        whole = "\n".join(line for _, piece in text.PIECES for line in piece(job, self.words, None))
+        return int(hashlib.sha256(whole.encode()).hexdigest(), 16) % 900_000 + 100_000
 
     def _macro(self, job: Job, which: int, arguments: Mapping[str, str]) -> Iterator[str]:
         """number of a piece, {letter: number as text} → its call, or its lines."""
         if job.options["macros"] == "called":
+            yield f"#{RAN}=0"
             yield f"G65 P{job.options['program_number'] + which} {common.joined(arguments)}"
+            yield f"IF[#{RAN}NE{self._set(job)}]THEN{self.words.stop(9, 'ANOTHER PROGRAM WAS CALLED')}"
         else:
             yield from text.PIECES[which - 1][1](job, self.words, arguments)
 
@@ -198,6 +236,12 @@ def _check(job: Job, words: Words) -> None:
         raise InputError(
             f"controller.probe_state: found {job.options['probe_state']}; allowed: 0 or 1000 … 1063, e.g. 1004 for #1004"
         )
+    for key, pattern, allowed in (
+        ("skip", SKIPS, "G31, G31.1 to G31.4, or G31 with P, e.g. G31 P1"),
+        ("wait", WAITS, "G53, G103 P1, a dwell such as G4 P0.1, or an M word"),
+    ):
+        if not pattern.fullmatch(job.options[key]) and not (key == "wait" and job.options[key] == words.wait):
+            raise InputError(f"controller.{key}: found {job.options[key]!r}; allowed: {allowed}")
     if not 1 <= job.options["program_number"] <= 9995:
         raise InputError(f"controller.program_number: found {job.options['program_number']}; allowed: 1 … 9995")
 

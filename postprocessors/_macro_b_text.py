@@ -25,7 +25,8 @@ class Words:
     open: tuple[str, ...] = ("POPEN",)
     close: tuple[str, ...] = ("PCLOS",)
     end: str = "M30"
-    wait: str = "G53"  # a block after which #5021 is read with the axes at rest
+    wait: str = "G53"  # where it is no option: a block after which #5021 is read with the axes at rest
+    dwell: str = "G4 X{}."  # s
     settle: str = ""  # a block behind the words that switch the probe on
     alarm: str = "#3000={number}({text})"
     first_alarm: int = 81
@@ -51,7 +52,8 @@ def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     yield from _targets(job, given)
     named = {name: WORK + i for i, (name, _) in enumerate(_linear(job), 1) if given is None or name in given}
     yield from _free(job, words)
-    yield f"G31 {' '.join(f'{name}#{place}' for name, place in named.items())} F{_value(given, 'F')}"
+    yield f"{job.options['skip']} {' '.join(f'{name}#{place}' for name, place in named.items())} F{_value(given, 'F')}"
+    yield from _skipped(job)
     yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE ON OR MET SOMETHING')}"
 
 
@@ -59,11 +61,12 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     """G31 from I J K to X Y Z at F: flag and machine coordinates."""
     yield from _targets(job, given)
     yield from _free(job, words)
-    yield f"G31 X#31 Y#32 Z#33 F{_value(given, 'F')}"
+    yield f"{job.options['skip']} X#31 Y#32 Z#33 F{_value(given, 'F')}"
+    yield from _skipped(job)
     for name, axis in axis_numbers(job).items():
         yield f"#{FLAG + axis}=#{5060 + axis}+#{5020 + axis}-#{5040 + axis}({name})"
     moved = "+".join(f"ABS[#{5020 + axis}-#{5040 + axis}-#{FRAME + axis}]" for _, axis in _linear(job))
-    yield f"IF[{moved}GT0.001]THEN{words.stop(1, 'WORK OFFSET CHANGED')}"
+    yield f"IF[{moved}GT0.005]THEN{words.stop(1, 'WORK OFFSET CHANGED')}"
     for i, (start, (_, axis)) in enumerate(zip("IJK", _linear(job), strict=True), 1):
         yield f"#{WAY + i}=#{FLAG + axis}-{signed(_value(given, start))}"
     yield f"#{FLAG}=1"
@@ -88,7 +91,7 @@ def record(job: Job, words: Words, given: Arguments) -> Iterator[str]:
 
 def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     """Rotary axes stand at A B C, whole turns aside; an axis that is not named is not asked."""
-    yield words.wait
+    yield from waited(job)
     for name in job.machine.rotary:
         if given is not None and name not in given:
             continue
@@ -112,8 +115,22 @@ PIECES: tuple[tuple[str, Piece], ...] = (
 def _free(job: Job, words: Words) -> Iterator[str]:
     """Where the profile knows a variable for it: a deflected probe is an alarm, before a G31 that might not notice."""
     if job.options["probe_state"]:
-        yield words.wait
+        yield from waited(job)
         yield f"IF[#{job.options['probe_state']}NE0]THEN{words.stop(6, 'PROBE IS DEFLECTED')}"
+
+
+def waited(job: Job) -> Iterator[str]:
+    """What the control must have done before a position is read: nothing is read ahead of it, or of two blocks one by one."""
+    wait = job.options["wait"]
+    yield wait
+    if wait.startswith("G103"):
+        yield from (";", ";")
+
+
+def _skipped(job: Job) -> Iterator[str]:
+    """A control that carries out macro statements ahead of motion does so behind a G31 as well."""
+    if job.options["wait"].startswith("G103"):
+        yield from waited(job)
 
 
 def _linear(job: Job) -> list[tuple[str, int]]:

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from tango_cnc.records import InputError
 
 from . import _common as common
+from ._alive import proving
 from ._base import Job, Leg, Option, Post, early_distance, number
 
 FRAME, PLACE, FAR = 29100, 29110, 29130  # #29101 … machine minus work; #29111 … of the touch; #29131 … from the stand-off
@@ -29,8 +31,9 @@ STOPS = (
     "NO CONTACT. IS THE PROBE ALIVE",
     "PROBE IS DEFLECTED",
     "ROTARY AXIS NOT IN PLACE",
+    common.UNTOUCHED,
 )
-ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE = range(9001, 9006)
+ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED = range(9001, 9007)
 FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 
 OPTIONS = (
@@ -121,6 +124,13 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, flag and machine coordinates."""
+    yield from _measured(job, leg)
+    numbers = common.axis_numbers(job)
+    off = {n: f"#{5020 + numbers[n]} {step[0]} {step[1:]} - #{FRAME + numbers[n]}" for n, step in common.off(job, leg).items()}
+    yield f"G1 {' '.join(f'{n}[{value}]' for n, value in off.items())} F{number(job.options['positioning_feed'])}"
+
+
+def _measured(job: Job, leg: Leg) -> Iterator[str]:
     start = common.standoff(job, leg)
     goal = {name: leg.to[name] for name in "XYZ"}
     yield f"M115 {_slashed(job, goal)} P#9011 F{number(job.plan.strategy.approach.feed)} L1"
@@ -140,9 +150,16 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield f"#{MISSES} = [#{MISSES} + 1]"
     yield f"IF [#{FLAG} != 0] THEN #{MISSES} = 0"
     yield f"IF [#{MISSES} >= {job.options['misses']}] THEN GOTO {DEAD}"
-    numbers = common.axis_numbers(job)
-    off = {n: f"#{5020 + numbers[n]} {step[0]} {step[1:]} - #{FRAME + numbers[n]}" for n, step in common.off(job, leg).items()}
-    yield f"G1 {' '.join(f'{n}[{value}]' for n, value in off.items())} F{number(job.options['positioning_feed'])}"
+
+
+def gate(job: Job, leg: Leg) -> Iterator[str]:
+    """A slow move up during which somebody touches the stylus, and back."""
+    yield f"; {common.TOUCHING}"
+    yield from _measured(proving(job), leg)
+    yield f"IF [#{FLAG} == 0] THEN GOTO {UNTOUCHED}"
+    yield f"; {common.LETTING_GO}"
+    yield f"G4 P{common.RELEASE}."
+    yield from move(job, replace(leg, to=leg.came))
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
@@ -194,6 +211,7 @@ def _check(job: Job) -> None:
 POST = Post(
     title="Centroid",
     extension="cnc",
+    language="centroid",
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "tango",

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from tango_cnc.records import InputError
 
 from . import _common as common
+from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, named, number, rolled
 
 VARIABLE = re.compile(r"V\.A\.[A-Z]{2,12}")
@@ -126,6 +128,12 @@ approach = common.approaching("; %s", move)
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then the flag in P4 and machine coordinates in P6 and so on."""
+    yield from _measured(job, leg)
+    off = {name: f"{_machine(job, name)}{step}" for name, step in common.off(job, leg).items()}
+    yield f"G1 {_targets(off)} F{number(job.options['positioning_feed'])}"
+
+
+def _measured(job: Job, leg: Leg) -> Iterator[str]:
     start = common.words(job, common.standoff(job, leg))
     place, found = common.words(job, leg.to), _found(job)
     yield from _at_rest(job)
@@ -148,8 +156,16 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield f"{MISSES}={MISSES}+1"
     yield from _if(f"{FLAG}!=0", f"{MISSES}=0")
     yield from _stop_if(f"{MISSES}>={job.options['misses']}", "NO CONTACT. IS THE PROBE ALIVE")
-    off = {name: f"{_machine(job, name)}{step}" for name, step in common.off(job, leg).items()}
-    yield f"G1 {_targets(off)} F{number(job.options['positioning_feed'])}"
+
+
+def gate(job: Job, leg: Leg) -> Iterator[str]:
+    """A slow move up during which somebody touches the stylus, and back."""
+    yield f'#MSG ["{common.TOUCHING}"]'
+    yield from _measured(proving(job), leg)
+    yield from _stop_if(f"{FLAG}==0", common.UNTOUCHED)
+    yield f'#MSG ["{common.LETTING_GO}"]'
+    yield f"G4 K{common.RELEASE}."
+    yield from move(job, replace(leg, to=leg.came))
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
@@ -244,6 +260,7 @@ def _check(job: Job) -> None:
 POST = Post(
     title="Fagor 8060, 8065 and 8070",
     extension="NC",
+    language="fagor",
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: named(job, "TANGO"),

@@ -13,11 +13,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 from tango_cnc.records import InputError
 
+from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, number, rolled
-from ._common import PROBE_SWITCHES, approaching, fits, indexed, off, steps, switches, titled, unclamped, warned
+from ._common import (
+    LETTING_GO,
+    PROBE_SWITCHES,
+    RELEASE,
+    TOUCHING,
+    approaching,
+    fits,
+    indexed,
+    off,
+    steps,
+    switches,
+    titled,
+    unclamped,
+    warned,
+)
 
 RESET = "G17 G21 G40 G49 G80 G90 G94 M5"
 ROOM = {"grblHAL": 255, "FluidNC": 127, "grbl": 79}  # characters of a line, comments apart
@@ -87,6 +103,15 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield "G90"
 
 
+def gate(job: Job, leg: Leg) -> Iterator[str]:
+    """A slow search up during which somebody touches the stylus, and back."""
+    yield f"({TOUCHING})"
+    yield _search(leg, proving(job).plan.strategy.approach.feed)
+    yield f"({LETTING_GO})"
+    yield f"G4 P{RELEASE}"
+    yield _search(replace(leg, to=leg.came), job.options["positioning_feed"])
+
+
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """What the driver records here, as a remark."""
     yield f"(RECORD P{leg.touch.number} IS MADE OF THE ANSWER PRB)"
@@ -126,6 +151,7 @@ def _check(job: Job) -> None:
 POST = Post(
     title="grbl, grblHAL, FluidNC",
     extension="gcode",
+    language="grbl",
     options=OPTIONS,
     doubts=DOUBTS,
     further=lambda given: () if given.get("control") == "grbl" else (LETTERS,),

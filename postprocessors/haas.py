@@ -11,6 +11,7 @@ from ._macro_b_text import Words
 POST = Post(
     title="Haas",
     extension="nc",
+    language="macro_b",
     options=with_defaults(
         OPTIONS,
         probe_on="M59 P1134",
@@ -18,10 +19,11 @@ POST = Post(
         positioning_feed=2000.0,
         axis_numbers={name: i for i, name in enumerate("XYZABC", 1)},
         must_be_off={4011: 51},
+        wait="G103 P1",
     ),
     doubts=(
         *DOUBTS,
         "dynamic work offset G254 and tool centre point control G234 are off, and so are the settings for mirror images",
     ),
-    **steps(Words(o_digits=5, settle="G4 P1.", fastest=2500.0)),
+    **steps(Words(o_digits=5, dwell="G4 P{}.", settle="G4 P1.", fastest=2500.0)),
 )

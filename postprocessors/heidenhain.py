@@ -17,11 +17,27 @@ from tango_cnc.records import InputError
 
 from . import _common as common
 from . import _klartext_444 as cycle_444
-from ._base import Job, Leg, Option, Post, degrees, finding, is_endless, named, number, of_approach, rolled, search_distance
+from ._alive import proving
+from ._base import (
+    Job,
+    Leg,
+    Option,
+    Post,
+    degrees,
+    finding,
+    is_endless,
+    named,
+    number,
+    of_approach,
+    rolled,
+    search_distance,
+)
 from ._klartext import (
     CANCELS,
     CYCLE,
     FINDING,
+    FLAG,
+    GATE,
     GUARDED,
     MEASURING,
     MISSES,
@@ -32,6 +48,7 @@ from ._klartext import (
     TARGET,
     TOUCH,
     TURNED,
+    UNTOUCHED,
     guarded,
     measuring,
     printed,
@@ -57,6 +74,7 @@ OPTIONS = (
     Option("axis_numbers", {}, "number of each axis in FN 18 and IDX, e.g. {X: 1, Y: 2, Z: 3, B: 5, C: 6}; empty: A B C are 4 5 6"),
     Option("plane_reset", True, "PLANE RESET STAY leaves a tilted plane; false where the control has no tilting"),
     Option("tcpm_reset", True, "FUNCTION RESET TCPM and M129; false where the control has no TCPM"),
+    Option("distance", "DIST", "word of the way in TCH PROBE 4.3; some English manuals have ABST", choices=("DIST", "ABST")),
     Option("orient", True, "cycle 13 and M19 orient the spindle; false: it is not turned"),
     Option("shortest", True, "endless axes get angles of 0 to 360 under M126, the short way; false: as planned"),
     *common.clamping("M11", "M10"),
@@ -75,7 +93,7 @@ DOUBTS = (
     "a deflected probe at the start of TCH PROBE 4 is an error of the control: no variable of it is asked",
     "TRACK of the probe table is off: the control does not turn the spindle before TCH PROBE 4",
     "results of TCH PROBE 4 are positions of the axes, without tool length and calibration of the probe",
-    "FN 18 ID240 NR1 are machine positions, true after FN 20 WAIT FOR SYNC",
+    "FN 18 ID240 NR8 is where the axes are in machine coordinates, after FN 20 WAIT FOR SYNC; NR1 would be the nominal position",
     "the lines of the mask, and that FN 16 appends to its file",
     "a probe that is off stops nothing: guarded moves are guarded only while it is on",
 )
@@ -159,6 +177,21 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield f"CALL LBL {FINDING if leg.kind == 'find' else measures}"
 
 
+def gate(job: Job, leg: Leg) -> Iterator[str]:
+    """A slow move up during which somebody touches the stylus, and back, by the labels that find or measure."""
+    yield f"; {common.TOUCHING}"
+    start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
+    for name in "XYZ":
+        yield f"{START[name]} = {_number(job, start[name])}"
+    for name in "XYZ":
+        yield f"{TARGET[name]} = {_number(job, leg.to[name])}"
+    yield f"CALL LBL {GATE}"
+    yield f"FN 12: IF +{FLAG} LT +0.5 GOTO LBL {UNTOUCHED}"
+    yield f"; {common.LETTING_GO}"
+    yield from ("CYCL DEF 9.0 DWELL TIME", f"CYCL DEF 9.1 DWELL {common.RELEASE}")
+    yield from move(job, replace(leg, to=leg.came))
+
+
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """The line of the touch by its label."""
     yield f"{TOUCH} = {leg.touch.number}"
@@ -173,6 +206,8 @@ def end(job: Job) -> Iterator[str]:
     yield "M30"
     yield from guarded(job)
     stops = STOPS
+    if job.options["gate"] == "finger":
+        yield from measuring(proving(job), GATE)
     if job.options["cycle"] == 444:
         yield from measuring(cycle_444.counting(finding(job)), FINDING, cycle_444.frame(), cycle_444.seen())
         yield from cycle_444.measuring(_from_near(job))
@@ -183,6 +218,8 @@ def end(job: Job) -> Iterator[str]:
             yield from measuring(finding(job), FINDING)
     yield from record_text(job)
     for label, text in stops.items():
+        if label == UNTOUCHED and job.options["gate"] == "none":
+            continue
         yield f"LBL {label}"
         yield f"STOP ; {text}"
         yield "M30"
@@ -236,6 +273,7 @@ def _check(job: Job) -> None:
 POST = Post(
     title="Heidenhain Klartext",
     extension="H",
+    language="klartext",
     options=OPTIONS,
     doubts=DOUBTS,
     further=cycle_444.doubts,

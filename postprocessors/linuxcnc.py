@@ -15,10 +15,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 from tango_cnc.records import InputError, Machine
 
 from . import _common as common
+from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, may_roll, number, rolled
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
@@ -170,6 +172,16 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield "O<tango_touch> CALL " + " ".join(f"[{v}]" for v in (*values, number(job.plan.strategy.approach.feed)))
 
 
+def gate(job: Job, leg: Leg) -> Iterator[str]:
+    """A slow move up during which somebody touches the stylus, and back: a search, which the control refuses with the probe on."""
+    yield f"(MSG,{common.TOUCHING})"
+    yield from probe(proving(job), leg)
+    yield from _abort("O170", "#<_tango_flag> EQ 0", common.UNTOUCHED)
+    yield f"(MSG,{common.LETTING_GO})"
+    yield f"G4 P{common.RELEASE}"
+    yield from retract(job, replace(leg, to=leg.came))
+
+
 def record(job: Job, leg: Leg) -> Iterator[str]:
     """The line of the touch by its subroutine."""
     yield f"O<tango_record> CALL [{leg.touch.number}] [{common.spindle(job, leg.to['S'])}]"
@@ -193,6 +205,7 @@ def _check(job: Job) -> None:
 POST = Post(
     title="LinuxCNC",
     extension="ngc",
+    language="rs274",
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "tango",

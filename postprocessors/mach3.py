@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from tango_cnc.records import InputError
 
 from . import _common as common
 from . import _mach3_macros as basic
+from ._alive import proving
 from ._base import Job, Leg, Option, Post, early_distance, number
 
 CALLS = re.compile(rf"M({'|'.join(map(str, range(basic.START, basic.END + 1)))})\b")
@@ -96,13 +98,28 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move by its macro, off the facet by another."""
+    yield from _measured(job, leg)
+    yield f"#{basic.FEED}={number(job.options['positioning_feed'])}"
+    yield f"M{basic.FREE}"
+
+
+def _measured(job: Job, leg: Leg) -> Iterator[str]:
     start = common.standoff(job, leg)
     yield _three(basic.TARGET, leg.to)
     yield _three(basic.STANDOFF, start)
     yield f"#{basic.FEED}={number(job.plan.strategy.approach.feed)}"
     yield f"M{basic.MEASURE}"
-    yield f"#{basic.FEED}={number(job.options['positioning_feed'])}"
-    yield f"M{basic.FREE}"
+
+
+def gate(job: Job, leg: Leg) -> Iterator[str]:
+    """A slow move up during which somebody touches the stylus, and back; the first miss stops here."""
+    yield f"({common.TOUCHING})"
+    yield f"#{basic.MISSES}=1"
+    yield from _measured(proving(job), leg)
+    yield f"#{basic.MISSES}={job.options['misses']}"
+    yield f"({common.LETTING_GO})"
+    yield f"G4 P{common.RELEASE}"
+    yield from move(job, replace(leg, to=leg.came))
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
@@ -145,6 +162,7 @@ def _check(job: Job) -> None:
 POST = Post(
     title="Mach3",
     extension="tap",
+    language="mach3",
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "tango",

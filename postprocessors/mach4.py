@@ -25,10 +25,13 @@ START, RECORD, END, WAIT = 880, 881, 882, 883  # M codes
 SET, SUM, SPINDLE, TOUCH = 117, 118, 119, 120  # common variables: number of the set of scripts; what the record is made of
 PLACE = {name: i for i, name in enumerate("XYZABC", 1)}  # of an axis in #5021 …
 # G49 moves nothing here, and the reset line has the words that cancel what is asked elsewhere.
-FIXED: Mapping[str, Any] = {"macros": "inline", "print_format": "44", "length_check": False, "must_be_off": {}, "probe_state": 0}
+FIXED: Mapping[str, Any] = {
+    **{"macros": "inline", "print_format": "44", "length_check": False, "must_be_off": {}, "probe_state": 0},
+    **{"skip": "G31", "wait": f"M{WAIT}"},
+}
 FILE = "tango-readings.txt"
 
-FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}"))
+FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}", dwell="G4 P{}."))
 OPTIONS = (
     *with_defaults(
         tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers")),
@@ -178,6 +181,7 @@ def _script(code: int, what: str, body: list[str], job: Job) -> list[str]:
 POST = Post(
     title="Mach4",
     extension="nc",
+    language="mach4",
     options=OPTIONS,
     doubts=DOUBTS,
     link="file",

@@ -17,10 +17,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from tango_cnc.records import InputError
 
 from . import _common as common
+from ._alive import proving
 from ._base import Job, Leg, Option, Post, early_distance, number
 
 VARIABLE = re.compile(r"[A-Z]{2,6}\?(\[\d{1,4}\])?")  # ? stands for the axis letter
@@ -39,13 +41,14 @@ STOPS = {
     "NS5": "AXIS NOT TURNED",
     "NS6": "START AT THE TOP",
     "NS7": "NOT IN FRAME H0",
+    "NS8": "NO FINGER FELT",
 }  # at most 16 characters each: more are not shown
-DEFLECTED, MET, DEAD, STALE, TURNED, RESTARTED, SHIFTED = STOPS
+DEFLECTED, MET, DEAD, STALE, TURNED, RESTARTED, SHIFTED, UNTOUCHED = STOPS
 
 OPTIONS = (
     Option("skip", "G31", "word of the move that the probe ends", codes=True),
     Option(
-        "contact", "VSAP?", "variable of the machine position at the contact, ? is the axis letter; some want an index: VSAP?[1]"
+        "contact", "VSAP?[1]", "variable of the machine position at the contact, ? is the axis letter; some have no index: VSAP?"
     ),
     Option("position", "VAPA?", "variable of the machine position of an axis, ? is the axis letter"),
     Option("wait", "G4 F0.05", "words after which variables are read with the axes at rest, not ahead", codes=True),
@@ -127,14 +130,28 @@ approach = common.approaching("(%s)", move)
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then OTG2 for flag and machine coordinates."""
+    yield from _measuring(job, leg)
+    off = " ".join(f"{name}={_position(job, name)}{step}" for name, step in common.off(job, leg).items())
+    yield f"G1 {off} F{number(job.options['positioning_feed'])}(OFF)"
+
+
+def _measuring(job: Job, leg: Leg) -> Iterator[str]:
     start = common.words(job, common.standoff(job, leg))
     place = common.words(job, leg.to)
     yield from _skip(job, place, job.plan.strategy.approach.feed)
     targets = " ".join(f"P{name}={value}" for name, value in place.items())
     starts = " ".join(f"P{letter}={value}" for letter, value in zip("IJK", start.values(), strict=True))
     yield f"CALL OTG2 {targets} {starts}"
-    off = " ".join(f"{name}={_position(job, name)}{step}" for name, step in common.off(job, leg).items())
-    yield f"G1 {off} F{number(job.options['positioning_feed'])}(OFF)"
+
+
+def gate(job: Job, leg: Leg) -> Iterator[str]:
+    """A slow move up during which somebody touches the stylus, and back."""
+    yield f"({common.TOUCHING})"
+    yield from _measuring(proving(job), leg)
+    yield f"IF[{_common(job, FLAG)} EQ 0] {UNTOUCHED}"
+    yield f"({common.LETTING_GO})"
+    yield f"G4 F{common.RELEASE}."
+    yield from move(job, replace(leg, to=leg.came))
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
@@ -147,7 +164,7 @@ def end(job: Job) -> Iterator[str]:
     yield from _line(f"TANGO END {job.mark} {len(job.plan.touches)}")
     yield "CLOSE C"
     yield "M02"
-    yield from _stops(job, *([DEFLECTED] if job.options["probe_state"] else []), RESTARTED, SHIFTED)
+    yield from _stops(job, *([DEFLECTED] if job.options["probe_state"] else []), RESTARTED, SHIFTED, UNTOUCHED)
     yield "OTG1(PROTECTED MOVE TO PX PY PZ HAS ARRIVED)"
     yield from _arrived(job)
     yield "OTG2(MEASURING MOVE FROM PI PJ PK TO PX PY PZ)"
@@ -279,6 +296,7 @@ def _check(job: Job) -> None:
 POST = Post(
     title="Okuma OSP",
     extension="MIN",
+    language="osp",
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from tango_cnc.records import InputError
 
 from . import _common as common
+from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, number, rolled
 
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
@@ -26,8 +28,9 @@ STOPS = (
     "LATCHED POSITION DOES NOT FIT",
     "ROTARY AXIS NOT IN PLACE",
     "RECORD COULD NOT BE WRITTEN",
+    common.UNTOUCHED,
 )
-DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN = range(1, len(STOPS) + 1)
+DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN, UNTOUCHED = range(1, len(STOPS) + 1)
 OUTPUT = "device (/dev/ext/1: LF is written) or file of the control (_N_TANGO_MPF: the control ends the lines) for the records"
 
 OPTIONS = (
@@ -120,6 +123,12 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then flag and machine coordinates in TG_FLAG, TG_X, … ."""
+    yield from _measured(job, leg)
+    off = " ".join(f"{name}=$AA_IM[{name}]{step}" for name, step in common.off(job, leg).items())
+    yield f"SUPA D0 G1 {off} F{number(job.options['positioning_feed'])}"
+
+
+def _measured(job: Job, leg: Leg) -> Iterator[str]:
     start = common.words(job, common.standoff(job, leg))
     place = common.words(job, leg.to)
     yield from _at_rest(job)
@@ -138,8 +147,16 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
     yield "TG_MISSES=TG_MISSES+1"
     yield from _if("TG_FLAG<>0", "TG_MISSES=0")
     yield from _stop_if(f"TG_MISSES>={job.options['misses']}", DEAD)
-    off = " ".join(f"{name}=$AA_IM[{name}]{step}" for name, step in common.off(job, leg).items())
-    yield f"SUPA D0 G1 {off} F{number(job.options['positioning_feed'])}"
+
+
+def gate(job: Job, leg: Leg) -> Iterator[str]:
+    """A slow move up during which somebody touches the stylus, and back."""
+    yield f'MSG("{common.TOUCHING}")'
+    yield from _measured(proving(job), leg)
+    yield from _stop_if("TG_FLAG==0", UNTOUCHED)
+    yield f'MSG("{common.LETTING_GO}")'
+    yield f"G4 F{common.RELEASE}"
+    yield from move(job, replace(leg, to=leg.came))
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
@@ -160,6 +177,8 @@ def end(job: Job) -> Iterator[str]:
         yield f'EXTCLOSE(TG_ERROR,"{job.options["output"]}")'
     yield "M30"
     for which, text in enumerate(STOPS, 1):
+        if which == UNTOUCHED and job.options["gate"] == "none":
+            continue
         yield f"TG_STOP_{which}:"
         yield f'MSG("TANGO {text}")'
         if job.options["alarm"]:
@@ -234,6 +253,7 @@ def _check(job: Job) -> None:
 POST = Post(
     title="Siemens 840D sl and ONE",
     extension="MPF",
+    language="siemens",
     options=OPTIONS,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",

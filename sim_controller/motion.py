@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
@@ -23,10 +24,18 @@ LATENCY = 0.001  # s between trigger and the beginning of the stop
 DECELERATION = 2000.0  # mm/s²
 RELEASE = 0.003  # mm beyond the trigger point at which the stylus is free again
 BEND = 2.0  # mm that the stylus gives way before it breaks
+ASKED = "TOUCH THE STYLUS"  # on the screen: whoever stands there does so in the move that follows
+FAST = 500.0  # mm/min, above which a probe that chatters at the end of a move has no time to
+FINGER = 2.0  # s that a finger stays at the stylus
 NEAR = 1.0  # mm around the undisturbed contact in which effects may move it
 
 Note = Callable[..., None]
 What = int | Entry  # what is met: by the ball, the number of a surface; else which part of the probe enters what
+
+
+Wiring = Literal[
+    "alive", "dead", "other", "inverted", "chatter"
+]  # other: the probe is wired to an input that this control does not look at
 
 
 class MotionStop(Exception):
@@ -75,6 +84,9 @@ class Motion:
         note: Note = lambda event, **data: None,
         wait: Callable[[float], None] = lambda s: None,
         faults: Faults | None = None,
+        person: bool = True,
+        probe: Wiring = "alive",
+        slack: Mapping[str, float] | None = None,
     ) -> None:
         self.rig, self.machine = rig, rig.machine
         self.time = 0.0
@@ -87,6 +99,13 @@ class Motion:
         self._pressed: _Pressed | None = None
         self._stuck = self._bounce = self._reset = False
         self._contacts: list[_Contact] = []
+        self._person, self._probe = person, probe
+        self._slack = {name: math.radians(value) for name, value in (slack or {}).items()}  # a brake holds the axis back, deg
+        self._asked, self._held = False, -1.0  # the screen asks for a finger; until when one is at the stylus, s
+
+    def reads(self, text: str) -> None:
+        """What stands on the screen now: a person who is there does what it says."""
+        self._asked |= self._person and ASKED in text
 
     @property
     def position(self) -> Array:
@@ -96,7 +115,8 @@ class Motion:
     @property
     def deflected(self) -> bool:
         """→ whether the probe signal is on."""
-        return self._pressed is not None or self._stuck
+        on = self._pressed is not None or self._stuck or self.time < self._held
+        return {"alive": on, "dead": False, "other": False, "inverted": not on, "chatter": on}[self._probe]
 
     def rapid(self, target: Mapping[str, float], *, straight: bool = True) -> None:
         """{axis: mm rad} → goes there. `straight` False: every axis at its own rapid, the short ways first done.
@@ -104,6 +124,8 @@ class Motion:
         Raises MotionStop when the probe trips or an axis would leave its travel.
         """
         end = self._end(target)
+        for name in self._slack.keys() & target.keys():
+            end[self.machine.column(name)] += self._slack[name]
         for corner in [end] if straight else self._corners(end):
             seconds = float(clock.rapid_time(self.machine, (corner - self._position)[None])[0])
             self._positioning("rapid", corner, seconds)
@@ -119,6 +141,9 @@ class Motion:
         The move overruns the trigger by latency and deceleration; a probe that is deflected before it starts ends it at once.
         """
         end = self._end(target)
+        if self._asked and not self.deflected:
+            self._asked = False
+            return self._fingered(end, feed)
         if self.deflected or self._bounce:
             self._bounce = False
             self._note("skip", result="already deflected", **self._shown())
@@ -127,6 +152,8 @@ class Motion:
         met = self._meets(end, direction, 0.0)
         length = self._length(end)
         s: float | None = None
+        if met is not None and self._probe in ("dead", "other"):
+            self._collide("skip", end, *met, length / (feed / 60))
         if met is not None:
             s, what = met
             if not isinstance(what, Entry):
@@ -136,7 +163,7 @@ class Motion:
         if met is None or s is None:
             self._arrive(end, length / (feed / 60))
             self._note("skip", result="miss", **self._shown())
-            return Skip(False, self.position)
+            return Skip(self._probe == "chatter" and feed < FAST, self.position)
         trigger = start + s * (end - start)
         speed = feed / 60
         overrun = (speed * LATENCY + speed**2 / (2 * DECELERATION)) / length if length > 0 else 0.0
@@ -154,6 +181,20 @@ class Motion:
             self._reset = True
         elif fault is not None:
             raise MotionStop("fault", fault)
+        return Skip(True, trigger)
+
+    def _fingered(self, end: Array, feed: float) -> Skip:
+        """A probing move during which somebody touches the stylus half way."""
+        start, length, speed = self._position, self._length(end), feed / 60
+        if self._probe in ("dead", "other"):
+            self._arrive(end, length / speed)
+            self._note("skip", result="miss", finger=True, **self._shown())
+            return Skip(False, self.position)
+        trigger = start + 0.5 * (end - start)
+        overrun = (speed * LATENCY + speed**2 / (2 * DECELERATION)) / length if length > 0 else 0.0
+        self._arrive(start + min(1.0, 0.5 + overrun) * (end - start), 0.5 * length / speed)
+        self._held = self.time + FINGER
+        self._note("finger", at=self._table(trigger), **self._shown())
         return Skip(True, trigger)
 
     def dwell(self, seconds: float) -> None:

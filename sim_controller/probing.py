@@ -17,7 +17,7 @@ from . import effects, surfaces
 from .effects import Disturbance, History
 from .roots import Gap
 from .shank import Shank, shank
-from .world import Placement, TrueMachine, nominal_machine, place, tip_in_table, true_machine
+from .world import Control, Placement, TrueMachine, nominal_machine, place, tip_in_table, true_machine
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,23 @@ class Rig:
     seed: int
 
 
-def rig(machine: Machine, artefact: Artefact, world: World, seed: int | None = None, extent: float = surfaces.EXTENT) -> Rig:
-    """machine, artefact, world → what is true. Raises InputError for errors, facets or effects that do not exist."""
+def rig(
+    machine: Machine,
+    artefact: Artefact,
+    world: World,
+    seed: int | None = None,
+    extent: float = surfaces.EXTENT,
+    control: Control | None = None,
+) -> Rig:
+    """machine, artefact, world, what the control compensates → what is true.
+
+    Raises InputError for errors, facets or effects that do not exist.
+    """
     truly = surfaces.surfaces(artefact, world, machine.probe.tip_radius, extent)
     return Rig(
         machine,
         artefact,
-        true_machine(machine, world),
+        true_machine(machine, world, control),
         truly,
         shank(machine, artefact, truly.table),
         effects.checked(world.effects, machine, artefact),

@@ -18,7 +18,7 @@ from typing import Any, TextIO, get_args, get_origin, get_type_hints
 
 from tango_cnc.records import InputError, Machine
 
-from . import interpreters
+from . import languages as languages
 from .faults import Faults
 from .hints import did_you_mean
 from .motion import Motion
@@ -115,15 +115,15 @@ class Session:
 
 
 def families() -> list[str]:
-    """→ languages that can be interpreted: the files of `interpreters/`."""
-    return sorted(m.name for m in pkgutil.iter_modules(interpreters.__path__) if not m.name.startswith("_"))
+    """→ languages that can be interpreted: the files of `languages/`."""
+    return sorted(m.name for m in pkgutil.iter_modules(languages.__path__) if not m.name.startswith("_"))
 
 
 def language(family: str) -> Any:
     """name → its module. Raises InputError for one that there is no file for."""
     if family not in families():
         raise InputError(f"--language: found {family!r}; allowed: {', '.join(families())}.{did_you_mean(family, families())}")
-    return importlib.import_module(f"{interpreters.__name__}.{family}")
+    return importlib.import_module(f"{languages.__name__}.{family}")
 
 
 def profile(module: Any, machine: Machine, settings: Mapping[str, str]) -> Any:

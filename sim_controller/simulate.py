@@ -12,7 +12,7 @@ from tango_cnc.records import Approach, Array, Artefact, InputError, Machine, Re
 from . import clock, effects
 from .probing import Rig, facet_rows, gap_along, history, home, noise, rig, undisturbed
 from .roots import first_zero
-from .world import nominal_machine, tip_in_table
+from .world import Control, nominal_machine, tip_in_table
 
 DAY = 86_400.0  # s
 STILL = 1e-9  # mm or rad: less than this is rounding, not a motion
@@ -38,18 +38,20 @@ def simulate(
     days: int = 1,
     seed: int | None = None,
     moved: Array | None = None,
+    control: Control | None = None,
 ) -> Readings:
     """cell, world, repetitions → what the true machine reads; `seed` overrides the world's.
 
     The approach is along the nominal facet normal from the stand-off to the search end. Every day starts at the home position,
     every axis last moved in the positive direction, and 24 h (or as many days as it takes) after the day before.
     `moved`, (touches of a cycle, k) mm rad: size and sense of each axis' last motion on the way that is really taken, 0 where
-    that is not known. Without it the way leads straight from stand-off to stand-off.
+    that is not known. Without it the way leads straight from stand-off to stand-off. `control`: what it compensates; readings are
+    then in programmed coordinates, as a control with tool centre point control on tells them.
     Raises InputError for names that do not exist and for positions outside an axis' travel.
     """
     if cycles < 1 or days < 1:
         raise InputError(f"found {cycles} cycles on {days} days; allowed: 1 or more of each")
-    r = rig(machine, artefact, world, seed)
+    r = rig(machine, artefact, world, seed, control=control)
     cycle = _commanded(machine, artefact, strategy)
     _check_travel(machine, cycle)
     count = len(cycle.facets)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tango_cnc.records import LinkError
 
-from .interpreters import Alarm, Silence
+from .languages import Alarm, Silence
 from .session import Session
 
 LOOK = 0.1  # s between two looks for the program

@@ -5,7 +5,7 @@ Slow and literal on purpose. It judges the estimator, so it shares no mathematic
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from .coefficients import STYLUS, Coefficient, coefficient
 from .hints import did_you_mean
 
 Term = tuple[Coefficient, Array | float]
+Control = Callable[[Array, Array], Array]  # (n, k) programmed, (n, k) directions → (n, k) where the motors go
 BASE = {"X": 0, "A": 0, "Y": 1, "B": 1, "Z": 2, "C": 2, "S": 2}
 
 
@@ -57,9 +58,10 @@ class TrueMachine:
     errors: tuple[tuple[Coefficient, float], ...]
     stylus: Array  # (3,) mm, in the spindle frame
     stylus_tip: Array  # (3,) mm, nominal tip at the zero pose, machine frame
+    control: Control | None = None  # what is compensated in the control; None: nothing
 
 
-def true_machine(machine: Machine, world: World) -> TrueMachine:
+def true_machine(machine: Machine, world: World, control: Control | None = None) -> TrueMachine:
     """machine, world → the true machine. Raises InputError for a coefficient or stylus offset that does not exist."""
     errors = tuple((coefficient(name, machine), value) for name, value in world.errors.items())
     for name in world.stylus:
@@ -74,6 +76,7 @@ def true_machine(machine: Machine, world: World) -> TrueMachine:
         errors,
         np.array([world.stylus.get(name, 0.0) for name in STYLUS]),
         tip,
+        control,
     )
 
 
@@ -103,6 +106,8 @@ def tip_in_table(true: TrueMachine, positions: Array, directions: Array, extra: 
 
 def place(true: TrueMachine, positions: Array, directions: Array, extra: Mapping[str, Array] | None = None) -> Placement:
     """(n, k) mm rad, (n, k) −1 0 1 → tip and table. Raises InputError as `tip_in_table` (thesis eq. 4-4 … 4-7, 6-2)."""
+    if true.control is not None:
+        positions = true.control(positions, directions)
     more = tuple((coefficient(name, true.machine), value) for name, value in (extra or {}).items())
     table = _branch(true.workpiece, positions, directions, (*true.errors, *more))
     spindle = _branch(true.tool, positions, directions, (*true.errors, *more))

@@ -6,8 +6,10 @@ import difflib
 import importlib
 import os
 import pkgutil
+import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -18,12 +20,28 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from . import __version__, commands
 from .records import TangoError
 
+FOR = re.compile(r'"""`tango [a-z0-9-]+`: (.+?)\.?(?:"""|\n)')  # first line of a command's file: what the command is for
+PLACE = re.compile(r'^PLACE = "(\w+) (\d+)"', re.MULTILINE)
+
 
 class _Commands(click.Group):
     """A group whose commands are the files of `commands/`, imported only when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [m.name.replace("_", "-") for m in pkgutil.iter_modules(commands.__path__) if not m.name.startswith("_")]
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list of `tango --help`: by group, in working order, what each command is for; no command is imported for it."""
+        rows: dict[str, list[tuple[int, str, str]]] = {}
+        for name in self.list_commands(ctx):
+            text = Path(commands.__path__[0], f"{name.replace('-', '_')}.py").read_text(encoding="utf-8")
+            what, place = FOR.match(text), PLACE.search(text)
+            group, rank = (place[1], int(place[2])) if place else (commands.GROUPS[-1], 99)
+            rows.setdefault(group, []).append((rank, name, what[1] if what else ""))
+        for group in commands.GROUPS:
+            if listed := sorted(rows.get(group, [])):
+                with formatter.section(group):
+                    formatter.write_dl([(name, what) for _, name, what in listed])
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in self.list_commands(ctx):
@@ -77,4 +95,14 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
 
 def main() -> None:
     """The entry point of the command `tango`."""
+    _streams()
     sys.exit(guarded(tango.main, standalone_mode=False))
+
+
+def _streams() -> None:
+    """A program started without stdin, stdout or stderr would open its files in their places, and messages would go into them."""
+    for handle in (0, 1, 2):
+        try:
+            os.fstat(handle)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)

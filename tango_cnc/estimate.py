@@ -6,8 +6,8 @@ no touch would move by more than `STEP`, which is far above rounding and far bel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,16 @@ SIGMA_FLOOR = 1e-6
 
 
 @dataclass(frozen=True)
+class Noise:
+    """What the residuals are made of, mm: white scatter of a touch; root mean square over the touches of a walk and of seating."""
+
+    white: float
+    walk: float = 0.0
+    seating: float = 0.0
+    facets: Mapping[str, float] = field(default_factory=dict)  # facets that scatter more than the others, each with its scatter
+
+
+@dataclass(frozen=True)
 class Estimate:
     """The fitted model: everything a report, a compensation or a further stage needs."""
 
@@ -42,6 +52,8 @@ class Estimate:
     jacobian: Array  # (n + m, p) at the solution: gaps of the touches, then calibrated facets and scale bar; mm, rad
     known_residuals: Array  # (m,) mm, calibrated facets and scale bar
     known_weights: Array  # (m,) sigma over their uncertainties
+    rejected: NDArray[np.int64] | None = None  # numbers of touches without weight; None: all have the same
+    noise: Noise | None = None  # None: taken as white
 
     @cached_property
     def condition_number(self) -> float:
@@ -51,7 +63,7 @@ class Estimate:
     @cached_property
     def outliers(self) -> NDArray[np.int64]:
         """→ numbers of the touches that a robust fit cannot reach: flagged, not removed."""
-        return _outliers(self)
+        return _outliers(self) if self.rejected is None else self.rejected
 
     @property
     def model(self) -> Model:
@@ -173,7 +185,8 @@ def fit(selection: Selection) -> Estimate:
         change, root = _step(full, right, weights, damping)
         moved = full @ change
         values = values - change
-        rate, size = float(np.max(np.abs(moved))) / size, float(np.max(np.abs(moved)))
+        longest = float(np.max(np.abs(moved)))
+        rate, size = longest / size if size else 0.0, longest
         after = right - moved
         found = max(float(np.sqrt(after[:n] @ after[:n] / dof)), SIGMA_FLOOR)
         settled = (m == 0 or abs(found - sigma) < 1e-3 * sigma) and damping == 0 and iterations > 1

@@ -15,12 +15,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .judgement import TableTolerances, Tolerances
+
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Id = str  # facets and balls: integers and strings in files, text inside
 
-LINEAR = "XYZ"
-ROTARY = "ABC"
+LINEAR, ROTARY = "XYZ", "ABC"
 COMPONENTS = "XYZABC"  # of an error: three translations, three rotations (ISO 230-1)
 
 
@@ -79,6 +80,7 @@ class Machine:
     workpiece_branch: tuple[str, ...]
     tool_branch: tuple[str, ...]
     probe: Probe
+    tolerances: Tolerances = field(default_factory=Tolerances)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -151,10 +153,7 @@ class ScaleBar:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A solid that the probe must not hit, table frame.
-
-    A box (`low`, `high`), a cylinder (`base`, `axis`, `radius`, `height`), or the convex hull of `points`, maybe out of a `file`.
-    """
+    """A solid that the probe must not hit, table frame: a box, a cylinder, or the hull of `points`, maybe out of a `file`."""
 
     kind: Literal["box", "cylinder", "hull"]
     low: Vector | None = None
@@ -181,6 +180,7 @@ class Artefact:
     balls: Mapping[Id, Ball] = field(default_factory=dict)
     scale_bar: ScaleBar | None = None
     obstacles: tuple[Obstacle, ...] = ()
+    tolerances: TableTolerances = field(default_factory=TableTolerances)
 
 
 @dataclass(frozen=True)

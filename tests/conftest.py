@@ -11,10 +11,17 @@ from hypothesis import settings
 
 # Before anything imports numpy: matrices of 400 × 120 gain nothing from threads, and tests that share a machine lose by them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-pytest.register_assert_rewrite("controls")  # the one helper with assertions of its own
+pytest.register_assert_rewrite("support.controls")  # the one helper with assertions of its own
 ROOT = Path(__file__).parent.parent
 CI = bool(os.environ.get("CI"))
-PACKAGES = {"rs274": "linuxcnc-uspace", "linuxcnc": "linuxcnc-uspace", "halrun": "linuxcnc-uspace", "socat": "socat"}
+PACKAGES = {
+    "rs274": "linuxcnc-uspace",
+    "linuxcnc": "linuxcnc-uspace",
+    "halrun": "linuxcnc-uspace",
+    "socat": "socat",
+    "pg_lsclusters": "postgresql",
+}
+PACKAGES |= {"sshd": "openssh-server"}
 
 # The same examples everywhere and every time; how long one takes depends on who shares the machine.
 settings.register_profile("tango", deadline=None, derandomize=True)
@@ -39,6 +46,14 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     if CI and terminalreporter.stats.get("skipped"):
         terminalreporter.write_line("CI is set: a skipped test fails the run", red=True)
+
+
+@pytest.fixture(autouse=True)
+def trusting(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Posts that tests write are trusted, but where trust is what is tested; what is trusted is not kept at the user's."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.getbasetemp() / "config"))
+    if request.node.get_closest_marker("untrusted") is None:
+        monkeypatch.setattr("tango_cnc.commands._trusted.known", lambda file: True)
 
 
 @pytest.fixture(scope="session")

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-NUMERIC = "records files.checked kinematics touches terms model identify estimate"
+NUMERIC = "records judgement files.checked kinematics touches terms model identify estimate"
 # A module of tango_cnc → what else of tango_cnc it may import. The longest name that fits decides; its own package is allowed.
 # A stage without a row works on numbers alone and may import NUMERIC; None: everything but the command line.
 INTERNAL: dict[str, str | None] = {
-    "records": "",
-    "files": "records",
+    "judgement": "",
+    "records": "judgement",
+    "files": "records judgement",
     "kinematics": "records",
     "touches": "records kinematics",
     "terms": "records kinematics touches files.checked",
@@ -23,29 +24,38 @@ INTERNAL: dict[str, str | None] = {
     "estimate": "records kinematics touches terms model identify",
     "check": "records kinematics",
     "duration": "records",
+    "gate": "records",
+    "commission": "records gate plan",
+    "locate": "records kinematics plan",
     "plan": "records kinematics check",
-    "envelope": "records kinematics check",
-    "link": "records files plan duration",
-    "design": f"{NUMERIC} plan check duration",
+    "readback": "records kinematics check gate",
+    "program": "records files plan readback",
+    "link": "records gate files plan duration program",
+    "design": f"{NUMERIC} plan check duration iso230 verify report.units",
+    "noise": f"{NUMERIC} plausible",
+    "plausible": NUMERIC,
     "uncertainty": f"{NUMERIC} files",
     "diagnose": f"{NUMERIC} files report",
     "verify": f"{NUMERIC} files iso230",
     "compensate": f"{NUMERIC} iso230 verify uncertainty files",
-    "history": "records files",
+    "history": "records files state",
+    "nightly": f"{NUMERIC} files history state report.units",
+    "nc": f"{NUMERIC} files iso230 compensate",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
-    "report": f"{NUMERIC} iso230 verify uncertainty diagnose plan check",
-    "web": "records files history report",
+    "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement",
+    "state": f"{NUMERIC} verify iso230",
+    "web": "records files history report link.journal link.entries",
     "commands": None,
     "cli": "records commands",
     "__main__": "cli",
 }
 # Packages beside tango_cnc, and who may import them.
-POSTS_MAY = ("tango_cnc.records", "tango_cnc.plan.digest", "postprocessors")
+POSTS_MAY = ("tango_cnc.records", "tango_cnc.gate", "tango_cnc.plan.digest", "postprocessors")
 SIMULATOR_MAY = ("tango_cnc.records", "tango_cnc.files", "sim_controller")
 # The simulator is a program of its own; it ends with the same exit codes and sentences as `tango`.
 EXCEPTIONS = {"sim_controller.__main__": ("tango_cnc.cli",)}
 USED_BY = {
-    "postprocessors": ("tango_cnc.commands", "postprocessors"),
+    "postprocessors": ("tango_cnc.commands", "tango_cnc.program", "postprocessors"),
     "sim_controller": ("tango_cnc.commands", "tango_cnc.reproduce", "sim_controller"),
 }
 
@@ -55,20 +65,35 @@ LIBRARIES = {
     "click": ("tango_cnc.commands", "tango_cnc.cli", "sim_controller.__main__"),
     "serial": ("tango_cnc.link.transport", "sim_controller"),
     "trimesh": ("tango_cnc.files.hull",),
-    "lupa": ("sim_controller.interpreters.mach4",),
+    "lupa": ("sim_controller.languages.mach4",),
     "pymodbus": ("tango_cnc.link.transport", "sim_controller"),
-    "matplotlib": ("tango_cnc.report", "tango_cnc.reproduce", "tango_cnc.commands", "tango_cnc.web"),
+    "paramiko": ("tango_cnc.link.transport",),
+    "matplotlib": ("tango_cnc.report", "tango_cnc.history", "tango_cnc.reproduce", "tango_cnc.commands", "tango_cnc.web"),
     "mpl_toolkits": ("tango_cnc.report", "tango_cnc.reproduce"),
+    "jinja2": ("tango_cnc.report", "tango_cnc.web"),
+    "markupsafe": ("tango_cnc.report", "tango_cnc.web"),
+    "typst": ("tango_cnc.report.pdf",),
+    "starlette": ("tango_cnc.web",),
+    "argon2": ("tango_cnc.web.users",),
+    "uvicorn": ("tango_cnc.commands.serve",),
     "dask": ("tango_cnc.uncertainty",),
     "distributed": ("tango_cnc.uncertainty",),
+    "sqlalchemy": ("tango_cnc.history",),
+    "alembic": ("tango_cnc.history",),
+    "pyarrow": ("tango_cnc.history.exchange",),
+    "paho": ("tango_cnc.nightly.notify",),
+    "apprise": ("tango_cnc.nightly.notify",),
 }
 # Clients know bytes and seconds as arguments; clock, port and file belong to the session around them.
 TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "_measure", "_layout"}
-PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "envelope", "duration")
+LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_layout", "_secrets"}
+PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
+
+# One function or record each, described where they stand.
+SMALL = {"compare.py", "conformity.py", "segments.py", "judgement.py", "py.typed"}
 
 
 def modules(root: Path) -> dict[str, Path]:
@@ -166,3 +191,11 @@ def test_what_windows_lacks_is_imported_where_it_is_used(root: Path) -> None:
 def test_no_file_is_too_long_to_read(root: Path) -> None:
     lengths = {name: len(file.read_text(encoding="utf-8").splitlines()) for name, file in modules(root).items()}
     assert not {name: n for name, n in lengths.items() if n > 450}
+
+
+def test_the_page_on_the_architecture_names_every_stage_and_fits_on_two_pages(root: Path) -> None:
+    page = (root / "docs" / "architecture.md").read_text(encoding="utf-8")
+    places = [place for place in (root / "tango_cnc").iterdir() if place.suffix in ("", ".py") and not place.name.startswith("_")]
+    missing = [p.name for p in places if p.name not in SMALL and f"tango_cnc/{p.name}{'/' if p.is_dir() else ''}`" not in page]
+    assert not missing, f"docs/architecture.md: add a row for {', '.join(missing)}"
+    assert len(page.splitlines()) <= 130

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,8 @@ from pathlib import Path
 import click
 import pytest
 
-from tango_cnc.cli import _Commands, guarded, tango
+from tango_cnc import commands
+from tango_cnc.cli import FOR, PLACE, _Commands, guarded, tango
 from tango_cnc.commands.init import examples
 
 COMMANDS = _Commands().list_commands(click.Context(tango))
@@ -104,3 +106,16 @@ def test_init_never_overwrites(name: str, tmp_path: Path) -> None:
     before = {file.name: file.read_bytes() for file in (tmp_path / "cell").iterdir()}
     assert call("init", tmp_path / "cell", "--example", name) == 2
     assert {file.name: file.read_bytes() for file in (tmp_path / "cell").iterdir()} == before
+
+
+def test_every_command_has_its_place_in_the_list_and_says_what_it_is_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("--help") == 0
+    shown = capsys.readouterr().out
+    for name in COMMANDS:
+        file = Path(commands.__path__[0], f"{name.replace('-', '_')}.py")
+        text = file.read_text(encoding="utf-8")
+        first = f'"""`tango {name}`: what it is for."""'
+        assert FOR.match(text), f"{file.name}: the first line has to be like {first}"
+        found = PLACE.search(text)
+        assert found and found[1] in commands.GROUPS, f'{file.name}: state PLACE = "GROUP 50" with one of {commands.GROUPS}'
+        assert re.search(rf"^  {name}\b", shown, re.MULTILINE), f"{name} is missing in tango --help"

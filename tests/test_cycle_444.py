@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from controls import ACTIVE, Ran, assert_as_planned, far_away, lines_of, run_on
+from support.controls import ACTIVE, Ran, assert_as_planned, far_away, lines_of, run_on
 from test_dialects import EXAMPLE, PRINTED, measured
-from test_envelope import bare, changed, read_back, refused, renumbered
+from test_readback import bare, changed, read_back, refused, renumbered
 
 from postprocessors._base import load, unverified
 from postprocessors.heidenhain import mask
-from sim_controller.interpreters import klartext
+from sim_controller.languages import klartext
 from sim_controller.simulate import simulate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.link._client import Ended
@@ -30,7 +30,7 @@ from tango_cnc.records import Cell, Find, InputError, Plan, World
 
 GOLDEN = Path(__file__).parent / "golden"
 FIND = Find(feed=800.0, retreat=8.5)  # of touches with standoff 10, search 5, feed 180
-CYCLE = {"cycle": 444}
+CYCLE = {"cycle": 444, "gate": "none"}
 MASK = ("TNC:\\TANGO.A", *mask())
 LINE = "RESULT IS NOT IN MACHINE COORDINATES"
 
@@ -253,7 +253,7 @@ def test_what_the_post_writes_passes(made: Plan) -> None:
         ("    Q263=+Q67", "    Q263=+Q61", "cycle 444 goes somewhere by itself"),
         ("    Q581=+Q64", "    Q581=+Q65", "cycle 444 goes somewhere by itself|the normal"),
         ("Q64 = ( 0 - Q31 ) / Q34", "Q64 = ( 0 - Q31 )", "the normal of cycle 444"),
-        ("Q61 = ID270", "Q61 = ID240", "cycle 444 goes somewhere by itself"),
+        ("Q61 = ID270 NR1", "Q61 = ID240 NR8", "cycle 444 goes somewhere by itself"),
         ('    QS400="0"', '    QS400="0.1"', "TCH PROBE"),
         ("Q115 = 99999\n", "", "stops the program though"),
         ("Q115 = 99999\nQ116", "Q115 = 20000\nQ116", "stops the program though"),

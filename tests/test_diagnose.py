@@ -8,10 +8,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import blind
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support import blind
 
 from sim_controller.simulate import simulate
 from tango_cnc.cli import tango
@@ -152,7 +152,7 @@ def test_a_cause_beside_something_larger_without_a_name_is_told_and_not_named(be
     assert [(x.finding.cause, x.why) for x in d.dropped] == [("thermal_drift", "beside a shape")]
     assert [(x["cause"], x["why"]) for x in as_json(d)["not_named"]] == [("thermal_drift", "beside a shape")]
     text = " ".join(as_text(d).split())
-    assert "thermal_drift fits (the machine drifts" in text and "may only follow what that leaves" in text
+    assert "it resembles thermal_drift, which is not named" in text and "may only follow what that leaves" in text
 
 
 def test_a_cause_that_brings_nothing_to_held_out_touches_is_told_and_not_named(

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import blind
 import numpy as np
 import pytest
+from support import blind
 
 from sim_controller.simulate import simulate
 from tango_cnc.diagnose.arrays import diagnose_arrays

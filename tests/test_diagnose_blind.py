@@ -5,9 +5,9 @@ The campaign prints its confusion matrix and the table of docs/diagnose.md.
 
 from __future__ import annotations
 
-import blind
 import pytest
 from scipy import stats
+from support import blind
 
 SAMPLE = [("step", 41), ("moving_mass", 42), ("rotary_tilt", 43), ("scale_drift", 44)]
 

@@ -53,7 +53,15 @@ SPOKEN = {
     **dict.fromkeys(("fanuc", "mazak"), G31),
     "mitsubishi": replace(G31, settings={"skip_feed": "own"}),
     "haas": replace(
-        G31, settings={"lettered": True, "padding": "bare", "overflow": "expanded", "line_end": "cr", "fastest_skip": 2500.0}
+        G31,
+        settings={
+            "macros_ahead": True,
+            "lettered": True,
+            "padding": "bare",
+            "overflow": "expanded",
+            "line_end": "cr",
+            "fastest_skip": 2500.0,
+        },
     ),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from controls import GOLDEN, Ran, run_on
+from support.controls import GOLDEN, Ran, run_on
 from test_dialects import DRIVEN, EVERY, OFFSETS, driven
 
 from postprocessors._base import companions, load, program

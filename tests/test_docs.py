@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
 
@@ -34,6 +35,8 @@ def test_commands_and_options_in_the_text_exist(page: Path) -> None:
             continue
         command = tango.get_command(click.Context(tango), name)
         assert command is not None
+        if isinstance(command, click.Group) and (action := rest.split()[0] if rest.split() else "") in command.commands:
+            command = command.commands[action]
         known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)} | {"--help"}
         wanted = re.split(r"[,;:|)]", rest)[0]
         for option in re.findall(r"(?<= )-{1,2}[a-zA-Z][a-z-]*", wanted):
@@ -63,3 +66,22 @@ def test_make_targets_in_the_text_exist() -> None:
     for page in PAGES:
         for target in re.findall(r"(?:^ {4}|`)make ([a-z-]+)", text(page), re.MULTILINE):
             assert f"\n{target}:" in makefile, f"{page.name}: make {target}"
+
+
+def _found(name: str) -> bool:
+    """dotted name → whether it is a module, or something in one."""
+    try:
+        importlib.import_module(name)
+    except ModuleNotFoundError:
+        module, _, member = name.rpartition(".")
+        return bool(module) and member in vars(importlib.import_module(module))
+    return True
+
+
+def test_every_word_of_the_glossary_is_where_the_glossary_says() -> None:
+    rows = [line.split("|") for line in text(ROOT / "docs" / "glossary.md").splitlines() if line.startswith("| ")][1:]
+    words = [row[1].strip() for row in rows]
+    assert len(words) == len(set(words)) > 30
+    for row in rows:
+        name = row[3].strip().strip("`")
+        assert _found(name), f"docs/glossary.md: {row[1].strip()}: {name} does not exist; correct the third column"

@@ -18,6 +18,7 @@ NUMERIC = (
     "tango_cnc.model",
     "tango_cnc.identify",
     "tango_cnc.estimate",
+    "tango_cnc.noise",
     "tango_cnc.check",
     "tango_cnc.plan",
     "tango_cnc.duration",

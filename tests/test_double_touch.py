@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from controls import GOLDEN
-from linkfaults import scene, stopped_by_the_user
+from support.controls import GOLDEN
+from support.linkfaults import scene, stopped_by_the_user
 from test_dialects import DRIVEN, EVERY, EXAMPLE, OFFSETS, PRINTED, measured, s3
 from test_dialects_stop import ran
 from test_run import STRATEGY, Result, readings
@@ -24,11 +24,11 @@ from sim_controller.probing import rig
 from sim_controller.session import language
 from sim_controller.simulate import simulate
 from tango_cnc.duration import duration, saved
-from tango_cnc.envelope import check
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.write import strategy_text
 from tango_cnc.link._client import Failed
 from tango_cnc.plan import last_motion, last_moves, plan, plan_hash
+from tango_cnc.readback import check
 from tango_cnc.records import Cell, Find, InputError, Plan, World
 
 FIND = Find(feed=800.0, retreat=6.0)  # of touches with standoff 10, search 5, feed 180
@@ -146,8 +146,8 @@ def test_a_probe_that_never_answers_ends_it_at_the_third_touch(name: str, golden
 # What is read back
 
 
-def lines_of(post: Post, made: Plan) -> list[str]:
-    return list(program(post, made, {}, plan_hash(made))[2]())
+def lines_of(post: Post, made: Plan, **options: str) -> list[str]:
+    return list(program(post, made, options, plan_hash(made))[2]())
 
 
 def refused(post: Post, made: Plan) -> str:
@@ -241,13 +241,13 @@ def test_a_post_that_does_not_know_of_it_measures_twice_and_records_once(golden:
 
 @pytest.mark.long
 def test_the_predicted_time_is_that_of_the_simulated_control(cell: Cell, world: World) -> None:
-    """Of both, and what is told to be saved: the control checks that it is in position after every move, which is not predicted."""
+    """Of both, and of what is saved. Not predicted: the check after every move that the axes are in position, and the gate."""
     spoken, spent, told = language("macro_b"), [], []
     for made in (plan(cell), plan(twice(cell))):
         motion = Motion(rig(made.machine, made.artefact, world))
         profile = replace(spoken.default_profile(made.machine), g54=OFFSETS)
         spoken.Control(motion, profile, lambda data: None, lambda event, **data: None, ()).run(
-            lines_of(load("fanuc"), made)[1:-1], False
+            lines_of(load("fanuc"), made, gate="none")[1:-1], False
         )
         spent.append(motion.time)
         told.append(sum(duration(made, 3000.0).values()))

@@ -318,7 +318,8 @@ def machines(draw: st.DrawFn) -> Machine:
             )
         )
     topology = f"w{''.join(letters[:split])}f{''.join(letters[split:])}(S)t"
-    probe = Probe(*(draw(positive) for _ in range(6)))
+    length, radius, *stem = (draw(positive) for _ in range(5))
+    probe = Probe(length, radius, draw(st.floats(1e-4, 0.1)), *stem)
     return Machine(draw(texts), topology, tuple(axes), tuple(reversed(letters[:split])), (*letters[split:], "S"), probe)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import machine_of
+from support.machines import machine_of
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import estimate

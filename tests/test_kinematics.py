@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import machine_of, random_positions, topologies
+from support.machines import machine_of, random_positions, topologies
 
 from sim_controller.world import tip_in_table, true_machine
 from tango_cnc import kinematics

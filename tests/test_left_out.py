@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from blockcell import block, machine
-from blockcell import cell as block_cell
+from support.blockcell import block, machine
+from support.blockcell import cell as block_cell
 from test_run import Result, readings
 from test_run_simulated import controller
 
@@ -20,11 +20,11 @@ from postprocessors._base import load, names, program, settings
 from tango_cnc import kinematics
 from tango_cnc.commands.design import planned
 from tango_cnc.commands.init import write_example
-from tango_cnc.commands.plan import programs
-from tango_cnc.envelope import check
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import read_plan
 from tango_cnc.plan import part, plan, plan_hash, split
+from tango_cnc.program import programs
+from tango_cnc.readback import check
 from tango_cnc.records import Cell, InputError, Obstacle, Plan
 
 REACH = np.cos(np.radians(91.2))  # of the angle between a facet's normal and the direction to the spindle
@@ -152,7 +152,7 @@ def test_whoever_asks_for_them_gets_them_with_a_warning(folder: Path) -> None:
     result = Result("plan", "-C", folder, "--obstructed", "warn")
     assert result.code == 0 and "left out" not in result.err + result.out
     assert "WARNING: 3 of 10 touches are on facets that face away" in result.err and NAMED[0] in result.err
-    text = (folder / "program" / "O8700.nc").read_text(encoding="ascii")
+    text = (folder / "program" / "O7700.nc").read_text(encoding="ascii")
     assert "(10 TOUCHES OF" in text and "UNVERIFIED 3 TOUCHES ARE ON FACETS THAT FACE AWAY" in text and "LEFT OUT" not in text
 
 
@@ -204,7 +204,7 @@ def test_the_program_of_the_public_cell_is_read_back_in_every_dialect_whole_and_
     post = load(name)
     for most in (None, 100):
         written = programs(post, contract, {}, most)
-        assert not [doubt for program in written for doubt in program.doubts]
+        assert not [doubt for program in written for doubt in program.unread]
         assert sum(len(program.plan.touches) for program in written) == 358
 
 
@@ -244,7 +244,8 @@ def test_a_run_makes_what_is_left_and_its_readings_have_the_numbers_of_the_strat
     assert (told["touches"], told["missing"], told["left_out"]) == (7, [], NAMED)
     last = json.loads((folder / "run.json").read_text(encoding="utf-8").splitlines()[-1])
     assert last["event"] == "end" and last["left_out"] == NAMED
-    compared = Result("compare", "-C", folder, "--with", folder / "simulated.csv", "--json", "-")
+    # seven touches are too few for an estimate, so nothing vouches for them
+    compared = Result("compare", "-C", folder, "--with", folder / "simulated.csv", "--despite", "--json", "-")
     assert compared.code == 0 and list(json.loads(compared.out)["differences_um"]) == [str(number) for number in MADE]
 
 
@@ -262,7 +263,7 @@ def test_a_run_in_parts_that_stopped_goes_on_with_what_is_left(folder: Path) -> 
 
 def test_a_program_with_other_touches_than_the_run_wants_is_not_sent(folder: Path) -> None:
     assert Result("plan", "-C", folder, "--obstructed", "warn").code == 0
-    sent = ["run", "-C", folder, "--program", folder / "program" / "O8700.nc", "--port", "socket://127.0.0.1:1"]
+    sent = ["run", "-C", folder, "--program", folder / "program" / "O7700.nc", "--port", "socket://127.0.0.1:1"]
     result = Result(*sent)
     assert result.code == 2 and "or --obstructed is another" in result.err
     assert Result(*sent, "--obstructed", "warn").code == 3  # nobody is there

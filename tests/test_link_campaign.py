@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 
 import pytest
-from linkfaults import bus_session, cable_session, judged, patched, tape_session
-from linkparts import FakeClock
+from support.linkfaults import bus_session, cable_session, judged, patched, tape_session
+from support.linkparts import FakeClock
 
 SESSIONS = {"dnc": tape_session, "modbus": bus_session, "grbl": cable_session}
 CAMPAIGN = int(os.environ.get("TANGO_SESSIONS", "5000"))

@@ -1,15 +1,33 @@
 """What keeps a run from a motion that nobody can vouch for, and from a reading that was none: a guard a test."""
 
 import random
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from linkfaults import Bus, Ledger, Turns, post, resident, scene
-from linkparts import MARK, FakeClock, job, machine, plan
+from support.linkfaults import Bus, Ledger, Turns, post, resident, scene
+from support.linkparts import MARK as NAME
+from support.linkparts import FakeClock, job, machine, plan
 from test_link_session import Run, after_the_program, printed
 
 from sim_controller.motion import Motion
-from sim_controller.protocols.modbus import POINT, RECORD, RUN, STATUS, TAKEN, Registers
+from sim_controller.protocols.modbus import (
+    BEGUN,
+    CONFIRMED,
+    COUNT_OF,
+    ECHO,
+    HEARD,
+    LONG,
+    MARK,
+    POINT,
+    RECORD,
+    REQUEST,
+    STATUS,
+    TAKEN,
+    TICK,
+    TICKET,
+    Registers,
+)
 from tango_cnc.link import _measure, dnc
 from tango_cnc.link._client import Begun, Identified, Touched
 from tango_cnc.link._measure import Wanted, measure
@@ -36,7 +54,7 @@ class Spoilt(Bus):
     def _answer(self, code, address, *words):
         self.asked.append((code, address))
         answer = super()._answer(code, address, *words)
-        if (code, address) == self.begins:
+        if (code, address, *words)[: len(self.begins)] == self.begins:
             self.left -= 1
             if self.left == 0 and not self.does(self._device):
                 return "- no answer"
@@ -59,7 +77,7 @@ def stopped(tmp_path, monkeypatch, begins, n, does):
         return does(device)
 
     def opened(address):
-        lines.append(Spoilt(Registers(Motion(rig, note), note), clock, begins, n, happened))
+        lines.append(Spoilt(Registers(Motion(rig, note), note, clock=clock), clock, begins, n, happened))
         return lines[-1]
 
     monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
@@ -71,12 +89,13 @@ def stopped(tmp_path, monkeypatch, begins, n, does):
     return str(error.value), ledger, commands
 
 
-TARGET, BLOCK = (16, 40), (3, 0)
+MOVED = 4323  # code of the command
+ASKED, BLOCK = (16, REQUEST), (3, 0, ECHO + LONG)
 
 
 def restarted(device):
     """Off and on again: its registers are as new, and so is what it believes of its axes."""
-    device.words[:] = Registers(device.motion).words
+    device.words[:] = Registers(device.motion, ticket=4711).words
     return False
 
 
@@ -92,7 +111,7 @@ def opened_door(device):
 
 
 def driven_by_another(device):
-    device.words[1:3] = [77, 77]
+    device.words[BEGUN], device.words[1] = 77, 77
     return False
 
 
@@ -101,12 +120,12 @@ def driven_by_another(device):
     [
         (restarted, "it has been switched off and on"),
         (driven_by_another, "another program drives it as well"),
-        (jogged, "X moved while requests were not answered"),
+        (jogged, "X moved since the last command was done"),
     ],
 )
 def test_a_control_that_was_away_is_looked_at_before_it_moves_again(tmp_path, monkeypatch, does, why):
     """Its silence is short enough for the request to be put again; what happened in it is asked for all the same."""
-    said, _, commands = stopped(tmp_path, monkeypatch, TARGET, 3, does)
+    said, _, commands = stopped(tmp_path, monkeypatch, ASKED, 4, does)
     assert why in said
     assert commands == []
 
@@ -121,7 +140,7 @@ def test_a_door_that_opens_when_a_move_has_been_acknowledged_is_seen_before_the_
 def deaf(device):
     """A register that keeps another value than was written."""
     write = device.write
-    device.write = lambda address, values: write(address, [*values[:4], values[4] ^ 1, *values[5:]] if address == 40 else values)
+    device.write = lambda address, values: write(address, [*values[:8], values[8] ^ 1, *values[9:]] if len(values) > 8 else values)
     return True
 
 
@@ -148,37 +167,40 @@ def absent_minded(device):
 @pytest.mark.parametrize(
     ("does", "why", "given"),
     [
-        (deaf, "what is written as target does not stand in the registers afterwards", [2]),
-        (beside, "X stands at", [2]),
+        (deaf, "the control does not take commands", [MOVED]),
+        (beside, "X stands at", [MOVED]),
         (absent_minded, "the control speaks of touch 99 where touch", None),
     ],
 )
 def test_what_a_control_made_of_a_target_is_compared(tmp_path, monkeypatch, does, why, given):
     """The third target is still written rightly, and its move made: the first wrong thing is the last."""
-    said, _, commands = stopped(tmp_path, monkeypatch, TARGET, 3, does)
+    said, _, commands = stopped(tmp_path, monkeypatch, ASKED, 4, does)
     assert why in said
     assert given is None or commands == given
 
 
-MARKED = [0, int(MARK[:4], 16), int(MARK[4:], 16)]
+MARKED = [0, int(NAME[:4], 16), int(NAME[4:], 16)]
 
 
-def played(options, started, words, keeps=()):
-    """options of the client, what the RUN command and each look do to the registers → its events, its requests"""
+def played(options, happens, words, keeps=(), most=30):
+    """options of the client, what happens to the registers before each look, where the run has begun → its events, its requests"""
     client, events, requests = Client(job(), options), [], []
-    for _ in range(30):
+    for _ in range(most):
         request = client.bytes_to_send(1000).decode().split()
         if not request:
             break
         requests.append(request[0])
         code, address, *values = map(int, request)
         if code == 16:
-            words[address : address + len(values)] = [
-                words[address + i] if address + i in keeps else v for i, v in enumerate(values)
-            ]
+            for register, value in enumerate(values, address):
+                words[register] = words[register] if register in keeps else value
+            if address == REQUEST:
+                words[ECHO : ECHO + LONG], words[TICKET] = words[REQUEST : REQUEST + LONG], words[TICKET] + 1
+            elif words[CONFIRMED] == words[TICKET] != words[BEGUN]:
+                words[BEGUN], words[STATUS] = words[TICKET], 1
             answer = [16, address, len(values)]
         else:
-            started(words, len(requests))
+            happens(words, len(requests))
             answer = [3, *words[address : address + values[0]]]
         events += client.receive((" ".join(map(str, answer)) + "\n").encode())
     return events, requests
@@ -187,7 +209,7 @@ def played(options, started, words, keeps=()):
 def resting(**changed):
     words = list(Registers(Motion(scene()[2])).words)
     for name, value in changed.items():
-        words[{"sequence": 1, "acknowledged": 2, "record": RECORD}[name]] = value
+        words[{"status": STATUS, "record": RECORD, "heard": HEARD}[name]] = value
     return words
 
 
@@ -195,38 +217,57 @@ PROGRAM = {"run": "program"}
 
 
 def test_nothing_is_asked_for_while_a_command_of_before_is_open():
-    _, requests = played({}, lambda words, n: None, resting(sequence=7, acknowledged=6))
+    _, requests = played({}, lambda words, n: None, resting(status=1))
     assert set(requests) == {"3"}
 
 
+def test_nothing_is_asked_for_while_another_program_is_there():
+    """Its run was cut off, or it is alive: who is alive tells the control so, again and again."""
+
+    def alive(words, n):
+        words[TICK] = words[HEARD] = 100 + n // 4
+
+    events, requests = played({}, alive, resting(heard=100))
+    assert "another program drives this control" in events[-1].why
+    assert set(requests) == {"3"}
+
+
+def test_a_run_that_was_cut_off_is_waited_for_until_the_control_no_longer_minds_it():
+    def passing(words, n):
+        words[TICK] = 100 + n
+
+    _, requests = played({}, passing, resting(heard=100))
+    assert 10 <= requests.index("16") <= 15
+
+
 def test_a_record_that_was_skipped_ends_the_run():
-    def started(words, n):
-        words[RECORD] = 2 if words[0] == RUN else 0
+    def happens(words, n):
+        words[RECORD] = 7 if words[STATUS] == 1 else 5
 
-    events, _ = played(PROGRAM, started, resting())
-    assert "record 2 came where record 1 was due" in events[-1].why
+    events, _ = played(PROGRAM, happens, resting(record=5))
+    assert "record 7 came where record 6 was due" in events[-1].why
 
 
-def test_a_record_of_the_run_before_is_none_of_this_one():
-    def started(words, n):
-        if words[0] == RUN and n > 10:
-            words[RECORD] = 0
-        if words[0] == RUN and n > 12:
-            words[34:37], words[9], words[4], words[RECORD] = MARKED, 3, 0, 1
+def test_records_are_counted_on_from_the_run_before():
+    def happens(words, n):
+        if words[STATUS] == 1 and n > 12:
+            words[MARK : MARK + 3], words[COUNT_OF], words[POINT], words[RECORD] = MARKED, 3, 0, 0
 
-    events, _ = played(PROGRAM, started, resting(record=5))
+    events, _ = played(PROGRAM, happens, resting(record=65535))
     assert [type(event).__name__ for event in events] == ["Identified", "Begun"]
 
 
 def test_what_is_taken_has_to_stand_in_the_registers():
-    words = resting()
-    words[TAKEN] = 9
-    events, _ = played(PROGRAM, lambda words, n: None, words, keeps=(TAKEN,))
+    def happens(words, n):
+        if words[STATUS] == 1:
+            words[MARK : MARK + 3], words[COUNT_OF], words[POINT], words[RECORD] = MARKED, 3, 0, 6
+
+    events, _ = played(PROGRAM, happens, resting(record=5), keeps=(TAKEN,))
     assert "what is written as taken does not stand" in events[-1].why
 
 
 def test_a_start_mark_with_another_number_of_touches_is_of_another_program():
-    assert "the control runs another program" in dnc.Client(job(), {}).receive(f"TANGO START {MARK} 4\n".encode())[0].why
+    assert "the control runs another program" in dnc.Client(job(), {}).receive(f"TANGO START {NAME} 4\n".encode())[0].why
 
 
 def test_a_repeated_touch_that_meets_nothing_is_no_facet_that_stayed(tmp_path):
@@ -234,7 +275,7 @@ def test_a_repeated_touch_that_meets_nothing_is_no_facet_that_stayed(tmp_path):
     missed = RECORDS[0].replace("H1 X20", "H0 X25")
     run = Run(tmp_path, after_the_program(printed(missed, *RECORDS[1:])), resume=True, this_job=job(again=1))
     assert "touch 1 was repeated and is miss" in run.error
-    assert [entry["touch"] for entry in run.kinds("reading")] == [1]
+    assert [entry.touch for entry in run.kinds("reading")] == [1]
 
 
 def test_ten_records_in_a_row_end_a_run_and_nine_twice_do_not(tmp_path):
@@ -284,7 +325,7 @@ def test_a_run_is_not_resumed_at_another_control_before_somebody_has_said_so(tmp
     rest = job(original=(2, 3), plan=plan())
     second = Run(tmp_path, after_the_program(printed(*RECORDS)), resume=True, this_job=rest)
     assert "the control says it is 'grblHAL 1.1f', and the run was begun at 'grbl 1.1h'" in second.error
-    assert [entry["touch"] for entry in second.kinds("reading")] == [1]
+    assert [entry.touch for entry in second.kinds("reading")] == [1]
     again = Run(tmp_path, after_the_program(printed(*RECORDS)), resume=True)
     assert "the control says" not in again.error
 
@@ -314,7 +355,7 @@ def test_a_program_that_the_control_has_already_is_not_sent(tmp_path):
     client = dnc.Client(job(program="100 % SURE\n"), {"program": "stored"})  # need not go over a line
     assert client.bytes_to_send(1000) == b""
     assert client.sent == (0, 0)
-    events = client.receive(b"".join(line.encode() + b"\r\n" for line in (f"TANGO START {MARK} 3", *RECORDS, "TANGO END 3")))
+    events = client.receive(b"".join(line.encode() + b"\r\n" for line in (f"TANGO START {NAME} 3", *RECORDS, "TANGO END 3")))
     assert [type(event).__name__ for event in events] == ["Begun", "Touched", "Touched", "Touched", "Ended"]
     other = dnc.Client(job(), {"program": "stored"}).receive(b"TANGO START 0BAD0BAD 3\r\n")
     assert "the control runs another program" in other[0].why
@@ -328,7 +369,7 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
     clock, ledger, order = FakeClock(), Ledger(), []
     cell, made, rig = scene()
     halves = [_measure.rest_of(cell, made, (), tuple(range(a, a + 30))) for a in (1, 31)]
-    parts = [SimpleNamespace(**{**vars(post(half)[0]), "file": f"O870{i}.nc"}) for i, half in enumerate(halves)]
+    parts = [replace(post(half)[0], file=f"O870{i}.nc") for i, half in enumerate(halves)]
     at_the_control, turns = [], Turns()
     motion = Motion(rig, ledger.note)
 

@@ -186,12 +186,12 @@ def test_a_control_that_was_reset_by_being_opened_is_asked_again():
     assert listen(Board(), b"$I\n", 50, lambda: next(clock), lambda got: b"VER" in got).endswith(GRBL)
 
 
-PROGRAM = "%\nO8700 (TANGO)\nG31 X25. F180.\nIF[#1GT0.02]THEN#3000=81(PROBE)\nM30\n%\n"
+PROGRAM = "%\nO7700 (TANGO)\nG31 X25. F180.\nIF[#1GT0.02]THEN#3000=81(PROBE)\nM30\n%\n"
 
 
 def punched(text, parity=False):
     """The same as many controls punch it: leader, no blanks, LF CR CR, codes, a colon for O."""
-    tape = "\0\0\x12" + text.replace(" ", "").replace("O8700", ":8700").replace("\n", "\n\r\r") + "\x14\0"
+    tape = "\0\0\x12" + text.replace(" ", "").replace("O7700", ":7700").replace("\n", "\n\r\r") + "\x14\0"
     return even(tape) if parity else tape.encode()
 
 
@@ -213,7 +213,7 @@ def test_a_program_of_which_a_part_is_missing_is_not_the_same():
 
 
 def test_the_command_waits_for_the_end_of_what_the_control_punches(cell):
-    (cell / "O8700.nc").write_text(PROGRAM)
+    (cell / "O7700.nc").write_text(PROGRAM)
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve():
@@ -225,9 +225,9 @@ def test_the_command_waits_for_the_end_of_what_the_control_punches(cell):
 
         threading.Thread(target=serve, daemon=True).start()
         url = f"socket://127.0.0.1:{server.getsockname()[1]}"
-        result = Result("link-test", "-C", cell, "--port", url, "--program", cell / "O8700.nc", "--seconds", "5")
+        result = Result("link-test", "-C", cell, "--port", url, "--program", cell / "O7700.nc", "--seconds", "5")
     assert (result.code, result.out) == (0, "4 blocks, all of them as in the file\n")
-    assert Result("link-test", "-C", cell, "--port", "grbl+socket://127.0.0.1:1", "--program", cell / "O8700.nc").code == 2
+    assert Result("link-test", "-C", cell, "--port", "grbl+socket://127.0.0.1:1", "--program", cell / "O7700.nc").code == 2
 
 
 def test_ports_are_listed(monkeypatch):

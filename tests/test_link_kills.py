@@ -13,10 +13,10 @@ import time
 
 import numpy as np
 import pytest
-from linkfaults import moves_remembered
+from support.linkfaults import moves_remembered
 
 from sim_controller import __main__ as sim_controller
-from tango_cnc import envelope
+from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_readings
@@ -71,7 +71,7 @@ def child(folder, url, resume):
     arguments = ["run", "-C", str(folder), "--port", url, "--yes", "--timeout", "20", *(["--resume"] if resume else [])]
 
     def work():
-        pytest.MonkeyPatch().setattr(envelope, "check", lambda *program: ())
+        pytest.MonkeyPatch().setattr(readback, "check", lambda *program, **named: ())
         return guarded(tango.main, arguments, standalone_mode=False)
 
     return process(work)
@@ -115,14 +115,16 @@ def on_disk(folder):
         entries, _ = read_journal(folder / "readings.journal")
     except InputError:
         return {}, False
-    found = {entry["touch"]: entry["position"] for entry in entries if entry["kind"] == "reading"}
-    return found, any(entry["kind"] == "segment" for entry in entries)
+    found = {entry.touch: entry.position for entry in entries if entry.kind == "reading"}
+    return found, any(entry.kind == "segment" for entry in entries)
 
 
 def last_words(folder):
     """→ why the run ended, as its journal says"""
+    if not (folder / "readings.journal").exists():
+        return "no journal was begun"
     entries, _ = read_journal(folder / "readings.journal")
-    return str(entries[-1].get("why", "")) if entries else ""
+    return str(entries[-1]) if entries else ""
 
 
 def judge(folder, ledger, since, durable):

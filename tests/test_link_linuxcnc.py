@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from linkparts import plan as small_plan
-from realcontrol import PERIOD, Control, linuxcnc
+from support.linkparts import plan as small_plan
+from support.realcontrol import PERIOD, Control, linuxcnc
 
 from sim_controller import probing, surfaces
 from sim_controller.world import place
@@ -79,7 +79,7 @@ def cell(tmp_path: Path) -> Path:
     (folder / "strategy.yaml").write_text(STRATEGY)
     (folder / "tango.yaml").write_text(
         "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\nterms: S1\n"
-        "controller: {post: linuxcnc, log: log.txt, positioning_feed: 30000}\n"
+        "controller: {post: linuxcnc, log: log.txt, positioning_feed: 30000, gate: none}\n"
     )
     return folder
 
@@ -95,7 +95,7 @@ def on_disk(cell: Path) -> dict[int, list[float]]:
     """→ {touch: position} of the journal as it is now."""
     file = cell / "readings.journal"
     entries = read_journal(file)[0] if file.exists() else []
-    return {entry["touch"]: entry["position"] for entry in entries if entry["kind"] == "reading"}
+    return {entry.touch: entry.position for entry in entries if entry.kind == "reading"}
 
 
 def interrupted(cell: Path, control: Control, resume: bool, chance: random.Random, with_signal: signal.Signals) -> tuple[int, str]:

@@ -6,11 +6,11 @@ The fault comes behind the third touch of seven. A one-way control says nothing:
 import random
 
 import pytest
-from linkfaults import Bus, Cable, Ledger, Tape, Turns, judged, patched, post, resident, scene
-from linkparts import FakeClock
+from support.linkfaults import Bus, Cable, Ledger, Tape, Turns, judged, patched, post, resident, scene
+from support.linkparts import FakeClock
 
 from sim_controller.faults import WORDS, Disturbance, Faults
-from sim_controller.interpreters import grbl
+from sim_controller.languages import grbl
 from sim_controller.motion import Motion
 from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import Registers
@@ -50,7 +50,7 @@ def control(kind, ledger, clock, faults, text, turns):
     if kind == "dnc":
         return Parity(Tape(ledger, clock, faults, still, still, None), False)
     more = {"program": lambda motion, punch: resident(text, motion, punch), "waited": turns.waited} if turns else {}
-    return Bus(Registers(motion, ledger.note, **more), clock, random.Random(0), {}, turns)
+    return Bus(Registers(motion, ledger.note, clock=clock, **more), clock, random.Random(0), {}, turns)
 
 
 def attempt(kind, folder, monkeypatch, ledger, faults, resume):

@@ -11,8 +11,8 @@ import tty
 
 import numpy as np
 import pytest
-from linkfaults import scene, stopped_by_the_user
-from linkparts import job
+from support.linkfaults import scene, stopped_by_the_user
+from support.linkparts import job
 from test_run import STRATEGY, Result, readings
 from test_run_simulated import agree, controller
 
@@ -50,9 +50,13 @@ def edited(tmp_path, old, new):
     [
         ("word_order: big ", "word_order: middle ", "allowed: big, little"),
         ("write: 16", "write: 6", "allowed: 16"),
-        ("  sequence: 1 ", "  sequence: 0 ", "0 is command and sequence"),
-        ("  sequence: 1 ", "  sequence: 29 ", "side by side"),
-        ("  target: 44 ", "  target: 344 ", "at most 120"),
+        ("  acknowledged: 1 ", "  acknowledged: 0 ", "0 is status and acknowledged"),
+        ("  heard: 82 ", "  heard: 92 ", "side by side"),
+        ("  echo: 34 ", "  echo: 344 ", "at most 120"),
+        ("layout: 2 ", "layout: 1 ", "a command that came late for a new one"),
+        ("turn: 4460", "turn: 4324", "differ in 4 bits"),
+        ("end: 4945", "end: 3", "nothing and end"),
+        ("fresh: 2 ", "fresh: 20 ", "fresh ≤ silence"),
         ("axes: [X, Y, Z", "axes: [X, Y, W", "axes[2]"),
         ("busy: 1", "busy: 0", "a number of its own"),
         ("rotary: 0.0001", "rotary: 0", "greater than 0"),
@@ -116,7 +120,7 @@ def test_a_run_is_resumed_after_an_alarm(cell):
 
 def test_a_control_that_runs_the_program_hands_its_records_over(cell):
     """The program is at the control; the command starts it, and it waits after each record until that is on disk here."""
-    start = ["--start", str(cell / "program" / "O8700.nc")]
+    start = ["--start", str(cell / "program" / "O7700.nc")]
     with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0", "--ledger", str(cell / "ledger"), *start) as url:
         result = Result("run", "-C", cell, "--port", f"{url}?run=program", "--timeout", "20")
     assert result.code == 0, result.err
@@ -127,7 +131,7 @@ def test_a_control_that_runs_the_program_hands_its_records_over(cell):
 @posix
 @pytest.mark.long
 def test_a_control_that_runs_the_program_is_resumed_with_the_rest_of_it(cell):
-    start = ["--start", str(cell / "program" / "O8700.nc")]
+    start = ["--start", str(cell / "program" / "O7700.nc")]
     with controller(cell, "--protocol", "modbus", "--pty", "--fault", "alarm-after=6", *start) as url:
         result = Result("run", "-C", cell, "--port", f"{url}?run=program", "--timeout", "20")
     assert (result.code, "cannot move: it is in alarm" in result.err) == (3, True), result.err
@@ -142,9 +146,9 @@ def test_a_control_that_runs_the_program_is_resumed_with_the_rest_of_it(cell):
     assert agree(cell)
 
 
-def test_a_layout_without_these_registers_cannot_hand_over_records(tmp_path):
-    with pytest.raises(InputError, match="no registers record, count, mark, taken"):
-        Client(job(), {"run": "program", "layout": edited(tmp_path, ", run: 6}", "}")})
+def test_a_layout_without_the_command_cannot_hand_over_records(tmp_path):
+    with pytest.raises(InputError, match="no command 'run'"):
+        Client(job(), {"run": "program", "layout": edited(tmp_path, ", run: 5002}", "}")})
 
 
 def crc(data):
@@ -247,8 +251,9 @@ def test_an_exception_of_the_device_is_passed_on():
 def test_a_device_that_hangs_up_and_stays_away_is_lost(cell):
     with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
         port = open_port(parse(url, {}))
-        assert ask(port, b"3 30 2") == "3 1 4660"
-        assert ask(port, b"3 63 9") == "! 2"
+        assert ask(port, b"3 30 2") == "3 2 4660"
+        assert ask(port, b"3 90 9") == "! 2"
+        assert ask(port, b"16 40 9") == "! 2"  # the control's own
     with pytest.raises(Lost):
         for _ in range(20):
             ask(port, b"3 30 2")

@@ -5,14 +5,14 @@ import random
 from types import SimpleNamespace
 
 import pytest
-from linkfaults import Bus, Cable, Ledger, Tape, Turns, post, resident, scene
-from linkparts import FakeClock
+from support.linkfaults import Bus, Cable, Ledger, Tape, Turns, post, resident, scene
+from support.linkparts import FakeClock
 
 from sim_controller.faults import Disturbance, Faults
-from sim_controller.interpreters import grbl
+from sim_controller.languages import grbl
 from sim_controller.motion import Motion
 from sim_controller.protocols.grbl import Input
-from sim_controller.protocols.modbus import TAKEN, Registers
+from sim_controller.protocols.modbus import CONFIRMED, REQUEST, Registers
 from tango_cnc.link import _measure
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link._wire import Parity
@@ -49,9 +49,15 @@ def controls(kind, ledger, clock, text):
         return Parity(Tape(ledger, clock, Faults(), still, still, None), False), bool
     turns = Turns() if kind == "modbus, program" else None
     more = {"program": lambda motion, punch: resident(text, motion, punch), "waited": turns.waited} if turns else {}
-    bus = Bus(Registers(motion, ledger.note, **more), clock, random.Random(0), {}, turns)
-    wanted = b"16 %d " % TAKEN if turns else b"16 0 "  # what is taken; command and sequence
-    return bus, lambda data: data.startswith(wanted)
+    bus = Bus(Registers(motion, ledger.note, clock=clock, **more), clock, random.Random(0), {}, turns)
+    taken = [b"0"]
+
+    def takes(data):
+        """Whether another record is taken: it is repeated whenever this end says that it is there."""
+        before, taken[0] = taken[0], data.split()[-1] if data.startswith(b"16 %d " % CONFIRMED) else taken[0]
+        return taken[0] != before
+
+    return bus, takes if turns else lambda data: data.startswith(b"16 %d " % REQUEST)
 
 
 @pytest.mark.parametrize("kind", PORTS)

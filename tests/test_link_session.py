@@ -3,7 +3,7 @@
 import io
 
 import pytest
-from linkparts import MARK, FakeClock, Memory, job
+from support.linkparts import MARK, FakeClock, Memory, job
 
 from tango_cnc.link import dnc
 from tango_cnc.link.journal import Journal, read_journal
@@ -29,8 +29,8 @@ def after_the_program(answer):
 class Run:
     """What one run left: what the watcher saw, the journal's entries, the error."""
 
-    def __init__(self, tmp_path, answer, *, this_job=None, resume=False, watch=None, transcript=None, stop=lambda: False):
-        self.clock, self.steps = FakeClock(), []
+    def __init__(self, tmp_path, answer, *, this_job=None, resume=False, watch=None, transcript=None, stop=lambda: False, **more):
+        self.clock, self.steps = more.pop("clock", None) or FakeClock(), []
         this_job = this_job or job()
         journal = Journal(tmp_path / "run.journal", resume)
         self.line = Memory(self.clock, answer)
@@ -40,9 +40,10 @@ class Run:
             journal,
             watch or self.steps.append,
             clock=self.clock,
-            now=self.clock.now,
+            now=more.pop("now", self.clock.now),
             transcript=transcript,
             stop=stop,
+            **more,
         )
         self.error = ""
         try:
@@ -53,25 +54,25 @@ class Run:
         self.entries = read_journal(tmp_path / "run.journal")[0]
 
     def kinds(self, kind):
-        return [entry for entry in self.entries if entry["kind"] == kind]
+        return [entry for entry in self.entries if entry.kind == kind]
 
 
 def test_a_run_from_start_mark_to_end_mark(tmp_path):
     run = Run(tmp_path, after_the_program(printed(*GOOD)))
     assert run.error == ""
     assert bytes(run.line.written) == dnc.tape(job().program)
-    assert [entry["touch"] for entry in run.kinds("reading")] == [1, 2, 3]
+    assert [entry.touch for entry in run.kinds("reading")] == [1, 2, 3]
     assert [step.deviation for step in run.steps[1:]] == pytest.approx([-3.0, 12.0, -2.0])
     assert [(step.done, step.total) for step in run.steps] == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    assert run.entries[-1]["complete"] is True
+    assert run.entries[-1].complete is True
 
 
 def test_the_end_mark_of_another_program_ends_nothing(tmp_path):
     assert Run(tmp_path, after_the_program(printed(*GOOD, end=f"TANGO END {MARK} 3"))).error == ""
     (tmp_path / "other").mkdir()
     other = Run(tmp_path / "other", after_the_program(printed(*GOOD, end="TANGO END 5AFE00000001 3")))
-    assert "silent" in other.error and "the end mark of another program" in other.kinds("refused")[0]["why"]
-    assert [entry["touch"] for entry in other.kinds("reading")] == [1, 2, 3]
+    assert "silent" in other.error and "the end mark of another program" in other.kinds("refused")[0].why
+    assert [entry.touch for entry in other.kinds("reading")] == [1, 2, 3]
 
 
 def test_every_reading_is_on_disk_before_another_byte_is_sent(tmp_path):
@@ -81,7 +82,7 @@ def test_every_reading_is_on_disk_before_another_byte_is_sent(tmp_path):
     def answer(written):
         if len(written) < 16:
             return b""
-        seen.append(sum(entry["kind"] == "reading" for entry in read_journal(tmp_path / "run.journal")[0]))
+        seen.append(sum(entry.kind == "reading" for entry in read_journal(tmp_path / "run.journal")[0]))
         return printed(GOOD[0], end="") + (printed(*GOOD[1:], begin="") if written.endswith(b"%\n") and len(written) > 20 else b"")
 
     run = Run(tmp_path, answer)
@@ -95,8 +96,8 @@ def test_a_control_that_stops_is_given_up_and_the_touch_that_was_due_is_named(tm
     assert "1 of 3 touches are recorded, touch 2 was due" in run.error
     assert "look at the machine" in run.error
     assert 30 < run.clock.seconds < 31
-    assert [entry["touch"] for entry in run.kinds("reading")] == [1]
-    assert run.entries[-1]["complete"] is False
+    assert [entry.touch for entry in run.kinds("reading")] == [1]
+    assert run.entries[-1].complete is False
 
 
 def test_a_control_that_never_answers_is_given_up_after_the_time_to_press_a_button(tmp_path):
@@ -133,21 +134,21 @@ def test_a_record_that_is_not_believed_is_said_and_its_touch_is_missing(tmp_path
     wrong = GOOD[1].replace("Y30.0120", "Y38.0120").replace("Z50", "Z58")
     run = Run(tmp_path, after_the_program(printed(GOOD[0], wrong, GOOD[2])))
     assert "the record of touch 2 was not believed or not received" in run.error
-    assert [entry["touch"] for entry in run.kinds("reading")] == [1, 3]
-    assert "beside the line" in run.kinds("refused")[0]["why"]
+    assert [entry.touch for entry in run.kinds("reading")] == [1, 3]
+    assert "beside the line" in run.kinds("refused")[0].why
     assert any("not believed" in (step.remark or "") for step in run.steps)
 
 
 def test_a_repeated_record_is_refused(tmp_path):
     run = Run(tmp_path, after_the_program(printed(GOOD[0], GOOD[1], GOOD[1], GOOD[2])))
     assert run.error == ""
-    assert [entry["touch"] for entry in run.kinds("reading")] == [1, 2, 3]
-    assert "repeated or out of order" in run.kinds("refused")[0]["why"]
+    assert [entry.touch for entry in run.kinds("reading")] == [1, 2, 3]
+    assert "repeated or out of order" in run.kinds("refused")[0].why
 
 
 def test_the_commanded_end_is_a_miss(tmp_path):
     run = Run(tmp_path, after_the_program(printed(GOOD[0].replace("X20.0030", "X25.0000"), *GOOD[1:])))
-    assert [entry["status"] for entry in run.kinds("reading")] == ["miss", "ok", "ok"]
+    assert [entry.status for entry in run.kinds("reading")] == ["miss", "ok", "ok"]
     assert run.steps[1].remark == "touch 1: miss"
 
 
@@ -166,7 +167,7 @@ def test_the_user_stops_the_feeding_and_what_is_there_is_kept(tmp_path):
     run = Run(tmp_path, answer, watch=steps.append, stop=lambda: len(steps) == 2)
     assert run.error.startswith("stopped by the user. 1 of 3 touches are recorded, touch 2 was due.")
     assert len(run.line.written) == 16
-    assert [entry["touch"] for entry in run.kinds("reading")] == [1]
+    assert [entry.touch for entry in run.kinds("reading")] == [1]
 
 
 def test_a_second_segment_counts_in_the_numbers_of_the_run_and_time_goes_on(tmp_path):
@@ -178,10 +179,10 @@ def test_a_second_segment_counts_in_the_numbers_of_the_run_and_time_goes_on(tmp_
     session = Session(rest, dnc.Client(rest, {}), journal, lambda step: None, clock=later, now=later.now)
     session.run(Memory(later, after_the_program(printed(*GOOD))))
     journal.close()
-    readings = [entry for entry in read_journal(tmp_path / "run.journal")[0] if entry["kind"] == "reading"]
-    assert [entry["touch"] for entry in readings] == [1, 2, 3, 4]
-    assert readings[0]["time_s"] < 1
-    assert 999 < readings[1]["time_s"] < 1001
+    readings = [entry for entry in read_journal(tmp_path / "run.journal")[0] if entry.kind == "reading"]
+    assert [entry.touch for entry in readings] == [1, 2, 3, 4]
+    assert readings[0].time_s < 1
+    assert 999 < readings[1].time_s < 1001
 
 
 def test_the_transcript_of_a_run_can_be_replayed(tmp_path):

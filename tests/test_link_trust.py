@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from linkparts import machine, plan
+from support.linkparts import machine, plan
 
 from tango_cnc.link._client import Begun, Ended, Refused, Touched
 from tango_cnc.link._trust import Distrust, Gate, judge, next_in_order

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blockcell import NORMALS, ball_distance, block, block_distance, cell, machine, positions
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from support.blockcell import NORMALS, ball_distance, block, block_distance, cell, machine, positions
 
 from tango_cnc import kinematics
 from tango_cnc.files import read_cell

@@ -39,8 +39,8 @@ def edit(file: Path, old: str, new: str) -> None:
 
 def test_program_and_plan_are_written_into_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("plan", "-C", cell) == 0
-    assert sorted(f.name for f in (cell / "program").iterdir()) == ["O8700.nc", "plan.csv"]
-    assert (cell / "program" / "O8700.nc").read_text() == (GOLDEN / "fanuc" / "O8700.nc").read_text()
+    assert sorted(f.name for f in (cell / "program").iterdir()) == ["O7700.nc", "plan.csv"]
+    assert (cell / "program" / "O7700.nc").read_text() == (GOLDEN / "fanuc" / "O7700.nc").read_text()
     assert (cell / "program" / "plan.csv").read_text() == (GOLDEN / "plan.csv").read_text()
     out = capsys.readouterr().out
     assert "6 touches on 5 facets at 3 indexations" in out
@@ -219,10 +219,10 @@ def test_a_refused_run_leaves_every_file_as_it_was(
 
 def test_a_folder_named_plan_csv_leaves_the_earlier_program(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (cell / "program" / "plan.csv").mkdir(parents=True)
-    (cell / "program" / "O8700.nc").write_text("earlier")
+    (cell / "program" / "O7700.nc").write_text("earlier")
     assert call("plan", "-C", cell) == 2
     assert "plan.csv, which is a folder" in capsys.readouterr().err
-    assert (cell / "program" / "O8700.nc").read_text() == "earlier"
+    assert (cell / "program" / "O7700.nc").read_text() == "earlier"
 
 
 @pytest.mark.parametrize(
@@ -280,8 +280,8 @@ def test_options_of_the_cell_belong_to_its_post(cell: Path, tmp_path: Path, caps
     """macros: is a word of the Fanuc post; another post is not asked to know it."""
     edit(cell / "tango.yaml", "post: fanuc", "post: fanuc, macros: called, probe_on: G65 P9832")
     assert call("plan", "-C", cell) == 0
-    text = (cell / "program" / "O8700.nc").read_text()
-    assert "G65 P8702" in text and "\nG65 P9832\n" in text and "UNVERIFIED PROBE ON" not in text
+    text = (cell / "program" / "O7700.nc").read_text()
+    assert "G65 P7702" in text and "\nG65 P9832\n" in text and "UNVERIFIED PROBE ON" not in text
     assert call("plan", "-C", cell, "--post", "linuxcnc", "--out", tmp_path / "out") == 0
 
 

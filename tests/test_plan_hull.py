@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from blockcell import block, cell, machine
 from scipy.spatial import ConvexHull
+from support.blockcell import block, cell, machine
 
 from tango_cnc.check import solid
 from tango_cnc.cli import guarded, tango

@@ -16,9 +16,9 @@ from test_run_simulated import agree, controller
 
 from postprocessors._base import companions, load, mark_of, names, of_part, program, settings
 from tango_cnc.commands.init import write_example
-from tango_cnc.envelope import check
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan, plan_hash, split
+from tango_cnc.readback import check
 from tango_cnc.records import InputError, Plan
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -88,10 +88,10 @@ def test_plan_writes_all_parts_and_one_plan_csv(tmp_path: Path) -> None:
     programs = json.loads(result.out)["programs"]
     assert [(p["first"], p["last"], p["touches"]) for p in programs] == [(1, 3, 3), (4, 6, 3)]
     folder = tmp_path / "cell" / "program"
-    assert sorted(file.name for file in folder.iterdir()) == ["O8700.nc", "O8705.nc", "plan.csv"]
+    assert sorted(file.name for file in folder.iterdir()) == ["O7700.nc", "O7705.nc", "plan.csv"]
     assert (folder / "plan.csv").read_text() == (GOLDEN / "plan.csv").read_text()
     whole = Result("plan", "-C", tmp_path / "cell")
-    assert "O8705.nc is an earlier program of this plan and stays as it is: delete it" in whole.err
+    assert "O7705.nc is an earlier program of this plan. It was left as it is: delete it" in whole.err
 
 
 def test_programs_of_another_plan_are_named_whatever_their_ending_and_of_a_resumed_run_too(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_programs_of_another_plan_are_named_whatever_their_ending_and_of_a_resum
     strategy = (folder / "strategy.yaml").read_text()
     (folder / "strategy.yaml").write_text(strategy.replace("standoff: 10", "standoff: 11"))
     other = Result("plan", "-C", folder, "--post", "siemens").err
-    assert "O8700.nc is of another plan" in other and "rest/tango.ngc is of another plan" in other
+    assert "O7700.nc is of another plan" in other and "rest/tango.ngc is of another plan" in other
 
 
 def test_a_dry_run_shows_the_parts() -> None:
@@ -155,6 +155,6 @@ def test_a_run_in_parts_that_stops_is_resumed_in_parts(cell: Path) -> None:
 
 def test_a_part_alone_is_not_sent_as_if_it_were_the_plan(cell: Path) -> None:
     assert Result("plan", "-C", cell, "--split", 3).code == 0
-    result = Result("run", "-C", cell, "--program", cell / "program" / "O8705.nc", "--port", "socket://127.0.0.1:1")
+    result = Result("run", "-C", cell, "--program", cell / "program" / "O7705.nc", "--port", "socket://127.0.0.1:1")
     assert result.code == 2
     assert "found part 2 of 3; a part alone is no whole plan: 'tango run --split N'" in result.err

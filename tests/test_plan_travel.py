@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from blockcell import block, cell, machine, positions
 from scipy.optimize import linprog
+from support.blockcell import block, cell, machine, positions
 
 from tango_cnc import duration, kinematics
 from tango_cnc.check import Solid, solid

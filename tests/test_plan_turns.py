@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blockcell import HALF, block, cell, machine, positions
-from distances import Body, distance
+from support.blockcell import HALF, block, cell, machine, positions
+from support.distances import Body, distance
 
 from tango_cnc import kinematics
 from tango_cnc.plan import clearance, plan, sweep, travel

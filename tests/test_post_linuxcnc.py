@@ -26,7 +26,7 @@ def made() -> Plan:
 
 
 def text_of(made: Plan, **options: Any) -> str:
-    return "".join(f"{line}\n" for line in program(load("linuxcnc"), made, options, plan_hash(made))[2]())
+    return "".join(f"{line}\n" for line in program(load("linuxcnc"), made, {"gate": "none"} | options, plan_hash(made))[2]())
 
 
 def interpreted(text: str, folder: Path) -> list[str]:
@@ -91,7 +91,7 @@ def test_targets_are_machine_coordinates_whatever_the_work_offsets(made: Plan, t
 @pytest.mark.parametrize("shift", ["", SHIFT])
 def test_records_are_machine_coordinates_in_order(made: Plan, shift: str, tmp_path: Path) -> None:
     lines = [match[1] for line in interpreted(shift + text_of(made), tmp_path) if (match := re.search(r'LOG\("(.*)"\)', line))]
-    mark = program(load("linuxcnc"), made, {}, plan_hash(made))[1]
+    mark = program(load("linuxcnc"), made, {"gate": "none"}, plan_hash(made))[1]
     assert lines[0] == f"TANGO START {mark} 6" and lines[-1] == f"TANGO END {mark} 6"
     assert [re.match(r"P(\d+) ", line)[1] for line in lines[1:-1]] == list("123456")  # type: ignore[index]
     for line, touch in zip(lines[1:-1], made.touches, strict=True):

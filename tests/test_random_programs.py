@@ -21,14 +21,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from distances import Body, corners, distance
-from randomplans import EXAMPLES, POSES, WISHES, Drawn, example, options, posts, random_plans, settings
+from support.distances import Body, corners, distance
+from support.randomplans import EXAMPLES, POSES, WISHES, Drawn, example, options, posts, random_plans, settings
 from test_dialects import DRIVEN, EVERY, OFFSETS
 from test_link_grbl import driven
 
 from postprocessors._base import companions, names, program
 from sim_controller import solids
-from sim_controller.interpreters import Alarm
+from sim_controller.languages import Alarm
 from sim_controller.motion import Motion, MotionStop
 from sim_controller.probing import Rig, home, rig
 from sim_controller.session import language

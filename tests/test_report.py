@@ -1,40 +1,57 @@
-"""The HTML report: one file that stands alone, says what a machinist needs, and shows what the estimate found."""
+"""The report: one file that stands alone, whose verdict is the worst of all checks, with every text in one place."""
 
 from __future__ import annotations
 
-import base64
 import json
 import re
 from dataclasses import replace
+from datetime import UTC, datetime
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 from sim_controller.simulate import simulate
 from tango_cnc.cli import tango
+from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world, readings_text, write_text
+from tango_cnc.judgement import Judgement
+from tango_cnc.plausible import judge
+from tango_cnc.records import Cell, InputError, Readings
+from tango_cnc.report import page
+from tango_cnc.report.drawings import drawing
+from tango_cnc.report.facts import Facts, Paper, Wishes, gather, verdict
+from tango_cnc.report.terminal import bar, colored, sparkline, summary
+from tango_cnc.report.texts import texts, texts_of
+from tango_cnc.report.units import Units
+from tango_cnc.report.verdict import Check, worst_of
 from tango_cnc.report.words import spoken
 
 ROOT = Path(__file__).parents[1]
 EMPTY = {"meta", "img", "br", "hr"}
+DAY = datetime(2026, 11, 23, 6, 0, tzinfo=UTC)
 
 
 class Outline(HTMLParser):
-    """Checks that every tag is closed in order, and collects headings, sources and text."""
+    """Checks that every tag is closed in order, and collects headings, addresses and text."""
 
     def __init__(self) -> None:
         super().__init__()
         self.open: list[str] = []
         self.headings: list[str] = []
-        self.links: list[str] = []
+        self.addresses: list[str] = []
         self.text: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.links += [value or "" for name, value in attrs if name in ("src", "href")]
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "action", "srcset", "data")]
         if tag not in EMPTY:
             self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href")]
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -42,23 +59,33 @@ class Outline(HTMLParser):
     def handle_data(self, data: str) -> None:
         if self.open and self.open[-1] == "h2":
             self.headings.append(data)
-        self.text.append(data)
+        if "style" not in self.open and "script" not in self.open:
+            self.text.append(data)
 
 
-def folder_of(target: Path, chip: bool = False) -> Path:
-    source = ROOT / "examples" / "hu40t"
-    for name in ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml"):
-        write_text(target / name, (source / name).read_text(encoding="utf-8"))
+def outline(text: str) -> Outline:
+    read = Outline()
+    read.feed(text)
+    assert not read.open
+    return read
+
+
+def folder_of(target: Path, name: str = "hu40t") -> Path:
+    source = ROOT / "examples" / name
+    for file in ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml"):
+        write_text(target / file, (source / file).read_text(encoding="utf-8"))
     cell, world = read_cell(target), read_world(source / "world.yaml")
-    readings = simulate(cell.machine, cell.artefact, cell.strategy, world)
-    if chip:
-        position = readings.position.copy()
-        position[99, 0] += 0.03
-        position[99, 1] += 0.03
-        position[99, 2] += 0.03
-        readings = replace(readings, position=position)
-    write_text(target / "readings.csv", readings_text(readings))
+    write_text(target / "readings.csv", readings_text(simulate(cell.machine, cell.artefact, cell.strategy, world)))
     return target
+
+
+def report(folder: Path, *options: str) -> Result:
+    return CliRunner().invoke(tango, ["report", "-C", str(folder), *options], standalone_mode=False)
+
+
+def gathered(cell: Cell, readings: Readings, wishes: Wishes, paper: Paper) -> Facts:
+    result = estimate(cell.machine, cell.artefact, readings, wishes.terms)
+    return gather(cell, readings, wishes, paper, result, judge(cell, readings, result))
 
 
 @pytest.fixture(scope="module")
@@ -66,82 +93,177 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder_of(tmp_path_factory.mktemp("report") / "cell")
 
 
-def report(folder: Path, *options: str) -> Result:
-    return CliRunner().invoke(tango, ["report", "-C", str(folder), *options], standalone_mode=False)
+@pytest.fixture(scope="module")
+def facts(folder: Path) -> Facts:
+    cell = read_cell(folder)
+    world = read_world(ROOT / "examples" / "hu40t" / "world.yaml")
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, world)
+    paper = Paper(DAY, "0.0", owner="Ann <owner>", operator="Bob & Co")
+    return gathered(cell, readings, Wishes(cell.terms, diagnosis=False), paper)
 
 
-def outline(file: Path) -> Outline:
-    page = Outline()
-    page.feed(file.read_text(encoding="utf-8"))
-    assert not page.open
-    return page
-
-
-def test_the_page_stands_alone_with_its_pictures(folder: Path) -> None:
-    pytest.importorskip("matplotlib")
-    found = report(folder)
+@pytest.mark.long
+def test_the_command_writes_a_page_and_a_pdf_and_says_the_verdict(folder: Path) -> None:
+    pytest.importorskip("typst")
+    found = report(folder, "--pdf", str(folder / "report.pdf"), "--json", "-", "--limit-um", "50")
     assert found.exception is None, found.output
-    page = outline(folder / "report.html")
-    assert len(page.links) == 6
-    for link in page.links:
-        head, _, data = link.partition(",")
-        assert head == "data:image/png;base64"
-        assert base64.b64decode(data).startswith(b"\x89PNG")
-    text = (folder / "report.html").read_text(encoding="utf-8")
-    assert not re.search(r"(https?:)?//[a-z]", re.sub(r"base64,[A-Za-z0-9+/=]+", "", text))
-
-
-def test_the_page_says_what_a_machinist_needs(folder: Path) -> None:
-    assert report(folder, "--no-pictures").exception is None
-    page = outline(folder / "report.html")
-    assert page.headings == [
-        "Largest errors",
-        "Does it fit?",
-        "Does it predict?",
-        "Error of the tool tip over the working volume",
-        "What cannot be seen",
-        "ISO 230-1 figures",
-        "All parameters",
-        "Stylus and table",
-    ]
-    text = " ".join(page.text)
-    assert "axis C off in X" in text
-    assert re.search(r"-11[34]\.\d+ ±", text)  # EX0C, µm
-    assert "squareness" in text
-    assert not page.links
-
-
-def test_the_largest_error_is_on_top(folder: Path) -> None:
-    found = json.loads(report(folder, "--no-pictures", "--json", "-").stdout)
-    names = list(found["effects_um"])
+    data = json.loads(found.stdout)
+    assert data["overall"] == "look" and data["verdict"] == "trustworthy"
+    assert data["checks"][-1]["name"] == "limit"
+    assert 100 < data["volume_worst_um"] < 140
+    assert 0.9 < data["held_out"]["ratio_to_expected"] < 1.1
+    names = list(data["effects_um"])
     assert names[0] == "EX0C"
-    assert list(found["effects_um"].values()) == sorted(found["effects_um"].values(), reverse=True)
-    assert 100 < found["volume_worst_um"] < 140
-    assert 0.9 < found["held_out"]["ratio_to_expected"] < 1.1
-    assert found["outliers"] == []
+    assert {"machine.yaml", "readings.csv", "tango.yaml"} <= {f["file"] for f in data["files"]}
+    assert "world.yaml" not in {f["file"] for f in data["files"]}
+    pdf = (folder / "report.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF-") and len(pdf) < 2_000_000
+    page_text = (folder / "report.html").read_text(encoding="utf-8")
+    assert len(page_text.encode()) < 2_000_000
+    assert "machine is beyond its limit" in " ".join(outline(page_text).text)
 
 
-def test_a_touch_that_does_not_fit_is_named_with_its_place(tmp_path: Path) -> None:
-    target = folder_of(tmp_path / "cell", chip=True)
-    found = json.loads(report(target, "--no-pictures", "--json", "-").stdout)
-    assert found["outliers"] == [100]
-    text = " ".join(outline(target / "report.html").text)
-    assert "Touches that do not fit" in text
-    assert "Look at the touches that do not fit" in text
+def test_the_page_needs_no_network(facts: Facts) -> None:
+    text = page.render(facts)
+    read = outline(text)
+    assert read.addresses == []
+    addresses = set(re.findall(r"(?:https?:)?//[a-z][\w.]*", text))
+    assert addresses == {"http://www.w3.org"}  # the name of SVG, which nothing loads
+    assert "@import" not in text and "url(" not in text
 
 
-def test_without_matplotlib_the_page_is_still_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tango_cnc.report.pictures.available", lambda: False)
-    found = report(folder, "-o", str(folder / "bare.html"))
-    assert "pip install 'tango-cnc[report]'" in found.stderr
-    assert not outline(folder / "bare.html").links
+def test_the_page_has_every_section_and_what_an_auditor_asks_for(facts: Facts) -> None:
+    read = outline(page.render(facts))
+    keys = (
+        *("todo", "largest", "fit", "predicts", "volume", "diagnosis", "trend", "compensation", "iso", "parameters"),
+        *("setup", "unseen", "uncertainty", "audit"),
+    )
+    assert read.headings == [texts()(f"report.{key}") for key in keys]
+    text = " ".join(read.text)
+    assert "axis C off in X" in text
+    assert re.search(r"−11[34]\.\d+", text)  # EX0C, µm
+    for wanted in ("squareness", "Ann <owner>", "Bob & Co", "2026-11-23 06:00:00 UTC", "repeats to 0.7 µm", "scale bar 304.669 mm"):
+        assert wanted in text, wanted
 
 
-def test_with_setup_terms_alone_it_does_not_praise_the_machine(folder: Path) -> None:
-    report(folder, "--terms", "S1", "--no-pictures", "-o", str(folder / "s1.html"))
-    text = " ".join(outline(folder / "s1.html").text)
-    assert "nothing is known of its tool tip" in text
-    assert "ask tango diagnose" in " ".join(text.split())
+def test_inches_change_every_length_and_no_ratio(facts: Facts) -> None:
+    inch = replace(facts, wishes=replace(facts.wishes, units=Units("inch")))
+    here, there = (page.context(f)["parameters"] for f in (facts, inch))
+    one = {row["name"]: row for row in here}
+    two = {row["name"]: row for row in there}
+    assert two["EX0C"]["unit"] == "µin"
+    assert two["EX0C"]["number"] == pytest.approx(one["EX0C"]["number"] / 0.0254)
+    assert two["EYY1"]["unit"] == "µin/in" and two["EYY1"]["number"] == pytest.approx(one["EYY1"]["number"])
+    assert two["EA0C"]["unit"] == "µrad" and two["EA0C"]["number"] == pytest.approx(one["EA0C"]["number"])
+    assert "µm" not in " ".join(t for t in outline(page.render(inch)).text if "uncertainty" not in t and "µm/m" not in t)
+
+
+LEVELS = [("good",), ("good", "look"), ("stop", "good"), ("look", "stop", "look")]
+
+
+@pytest.mark.parametrize("levels", LEVELS)
+def test_the_verdict_is_the_worst_and_nothing_is_green_beside_a_stop(levels: Any) -> None:
+    found = worst_of([Check(str(i), level, "", "") for i, level in enumerate(levels)])
+    order = ("good", "look", "stop")
+    assert order.index(found.level) == max(map(order.index, levels))
+    if found.level == "stop":
+        assert not [c for c in found.checks if c.level == "good" and not c.open]
+
+
+def test_every_box_knows_of_a_result_that_must_not_be_used(facts: Facts) -> None:
+    spoilt = replace(facts, result=replace(facts.result, sigma=0.05))
+    judged = verdict(spoilt, texts())
+    assert judged.level == "stop" and judged.worst is not None and judged.worst.name == "fit"
+    text = page.render(spoilt)
+    assert '<div class="check good">' not in text
+    assert "Do not use these numbers" in text
+
+
+def test_an_implausible_result_has_nothing_green(facts: Facts) -> None:
+    lulled = replace(facts, judgement=Judgement("implausible", ("scale of X: −2 000 019 µm/m",)))
+    judged = verdict(lulled, texts())
+    assert judged.level == "stop" and judged.worst is not None and judged.worst.name == "plausible"
+    text = page.render(lulled)
+    assert '<div class="check good">' not in text and "−2 000 019 µm/m" in text
+
+
+@pytest.mark.long
+def test_half_of_the_touches_missing_is_no_good_result(facts: Facts) -> None:
+    keep = np.arange(len(facts.readings)) % 2 == 0
+    cell = facts.cell
+    half = gathered(cell, facts.readings.rows(keep), replace(facts.wishes, diagnosis=False), facts.paper)
+    judged = verdict(half, texts())
+    assert judged.level == "stop"
+    assert next(c for c in judged.checks if c.name == "complete").level == "stop"
+
+
+@pytest.mark.long
+def test_a_touch_that_does_not_fit_is_named_with_its_place(facts: Facts) -> None:
+    position = facts.readings.position.copy()
+    position[99, :3] += 0.03
+    chipped = gathered(facts.cell, replace(facts.readings, position=position), replace(facts.wishes, diagnosis=False), facts.paper)
+    assert page.as_json(chipped)["outliers"] == [100]
+    context = page.context(chipped)
+    assert context["flagged"][0]["touch"] == "100" and context["flagged"][0]["where"]
+    assert "100" in context["flagged"][0]["touch"] and len(context["todo"]) > 1
+
+
+def test_with_setup_terms_alone_it_does_not_praise_the_machine(facts: Facts) -> None:
+    bare = gathered(facts.cell, facts.readings, Wishes(("S1",), diagnosis=False), facts.paper)
+    judged = verdict(bare, texts())
+    assert judged.level == "stop"
+    assert "nothing is known of its tool tip" in " ".join(outline(page.render(bare)).text)
+
+
+def test_what_names_of_machine_and_facets_hold_is_text_and_no_markup(facts: Facts) -> None:
+    evil = "<script>alert(1)</script>\"'&{{7*7}}"
+    machine = replace(facts.cell.machine, name=evil)
+    text = page.render(replace(facts, cell=replace(facts.cell, machine=machine)))
+    assert "<script>alert" not in text and "49" not in re.findall(r"<h1>(.*?)</h1>", text)[0]
+    assert "alert(1)" in " ".join(outline(text).text)
+
+
+def test_a_shop_can_change_templates_and_texts(facts: Facts, tmp_path: Path) -> None:
+    (tmp_path / "texts.toml").write_text('[level]\ngood = "In Ordnung"\n', encoding="utf-8")
+    assert "In Ordnung" in page.render(facts, tmp_path)
+    (tmp_path / "report.html").write_text("<p>{{ machine.name }}: {{ t('level.good') }}</p>", encoding="utf-8")
+    assert page.render(facts, tmp_path) == "<p>HU40T-like: In Ordnung</p>"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[level]\nfine = "x"\n', "unknown key 'level.fine'"),
+        ('[fit]\ncounts = "{touch}"\n', "found {touch}"),
+        ('[fit]\ncounts = "{touches"\n', "texts.toml"),
+        ("level = [", "texts.toml"),
+    ],
+)
+def test_mistakes_in_texts_are_told(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "texts.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(said)):
+        texts_of(tmp_path)
+
+
+def test_a_mistake_in_a_template_is_told_with_its_line(facts: Facts, tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text("<p>\n{{ machine.name }\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"report\.html:2"):
+        page.render(facts, tmp_path)
+    (tmp_path / "report.html").write_text("{{ nothing_like_it }}", encoding="utf-8")
+    with pytest.raises(InputError, match="nothing_like_it"):
+        page.render(facts, tmp_path)
+
+
+def test_every_text_that_is_used_is_there() -> None:
+    source = ""
+    for part in ("report", "web", "nightly"):
+        for file in (ROOT / "tango_cnc" / part).rglob("*"):
+            if file.suffix in (".py", ".html", ".typ"):
+                source += file.read_text(encoding="utf-8")
+    used = set(re.findall(r"""\bt\(\s*["']([a-z_]+\.[a-z0-9_]+)["']""", source))
+    started = {key for key in used if key.endswith("_")}  # the rest of their name is computed
+    assert not used - started - set(texts().keys)
+    assert all(any(key.startswith(start) for key in texts().keys) for start in started)
 
 
 @pytest.mark.parametrize(
@@ -160,5 +282,47 @@ def test_with_setup_terms_alone_it_does_not_praise_the_machine(folder: Path) -> 
         ("thermal_drift", "thermal_drift"),
     ],
 )
-def test_names_in_words(name: str, words: str) -> None:
-    assert spoken(name, read_cell(ROOT / "examples" / "hu40t").machine) == words
+def test_names_in_words_and_drawings(name: str, words: str) -> None:
+    machine = read_cell(ROOT / "examples" / "hu40t").machine
+    assert spoken(name, machine) == words
+    assert ("<svg" in drawing(name, machine)) == name.startswith("E")
+
+
+def test_pictures_for_the_terminal() -> None:
+    assert sparkline([0, 1, 2, 3, 4, 5, 6, 7]) == "▁▂▃▄▅▆▇█"
+    assert sparkline([1, float("nan"), 1]) == "▄ ▄"
+    assert len(sparkline(list(range(1000)), 20)) == 20
+    assert bar(5, 2, 10, 21) == "··········│··══●══···"
+    assert bar(0, 1, 10, 21).count("●") == 1
+
+    class Terminal:
+        def isatty(self) -> bool:
+            return True
+
+    assert colored("x", "stop", out=Terminal(), environ={"TERM": "xterm"}) == "\x1b[31mx\x1b[0m"
+    assert colored("x", "stop", out=Terminal(), environ={"TERM": "xterm", "NO_COLOR": "1"}) == "x"
+
+
+@pytest.mark.parametrize("columns", [40, 80, 132])
+def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: int) -> None:
+    lines = summary(facts, columns).splitlines()
+    assert max(map(len, lines)) <= columns
+    assert "Look" in lines[0] and any("EX0C" in line for line in lines)
+
+
+def test_the_trend_of_a_history_and_what_a_compensation_promised_are_on_the_page(facts: Facts, tmp_path: Path) -> None:
+    from support.server import cell as with_nights
+
+    from tango_cnc.commands.report import trend
+
+    folder = with_nights(tmp_path / "cell")
+    past = trend(folder, "HU40T-like", ["EX0C", "NOTHING"])
+    assert past is not None and [s["title"] for s in past["series"]] == ["EX0C"]
+    assert past["series"][0]["unit"] == "µm" and sum(past["series"][0]["alarm"]) == 1
+    assert trend(tmp_path, "HU40T-like", ["EX0C"]) is None
+    rows = [("rms", 50.0, 4.0, 4.4), ("p95", 90.0, 8.0, None)]
+    done = {"target": "siemens", "date": "2026-11-01", "state": "kept: 4.4 µm are left", "rows": rows}
+    values = page.context(replace(facts, trend=past, compensations=(done,)))
+    assert len(values["trend"]) == 1 and "<svg" in values["trend"][0]
+    assert values["compensations"][0]["rows"][0] == ("rms error of the tool tip, µm", "50.0", "4.0", "4.4")
+    assert values["compensations"][0]["rows"][1][-1] == "–"

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from functools import partial
 
 import pytest
 from test_run import Control, Result, readings, run
@@ -10,9 +11,9 @@ from test_run import cell as seven_touches  # noqa: F401  a fixture
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
 from tango_cnc.link._readings import readings_of
+from tango_cnc.link.entries import Reading, Segment
 from tango_cnc.plan import plan
 
-READING = {"time_s": 0.0, "position": [0.0] * 6, "direction": [0] * 6, "status": "ok"}
 MOVED = (0.008, -0.005, 0.003)  # mm, machine frame, towards which everything sits after the pause
 
 
@@ -73,8 +74,9 @@ def test_a_resumed_run_numbers_its_readings_and_one_without_interruption_does_no
 
 
 def test_several_programs_of_one_run_are_one_segment(seven_touches):  # noqa: F811
+    begun = partial(Segment, "2026-01-01T00:00:00+00:00", "1", "M", {}, "P", "N", ())
     entries = [
-        {"kind": "segment", "part": part} if part else {"kind": "reading", "touch": touch, **READING}
+        begun(part) if part else Reading(touch, "1", (0.0,) * 6, 0.0, "ok", None, None, (0,) * 6, "")
         for part, touch in [([1, 2], 0), (None, 1), ([2, 2], 0), (None, 2), ([1, 1], 0), (None, 3)]
     ]
     made = plan(read_cell(seven_touches))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import blind
 import numpy as np
 import pytest
+from support import blind
 
 from sim_controller.simulate import simulate
 from tango_cnc import terms

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import controls
 import pytest
-from controls import Ran, assert_as_it_happened, golden, run_on
+from support import controls
+from support.controls import Ran, assert_as_it_happened, golden, run_on
 
-from sim_controller.interpreters import centroid
+from sim_controller.languages import centroid
 from sim_controller.session import language, profile
 from tango_cnc.records import InputError, Plan, World
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from effectparts import CELL, EXAMPLES, LEAST, MACHINE, PLAIN, RANDOM, STYLUS, TOUCHES, early, world
+from support.effectparts import CELL, EXAMPLES, LEAST, MACHINE, PLAIN, RANDOM, STYLUS, TOUCHES, early, world
 
 from sim_controller import effects
 from sim_controller.effects import Disturbance, History, lever
@@ -42,7 +42,7 @@ def test_every_cause_of_the_catalogue_can_be_hidden() -> None:
         thermal_drift table_drift table_growth scale_drift ambient_cycle step backlash rotary_backlash move_length_memory
         probe_hysteresis first_touch encoder_harmonic rotary_radial rotary_axial rotary_tilt gravity_sag indexation_seating
         probe_lobing pretravel_anisotropy trigger_latency spindle_orientation error_motion axis_location cyclic_error
-        compensation_kink moving_mass chip swapped_facets surface_form cylinder_cosine noise_level"""
+        compensation_kink moving_mass chip swapped_facets surface_form cylinder_cosine noise_level pulse learned"""
     assert set(names()) - set(catalogue.split()) == {"random_walk", "outliers"}  # noise, not causes
     assert not set(catalogue.split()) - set(names())
 

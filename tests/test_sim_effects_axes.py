@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from effectparts import CELL, LENGTH, MACHINE, PLAIN, TOUCHES, X, Y, Z, along, at, carried_by_b, early, read_early, turning
+from support.effectparts import CELL, LENGTH, MACHINE, PLAIN, TOUCHES, X, Y, Z, along, at, carried_by_b, early, read_early, turning
 
 from sim_controller.simulate import simulate
 from tango_cnc.records import World

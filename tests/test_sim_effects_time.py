@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from effectparts import CELL, MACHINE, TOUCHES, X, Y, along, at, measured, read_early, world
+from support.effectparts import CELL, MACHINE, TOUCHES, X, Y, along, at, measured, read_early, world
 
 from sim_controller import effects
 from sim_controller.simulate import simulate

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import controls
 import pytest
-from controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
+from support import controls
+from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
 
 from postprocessors.heidenhain import mask
-from sim_controller.interpreters import Alarm, klartext
-from sim_controller.interpreters._klartext_expressions import formula, text_of
+from sim_controller.languages import Alarm, klartext
+from sim_controller.languages.klartext.expressions import formula, text_of
 from tango_cnc.link._client import Ended
 from tango_cnc.records import Artefact, InputError, Plan
 
@@ -123,7 +123,7 @@ def test_without_its_cycle_what_is_left_is_noticed_before_the_table_turns(made: 
 
 
 def test_cycles_shift_mirror_turn_and_scale(made: Plan) -> None:
-    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR1 IDX1", *show("Q9")]
+    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR8 IDX1", *show("Q9")]
     cycles = ["7.0 DATUM SHIFT", "7.1 X-50", "8.0 MIRROR IMAGE", "8.1 X", "11.0 SCALING", "11.1 SCL 2"]
     ran = code(made, *(f"CYCL DEF {cycle}" for cycle in cycles), "L X+10 Z+220 FMAX", *read, g54={}, tool_lengths={1: 0.0})
     assert ran.out == b"-70.0\r\n", ran.why
@@ -241,14 +241,14 @@ def test_a_program_that_is_not_whole_is_not_begun(made: Plan, lines: list[str]) 
 
 
 def test_system_data_are_as_old_as_the_last_sync(made: Plan) -> None:
-    read = ["FN 18: SYSREAD Q9 = ID240 NR1 IDX1", *show("Q9")]
+    read = ["FN 18: SYSREAD Q9 = ID240 NR8 IDX1", *show("Q9")]
     home = code(made, *read).out
     moved = code(made, "L X+10.0 FMAX M91", *read, "FN 20: WAIT FOR SYNC", *read).out.splitlines()
     assert moved == [home.strip(), b"10.0"]
 
 
 def test_machine_positions_need_m91(made: Plan) -> None:
-    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR1 IDX3", "FN 18: SYSREAD Q8 = ID270 NR1 IDX3", *show("Q9", "Q8")]
+    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR8 IDX3", "FN 18: SYSREAD Q8 = ID270 NR1 IDX3", *show("Q9", "Q8")]
     ran = code(made, "L Z+50.0 FMAX M91", *read, "L Z+50.0 FMAX", *read)
     assert ran.out.split() == [b"50.0", b"-350.2", b"450.2", b"50.0"]
 
@@ -286,5 +286,5 @@ def test_a_contact_is_told_in_machine_or_in_work_coordinates(made: Plan, system:
 
 
 def test_a_whole_number_is_whole_millimetres(made: Plan) -> None:
-    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR1 IDX1", *show("Q9")]
+    read = ["FN 20: WAIT FOR SYNC", "FN 18: SYSREAD Q9 = ID240 NR8 IDX1", *show("Q9")]
     assert code(made, "L X+10 FMAX M91", *read).out.split() == [b"10.0"]

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import controls
 import pytest
-from controls import Ran, assert_as_it_happened, golden, run_on
+from support import controls
+from support.controls import Ran, assert_as_it_happened, golden, run_on
 
-from sim_controller.interpreters import Alarm, mach3
-from sim_controller.interpreters._basic import Script
+from sim_controller.languages import Alarm, mach3
+from sim_controller.languages.mach3.basic import Script
 from sim_controller.motion import Motion, Note
 from tango_cnc.records import InputError, Plan, World
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from postprocessors._base import companions, load, program
-from sim_controller.interpreters import Alarm, mach4
+from sim_controller.languages import Alarm, mach4
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from tango_cnc.cli import guarded, tango

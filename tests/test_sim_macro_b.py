@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_controller.faults import faults
-from sim_controller.interpreters import Alarm, Silence, macro_b
-from sim_controller.interpreters._macro_b_print import field as printed_field
+from sim_controller.languages import Alarm, Silence, macro_b
+from sim_controller.languages.macro_b.printing import field as printed_field
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import profile

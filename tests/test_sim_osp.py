@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import controls
 import pytest
-from controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
+from support import controls
+from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
 
-from sim_controller.interpreters import osp
+from sim_controller.languages import osp
 from tango_cnc.records import Artefact, InputError, Plan
 
 

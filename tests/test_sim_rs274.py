@@ -6,11 +6,11 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import controls
 import pytest
-from controls import GOLDEN, Ran, run_on
+from support import controls
+from support.controls import GOLDEN, Ran, run_on
 
-from sim_controller.interpreters import rs274
+from sim_controller.languages import rs274
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Begun, Ended, Touched
 from tango_cnc.link._words import record

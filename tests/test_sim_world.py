@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from machines import machine_of, random_positions, topologies
+from support.machines import machine_of, random_positions, topologies
 
 from sim_controller.transforms import axis_frame
 from sim_controller.world import nominal_machine, tip_in_table, true_machine

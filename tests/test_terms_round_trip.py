@@ -7,10 +7,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import blind
 import numpy as np
 import pytest
 import yaml
+from support import blind
 
 from sim_controller.simulate import simulate
 from tango_cnc import terms
@@ -35,6 +35,18 @@ SETTINGS: dict[str, list[dict[str, Any]]] = {
     "moving_mass": [{"name": "EAZ", "by": "Y"}, {"name": "EBX", "by": "B"}],
     "step": [{"at": 150, "frame": "machine"}, {"at": 150, "frame": "table"}],
     "probe_hysteresis": [{"frame": "spindle"}],
+    "pulse": [{"at": 100, "until": 140}, {"at": 50, "until": 58, "axis": "C"}],
+    "learned": [
+        {
+            "name": "leaning ram",
+            "factors": [
+                {"covariate": "Y", "kind": "polynomial", "low": -250.0, "high": 250.0, "count": 1},
+                {"covariate": "B", "kind": "waves", "low": -1.6, "high": 1.6, "count": 2},
+            ],
+            "weight": "machine z",
+            "values": [0.3, -0.2, 1.0, 0.5, 0.1],
+        }
+    ],
     "backlash": [{"axis": "Y"}],
     "ambient_cycle": [{"period": 600.0}],
 }

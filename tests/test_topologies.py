@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from machines import machine_of
+from support.machines import machine_of
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import estimate

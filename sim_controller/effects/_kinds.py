@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 from tango_cnc.records import COMPONENTS, LINEAR, ROTARY, Artefact, Id, InputError, Machine, Vector
@@ -16,6 +16,7 @@ Positive = Annotated[float, "positive"]
 Count = Annotated[int, "from 1"]
 Point = Annotated[Vector, "any three numbers"]
 Numbers = Annotated[tuple[float, ...], "numbers"]
+Mappings = Annotated[tuple[Mapping[str, Any], ...], "a list of mappings"]
 LinearAxis = Annotated[str, "linear axis"]
 RotaryAxis = Annotated[str, "rotary axis"]
 AnyAxis = Annotated[str, "linear or rotary axis"]
@@ -30,6 +31,8 @@ def value(given: Any, kind: Any, where: str, machine: Machine | None = None, art
 
     Raises InputError.
     """
+    if type(None) in typing.get_args(kind):  # None is a default and no value of a file
+        kind = next(k for k in typing.get_args(kind) if k is not type(None))
     if typing.get_origin(kind) is Literal:
         return _one_of(given, typing.get_args(kind), where)
     if kind in (LinearAxis, RotaryAxis, AnyAxis):
@@ -97,6 +100,8 @@ _PLAIN: dict[Any, tuple[Callable[[Any], bool], str, Callable[[Any], Any]]] = {
     Positive: (lambda v: _number(v) and v > 0, "a positive number", float),
     int: (lambda v: _number(v) and v == int(v), "a whole number", int),
     Count: (lambda v: _number(v) and v == int(v) and v >= 1, "a whole number from 1", int),
+    Mappings: (lambda v: isinstance(v, (list, tuple)) and all(isinstance(f, Mapping) for f in v), "a list of mappings", tuple),
+    str: (lambda v: isinstance(v, str), "a word", str),
     bool: (lambda v: isinstance(v, bool), "true or false", bool),
     Numbers: (_numbers, "a list of numbers", _floats),
     Point: (lambda v: _numbers(v) and len(v) == 3, "a list of three numbers", _floats),

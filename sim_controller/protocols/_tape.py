@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 
-from ..interpreters import Alarm
+from ..languages import Alarm
 from ..lines import BAD
 
 

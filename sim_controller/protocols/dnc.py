@@ -6,7 +6,7 @@ import threading
 import time
 from typing import Any
 
-from ..interpreters import Alarm, Silence
+from ..languages import Alarm, Silence
 from ..lines import Closed, Line
 from ..session import Session
 from ._tape import Tape

@@ -1,6 +1,6 @@
 """How grbl talks: a line ends with LF (or CR), ? is answered at once, everything else when it has been executed.
 
-What the lines mean is `interpreters/grbl.py`; `--language grbl` gives it settings, without it the control is a grblHAL of all axes.
+What the lines mean is `languages/grbl.py`; `--language grbl` gives it settings, without it the control is a grblHAL of all axes.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import contextlib
 import queue
 import threading
 
-from ..interpreters.grbl import REALTIME, RESET, Control, switched_on
+from ..languages.grbl.control import REALTIME, RESET, Control, switched_on
 from ..lines import Closed, Line
 from ..session import Session
 

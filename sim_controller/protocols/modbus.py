@@ -17,22 +17,27 @@ import time
 from collections.abc import Callable
 from typing import Any, cast
 
-from ..interpreters import Alarm, Silence
+from ..languages import Alarm, Silence
 from ..lines import Closed, Line
 from ..motion import Motion, MotionStop, Note
 from ..session import Session
 
 TCP, PTY = "modbus+tcp://{}/1", "modbus+rtu://{}/1"  # how the other side names the port
-SIZE = 64
-COMMAND, SEQUENCE, ACKNOWLEDGED, STATUS, POINT, FLAG, ALARM, PROBE_ON, POSITION = 0, 1, 2, 3, 4, 5, 6, 7, 10
-VERSION, PATTERN, ORDER, MASK, NUMBER, FEED, TARGET = 30, 31, 32, 40, 41, 42, 44
+SIZE = 96
+STATUS, ACKNOWLEDGED, BEGUN, TICKET, TICK, POINT, FLAG, ALARM, PROBE_ON, RECORD, POSITION = range(11)
+COUNT_OF, MARK, VERSION, PATTERN, ORDER, ECHO = 24, 25, 30, 31, 32, 34
+REQUEST, CONFIRMED, HEARD, TAKEN = 60, 81, 82, 83  # written by the other side, which writes nothing below
+CLIENT, SEQUENCE, COMMAND, MASK, NUMBER, FEED, TARGET = 0, 1, 2, 3, 4, 5, 7  # within a request and its echo
+LONG = 21  # registers of a request
+WORD = 0x10000
 LETTERS = "XYZABCS"
 COUNT = 1e-4  # mm, deg
 FEED_COUNT = 0.1  # mm/min
-RECORD, COUNT_OF, MARK, TAKEN = 8, 9, 34, 60  # of a program that hands its records over
-BEGIN, MOVE, TURN, PROBE, END, RUN = 1, 2, 3, 4, 5, 6
+BEGIN, MOVE, TURN, PROBE, END, RUN = 0x101F, 0x10E3, 0x116C, 0x12B4, 0x1351, 0x138A
+FRESH, SILENCE = 2, 10  # ticks: so long a ticket can be confirmed; so long nobody need be heard
+SWITCHED_ON = 100  # tick at power-on
 LAST = 0xFFFF  # point of the end mark
-IDLE, BUSY, IN_ALARM = 0, 1, 2
+IDLE, BUSY, IN_ALARM, HOLD = 0, 1, 2, 5
 STATES = {"alarm": 2, "reset": 2, "door": 3, "estop": 4, "hold": 5, "battery": 6}
 ALARMS = {"collision": 101, "overtravel": 102, "fault": 103}
 POLL = 0.05  # s
@@ -43,7 +48,7 @@ Program = Callable[[Motion, Callable[[bytes], None]], None]  # runs on this mach
 
 
 class Registers:
-    """The control as the wire sees it. A write that brings a new sequence leaves a command `pending`; `execute` does it."""
+    """The control as the wire sees it: docs/link.md, rule by rule. A confirmed echo is `pending`; `execute` does it."""
 
     def __init__(
         self,
@@ -53,37 +58,79 @@ class Registers:
         big: bool = True,
         program: Program | None = None,
         waited: Callable[[], None] = lambda: time.sleep(WAIT),
+        clock: Callable[[], float] = time.monotonic,
+        ticket: int = 0,
     ) -> None:
+        """The machine; `ticket`: the number after which tickets and records are counted, as it was not used lately."""
         self.words = [0] * SIZE
-        self._program, self._waited = program, waited
+        self._program, self._waited, self._clock, self._began = program, waited, clock, clock()
         self.motion, self._note, self._big = motion, note, big
         self.pending = False
         self.silent = False  # its power is gone
-        self.words[VERSION], self.words[PATTERN] = 1, 0x1234
+        self._issued = 0  # tick at which the ticket was made up
+        self._attended: int | None = None  # newest tick that the other side has read
+        self.words[VERSION], self.words[PATTERN] = 2, 0x1234
+        self.words[TICKET] = self.words[BEGUN] = self.words[RECORD] = ticket % WORD
         self._put(ORDER, [0x01020304])
         self._here()
+        self.look()
 
-    def write(self, address: int, values: list[int]) -> bool:
-        """register, values → whether that is a command to be executed: a new sequence, judged before anything moves."""
-        done = self.words[SEQUENCE]
-        self.words[address : address + len(values)] = values
-        if self.words[SEQUENCE] == done:
+    def look(self) -> bool:
+        """One scan of the control's program → whether a command has just become `pending`."""
+        words = self.words
+        words[TICK] = (SWITCHED_ON + int(self._clock() - self._began)) % WORD
+        self._hear()
+        if words[STATUS] != IDLE or self.pending:
             return False
-        self._note("command", code=self.words[COMMAND], sequence=self.words[SEQUENCE], number=self.words[NUMBER])
-        if self.words[STATUS] != IDLE or self.pending:
-            self._note("unsafe", why=f"command {self.words[COMMAND]} in status {self.words[STATUS]}")
+        request, echo = words[REQUEST : REQUEST + LONG], words[ECHO : ECHO + LONG]
+        due = (words[ACKNOWLEDGED] + 1) % WORD
+        old = (words[TICK] - self._issued) % WORD > FRESH
+        if request[SEQUENCE] == due and (request != echo or words[TICKET] == words[BEGUN] or old):
+            words[ECHO : ECHO + LONG] = echo = request
+            words[TICKET] = (words[TICKET] + 1) % WORD
+            self._issued, old = words[TICK], False
+        confirmed = words[CONFIRMED] == words[TICKET] != words[BEGUN] and echo[SEQUENCE] == due and not old
+        if not confirmed or not self._listening():
             return False
-        if self.motion.deflected and self.words[COMMAND] in (MOVE, TURN):
+        self._note("command", code=echo[COMMAND], sequence=echo[SEQUENCE], number=echo[NUMBER], client=echo[CLIENT])
+        if self.motion.deflected and echo[COMMAND] in (MOVE, TURN):
             self._note("unsafe", why="a move while the probe is deflected")
         self.pending = True
-        self.words[STATUS] = BUSY
+        words[STATUS], words[BEGUN] = BUSY, words[TICKET]
         return True
+
+    def _hear(self) -> None:
+        """A word that comes late is older than the one before it, and does not count."""
+        heard, now = self.words[HEARD], self.words[TICK]
+        if self._attended is None or (now - heard) % WORD < (now - self._attended) % WORD:
+            self._attended = heard
+
+    def _listening(self) -> bool:
+        assert self._attended is not None
+        return (self.words[TICK] - self._attended) % WORD <= SILENCE
+
+    def write(self, address: int, values: list[int]) -> bool:
+        """register, values → whether a command has become `pending` by that."""
+        if address >= REQUEST:
+            self.words[address : address + len(values)] = values
+        return self.look()
+
+    def reset(self) -> None:
+        """Somebody at the control has cleared the alarm and freed the probe; an open command is dropped, not done."""
+        self.pending = False
+        self.words[STATUS] = IDLE
+        self.words[ALARM] = 0
+        self._here()
 
     def execute(self) -> None:
         """Does the pending command, from the first motion to the acknowledgement."""
-        sequence = self.words[SEQUENCE]
+        echo = self.words[ECHO : ECHO + LONG]
         try:
-            contact = self._perform(self.words[COMMAND])
+            contact = self._perform(echo[COMMAND])
+            self.look()
+            if not self._listening() and echo[COMMAND] not in (BEGIN, END):
+                self._note("held", why="nobody has been heard for too long")
+                raise MotionStop("fault", "hold")
         except MotionStop as stop:
             self.pending = False
             if str(stop) == "silence":
@@ -99,7 +146,7 @@ class Registers:
         if contact is not None:
             self._put(POSITION, contact)
         self.pending = False
-        self.words[ACKNOWLEDGED], self.words[STATUS] = sequence, IDLE
+        self.words[ACKNOWLEDGED], self.words[STATUS] = echo[SEQUENCE], IDLE
 
     def _perform(self, command: int) -> list[int] | None:
         """→ counts of the contact after a measuring move."""
@@ -108,7 +155,6 @@ class Registers:
         elif command == PROBE:
             return self._touch()
         elif command == RUN and self._program is not None:
-            self.words[RECORD] = self.words[TAKEN] = 0
             try:
                 self._program(self.motion, self._printed)
             except Silence:
@@ -136,7 +182,7 @@ class Registers:
             self._put(POSITION, [round(values.get(letter, 0.0) / COUNT) for letter in LETTERS])
         else:
             return
-        self.words[RECORD] += 1
+        self.words[RECORD] = (self.words[RECORD] + 1) % WORD
         while self.words[TAKEN] != self.words[RECORD]:
             self._waited()
 
@@ -144,15 +190,15 @@ class Registers:
         """The resident measuring macro: search, latch, back to where it began."""
         start = dict(zip(self.motion.machine.names, self.motion.position, strict=True))
         early = self.motion.deflected
-        feed = self._numbers(FEED, 1)[0] * FEED_COUNT
+        feed = self._numbers(ECHO + FEED, 1)[0] * FEED_COUNT
         skip = self.motion.skip(self._target(), feed)
         if not early:
             self.motion.rapid({name: start[name] for name in self.motion.machine.linear})
-        self.words[POINT], self.words[FLAG] = self.words[NUMBER], 2 if early else int(skip.hit)
+        self.words[POINT], self.words[FLAG] = self.words[ECHO + NUMBER], 2 if early else int(skip.hit)
         return self._counts(skip.position)
 
     def _target(self) -> dict[str, float]:
-        counts, mask = self._numbers(TARGET, len(LETTERS)), self.words[MASK]
+        counts, mask = self._numbers(ECHO + TARGET, len(LETTERS)), self.words[ECHO + MASK]
         values = {letter: counts[i] * COUNT for i, letter in enumerate(LETTERS) if mask >> i & 1}
         return {letter: value if letter in "XYZ" else math.radians(value) for letter, value in values.items()}
 
@@ -182,7 +228,7 @@ class Registers:
 def serve(line: Line, session: Session, once: bool) -> None:
     """line, session → served until the line closes; with a new connection the control is the same, and still switched on."""
     if session.device is None:
-        session.device = Registers(session.motion(), session.note, program=session.resident)
+        session.device = Registers(session.motion(), session.note, program=session.resident, ticket=int(time.time()))
     server = _Server(session.device, rtu=session.serial)
     inner = socket.create_connection(server.start())
     back = threading.Thread(target=_answers, args=(inner, line), daemon=True)
@@ -255,7 +301,10 @@ class _Server:
 
         if code not in (3, 16, 23):
             return ExcCodes.ILLEGAL_FUNCTION
-        if values is not None and self._registers.write(address, [int(value) for value in values]):
+        if values is not None and address < REQUEST:
+            return ExcCodes.ILLEGAL_ADDRESS  # these are the control's own
+        begun = self._registers.write(address, [int(value) for value in values]) if values is not None else self._registers.look()
+        if begun:
             self._loop.run_in_executor(None, self._registers.execute)
         words[:] = self._registers.words
         return None

@@ -13,6 +13,7 @@ import click
 from ..files import blamed_on, write_text
 from ..files.targets import same, spared, writable
 from ..records import Cell, InputError
+from . import _trusted
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -98,6 +99,8 @@ def dialect(cell: Cell) -> Post:
 
     assert cell.controller is not None
     name = cell.controller.post
+    if posts.is_own(name):
+        _trusted.needed(cell.folder / name)
     with blamed_on(cell.folder / "tango.yaml"):
         return posts.load(str(cell.folder / name) if posts.is_own(name) else name, "controller.post")
 

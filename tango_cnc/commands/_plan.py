@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..commission import ordered
 from ..files import drawn_lines
 from ..plan import OBSTRUCTED, USUAL, plan_hash
 from ..records import Plan
 from ._common import Decorator, table
 
 if TYPE_CHECKING:
-    from .plan import Written
+    from ..program import Program
 
 NAMED = 3  # doubtful touches that a warning names
 CONFIRM = "confirm on your control and state it under controller: in tango.yaml, a key as itself, a fact without = under confirmed:"
@@ -73,7 +74,7 @@ def _moves(plan: Plan) -> Iterator[str]:
         yield f"{move.touch:>{number}}  {move.kind:<{kind}}  {target}".rstrip()
 
 
-def as_json(plan: Plan, post: str, folder: Path, written: Sequence[Written], doubts: tuple[str, ...]) -> dict[str, Any]:
+def as_json(plan: Plan, post: str, folder: Path, written: Sequence[Program], doubts: tuple[str, ...]) -> dict[str, Any]:
     """plan, post, folder of its programs, what is unverified → plain data of the format tango-plan/1; mm and deg."""
     used = {}
     low, high = dict.fromkeys(plan.machine.names, math.inf), dict.fromkeys(plan.machine.names, -math.inf)
@@ -143,7 +144,8 @@ def as_text(plan: Plan, result: dict[str, Any]) -> str:
     beside = bool(result["companions"])
     many = len(plan.left_out)
     missing = f", {many} {'touch' if many == 1 else 'touches'} of the strategy left out" if many else ""
-    doubts = "".join(f"\n  {text}" for text in result["unverified"])
+    rows_of_doubts = ordered(result["unverified"])  # those that can break something first, each with how it is looked at
+    doubts = "".join(f"\n  {text}" + (f"\n      {danger}: {check}" if check else "") for danger, text, check in rows_of_doubts)
     return (
         f"{result['touches']} touches on {result['facets']} facets at {result['indexations']} indexations{missing}\n"
         f"{table(rows, '<>>><')}\n"

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from ..estimate import Estimate, estimate
 from ..files import artefact_text, degrees_of, read_cell, read_readings, read_world, strategy_text, write_text
 from ..files.write import dump, machine_text
+from ..judgement import Judgement
 from ..kinematics import chain, tip
 from ..records import Array, Cell, InputError, Machine, Readings, TermItem
 from ..report import pictures
 from ..verify import cmm, held_out, sphere, summary, volume
 from ._common import table, write_json
+from ._trust import members, status, told
 
 SUBSETS: tuple[tuple[TermItem, ...], ...] = (("S1",), ("S2",), ("S3",), ("S4",))
 
@@ -66,10 +68,11 @@ class Job:
     terms: tuple[TermItem, ...]
     result: Estimate
     options: dict[str, Any]
+    judgement: Judgement
 
     def __post_init__(self) -> None:
-        self.data: dict[str, Any] = {"format": "tango-verification/1", "terms": list(self.terms)}
-        self.lines: list[str] = []
+        self.data: dict[str, Any] = {"format": "tango-verification/1", "terms": list(self.terms), **members(self.judgement)}
+        self.lines: list[str] = told(self.judgement)
         self.limited: dict[str, float] = {}
         self.drawn: dict[str, Any] = {}
 
@@ -247,7 +250,7 @@ class Job:
         limit = self.options["limit_um"]
         failed = {} if limit is None else {name: worst for name, worst in self.limited.items() if worst * 1e3 > limit}
         if limit is not None:
-            self.data |= {"limit_um": limit, "passed": not failed}
+            self.data |= {"limit_um": limit, "passed": not failed and not status(self.judgement, self.options["despite"])}
             for name, worst in self.limited.items():
                 verdict = "exceeds" if name in failed else "within"
                 self.lines.append(f"{name}: {worst * 1e3:.2f} µm, {verdict} the limit of {limit:g} µm")

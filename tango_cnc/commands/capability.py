@@ -1,4 +1,4 @@
-"""`tango capability`: what a touch is worth on this machine."""
+"""`tango capability`: measure what a touch is worth on this machine."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from ..files.write import dump
 from ..records import Cell, InputError
 from ..touches import Touches, from_readings
 from ._common import Output, cell_option, json_option, table, write_json
+
+PLACE = "Understand 60"  # in the list of commands
 
 
 @click.command()

@@ -1,4 +1,4 @@
-"""`tango check`: is the cell sound, can the machine do it, and what would it tell?"""
+"""`tango check`: is the cell sound, can the machine do it, what will it tell, how long does it take?"""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ import click
 import numpy as np
 
 from ..duration import duration, saved, spoken
-from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms
+from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms, write_text
 from ..identify import condition_number, select, summary
 from ..model import known, linearise
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
-from ._common import cell_option, dialect, json_option, table, write_json
+from ._common import Output, cell_option, dialect, json_option, table, write_json
 from ._plan import obstructed_option
+
+PLACE = "Begin 30"  # in the list of commands
 
 NAMED = 8  # touches that are named one by one
 
@@ -29,15 +31,23 @@ NAMED = 8  # touches that are named one by one
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @obstructed_option
+@click.option("--picture", type=Output(), metavar="FILE", help="Draw axes, pivots and facets as .svg.")
 @json_option
-def command(folder: Path, terms: str | None, degree: int, obstructed: str, json_file: str | None) -> int:
+def command(folder: Path, terms: str | None, degree: int, obstructed: str, picture: Path | None, json_file: str | None) -> int:
     """Validates the cell, plans it, and says what the touches of the program would and would not tell.
 
     What 'tango plan' would refuse is refused here too: the whole program is made and read back, and nothing is written. Exit
     status 1 when something that the terms ask for cannot be seen, or 'tango plan' refuses touches of the strategy; what is said
     then is without these.
     """
+    if picture is not None and picture.suffix.lower() != ".svg":
+        raise InputError(f"--picture: found {picture}; allowed: a file that ends in .svg")
     cell = read_cell(folder)
+    if picture is not None:
+        from ..report.machine_svg import drawing
+
+        write_text(picture, drawing(cell.machine, cell.artefact))
+        click.echo(f"the machine as machine.yaml and artefact.yaml have it → {picture}", err=True)
     refused = None
     try:
         made = plan(cell, obstructed)
@@ -46,7 +56,7 @@ def command(folder: Path, terms: str | None, degree: int, obstructed: str, json_
         made, refused = plan(cell, "leave-out"), str(error)
     _postable(cell, made)
     with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
-        data = check(cell, made, cell.terms if terms is None else read_terms(terms), degree, positioning_feed(cell))
+        data = check(cell, made, cell.terms if terms is None else read_terms(terms, cell.folder), degree, positioning_feed(cell))
     data["refused"] = refused
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
@@ -67,7 +77,7 @@ def positioning_feed(cell: Cell) -> float | None:
 
 def _postable(cell: Cell, made: Plan) -> None:
     """cell, its plan → nothing. Raises InputError for what 'tango plan' would refuse: the whole program is made and read back."""
-    from .plan import programs
+    from ..program import programs
 
     if cell.controller is None:
         return

@@ -1,4 +1,4 @@
-"""`tango compare`: two readings files of one plan, touch by touch."""
+"""`tango compare`: compare two readings files of one plan, touch by touch."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ import numpy as np
 
 from ..compare import Comparison, compare, latch
 from ..files import read_cell, read_readings
+from ..judgement import Judgement
+from ..plausible import ORDER
+from ..records import Cell, Readings
 from ._common import cell_option, json_option, table, write_json
+from ._trust import NoFit, despite_option, judged, members, status, told
+
+PLACE = "Measure 50"  # in the list of commands
 
 
 @click.command()
@@ -24,8 +30,9 @@ from ._common import cell_option, json_option, table, write_json
     metavar="SECONDS",
     help="The control looks at the probe once in this time: also say what that explains.",
 )
+@despite_option
 @json_option
-def command(folder: Path, other: Path, file: Path | None, period: float | None, json_file: str | None) -> None:
+def command(folder: Path, other: Path, file: Path | None, period: float | None, despite: bool, json_file: str | None) -> int:
     """Shows what one control, feed or day does to the readings that another does not.
 
     Both files are of the same plan, e.g. of the machine and of 'tango simulate'. Differences are those of the readings file minus
@@ -33,15 +40,20 @@ def command(folder: Path, other: Path, file: Path | None, period: float | None, 
     """
     cell = read_cell(folder)
     file = file or folder / "readings.csv"
-    found = compare(
-        cell.machine,
-        cell.artefact,
-        read_readings(file, cell.machine, cell.artefact),
-        read_readings(other, cell.machine, cell.artefact),
-    )
+    readings, others = (read_readings(f, cell.machine, cell.artefact) for f in (file, other))
+    found = compare(cell.machine, cell.artefact, readings, others)
+    judgement = max((_judged(cell, r) for r in (readings, others)), key=lambda j: ORDER.index(j.verdict))
     expected = None if period is None else latch(found.feed, period)
-    if not write_json(json_file, _as_json(found, period, expected)):
-        click.echo(_as_text(found, file, other, period, expected))
+    if not write_json(json_file, _as_json(found, period, expected) | members(judgement)):
+        click.echo("\n".join([*told(judgement), _as_text(found, file, other, period, expected)]))
+    return status(judgement, despite)
+
+
+def _judged(cell: Cell, readings: Readings) -> Judgement:
+    try:
+        return judged(cell, readings, cell.terms)[1]
+    except NoFit as error:
+        return error.judgement
 
 
 def _groups(found: Comparison) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""`tango demo`: the main job on the example cell, one command after the other, against the simulated controller."""
+"""`tango demo`: the whole job on the example cell, against a simulated controller."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from ..records import LinkError, World
 from ..report.units import shown
 from ._common import table, write_json
 from .estimate import as_json
+
+PLACE = "Begin 10"  # in the list of commands
 
 LIMIT = 4.0  # standard deviations; one of twenty honest values is further off once in 800 demos
 

@@ -3,34 +3,193 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
 from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
-from ..files import read_cell, read_terms
+from ..files import read_cell, read_readings, read_terms, write_text
 from ..plan import last_motion, plan
 from ..records import Cell, InputError
 from ..touches import Touches, of_facets
-from ._common import cell_option, json_option, write_json
+from ._common import Output, cell_option, json_option, write_json
 from .check import positioning_feed
+
+PLACE = "Plan 10"  # in the list of commands
+
+if TYPE_CHECKING:
+    from ..design.propose import Wish
+    from ..report.drawn import Drawn
 
 
 @click.command()
 @cell_option
+@click.option("--goal", help="volume (default), locations, check, D, A, condition, or limits: EX0C=1,EA0C=5 (µm, µrad, µm/m).")
+@click.option("--minutes", type=click.FloatRange(0.5, 600), help="Time of the whole run; usual: check 2.5, locations 5, volume 10.")
+@click.option("-o", "output", type=Output(), metavar="FILE", help="The plan as a strategy, with the reasons in comments.")
+@click.option("--regular", is_flag=True, help="A plain regular plan of that time instead: what an optimal one has to beat.")
+@click.option(
+    "--within", type=click.FloatRange(0.0, 50.0), help="mm within which facets are where they should be (after a first run)."
+)
+@click.option(
+    "--readings", type=click.Path(path_type=Path, exists=True), help="Of an earlier run: says --within, and what a check knows."
+)
+@click.option(
+    "--volume", metavar="X0:X1,Y0:Y1,Z0:Z1", help="Where parts are made, mm in the table frame, instead of above the facets."
+)
+@click.option("--compare", is_flag=True, help="Also a regular plan of that time, and the best of 100 random ones.")
+@click.option(
+    "--picture", type=Output(), metavar="FILE", help="What is known when, where touches are, the volume (.png .svg .pdf)."
+)
+@click.option(
+    "--facets",
+    metavar="BODY",
+    help="artefact.yaml for box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1 or table:WIDTH,DEPTH.",
+)
 @click.option("--separate", nargs=2, metavar="CAUSE CAUSE", help="Which touches would tell these two causes apart.")
-@click.option("--terms", help="The present model, instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
+@click.option(
+    "--terms", help="What is to be estimated, instead of S4 (volume, D, A, condition) or S3: S1 … S4 or a list, e.g. S3,EYX2."
+)
+@click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @json_option
-def command(folder: Path, separate: tuple[str, str] | None, terms: str | None, json_file: str | None) -> None:
-    """Proposes touches: with --separate, indexations to append to the strategy that tell two causes apart."""
-    if not separate:
-        raise InputError("design: found nothing to design for; allowed: --separate CAUSE CAUSE")
+def command(
+    folder: Path,
+    goal: str | None,
+    minutes: float | None,
+    output: Path | None,
+    regular: bool,
+    within: float | None,
+    readings: Path | None,
+    volume: str | None,
+    compare: bool,
+    picture: Path | None,
+    facets: str | None,
+    separate: tuple[str, str] | None,
+    terms: str | None,
+    degree: int,
+    json_file: str | None,
+) -> int:
+    """Chooses touches for a goal: a strategy, and a bound on what any plan of that time could reach.
+
+    The file of -o is a strategy as 'check', 'plan' and 'run' take it: name it in tango.yaml. Time is that of this machine, by its
+    rapids, accelerations and clamps and the positioning feed of its post. With --separate: indexations to append to the strategy
+    that tell two causes apart. Exit status 1 when limits are not kept.
+    """
+    if facets is not None:
+        return _facets(facets, output)
     cell = read_cell(folder)
-    found = separation(planned(cell), cell.terms if terms is None else read_terms(terms), *separate)
-    if not write_json(json_file, as_json(found)):
-        click.echo(as_text(found))
+    if separate:
+        found = separation(planned(cell), cell.terms if terms is None else read_terms(terms), *separate)
+        if not write_json(json_file, as_json(found)):
+            click.echo(as_text(found))
+        return 0
+    asked = _wish(cell, goal, minutes, within, readings, volume, terms, degree)
+    return _design(cell, *asked, regular=regular, compare=compare, output=output, picture=picture, json_file=json_file)
+
+
+def _facets(text: str, output: Path | None) -> int:
+    from ..design.facets import of_text
+    from ..files import artefact_text
+
+    found = artefact_text(of_text(text))
+    if output is None:
+        click.echo(found, nl=False)
+    else:
+        write_text(output, found)
+        click.echo(f"artefact written to {output}: measure where the facets are, or let the probe find them", err=True)
+    return 0
+
+
+def _wish(
+    cell: Cell,
+    goal: str | None,
+    minutes: float | None,
+    within: float | None,
+    readings: Path | None,
+    volume: str | None,
+    terms: str | None,
+    degree: int,
+) -> tuple[Wish, str]:
+    """options → what is asked for, and why facets are touched as they are."""
+    from ..design import goals, propose, touching
+
+    aim = goals.read(goal or "volume")
+    before = None if readings is None else read_readings(readings, cell.machine, cell.artefact)
+    source = "--within"
+    if within is None and before is not None:
+        within, source = touching.known_within(cell, before), f"learned from {readings}"
+    how = touching.touching(cell.strategy.approach, within, source)
+    wanted = propose.usual_terms(aim, cell.terms) if terms is None else read_terms(terms)
+    return propose.Wish(aim, minutes, wanted, how.approach, degree, positioning_feed(cell), _box(volume), before), how.why
+
+
+def _design(
+    cell: Cell,
+    wish: Wish,
+    why: str,
+    *,
+    regular: bool,
+    compare: bool,
+    output: Path | None,
+    picture: Path | None,
+    json_file: str | None,
+) -> int:
+    from ..design import check, propose
+    from . import _design as told
+
+    if picture is not None:
+        drawable(picture)
+    aim = wish.goal
+    ready = propose.setting(cell, wish)
+    found = propose.regular(ready) if regular else propose.propose(ready)
+    sees = check.power(found, ready.lever) if aim.word == "check" else None
+    data = told.as_json(ready, found, why, sees, propose.competitors(ready, found) if compare else {})
+    lines = told.as_text(ready, data)
+    if output is not None:
+        write_text(output, told.strategy_text(found, data, lines.splitlines()))
+    if picture is not None:
+        _draw(picture, told.drawn(ready, found), data)
+    if not write_json(json_file, data):
+        click.echo(lines)
+        click.echo(f"strategy written to {output}" if output is not None else "-o FILE writes the strategy", err=True)
+    return int(bool(aim.limits) and found.value > 1)
+
+
+def drawable(file: Path) -> None:
+    """file → nothing. Raises InputError where no picture of that kind can be made."""
+    from ..report import pictures
+
+    if file.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise InputError(f"--picture: found {file}; allowed: a file .png, .svg or .pdf")
+    if not pictures.available():
+        raise InputError("--picture: matplotlib is not installed: pip install 'tango-cnc[report]'")
+
+
+def _draw(file: Path, drawn: Drawn, data: dict[str, Any]) -> None:
+    from ..report import design as drawing
+    from ..report import pictures
+
+    minutes = data["time_s"] / 60
+    others = [(name, minutes, value) for name, value in data.get("competitors", {}).items()]
+    title = f"{data['machine']}: {data['touches']} touches in {minutes:.1f} min for {data['goal']}"
+    file.write_bytes(pictures.encoded(drawing.figure(drawn, title, others), file.suffix[1:].lower()))
+
+
+def _box(text: str | None) -> tuple[tuple[float, float], ...] | None:
+    """'-200:200,-200:200,0:150' → three spans in mm. Raises InputError for anything else."""
+    if text is None:
+        return None
+    try:
+        spans = tuple((float(low), float(high)) for low, high in (part.split(":") for part in text.split(",")))
+    except ValueError:
+        spans = ()
+    if len(spans) != 3 or not all(low < high for low, high in spans):
+        raise InputError(
+            f"--volume: found {text!r}; allowed: three spans in mm, each from the smaller end, e.g. -200:200,-200:200,0:150"
+        )
+    return spans
 
 
 def planned(cell: Cell) -> Touches:

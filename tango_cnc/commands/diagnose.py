@@ -1,22 +1,29 @@
-"""`tango diagnose`: what the model gets wrong, the cause, the extended model, the gain."""
+"""`tango diagnose`: find what the model gets wrong, its cause, and what knowing it gains."""
 
 from __future__ import annotations
 
 import os
+import re
+from datetime import date
 from pathlib import Path
 
 import click
 
-from ..diagnose import diagnose
+from ..diagnose import Diagnosis, as_term, diagnose
+from ..diagnose.sentences import unexplained
 from ..diagnose.table import as_text as table_text
 from ..diagnose.table import diagnose_table
 from ..diagnose.words import as_json, as_text
 from ..diagnose.world import world
 from ..files import read_cell, read_readings, read_terms, world_text, write_text
 from ..files.checked import suggestion
+from ..files.learned import FOLDER, learned, learned_text
 from ..records import InputError
 from ..terms import causes
 from ._common import Output, cell_option, json_option, write_json
+from ._trust import despite_option, judged, members, status, told
+
+PLACE = "Understand 30"  # in the list of commands
 
 
 @click.command()
@@ -32,6 +39,7 @@ from ._common import Output, cell_option, json_option, write_json
     metavar="FILE",
     help="Also write what was found as a new world.yaml, for tango simulate --world FILE.",
 )
+@click.option("--learn", metavar="NAME", help="Keep the shapes that have no name in learned/NAME.yaml of the cell, as terms.")
 @click.option("--table", "table_file", type=click.Path(path_type=Path), metavar="FILE", help="Measured data from elsewhere (CSV).")
 @click.option("--response", metavar="NAME[,NAME…]", help="With --table: the measured column, or the columns of a vector.")
 @click.option("--model", metavar="NAME[,NAME…]", help="With --table: columns that the present linear model contains.")
@@ -44,6 +52,7 @@ from ._common import Output, cell_option, json_option, write_json
 )
 @click.option("--group", metavar="NAME", help="With --table: rows with the same value are held out together.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the noise that sets the limits.")
+@despite_option
 @json_option
 def command(
     folder: Path,
@@ -52,14 +61,16 @@ def command(
     exclude: tuple[str, ...],
     html: Path | None,
     world_file: Path | None,
+    learn: str | None,
     table_file: Path | None,
     response: str | None,
     model: str | None,
     covariates: tuple[str, ...],
     group: str | None,
     seed: int,
+    despite: bool,
     json_file: str | None,
-) -> None:
+) -> int:
     """Shows what the model gets wrong, names the cause, extends the model and measures the gain.
 
     A cause is named when noise alone would hardly ever do as well anywhere in the catalogue, and when touches that were not
@@ -71,13 +82,13 @@ def command(
     if table_file is not None:
         if not response:
             raise InputError("--table: found no --response; allowed: the name of the measured column, e.g. --response r")
-        for option, target in (("--html", html), ("--world", world_file)):
+        for option, target in (("--html", html), ("--world", world_file), ("--learn", learn)):
             if target is not None:
                 raise InputError(f"{option}: found together with --table; allowed: with the readings of a cell only")
         result = diagnose_table(table_file, _names(response), _names(model), covariates, group, seed)
         if not write_json(json_file, result):
             click.echo(table_text(result))
-        return
+        return 0
     for name, value in (("--response", response), ("--model", model), ("--covariate", covariates), ("--group", group)):
         if value:
             raise InputError(f"{name}: found without --table; allowed: only together with --table FILE")
@@ -88,8 +99,14 @@ def command(
         raise InputError(f"--world: found {world_file}, which exists; allowed: a new file, as it may hold the true machine")
     cell = read_cell(folder)
     readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
-    items = cell.terms if terms is None else read_terms(terms)
-    found = diagnose(cell.machine, cell.artefact, readings, items, exclude, seed)
+    items = cell.terms if terms is None else read_terms(terms, cell.folder)
+    _, judgement = judged(cell, readings, items)
+    if learn is not None:
+        _free(folder, learn)
+    known = learned(folder)
+    found = diagnose(cell.machine, cell.artefact, readings, items, exclude, seed, known)
+    if learn is not None:
+        _learn(folder, learn, found)
     if html is not None:
         from ..report.diagnosis import page
 
@@ -101,8 +118,33 @@ def command(
         click.echo(f"simulated machine with what was found → {world_file}", err=True)
         if missing:
             click.echo(f"not in it, as the simulated machine has nothing like it: {', '.join(missing)}", err=True)
-    if not write_json(json_file, as_json(found)):
-        click.echo(as_text(found))
+    data = as_json(found)
+    data |= {"trust" if key == "verdict" else key: value for key, value in members(judgement).items()}
+    if not write_json(json_file, data):
+        click.echo("\n".join([*told(judgement), as_text(found)]))
+    return status(judgement, despite)
+
+
+def _free(folder: Path, name: str) -> None:
+    """Raises InputError for a name that is no word, or is taken: what was learned is never overwritten."""
+    if not re.fullmatch(r"[\w-]+", name):
+        raise InputError(f"--learn: found {name!r}; allowed: a word of letters, digits, _ and -, the name of a file")
+    if (file := folder / FOLDER / f"{name}.yaml").exists():
+        raise InputError(f"--learn: found {file}, which exists; allowed: another name, or delete the file first")
+
+
+def _learn(folder: Path, name: str, found: Diagnosis) -> None:
+    """Writes every shape without a name as a term; several get numbers."""
+    shapes = [r for r in found.unexplained if r.form is not None]
+    if not shapes:
+        click.echo("--learn: nothing to learn: no shape without a name was found", err=True)
+    for i, r in enumerate(shapes, 1):
+        file = folder / FOLDER / (f"{name}.yaml" if i == 1 else f"{name}_{i}.yaml")
+        _free(folder, file.stem)
+        file.parent.mkdir(exist_ok=True)
+        about = {"text": f"{unexplained(r)}.", "learned": date.today().isoformat(), "amplitude_um": round(r.amplitude * 1e3, 3)}
+        write_text(file, learned_text({**about, **as_term(r)}))
+        click.echo(f"learned → {file}: add {{cause: learned, name: {file.stem}}} to the terms in tango.yaml to use it", err=True)
 
 
 def _writable(option: str, file: Path) -> None:

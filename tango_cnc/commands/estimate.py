@@ -1,4 +1,4 @@
-"""`tango estimate`: error parameters from readings."""
+"""`tango estimate`: estimate the error parameters from the readings."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ import click
 from ..estimate import Estimate, estimate, without
 from ..files import blamed_on, read_cell, read_readings, read_terms
 from ..identify import summary
-from ..records import Cell, Parameter, Readings, TermItem
+from ..judgement import Judgement
+from ..records import Cell, InputError, Parameter, Readings, TermItem
 from ..report.units import shown
 from ..segments import offsets
 from ._common import cell_option, json_option, table, write_json
+from ._trust import NoFit, despite_option, judged, members, said_of_origin, status, told
+
+PLACE = "Understand 10"  # in the list of commands
 
 
 @click.command()
@@ -30,6 +34,7 @@ from ._common import cell_option, json_option, table, write_json
     type=click.Choice(["machine", "table"]),
     help="Of a run that was resumed: estimate how far everything moved in between, as a displacement of machine or table.",
 )
+@despite_option
 @json_option
 def command(
     folder: Path,
@@ -38,30 +43,55 @@ def command(
     degree: int,
     exclude_outliers: bool,
     frame: str | None,
+    despite: bool,
     json_file: str | None,
-) -> None:
+) -> int:
     """Estimates the machine's error parameters, the stylus and the table from readings.
 
-    Only rows with status ok are used. Touches that do not fit are flagged and kept, unless --exclude-outliers is given.
+    Only rows with status ok are used. Touches that do not fit are flagged and kept, unless --exclude-outliers is given. Exit
+    status 1 when the result is implausible; the mistake that explains it best is named.
     """
     cell = read_cell(folder)
-    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
-    items = cell.terms if terms is None else read_terms(terms)
+    source = file or folder / "readings.csv"
+    _interrupted(source)
+    readings = read_readings(source, cell.machine, cell.artefact)
+    items = cell.terms if terms is None else read_terms(terms, cell.folder)
     with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
-        result = _estimated(cell, readings, items, degree, frame)
+        try:
+            result, judgement = judged(
+                cell, readings, items, source=source, fit=lambda: _estimated(cell, readings, items, degree, frame)
+            )
+        except NoFit as error:
+            write_json(json_file, {"format": "tango-estimate/1", **members(error.judgement), "parameters": {}})
+            raise
     excluded = result.outliers
     if exclude_outliers and len(excluded):
-        result = _estimated(cell, without(readings, excluded), items, degree, frame)
-    data = as_json(result)
+        fewer = without(readings, excluded)
+        result, judgement = judged(cell, fewer, items, fit=lambda: _estimated(cell, fewer, items, degree, frame))
+    data = as_json(result, judgement)
     if exclude_outliers:
         data["excluded"] = [int(i) for i in excluded]
     if not write_json(json_file, data):
-        click.echo(as_text(result))
+        click.echo("\n".join([*told(judgement), as_text(result)]))
     if exclude_outliers and len(excluded):
         click.echo(f"{len(excluded)} touches excluded: {', '.join(map(str, excluded))}", err=True)
+    if origin := said_of_origin(source):
+        click.echo(origin, err=True)
     skipped = int((~readings.ok).sum())
     if skipped:
         click.echo(f"{skipped} of {len(readings)} touches made no proper contact (miss or early) and were not used", err=True)
+    return status(judgement, despite)
+
+
+def _interrupted(source: Path) -> None:
+    """readings.csv → nothing. Raises InputError where there is only what an interrupted run has left."""
+    left = source.with_name(f"{source.stem}.partial.csv")
+    if not source.exists() and left.exists():
+        count = max(len(left.read_text(encoding="utf-8").splitlines()) - 1, 0)
+        raise InputError(
+            f"{source}: no such file; the run was interrupted, and {left.name} has its {count} touches: go on with "
+            f"'tango run --resume', or look at what there is with --readings {left}"
+        )
 
 
 def _estimated(cell: Cell, readings: Readings, items: Sequence[TermItem], degree: int, frame: str | None) -> Estimate:
@@ -69,8 +99,8 @@ def _estimated(cell: Cell, readings: Readings, items: Sequence[TermItem], degree
     return estimate(cell.machine, cell.artefact, readings, (*items, *more), degree)
 
 
-def as_json(result: Estimate) -> dict[str, Any]:
-    """estimate → plain data of the format tango-estimate/1."""
+def as_json(result: Estimate, judgement: Judgement | None = None) -> dict[str, Any]:
+    """estimate, judgement on it → plain data of the format tango-estimate/1."""
     size = abs(result.residuals) * 1e3
 
     def value(parameter: Parameter) -> dict[str, Any]:
@@ -79,6 +109,7 @@ def as_json(result: Estimate) -> dict[str, Any]:
     setup = result.setup
     data: dict[str, Any] = {
         "format": "tango-estimate/1",
+        **({} if judgement is None else members(judgement)),
         "touches": len(result.residuals),
         "terms": list(result.parameters),
         "parameters": {name: value(p) for name, p in result.parameters.items()},
@@ -97,6 +128,9 @@ def as_json(result: Estimate) -> dict[str, Any]:
         "not_identifiable": [c.text for c in result.selection.unseen],
         "outliers": [int(i) for i in result.outliers],
     }
+    if (noise := result.noise) is not None:
+        data["noise"] = {"white_um": noise.white * 1e3, "walk_um": noise.walk * 1e3, "seating_um": noise.seating * 1e3}
+        data["noise"]["facets_um"] = {name: size * 1e3 for name, size in noise.facets.items()}
     placement = {name: value(p) for name, p in setup.items() if name.endswith("w")}
     return data | ({"placement": placement} if placement else {})
 
@@ -122,5 +156,6 @@ def as_text(result: Estimate) -> str:
     lines += [f"cannot be seen: {text}" for text in summary([c.text for c in result.selection.unseen])]
     if len(result.outliers):
         worst = ", ".join(str(i) for i in result.outliers[:10]) + (" …" if len(result.outliers) > 10 else "")
-        lines.append(f"{len(result.outliers)} touches do not fit (kept; leave them out with --exclude-outliers): {worst}")
+        weight = "kept; leave them out with --exclude-outliers" if result.rejected is None else "they have no weight"
+        lines.append(f"{len(result.outliers)} touches do not fit ({weight}): {worst}")
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""`tango init`: a working example cell to start from."""
+"""`tango init`: write a working example cell to start from."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import click
 import tango_cnc
 
 from ..records import InputError
+
+PLACE = "Begin 20"  # in the list of commands
 
 
 def examples() -> dict[str, Path]:

@@ -1,4 +1,4 @@
-"""`tango link-test`: opens the port, sends nothing that moves anything, and says what comes."""
+"""`tango link-test`: ask the control what it is; nothing moves."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from ._common import cell_option, dialect, json_option, write_json
 
 if TYPE_CHECKING:
     from ..link.transport import Transport
+
+PLACE = "Measure 20"  # in the list of commands
 
 SHOWN = 300  # characters of what came that are shown
 
@@ -52,6 +54,7 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
     program = None if program_file is None else read_text(program_file)
     if program is not None and hasattr(protocol, "told"):
         raise InputError("--program: found a link over which no program is sent; allowed: dnc, whose controls punch programs out")
+    address = parsed.url
     line = open_port(parsed)
     hello = protocol.hello(parsed.options) if hasattr(protocol, "hello") else b""
     doing = f"{'asking for up to' if hello else 'listening for'} {seconds:g} s"

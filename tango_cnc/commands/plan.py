@@ -1,14 +1,12 @@
-"""`tango plan`: the NC program of a cell and plan.csv."""
+"""`tango plan`: write the NC program and plan.csv."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,19 +15,16 @@ from ..capability.programs import program as capability_program
 from ..files import artefact_text, blamed_on, drawn_sizes, read_cell, strategy_text
 from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
-from ..records import InputError, Plan
+from ..records import InputError
+from . import _trusted
 from ._common import Output, cell_option, json_option, json_text
 from ._common import dialect as dialect_of
 from ._plan import as_json, as_text, dry, obstructed_option, warnings
 
-if TYPE_CHECKING:
-    from postprocessors._base import Post
+PLACE = "Plan 20"  # in the list of commands
 
-PROGRAM = re.compile(rb"\bPROGRAM [0-9A-F]{12} PLAN ([0-9A-F]{12})\b")
 CELL_FILES = ("artefact.yaml", "strategy.yaml")  # what --capability writes beside its program
-REST = "rest"  # folder beside the program, for the touches that a run has left
 DRAWN = (".png", ".svg", ".pdf")
-HEAD = 2000  # bytes of a program within which its mark stands
 
 
 @click.command()
@@ -74,6 +69,7 @@ def command(
     from postprocessors import _base as posts
 
     from .. import plan as planner
+    from ..program import programs, stale
     from ..report import path, pictures
 
     if dry_run and json_file is not None:
@@ -88,6 +84,8 @@ def command(
     name = post or (cell.controller.post if cell.controller else None)
     if name is None and not dry_run:
         raise InputError(f"{folder / 'tango.yaml'}: no controller.post; state it there or with --post ({', '.join(posts.names())})")
+    if post is not None and posts.is_own(post):
+        _trusted.needed(Path(post))
     dialect = posts.load(post, "--post") if post else dialect_of(cell) if name is not None else None
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
     options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
@@ -117,7 +115,7 @@ def command(
     with blamed_on(folder / "tango.yaml") if options else nullcontext():
         written = programs(dialect, made, options, most)
         companions = posts.companions(dialect, made, options)
-    doubts = (*posts.unverified(dialect, options), *posts.reach(made), *dict.fromkeys(d for w in written for d in w.doubts))
+    doubts = (*posts.unverified(dialect, options), *posts.reach(made), *dict.fromkeys(d for w in written for d in w.unread))
     files: dict[Path, Content] = {target / w.name: w.lines for w in written}
     files[target / "plan.csv"] = lambda: plan_lines(made)
     files |= {target / name_beside: partial(iter, texts) for name_beside, texts in companions.items()}
@@ -154,78 +152,3 @@ def _kept(option: str, files: Iterable[Path], folder: Path, post: str | None) ->
     for file in files:
         spared(option, file, folder, () if post is None else (Path(post),))
         writable(option, file)
-
-
-@dataclass(frozen=True)
-class Written:
-    """A program on its way into a file; `part` is (which, of how many) programs of the plan."""
-
-    name: str
-    mark: str
-    lines: Callable[[], Iterator[str]]
-    plan: Plan
-    part: tuple[int, int]
-    doubts: tuple[str, ...]
-
-
-def programs(dialect: Post, whole: Plan, options: Mapping[str, Any], most: int | None = None) -> list[Written]:
-    """post, plan, `controller` keys, touches a program may make → its programs in their order, each read back.
-
-    Raises InputError for options and numbers that cannot be written, and naming the line that must not reach a machine.
-    """
-    from postprocessors import _base as posts
-
-    from .. import plan as planner
-
-    plans = (whole,) if most is None else planner.split(whole, most)
-    mark, found = planner.plan_hash(whole), []
-    beside = posts.companions(dialect, whole, options)
-    for number, plan in enumerate(plans, 1):
-        part = number, len(plans)
-        given = posts.of_part(dialect, options, part)
-        name, program_mark, lines = posts.program(dialect, plan, given, mark, part)
-        try:
-            doubts = proven(dialect.title, lines, plan, posts.settings(dialect, given), beside)
-        except InputError as error:
-            raise InputError(f"{error}: nothing was written. Correct the post, or the profile under 'controller'") from None
-        found.append(Written(name, program_mark, lines, plan, part, doubts))
-    return found
-
-
-def stale(folder: Path, written: Collection[Path], plan_mark: str) -> list[str]:
-    """folder, files just written, hash of their plan → a sentence on each program there that is not theirs, those of `REST` too.
-
-    One of this plan for another control is none.
-    """
-    endings = {file.suffix for file in written}
-    found = []
-    for file in sorted(f for place in (folder, folder / REST) if place.is_dir() for f in place.iterdir()):
-        if file in written or not file.is_file() or not (mark := PROGRAM.search(_head(file))):
-            continue
-        other = mark[1].decode() != plan_mark
-        if other or file.suffix in endings:
-            what = "of another plan" if other else "an earlier program of this plan"
-            found.append(f"{file} is {what} and stays as it is: delete it, so that nobody runs it")
-    return found
-
-
-def _head(file: Path) -> bytes:
-    with file.open("rb") as opened:
-        return opened.read(HEAD)
-
-
-def proven(
-    title: str,
-    lines: Callable[[], Iterator[str]],
-    plan: Plan,
-    settings: Mapping[str, Any],
-    companions: Mapping[str, Sequence[str]],
-) -> tuple[str, ...]:
-    """title of a post, its program, plan, every option, what travels with it → what nobody has read back, in sentences.
-
-    Raises InputError naming the line of the program that must not reach a machine.
-    """
-    from .. import envelope
-
-    unread = envelope.check(lines, plan, settings, companions)
-    return tuple(f"{what} has not been read back: there is no envelope check of it for {title}" for what in unread)

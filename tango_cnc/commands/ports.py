@@ -1,10 +1,12 @@
-"""`tango ports`: the serial ports of this computer."""
+"""`tango ports`: list the serial ports of this computer."""
 
 from __future__ import annotations
 
 import click
 
 from ._common import json_option, table, write_json
+
+PLACE = "Measure 10"  # in the list of commands
 
 
 @click.command()

@@ -1,21 +1,33 @@
-"""`tango report`: one HTML page with pictures, for the people at the machine."""
+"""`tango report`: write one page with pictures that stands alone, and the same as PDF."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
-from .. import __version__, iso230
-from ..estimate import Estimate, estimate
-from ..files import degrees_of, read_cell, read_readings, read_terms, write_text
-from ..records import Array, Cell, Readings, TangoError, TermItem
-from ..report import page, pictures
-from ..report.units import shown
-from ..verify import held_out, volume
+from .. import __version__
+from ..files import read_cell, read_readings, read_terms, write_text
+from ..files.targets import KEPT, sources
+from ..records import InputError
+from ..report import page, pdf, terminal
+from ..report.facts import Paper, Wishes, effects, gather
+from ..report.units import Units, shown
+from ..uncertainty.inputs import read_budget
 from ._common import Output, cell_option, json_option, write_json
+from ._trust import despite_option, judged, members, status, told
+
+NIGHTS = 365  # of the trend
+TRENDS = 6  # parameters
+INTERVAL = 1.96
+LIBRARIES = ("numpy", "scipy", "jinja2")
+PLACE = "Keep 50"  # in the list of commands
 
 
 @click.command()
@@ -24,102 +36,148 @@ from ._common import Output, cell_option, json_option, write_json
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @click.option("-o", "--output", type=Output(), metavar="FILE", help="Default: report.html in the cell.")
-@click.option("--no-pictures", is_flag=True, help="Leave the pictures out (also done when matplotlib is not installed).")
+@click.option(
+    "--pdf", "pdf_file", type=Output(), metavar="FILE", help="Also write the report as PDF (pip install 'tango-cnc[pdf]')."
+)
+@click.option("--unit", type=click.Choice(["mm", "inch"]), default="mm", show_default=True, help="mm and µm, or inch and µin.")
+@click.option("--limit-um", type=click.FloatRange(0, min_open=True), help="Largest error of the tool tip that is allowed, µm.")
+@click.option("--operator", default="", help="Who measured; printed for the auditor.")
+@click.option("--owner", default="", help="Who answers for this machine; printed for the auditor.")
+@click.option(
+    "--templates", type=click.Path(path_type=Path), metavar="DIR", help="Templates and texts.toml of your own (docs/report.md)."
+)
+@click.option("--no-diagnosis", is_flag=True, help="Leave the diagnosis out; the verdict then says so.")
+@click.option("--no-pictures", is_flag=True, help="Leave the pictures out.")
+@despite_option
 @json_option
 def command(
-    folder: Path, file: Path | None, terms: str | None, degree: int, output: Path | None, no_pictures: bool, json_file: str | None
-) -> None:
-    """Writes one HTML page that stands alone: summary, parameters, residual pictures, outliers, ISO 230-1 figures."""
+    folder: Path,
+    file: Path | None,
+    terms: str | None,
+    degree: int,
+    output: Path | None,
+    pdf_file: Path | None,
+    unit: str,
+    limit_um: float | None,
+    operator: str,
+    owner: str,
+    templates: Path | None,
+    no_diagnosis: bool,
+    no_pictures: bool,
+    despite: bool,
+    json_file: str | None,
+) -> int:
+    """Writes one page that stands alone: verdict, what to do, parameters with intervals, pictures, statement of uncertainty.
+
+    It needs no network and no other file. The verdict is the worst of plausibility, completeness, fit, prediction, diagnosis
+    and limit.
+    """
+    if pdf_file is not None and not pdf.available():
+        raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'")
+    page.environment(templates)
     cell = read_cell(folder)
-    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
-    items = cell.terms if terms is None else read_terms(terms)
-    drawn = not no_pictures and pictures.available()
-    found = findings(cell, readings, items, degree, drawn)
+    source = file or folder / "readings.csv"
+    readings = read_readings(source, cell.machine, cell.artefact)
+    items = cell.terms if terms is None else read_terms(terms, cell.folder)
+    budget = folder / "uncertainty.yaml"
+    wishes = Wishes(
+        items,
+        degree,
+        None if limit_um is None else limit_um / 1e3,
+        Units("inch" if unit == "inch" else "mm"),
+        read_budget(budget) if budget.exists() else None,
+        not no_diagnosis,
+        not no_pictures,
+    )
+    result, judgement = judged(cell, readings, items, degree)
+    made = paper(folder, source, operator, owner)
+    past = trend(folder, cell.machine.name, list(effects(result)))
+    found = gather(cell, readings, wishes, made, result, judgement, trend=past, compensations=compensations(folder))
     target = output or folder / "report.html"
-    write_text(target, page.render(found, __version__))
-    if not no_pictures and not drawn:
-        click.echo("no pictures: matplotlib is not installed (pip install 'tango-cnc[report]')", err=True)
-    if not write_json(json_file, page.as_json(found) | {"report": str(target)}):
-        click.echo(f"{target} ({target.stat().st_size / 1000:.0f} kB): open it in a browser")
+    write_text(target, page.render(found, templates))
+    if pdf_file is not None:
+        pdf_file.write_bytes(pdf.render(found, templates))
+    data = page.as_json(found) | {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})
+    if not write_json(json_file, data | members(judgement)):
+        click.echo("".join(f"{line}\n" for line in told(judgement)), nl=False)
+        click.echo(terminal.summary(found))
+        written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
+        click.echo(f"{' and '.join(written)}: open it in a browser")
+    return status(judgement, despite)
 
 
-def findings(cell: Cell, readings: Readings, terms: tuple[TermItem, ...], degree: int, drawn: bool) -> page.Findings:
-    """cell, readings, terms → all that goes on the page. Raises what `estimate` raises."""
-    result = estimate(cell.machine, cell.artefact, readings, terms, degree)
-    own = np.array(result.model.touches.position)
-    own[:, cell.machine.column("S")] = 0.0
-    chart = volume.volume(result, np.vstack([volume.grid(cell.machine, result.model.touches), own])) if result.parameters else None
-    held, why = None, ""
-    try:
-        groups = held_out.leave_one_out(held_out.indexations(readings, cell.machine))
-        held = held_out.held_out(cell.machine, cell.artefact, readings, terms, groups, degree)
-    except TangoError as error:
-        why = f"No indexation can be left out: {error}"
-    before = page.unexplained_before(result)
-    shown_pictures = draw(result, before, chart, held, readings) if drawn else {}
-    return page.Findings(cell, readings, result, before, iso230.figures(result), chart, held, why, shown_pictures)
+def paper(folder: Path, source: Path, operator: str, owner: str) -> Paper:
+    """cell, readings file, people → what a report says of its own making."""
+    names = [*(n for n in sources(folder) if n.name not in KEPT), folder / "uncertainty.yaml", source]
+    origin_file = source.with_suffix(".json")
+    origin: Mapping[str, Any] | None = None
+    if origin_file.exists():
+        try:
+            origin = json.loads(origin_file.read_text(encoding="utf-8"))
+        except ValueError:
+            raise InputError(f"{origin_file}: no JSON; allowed: what 'tango run' wrote. Restore it, or move it away") from None
+        if not isinstance(origin, dict):
+            raise InputError(f"{origin_file}: found no object; allowed: what 'tango run' wrote. Restore it, or move it away")
+        names.append(origin_file)
+    files = []
+    for name in dict.fromkeys(n.resolve() for n in names if n.is_file()):
+        data = name.read_bytes()
+        files.append((name.name, len(data), hashlib.sha256(data).hexdigest()))
+    versions = {"Python": platform.python_version()} | {name: _version(name) for name in LIBRARIES}
+    return Paper(datetime.now(UTC), __version__, versions, operator, owner, tuple(files), origin)
 
 
-def draw(
-    result: Estimate, before: Array, chart: volume.VolumeMap | None, held: held_out.HeldOut | None, readings: Readings
-) -> dict[str, tuple[str, str]]:
-    """results → pictures by section: caption and data URI."""
-    touches, machine = result.model.touches, result.model.touches.machine
-    both = {
-        title: (touches.point, touches.normal, r, touches.indexation)
-        for title, r in (("stylus and facets only", before), ("with the errors of the machine", result.residuals))
-    }
-    flagged = np.isin(touches.number, result.outliers)
-    found: dict[str, tuple[str, Any]] = {
-        "touches": (
-            "Unexplained distance of every touch; positive: the ball stands off the estimated surface.",
-            pictures.touches(touches.number, result.residuals, touches.indexation, flagged, result.sigma),
-        ),
-        "vectors": (
-            "Unexplained distances on the table, along the facet normals; a colour an indexation.",
-            pictures.vectors(both),
-        ),
-    }
-    size = page.effects(result)
-    strong = list(size)[:24]
-    groups: dict[str, list[tuple[str, float, float]]] = {}
-    for name in strong:
-        p = result.parameters[name]
-        factor, unit = shown(p.unit)
-        if unit in ("µm", "µrad", "µm/m"):  # coefficients of higher degree mean little one by one: they are drawn as curves
-            groups.setdefault(unit, []).append((name, p.value * factor, p.std * factor))
-    if groups:
-        found["parameters"] = (
-            "Parameters that matter most to the touches, with two standard deviations to either side.",
-            pictures.parameters(groups),
-        )
-    if held is not None:
-        names = {int(i): held_out.in_words(readings, machine, [int(i)]) for i in np.unique(held.indexation)}
-        found["held_out"] = (
-            "Each indexation as predicted from all others.",
-            pictures.held_out(held.indexation, held.residual, held.expected, names),
-        )
-    if chart is not None:
-        axes = (*machine.linear, *machine.rotary)
-        at = (chart.position / degrees_of(machine))[:, [machine.column(n) for n in axes]]
-        unit_of = ["mm" if n in machine.linear else "°" for n in axes]
-        found["volume"] = (
-            "Largest error of the tool tip near each axis position, all other axes anywhere. Shaded: touched range.",
-            pictures.volume(axes, at, unit_of, {"error": chart.size}, chart.std, ~chart.extrapolated),
-        )
-    motions = panels(result)
-    if motions:
-        found["curves"] = ("Error motions over the touched ranges, with two standard deviations.", pictures.curves(motions))
-    return {key: (caption, pictures.embedded(drawn)) for key, (caption, drawn) in found.items()}
+def _version(name: str) -> str:
+    from importlib.metadata import version
+
+    return version(name)
 
 
-def panels(result: Estimate) -> dict[str, Any]:
-    """estimate → panels of error motions, displacements and rotations of each axis apart."""
-    found: dict[str, Any] = {}
-    for axis, (at, curves) in iso230.curves(result).items():
-        label = f"{axis}, {'mm' if axis in result.model.touches.machine.linear else '°'}"
-        for unit, what in (("µm", "displacements"), ("µrad", "rotations")):
-            own = [(f"{c.name} {c.kind}", c.value, c.std) for c in curves if c.unit == unit]
-            if own:
-                found[f"{axis}: {what}"] = (label, at, own, unit)
+def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
+    """cell → before, promised and measured of every compensation in its folder `compensations`, oldest first, µm."""
+    from ..compensate import loop
+
+    events = loop.history(folder)
+    found = []
+    for kept in loop.found(folder):
+        promise, own = kept.record["promise"], [e for e in events if e["compensation"] == kept.number]
+        measured = next((e["measured_um"] for e in reversed(own) if "measured_um" in e), None)
+        rows = [
+            ("rms", promise["rms_before_um"]["value"], promise["rms_after_um"]["value"], measured),
+            ("p95", promise["p95_before_um"]["value"], promise["p95_after_um"]["value"], None),
+        ]
+        last = own[-1] if own else {"event": "proposed"}
+        state = ": ".join(str(last[key]) for key in ("event", "text") if last.get(key))
+        date = str(kept.record.get("created_utc", ""))[:10]
+        found.append({"target": kept.record["target"], "date": date, "state": state, "rows": rows})
     return found
+
+
+def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:
+    """cell, its machine, parameters → their values night by night out of its history.db; None where there is no history."""
+    from ..history import opened
+
+    file = folder / "history.db"
+    if not file.exists():
+        return None
+    with opened(file, create=False) as history:
+        if machine not in history.machines():
+            return None
+        known, alarms = history.parameters(machine), {s.night.start_utc for s in history.alarmed(machine, NIGHTS)}
+        found = []
+        for name in [n for n in names if n in known][:TRENDS]:
+            t = history.trend(machine, name)
+            value, std, stamps = t.value[-NIGHTS:], t.std[-NIGHTS:], t.start_utc[-NIGHTS:]
+            if len(value) < 2:
+                continue
+            factor, unit = shown(t.unit)
+            first = datetime.fromisoformat(stamps[0])
+            days = [(datetime.fromisoformat(s) - first).total_seconds() / 86_400 for s in stamps]
+            found.append(
+                {
+                    **{"title": name, "unit": unit, "days": days, "value": (value * factor).tolist()},
+                    **{"half": (INTERVAL * std * factor).tolist(), "alarm": [s in alarms for s in stamps]},
+                    "x_label": f"{stamps[0][:10]} … {stamps[-1][:10]}",
+                }
+            )
+    return {"series": found} if found else None

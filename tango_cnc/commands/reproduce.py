@@ -1,4 +1,4 @@
-"""`tango reproduce`: the thesis' tables beside this program's numbers."""
+"""`tango reproduce`: put the thesis' tables beside this program's numbers."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from ..reproduce import Setting, Table, table, tables, unexplained
 from ._common import Output, json_option, write_json
 from ._common import table as aligned
 from .init import examples
+
+PLACE = "Understand 70"  # in the list of commands
 
 
 @click.command()

@@ -1,12 +1,14 @@
-"""`tango run`: sends the program to the controller and records the readings."""
+"""`tango run`: drive the controller and record the readings."""
 
 from __future__ import annotations
 
 import json
-import re
+import os
 import sys
 import time
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..files import blamed_on, read_cell
-from ..files.checked import read_text
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, cell_option, dialect
@@ -23,12 +24,12 @@ from ._plan import obstructed_option, warnings
 if TYPE_CHECKING:
     from postprocessors._base import Post
 
-    from ..link._measure import Program
     from ..link.session import Step
+    from ..program import Program
+
+PLACE = "Measure 30"  # in the list of commands
 
 PAUSE = 0.3  # s between two looks at the journal of another program
-PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
-PART = re.compile(r"\bPLAN [0-9A-F]{12} PART (\d+) OF (\d+)\b")
 
 
 @click.command()
@@ -81,6 +82,8 @@ def command(
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
     from ..link._measure import Wanted, follow, measure
+    from ..link._secrets import shown
+    from ..link.lock import holding
     from ..plan import plan
     from .check import positioning_feed
 
@@ -111,13 +114,14 @@ def command(
     for text in warnings(made):
         click.echo(text, err=True)
     post = dialect(cell)
-    someone = sys.stdin.isatty()
+    someone = sys.stdin is not None and sys.stdin.isatty()
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
-            _ask(part, address, positioning_feed(cell))
+            _ask(part, shown(address), positioning_feed(cell), _unproven(cell))
 
-    with _Live(json_file) as live, _transcript(transcript) as heard:
+    elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
+    with holding(folder, "tango run"), elsewhere, _Live(json_file) as live, _transcript(transcript) as heard:
         wanted = Wanted(address, post.link, cell.controller.post, target, resume, timeout, 600.0 if someone else 60.0, heard)
         origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file, most), live, confirm)
         result = {"readings": str(target), **origin}
@@ -126,12 +130,42 @@ def command(
                 f", {origin[status]} {word}" for status, word in (("miss", "missed"), ("early", "early")) if origin[status]
             )
             doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
-            click.echo(f"{origin['touches']} touches{bad}{doubted} → {target}")
+            _said(f"{origin['touches']} touches{bad}{doubted} → {target}", err=False)
 
 
-def _transcript(file: str | None) -> Any:
-    """--transcript → context of the file, or of none; begun with the first byte, so that a refused run leaves the one before."""
-    return nullcontext() if file is None else click.open_file(file, "w", encoding="utf-8", lazy=True)
+def _said(text: str, err: bool = True, nl: bool = True) -> bool:
+    """text → on the screen, where there is one: a window that was closed ends no run. → whether it got there."""
+    try:
+        click.echo(text, err=err, nl=nl)
+    except (OSError, ValueError):  # ValueError: the stream is closed
+        _to_nowhere(2 if err else 1)
+        return False
+    return True
+
+
+def _to_nowhere(handle: int) -> None:
+    """What is still to be written to a broken stream, at the end of the program too, goes nowhere."""
+    with suppress(OSError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, handle)
+        os.close(nowhere)
+
+
+@contextmanager
+def _transcript(file: str | None) -> Iterator[Any]:
+    """--transcript → what it is written to, or None; begun with the first byte, so that a refused run leaves the one before.
+
+    Its end may be written when it is closed: what fails then is said, and changes nothing of the run.
+    """
+    out = None if file is None else click.open_file(file, "w", encoding="utf-8", lazy=True)
+    try:
+        yield out
+    finally:
+        if out is not None and file != "-":
+            try:
+                out.close()
+            except (OSError, ValueError) as error:
+                _said(f"--transcript: {file} is not complete: {error}")
 
 
 def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path | None, most: int | None) -> list[Program]:
@@ -139,53 +173,45 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
     from postprocessors import _base as posts
 
     from ..files.plan import Content, plan_lines, write_together
-    from ..link._measure import Program
     from ..plan import plan_hash
-    from .plan import REST, programs, proven, stale
+    from ..program import REST, from_file, programs, stale
 
     assert cell.controller is not None
-    letters = post.record_letters(part.machine)
+    options = cell.controller.options
     if program_file is not None:
-        text = read_text(program_file)
-        try:
-            mark = posts.mark_of(text)
-        except InputError as error:
-            raise InputError(f"{program_file}: {error}; nothing was sent") from None
-        found = PLAN.search(text)
-        if found is None or found[1] != plan_hash(whole):
-            other = found[1] if found else "none"
-            raise InputError(
-                f"{program_file}: found plan {other}; the cell makes plan {plan_hash(whole)}. "
-                "The files of the cell have changed since, or --obstructed is another: write the program again with 'tango plan'"
-            )
-        if several := PART.search(text):
-            raise InputError(
-                f"{program_file}: found part {several[1]} of {several[2]}; a part alone is no whole plan: "
-                "'tango run --split N' with the N of 'tango plan' runs all parts in their order"
-            )
-        try:
-            options = cell.controller.options
-            beside = posts.companions(post, whole, options)
-            doubts = proven(post.title, lambda: iter(text.splitlines()), whole, posts.settings(post, options), beside)
-        except InputError as error:
-            raise InputError(f"{program_file}: {error}: nothing was sent. Write it again with 'tango plan'") from None
-        for doubt in doubts:
+        program = from_file(program_file, post, whole, options)
+        for doubt in program.unread:
             click.echo(f"{program_file}: {doubt}", err=True)
-        return [Program(text, mark, letters, whole, str(program_file))]
+        return [program]
     with blamed_on(cell.folder / "tango.yaml"):
-        written = programs(post, part, cell.controller.options, most)
+        written = programs(post, part, options, most)
     target = cell.folder / "program" / ("" if part is whole else REST)
-    files: dict[Path, Content] = {target / w.name: w.lines for w in written}
-    files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, part, cell.controller.options).items()}
+    files: dict[Path, Content] = {target / p.name: p.lines for p in written}
+    files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, part, options).items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
     for sentence in stale(target, set(files), plan_hash(part)):
         click.echo(sentence, err=True)
-    return [Program("".join(line + "\n" for line in w.lines()), w.mark, letters, w.plan, str(target / w.name)) for w in written]
+    return [replace(p, file=str(target / p.name)) for p in written]
 
 
-def _ask(part: Plan, address: str, feed: float | None) -> None:
-    """Raises click.Abort unless the person at the machine agrees."""
+def _unproven(cell: Cell) -> list[str]:
+    """cell → beliefs of the most dangerous kind that nothing in its commissioning.yaml has proven of this profile."""
+    from ..commission import experiments
+    from ..files.commissioning import latest, profile_hash, read_commissioning
+
+    assert cell.controller is not None
+    proven = latest(read_commissioning(cell.folder), profile_hash(cell.controller.post, cell.controller.options))
+    return [e.says for e in experiments() if e.danger == 1 and (e.belief not in proven or proven[e.belief].verdict != "PASS")]
+
+
+def _ask(part: Plan, address: str, feed: float | None, unproven: list[str]) -> None:
+    """Raises click.Abort unless the person at the machine agrees, also to what nobody has proven of this control."""
     from ..duration import duration, spoken
+
+    for text in unproven:
+        click.echo(f"not proven on this control: {text}", err=True)
+    if unproven:
+        click.echo("'tango commission' proves it high above the table, in minutes.", err=True)
 
     time = spoken(sum(duration(part, feed).values()))
     click.echo(
@@ -200,7 +226,7 @@ class _Live:
     """Steps → progress on stderr, and one JSON object a line for other programs."""
 
     def __init__(self, file: str | None) -> None:
-        self._bar, self._stdout = _Bar(), file == "-"
+        self._bar, self._stdout, self._lost = _Bar(), file == "-", False
         # begun with the first step, so that a refused run leaves the file as it was
         self._out = None if file is None or self._stdout else click.open_file(file, "w", encoding="utf-8", lazy=True)
 
@@ -210,7 +236,8 @@ class _Live:
     def __exit__(self, *error: object) -> None:
         self._bar.close()
         if self._out is not None:
-            self._out.close()
+            with suppress(OSError, ValueError):
+                self._out.close()
 
     def __call__(self, step: Step) -> None:
         """what happened → shown."""
@@ -232,25 +259,35 @@ class _Live:
         """what it is, plain data → one line; whether stdout is taken (so that no other text goes there)."""
         line = json.dumps({"event": event, **values}, ensure_ascii=False, allow_nan=False)
         if self._stdout:
-            click.echo(line)
-        elif self._out is not None:
-            self._out.write(line + "\n")
-            self._out.flush()
+            if not self._lost and not _said(line, err=False):
+                self._lose("nobody reads stdout any more")
+        elif self._out is not None and not self._lost:
+            try:
+                self._out.write(line + "\n")
+                self._out.flush()
+            except (OSError, ValueError) as error:
+                self._lose(str(error))
         return self._stdout
+
+    def _lose(self, why: str) -> None:
+        """Says once that nothing more goes to --json."""
+        self._lost = True
+        self._bar.close()
+        _said(f"--json ends here: {why}; the run goes on")
 
 
 class _Bar:
     """Progress on stderr: a line that is written over on a terminal, one line in ten percent elsewhere."""
 
     def __init__(self) -> None:
-        self._terminal = sys.stderr.isatty()
+        self._terminal = sys.stderr is not None and sys.stderr.isatty()
         self._open = False
         self._shown = -1
 
     def __call__(self, step: Step) -> None:
         if step.remark:
             self.close()
-            click.echo(step.remark, err=True)
+            _said(step.remark)
         left = step.time / step.done * (step.total - step.done) if step.done else 0.0
         width = 24
         filled = width * step.done // max(step.total, 1)
@@ -259,16 +296,16 @@ class _Bar:
             last += f"  facet {step.facet} moved {step.drift:+.1f} µm"
         text = f"[{'#' * filled}{'.' * (width - filled)}] {step.done}/{step.total}  {_clock(left)} left{last}"
         if self._terminal:
-            click.echo(f"\r{text:<78}", err=True, nl=False)
+            _said(f"\r{text:<78}", nl=False)
             self._open = True
         elif (tenths := 10 * step.done // max(step.total, 1)) != self._shown:  # less: the next part of a run has begun
             self._shown = tenths
-            click.echo(text, err=True)
+            _said(text)
 
     def close(self) -> None:
         """Ends the line that is written over."""
         if self._open:
-            click.echo(err=True)
+            _said("")
             self._open = False
 
 

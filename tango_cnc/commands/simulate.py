@@ -1,4 +1,4 @@
-"""`tango simulate`: readings of the simulated machine, no controller process."""
+"""`tango simulate`: make readings of the simulated machine, without a controller."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from pathlib import Path
 import click
 
 from ..files import blamed_on, read_cell, read_world, readings_text, write_text
+from ..files.origin import simulated, write_origin
 from ..plan import last_moves, plan
 from ..records import Array, Cell, InputError
 from ._common import Output, cell_option, json_option, write_json
+
+PLACE = "Measure 40"  # in the list of commands
 
 
 def _list_effects(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
@@ -36,10 +39,22 @@ def _moved(cell: Cell) -> Array | None:
 @click.command()
 @cell_option
 @click.option("--world", "world_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: world.yaml in the cell.")
-@click.option("-o", "--output", type=Output(replaces="readings.csv"), metavar="FILE", help="Default: readings.csv in the cell.")
+@click.option(
+    "-o",
+    "--output",
+    type=Output(replaces="readings.csv"),
+    metavar="FILE",
+    help="Default: readings.csv in the cell; simulated.csv where readings.csv was measured.",
+)
 @click.option("--cycles", type=click.IntRange(1), default=1, show_default=True, help="Repetitions of the strategy a day.")
 @click.option("--days", type=click.IntRange(1), default=1, show_default=True, help="Days, each with all its cycles.")
 @click.option("--seed", type=click.IntRange(0), metavar="N", help="Of noise and effects; default: the world's.")
+@click.option(
+    "--compensation", type=click.Path(path_type=Path), metavar="DIR", help="What 'tango compensate' wrote is in the control."
+)
+@click.option(
+    "--no-tcp", is_flag=True, help="With --compensation: probed without tool centre point control; kinematics do not act."
+)
 @click.option("--exact", is_flag=True, help="Write every digit instead of six decimals, for checks without noise.")
 @click.option(
     "--list-effects",
@@ -57,6 +72,8 @@ def command(
     cycles: int,
     days: int,
     seed: int | None,
+    compensation: Path | None,
+    no_tcp: bool,
     exact: bool,
     json_file: str | None,
 ) -> None:
@@ -65,9 +82,11 @@ def command(
     Backlash goes by the way that the planned program takes. A strategy that cannot be planned is simulated all the same, as if
     the probe went straight from touch to touch.
     """
+    from sim_controller.compensation import read
     from sim_controller.simulate import simulate
 
     cell = read_cell(folder)
+    control = read(compensation, cell.machine, tcp=not no_tcp) if compensation is not None else None
     world_file = world_file or folder / "world.yaml"
     world = read_world(world_file)
     moved = _moved(cell)
@@ -76,9 +95,15 @@ def command(
             "the strategy cannot be planned as it stands ('tango plan' says why): last motions go from touch to touch", err=True
         )
     with blamed_on(world_file):
-        readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed, moved)
+        readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed, moved, control)
     target = output or folder / "readings.csv"
+    if output is None and target.exists() and not simulated(target):
+        target = folder / "simulated.csv"
+        click.echo(
+            f"{folder / 'readings.csv'} is not of the simulator and stays as it is; --readings {target} reads these", err=True
+        )
     write_text(target, readings_text(readings, None if exact else 6))
+    write_origin(target, folder, "simulated")
     counts = {status: readings.status.count(status) for status in ("ok", "miss", "early")}
     result = {
         "format": "tango-simulation/1",

@@ -1,4 +1,4 @@
-"""`tango uncertainty`: what the estimate is worth, by the GUM framework and by Monte Carlo."""
+"""`tango uncertainty`: give the parameters intervals, by GUM and by Monte Carlo."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from ..uncertainty.fleet import cluster
 from ..uncertainty.inputs import Line, read_budget
 from . import _uncertainty as report
 from ._common import cell_option, json_option, write_json
+from ._trust import despite_option, judged, members, status, told
+
+PLACE = "Understand 20"  # in the list of commands
 
 
 @click.command()
@@ -53,6 +56,7 @@ from ._common import cell_option, json_option, write_json
 @click.option("--subset", "subsets", multiple=True, metavar="LABEL=1-20,22", help="Compare indexation subsets (give two or more).")
 @click.option("--compare", "runs", multiple=True, metavar="LABEL=FILE", help="Compare readings files (give two or more).")
 @click.option("--dask", metavar="tcp://…", help="Spread the trials over this Dask cluster (extra 'fleet').")
+@despite_option
 @json_option
 def command(
     folder: Path,
@@ -65,6 +69,7 @@ def command(
     runs: tuple[str, ...],
     dask: str | None,
     factor: float | None,
+    despite: bool,
     json_file: str | None,
     **chosen: Any,
 ) -> int:
@@ -74,32 +79,40 @@ def command(
     themselves, pooled by cycles or by days, and the budget adds what no repetition shows.
     """
     cell = read_cell(folder)
-    items = cell.terms if terms is None else read_terms(terms)
+    items = cell.terms if terms is None else read_terms(terms, cell.folder)
     given = budget or (folder / "uncertainty.yaml" if (folder / "uncertainty.yaml").is_file() else None)
     lines = None if given is None else read_budget(given)
     if runs:
         return _compare(cell, runs, items, degree, lines, json_file)
     readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
+    _, judgement = judged(cell, readings, items, degree)
     if subsets:
         choices = dict(_subset(text) for text in subsets)
         comparison, condition = analysis.compare_subsets(cell.machine, cell.artefact, readings, items, degree, lines, choices)
-        data = {"format": "tango-comparison/1", "comparisons": [report.comparison_json(comparison, condition)]}
+        data = {
+            "format": "tango-comparison/1",
+            **members(judgement),
+            "comparisons": [report.comparison_json(comparison, condition)],
+        }
         if not write_json(json_file, data):
-            click.echo(report.comparison_text(comparison, report.units(cell.machine, comparison.names), condition))
-        return 0
+            click.echo(
+                "".join(f"{line}\n" for line in told(judgement))
+                + report.comparison_text(comparison, report.units(cell.machine, comparison.names), condition)
+            )
+        return status(judgement, despite)
     with cluster(dask) if dask else nullcontext(map) as mapper:
         options = analysis.Options(**chosen, mapper=mapper)
         found = analysis.analyse(cell.machine, cell.artefact, readings, items, degree, lines, options)
     decisions = _decide(found, limits)
-    if not write_json(json_file, report.as_json(found, decisions, factor)):
-        click.echo(report.as_text(found, decisions, factor))
+    if not write_json(json_file, report.as_json(found, decisions, factor) | members(judgement)):
+        click.echo("".join(f"{line}\n" for line in told(judgement)) + report.as_text(found, decisions, factor))
     if given is None and found.pool == "none":
         click.echo(
             "No budget: only the stated repeatability and what artefact.yaml states as known are taken into account. Drift, lobing "
             "and form are not; state them in uncertainty.yaml (docs/uncertainty.md)",
             err=True,
         )
-    return 0 if limits is None or conformity.all_conform(decisions) else 1
+    return status(judgement, despite) if limits is None or conformity.all_conform(decisions) else 1
 
 
 def _decide(found: analysis.Analysis, limits: Path | None) -> list[conformity.Decision]:

@@ -7,12 +7,14 @@ from typing import Any
 
 import click
 
-from ..estimate import estimate
 from ..files import read_cell, read_readings, read_terms
 from ..records import InputError
 from ..report import pictures
 from ._common import Output, cell_option, json_option
+from ._trust import despite_option, judged, status
 from ._verify import Job, write_sphere
+
+PLACE = "Understand 40"  # in the list of commands
 
 path = click.Path(path_type=Path)
 
@@ -40,11 +42,13 @@ path = click.Path(path_type=Path)
 @click.option("--after", "after_file", type=path, metavar="FILE", help="Readings after compensation, for --volume.")
 @click.option("--limit-um", type=float, metavar="L", help="Exit 1 when a check is worse than this, µm; see docs/verify.md.")
 @click.option("--pictures", "picture_folder", type=path, metavar="DIR", help="Write pictures there (needs matplotlib).")
+@despite_option
 @json_option
 def command(**options: Any) -> int:
     """Checks the estimate against what it has not seen: held-out indexations, a CMM, a sphere, the whole working volume.
 
-    Without a choice, each indexation is predicted from all others. Exit status 1 when --limit-um is exceeded.
+    Without a choice, each indexation is predicted from all others. Exit status 1 when --limit-um is exceeded, or
+    when the estimate is implausible.
     """
     folder: Path = options["folder"]
     if options["picture_folder"] is not None:
@@ -55,10 +59,11 @@ def command(**options: Any) -> int:
         return 0
     if options["limit_um"] is not None and not options["limit_um"] > 0:
         raise InputError(f"--limit-um: found {options['limit_um']:g}; allowed: greater than 0 µm")
-    readings = read_readings(options["file"] or folder / "readings.csv", cell.machine, cell.artefact)
-    terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
-    result = estimate(cell.machine, cell.artefact, readings, terms, options["degree"])
-    job = Job(cell, readings, terms, result, options)
+    source = options["file"] or folder / "readings.csv"
+    readings = read_readings(source, cell.machine, cell.artefact)
+    terms = cell.terms if options["terms"] is None else read_terms(options["terms"], folder)
+    result, judgement = judged(cell, readings, terms, options["degree"], source=source)
+    job = Job(cell, readings, terms, result, options, judgement)
     other = options["cmm_file"] or options["ball"] or options["sphere_cell"] or options["volumetric"]
     if options["hold"] or options["one"] or options["size"] or not other:
         job.held_out()
@@ -68,4 +73,4 @@ def command(**options: Any) -> int:
         job.sphere()
     if options["volumetric"]:
         job.volume()
-    return job.finish()
+    return job.finish() or status(judgement, options["despite"])

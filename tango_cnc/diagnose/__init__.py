@@ -11,27 +11,32 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from .. import terms as families
 from ..estimate import Estimate, estimate, tips
 from ..model import known, linearise
-from ..records import Array, Artefact, Machine, Readings, TermItem
+from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
+from ..terms._shape import spec
 from ..touches import Touches
-from . import _explain, _gain, _seen, _spread
+from . import _explain, _gain, _moments, _seen, _shapes, _spread, _stable
 from ._candidates import Candidate, candidate, named, outliers, shapes
+from ._contest import Field, Outcome, contest
 from ._explain import Explanation
-from ._records import Dropped, Finding, Remainder
+from ._moments import Moment
+from ._records import SUBSETS, Dropped, Finding, Remainder, Size, Why
 from ._richer import Richer, richer
 from ._search import Chosen
 from ._seen import Test
 from ._size import size
+from ._smooth import kernels as kernels_of
 from ._volume import Volume, volume
 
-__all__ = ["Diagnosis", "Dropped", "Finding", "Remainder", "Test", "diagnose", "kernels"]
+__all__ = ["Diagnosis", "Dropped", "Finding", "Moment", "Remainder", "Test", "as_term", "diagnose", "kernels"]
 Verdict = Literal["adequate", "explained", "unexplained"]
+EVENTS = 3  # searches, each with what the one before found to belong to one moment set aside
 ROUNDS = 3  # of weighting rough facets and searching again
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
 SHOWS = 0.15  # that part of it at least
@@ -59,6 +64,8 @@ class Diagnosis:
     volume: Volume  # predicted error of the tip, before and after
     richer: Richer | None = None  # the whole model where it does clearly better than what was found
     dropped: tuple[Dropped, ...] = ()  # fits, and is not named
+    events: tuple[Moment, ...] = ()  # what belongs to one moment or one pose, set aside before the search
+    outcome: Outcome | None = None  # names against shapes
 
     @property
     def terms_text(self) -> str:
@@ -69,6 +76,8 @@ class Diagnosis:
 def _flow(item: TermItem) -> str:
     if isinstance(item, str):
         return item
+    if item["cause"] == "learned":  # its numbers are in its file
+        item = {key: item[key] for key in ("cause", "name")}
     return "{" + ", ".join(f"{k}: {_value(v)}" for k, v in item.items() if v is not None) + "}"
 
 
@@ -85,17 +94,40 @@ def diagnose(
     terms: Sequence[TermItem],
     excluded: Collection[str] = (),
     seed: int = 0,
+    learned: Sequence[Mapping[str, Any]] = (),
 ) -> Diagnosis:
-    """readings and the terms of the present model → diagnosis. `excluded` causes are not tried.
+    """readings and the terms of the present model → diagnosis. `excluded` causes are not tried; shapes that were `learned`
+    (name, factors, weight, values) are tried as names.
 
     Raises InputError and TangoError as `estimate`.
     """
     before = estimate(machine, artefact, readings, terms)
-    found, weight, rough = _explained(before, excluded, seed)
-    return _told(before, readings, terms, found, weight, rough, excluded, seed)
+    moments: tuple[Moment, ...] = ()
+    for _ in range(EVENTS):
+        found, weight, rough = _explained(before, excluded, seed, moments, learned)
+        field, outcome = _contested(before, found, weight)
+        new = [m for m in _moments.moments(before, found, outcome, weight) if m.item not in [o.item for o in moments]]
+        if not new:
+            break
+        moments = (*moments, *new)
+    return _told(before, readings, terms, found, weight, rough, excluded, seed, moments, field, outcome)
 
 
-def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[Explanation, Array, list[_explain.Rough]]:
+def _contested(before: Estimate, found: Explanation, weight: Array) -> tuple[Field, Outcome]:
+    """What was found, against shapes without a name."""
+    touches = replace(before.model.touches, tip=tips(before))
+    field = Field(kernels_of(touches), found.place.basis, weight, touches)
+    fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
+    return field, contest(field, found.place.y, fixed, found.named)
+
+
+def _explained(
+    before: Estimate,
+    excluded: Collection[str],
+    seed: int,
+    moments: Sequence[Moment] = (),
+    learned: Sequence[Mapping[str, Any]] = (),
+) -> tuple[Explanation, Array, list[_explain.Rough]]:
     """Facets that scatter more than the others get less weight, and everything is looked at again."""
     touches = replace(before.model.touches, tip=tips(before))
     n = len(touches)
@@ -103,6 +135,7 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
         *named(touches, before.model.names, excluded),
         *outliers(touches),
         *shapes(touches, set(families.causes()) - set(excluded)),
+        *_known_shapes(touches, before.model.names, excluded, learned),
     ]
     offsets = {name: p.value for name, p in before.facets.items()}
     modules = families.causes()
@@ -114,6 +147,7 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
     }
 
     gaps, jacobian = linearise(before.model, before.values)
+    jacobian = np.hstack([jacobian, *(m.columns for m in moments)])
 
     def compatible(c: Candidate, others: Sequence[Candidate]) -> bool:
         """Waves of nearly one period, or kinks upon kinks, cancel each other and follow anything."""
@@ -126,6 +160,7 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
         return True
 
     distances, rows, uncertainty = known(before.model, before.values)
+    rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
     wandering, seating = kernels(touches)
     weight = np.ones(n)
     rough: list[_explain.Rough] = []
@@ -179,6 +214,29 @@ def _explained(before: Estimate, excluded: Collection[str], seed: int) -> tuple[
     return found, weight, rough
 
 
+def as_term(r: Remainder) -> dict[str, Any]:
+    """a shape without a name → factors, weight and values of a `learned` term. Raises ValueError for what is no shape."""
+    if r.form is None:
+        raise ValueError(f"{r.covariate}: no shape")
+    return {**spec(r.form), "values": [float(f"{w:.9g}") for w in r.weights]}
+
+
+def _known_shapes(
+    touches: Touches, present: Collection[str], excluded: Collection[str], learned: Sequence[Mapping[str, Any]]
+) -> list[Candidate]:
+    """Shapes of this machine that are not in the model yet; what these touches have no covariate for is left out."""
+    found = []
+    for shape in learned if "learned" not in excluded else ():
+        setting = {key: shape[key] for key in ("name", "factors", "weight", "values")}
+        try:
+            one = candidate(touches, "learned", setting)
+        except InputError:
+            continue
+        if one.coefficients[0].name not in present:
+            found.append(one)
+    return found
+
+
 def _where(c: Candidate) -> tuple[str, object]:
     """→ the cause and the axis or coefficient that it acts on."""
     return c.cause, c.setting.get("axis", c.setting.get("name"))
@@ -204,6 +262,9 @@ def _told(
     rough: list[_explain.Rough],
     excluded: Collection[str],
     seed: int,
+    moments: Sequence[Moment],
+    field: Field,
+    outcome: Outcome,
 ) -> Diagnosis:
     touches = replace(before.model.touches, tip=tips(before))
     n = len(touches)
@@ -219,6 +280,7 @@ def _told(
     distances, rows, uncertainty = known(before.model, before.values)
     data = np.concatenate([gaps, distances * before.sigma / uncertainty])
     base = np.vstack([jacobian, rows * (before.sigma / uncertainty)[:, None]])
+    base = np.hstack([base, *(np.pad(m.columns, ((0, len(base) - n), (0, 0))) for m in moments)])
     raw = {id(c): c.candidate.columns / weight[:, None] for c in found.chosen}
 
     def padded(columns: Array) -> Array:
@@ -232,9 +294,19 @@ def _told(
         others = [padded(raw[id(o)]) for o in found.chosen if o is not c]
         rng = np.random.default_rng([seed, n])
         gains[id(c)] = _gain.measure(np.hstack([base, *others]), data, raw[id(c)], schemes, keep, rng)
-    accepted = [c for c in found.named if gains[id(c)].real]
-    extended = (*terms, *({"cause": c.candidate.cause, **c.candidate.setting} for c in accepted))
-    after = estimate(before.model.touches.machine, touches.artefact, readings, extended) if accepted else before
+    certain = np.concatenate([weight, np.ones(len(base) - n)])
+    back = _stable.stability(found, field, outcome, touches, weight, data * certain, base * certain[:, None])
+    why = {id(c): _refused(c, sizes[id(c)], gains[id(c)], back[id(c)]) for c in outcome.named}
+    accepted = [c for c in outcome.named if why[id(c)] is None]
+    if len(accepted) < len(outcome.named):  # what they explained is there all the same
+        fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
+        lost = outcome.resembled
+        outcome = contest(field, found.place.y, fixed, accepted)
+        outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
+        accepted = [c for c in accepted if any(c is o for o in outcome.named)]
+    named_items = [{"cause": c.candidate.cause, **c.candidate.setting} for c in accepted]
+    extended = (*terms, *(m.item for m in moments), *named_items)
+    after = estimate(before.model.touches.machine, touches.artefact, readings, extended) if len(extended) > len(terms) else before
 
     def finding(c: Chosen, like: Sequence[tuple[Chosen, float]], shift: Mapping[str, tuple[float, float, float]]) -> Finding:
         s = sizes[id(c)]
@@ -250,29 +322,34 @@ def _told(
             _seen.separate(found, touches, c, [o for o, _ in like]),
             s.effect,
             raw[id(c)] @ s.values,
+            back.get(id(c)),
         )
 
     findings = [finding(c, _explain.alternatives(found, c), _shift(before, after)) for c in accepted]
-    findings += _spread.findings(found, touches, rough, excluded)
+    remains = _shapes.remainders(found, outcome, touches, weight, accepted, base, data, schemes, keep)
+    noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
+    findings += _spread.findings(found, touches, rough, excluded, remains, "seat" in noises)
     dropped = [
-        Dropped(finding(c, (), {}), "no gain" if c in found.named else "beside a shape")
+        Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
         for c in found.chosen
         if c.candidate.named and c not in accepted
     ]
-    remains = [
-        _remainder(c, _outside(found, raw[id(c)] @ sizes[id(c)].values, weight), gains[id(c)])
-        for c in found.chosen
-        if c.candidate.cause == "" and gains[id(c)].real
-    ]
-    remains += _spread.wandering(found, touches)
-    verdict: Verdict = "unexplained" if remains else "explained" if findings else "adequate"
+    if "walk" in noises or not outcome.picked:
+        remains += _spread.wandering(found, touches)
+    if not remains and not findings:  # names that did not stand had taken what is there all the same
+        spreads = [p for p in outcome.picked if p.kernel.noise]
+        remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in spreads]
+    tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, touches, keep)
+    if findings and not remains and not outcome.picked:
+        remains += _seen.left_over(tests_after)
+    verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
     return Diagnosis(
         verdict,
         tuple(findings),
         tuple(remains),
         dict(sorted(found.visibility.items())),
         _seen.tests(base, data, touches, keep),
-        _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, touches, keep),
+        tests_after,
         before,
         after,
         extended,
@@ -282,7 +359,21 @@ def _told(
         volume(before, after, {c.name for c in before.model.coefficients}),
         richer(after, readings, terms, extended) if verdict != "adequate" else None,
         tuple(dropped),
+        tuple(moments),
+        outcome,
     )
+
+
+def _refused(c: Chosen, s: Size, g: _gain.Gain, back: int) -> Why | None:
+    """Why a name that no shape beats is not named all the same."""
+    if not g.real:
+        return "no gain"
+    if back < SUBSETS:
+        return "unstable"
+    drifts = "tau" in c.candidate.setting  # of what has not settled, the size at the end is not known: it is not reported either
+    if not drifts and s.amplitude_std > s.amplitude / 2:
+        return "size"
+    return None
 
 
 def _shift(before: Estimate, after: Estimate) -> dict[str, tuple[float, float, float]]:
@@ -294,16 +385,3 @@ def _shift(before: Estimate, after: Estimate) -> dict[str, tuple[float, float, f
         if name in new
     }
     return dict(sorted(moved.items(), key=lambda item: -abs(item[1][2])))
-
-
-def _outside(found: Explanation, pattern: Array, weight: Array) -> Array:
-    """→ (n,) mm, the part of a pattern that the present model cannot absorb: of a smooth shape the rest is anything."""
-    basis = found.place.basis
-    return np.asarray((basis @ (basis.T @ (pattern * weight))) / weight)
-
-
-def _remainder(c: Chosen, pattern: Array, g: _gain.Gain) -> Remainder:
-    r2 = 1 - (g.heldout_after / g.heldout_before) ** 2 if g.heldout_before else 0.0
-    setting = c.candidate.setting
-    covariate, frame, shape = str(setting["covariate"]), str(setting["frame"]), str(setting["shape"])
-    return Remainder(covariate, frame, shape, float(np.max(np.abs(pattern))), float(r2), pattern)

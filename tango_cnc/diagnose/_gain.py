@@ -7,7 +7,7 @@ whole, is left out of the comparison by the pseudo-inverse.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +62,29 @@ def held_out(maker: Array, residual: Array, groups: NDArray[np.int64], n: int) -
     return result
 
 
+def _beside(maker: Array, residual: Array, groups: NDArray[np.int64], n: int, more: Sequence[Array]) -> Iterator[Array]:
+    """I − H, data, group (n,) of every touch, sets of columns (n + known, k) → `held_out` with each of them.
+
+    Each group is inverted once; a set of columns changes that inverse by its own rank (Woodbury).
+    """
+    fitted = maker @ residual
+    parts = [np.flatnonzero(groups == g) for g in np.unique(groups)]
+    inverse = [np.linalg.pinv(maker[np.ix_(rows, rows)], rcond=0.1, hermitian=True) for rows in parts]
+    for columns in more:
+        left = maker @ columns
+        norm = np.linalg.norm(left, axis=0)
+        some = norm > UNSEEN * np.linalg.norm(columns, axis=0)
+        q = np.linalg.qr(left[:, some] / norm[some])[0] if some.any() else left[:, :0]
+        rest = fitted - q @ (q.T @ fitted)
+        result = np.zeros(n)
+        for rows, inside in zip(parts, inverse, strict=True):
+            here = q[rows]
+            turned = inside @ here
+            value = inside @ rest[rows]
+            result[rows] = value + turned @ np.linalg.solve(np.eye(q.shape[1]) - here.T @ turned, here.T @ value)
+        yield result
+
+
 def rms(x: Array) -> float:
     """(n,) → root mean square."""
     return float(np.sqrt(np.mean(x**2))) if len(x) else 0.0
@@ -91,12 +114,8 @@ def measure(
     seen = np.sum((without @ padded)[:n] ** 2, axis=1)
     share = max(float(seen[schemes[names[0]] == g].sum()) for g in np.unique(schemes[names[0]])) / max(float(seen.sum()), 1e-30)
     scheme = names[-1] if share > 0.4 else names[0]
-    scattered = schemes[names[-1]]
-    gains = []
-    for _ in range(PLACEBOS):
-        shuffled = np.vstack([columns[rng.permutation(n)], padded[n:]])
-        after = rms(held_out(add(without, shuffled), residual, scattered, n)[keep])
-        gains.append(table[names[-1]][0] - after)
+    shuffled = [np.vstack([columns[rng.permutation(n)], padded[n:]]) for _ in range(PLACEBOS)]
+    gains = [table[names[-1]][0] - rms(after[keep]) for after in _beside(without, residual, schemes[names[-1]], n, shuffled)]
     placebo = float(np.sort(gains)[-2])
     real = table[names[-1]][0] - table[names[-1]][1] > max(placebo, 0.0)
     fitted = rms((without @ residual)[:n][keep]), rms((within @ residual)[:n][keep])

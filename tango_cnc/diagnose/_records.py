@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from ..records import Array, TermItem
+from ..terms._shape import Form
 from ._gain import Gain
+
+Why = Literal["no gain", "beside a shape", "shape", "unstable", "size"]
+SUBSETS = 5  # of the indexations, each without a fifth of them
 
 
 @dataclass(frozen=True)
@@ -37,6 +43,7 @@ class Finding:
     separate_with: tuple[str, ...]
     effect: Mapping[str, Any]  # entry of world.yaml's effects
     pattern: Array  # (n,) what it does to every touch
+    stability: int | None = None  # of SUBSETS subsets of the indexations, in how many it came back
 
     @property
     def item(self) -> TermItem:
@@ -49,9 +56,7 @@ class Dropped:
     """A cause that fits, and is not named."""
 
     finding: Finding  # as it would have been told; its alternatives were not looked for
-    why: Literal[
-        "no gain", "beside a shape"
-    ]  # held-out touches do not gain; it may follow what a larger shape without a name leaves
+    why: Why
 
 
 @dataclass(frozen=True)
@@ -64,3 +69,9 @@ class Remainder:
     amplitude: float
     heldout_r2: float
     pattern: Array  # (n,) what the present model cannot absorb of it
+    std: float = 0.0  # mm, of the amplitude
+    form: Form | None = None  # None for a random walk
+    weights: Array = field(default_factory=lambda: np.empty(0))  # (k,) of its functions
+    touch: int = 0  # row that feels it most
+    closed: str | None = None  # a formula that does as well
+    confirm: str = ""  # where it would show again

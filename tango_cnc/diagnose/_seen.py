@@ -16,9 +16,11 @@ from ..touches import Touches
 from ._candidates import candidate, covariates
 from ._explain import Explanation
 from ._gain import residual_maker
+from ._records import Remainder
 from ._search import Chosen, columns_of
 
 BINS = 8
+REJECTED = 0.01
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,15 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
         centre = np.array([values[member == b].mean() for b in used])
         result.append(Test(name, share, p, centre, mean, band))
     return tuple(sorted(result, key=lambda t: t.p_value))
+
+
+def left_over(tests: Sequence[Test]) -> list[Remainder]:
+    """tests with all that was found → what the residuals still depend on, at 1 % over all of them (Bonferroni)."""
+    if not tests or tests[0].p_value * len(tests) > REJECTED:
+        return []
+    worst = tests[0]
+    size = float(np.abs(worst.mean).max())
+    return [Remainder(worst.covariate, "none", "lack of fit", size, 0.0, np.zeros(1))]
 
 
 @dataclass(frozen=True)

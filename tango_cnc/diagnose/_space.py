@@ -89,13 +89,16 @@ class Space:
         return [tuple(float(v) for v in row) for row in np.array([a.ravel() for a in axes]).T] if self.kernels else [()]
 
 
-def space(residual: Array, jacobian: Array, n: int, kernels: Sequence[Array]) -> Space:
-    """residuals (n + known,) and Jacobian (n + known, p), weighted; kernels (n, n) → space. The first n rows are touches."""
+def space(residual: Array, jacobian: Array, n: int, kernels: Sequence[Array], faint: float = 1e-9) -> Space:
+    """residuals (n + known,) and Jacobian (n + known, p), weighted; kernels (n, n) → space. The first n rows are touches.
+
+    A column of unit length of which less than `faint` is left beside the others is no column of its own.
+    """
     rank = jacobian
     norm = np.linalg.norm(rank, axis=0)
     q, r = linalg.qr(rank / np.where(norm > 0, norm, 1.0), pivoting=True, check_finite=False)[:2]
     diagonal = np.abs(np.diag(r))
-    used = int((diagonal > 1e-9).sum())
+    used = int((diagonal > faint).sum())
     full = q[:, used:]
     basis = full[:n]
     projected, scales = [], []

@@ -18,15 +18,24 @@ from ._space import level
 LOUDER = 1.1  # times the stated repeatability: less than this nobody asks about
 
 
-def findings(e: Explanation, touches: Touches, rough: Sequence[Rough], excluded: Collection[str]) -> list[Finding]:
-    """explanation, rough facets → causes that show in the spread of the touches.
+def findings(
+    e: Explanation,
+    touches: Touches,
+    rough: Sequence[Rough],
+    excluded: Collection[str],
+    remains: Sequence[Remainder] = (),
+    seats: bool = True,
+) -> list[Finding]:
+    """explanation, rough facets, shapes, whether seats compete best → causes that show in the spread of the touches.
 
-    What a shape without a name leaves of the unknown looks like a spread: beside it a spread must show as clearly as a name.
+    What a shape without a name leaves of the unknown looks like a spread: beside it no spread is named.
     """
-    result = []
+    result: list[Finding] = []
+    if remains:
+        return result
     unknown = SHARE * max((gain(e.place, e.chosen, c) for c in e.chosen if c.candidate.cause == ""), default=0.0)
     rough = [r for r in rough if r.p_value < ROUGH and -2 * np.log(max(r.p_value, 1e-300)) > unknown]
-    if e.random[1] > max(RANDOM, unknown) and "indexation_seating" not in excluded:
+    if seats and e.random[1] > max(RANDOM, unknown) and "indexation_seating" not in excluded:
         amplitude, std = _amplitude(e, 1)
         number = int(touches.indexation.max()) + 1
         p = float(0.5 * stats.chi2.sf(e.random[1], 1))

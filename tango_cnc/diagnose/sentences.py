@@ -9,7 +9,8 @@ import numpy as np
 
 from .. import terms as families
 from ..records import Array
-from ._records import Dropped, Finding, Remainder
+from ._moments import Moment
+from ._records import SUBSETS, Dropped, Finding, Remainder
 
 SETTLED = 2.3  # time constants after which a tenth is left
 UNSETTLED = 1.4  # time constants: a test shorter than that has not seen where a drift ends
@@ -52,8 +53,8 @@ def gain(f: Finding) -> str | None:
 
 
 def dropped(d: Dropped) -> str:
-    """cause that fits and is not named → what it would be, and why it is not."""
-    text = f"{d.finding.cause} fits ({said(d.finding)}), but is not named: "
+    """cause that fits and is not named → why it is not."""
+    text = f"it resembles {d.finding.cause}, which is not named: "
     g = d.finding.gain
     if d.why == "no gain" and g is not None:
         without, with_it = g.schemes.get("scattered", (g.heldout_before, g.heldout_after))
@@ -61,12 +62,18 @@ def dropped(d: Dropped) -> str:
             f"touches that were not fitted do not gain from it ({with_it * 1e3:.2f} µm with it, {without * 1e3:.2f} without), "
             "or no more than from the same pattern shuffled"
         )
+    if d.why == "shape":
+        return text + "a smooth shape without a name explains the touches at least as well"
+    if d.why == "unstable":
+        return text + f"it comes back in {d.finding.stability} of {SUBSETS} subsets of the indexations only"
+    if d.why == "size":
+        return text + "its size is not known to half of itself, or is larger than the residuals can hold"
     return text + "beside something larger without a name it may only follow what that leaves"
 
 
 def size(f: Finding) -> str:
-    """finding → 9.1 ± 0.4 µm."""
-    return f"{f.size.amplitude * 1e3:.1f} ± {max(f.size.amplitude_std * 1e3, 0.05):.1f} µm"
+    """finding → 9.1 ± 0.4 µm, or about 9 µm."""
+    return spread(f.size.amplitude, f.size.amplitude_std)
 
 
 def chance(p: float) -> str:
@@ -92,11 +99,20 @@ def towards(v: Array) -> str:
 
 
 def covariate(name: str) -> str:
+    """name of a covariate, or of several with × between them → what it is."""
+    return " together with ".join(_covariate(part) for part in name.split(" × "))
+
+
+def _covariate(name: str) -> str:
     """name of a covariate → what it is."""
     kind, _, rest = name.partition(" ")
     if kind == "normal":
         letter, _, frame = rest.partition(", ")
         return f"touch direction {letter.upper()}, {frame} frame"
+    if name == "since indexation":
+        return "time since the last indexation"
+    if name == "probe direction along":
+        return "probe direction along the stylus"
     if kind == "way":
         return f"length of {name[-1]}'s last move"
     if kind == "shift":
@@ -114,15 +130,40 @@ def unexplained(r: Remainder) -> str:
     where = {"": "", "none": "", f"axis {r.covariate}": ""}.get(r.frame, f", {r.frame}")
     if r.frame in ("machine", "table", "spindle"):
         where = f" in the frame of the {r.frame}"
+    if r.shape == "lack of fit":
+        return (
+            f"with the causes above the residuals still follow {covariate(r.covariate)}, by {spread(r.amplitude, 0.0)}: something "
+            "is missing, or a name is wrong"
+        )
     if r.shape == "random walk":
         return (
             f"the machine wanders without a pattern, by about {r.amplitude * 1e3:.1f} µm over the test. That costs accuracy and "
             "has no name: warm up, measure faster, or repeat the first indexations at the end to see it"
         )
+    also = "" if r.closed is None else f". A simple formula does as well: {r.closed}"
     return (
-        f"nothing in the catalogue explains what follows {covariate(r.covariate)}{where} ({r.shape}): "
-        f"{r.amplitude * 1e3:.1f} µm at most of what the model cannot absorb"
+        f"nothing in the catalogue explains what follows {covariate(r.covariate)}{where}: {spread(r.amplitude, r.std)} at most of "
+        f"what the model cannot absorb; it takes {100 * max(r.heldout_r2, 0.0):.0f} % of the variance of touches that were not "
+        f"fitted{also}. To confirm it: {r.confirm or 'measure again on another day, in another order'}"
     )
+
+
+def moment(m: Moment) -> str:
+    """what belongs to one moment or one pose → a sentence."""
+    touches = f"touch {m.first + 1}" if m.first == m.last else f"touches {m.first + 1} to {m.last + 1}"
+    size = f"{m.amplitude * 1e3:.1f} µm"
+    if m.kind == "window":
+        return f"{touches} were made while everything on the table was elsewhere, by {size} at most"
+    if m.axis is not None:
+        return f"{touches} (one indexation) were made at a wrong angle of {m.axis}, which moves them by {size} at most"
+    return f"{touches} (one indexation) were made with the table beside its place, by {size} at most"
+
+
+def spread(value: float, std: float) -> str:
+    """mm and its standard deviation → 9.1 ± 0.4 µm; about 9 µm where that is not known well."""
+    if not 0 < std < value / 2:
+        return f"about {float(f'{value * 1e3:.1g}'):g} µm"
+    return f"{value * 1e3:.1f} ± {max(std * 1e3, 0.05):.1f} µm"
 
 
 class _Known(dict[str, str]):
@@ -171,6 +212,7 @@ def _words(f: Finding) -> Mapping[str, str]:
         if key in d:
             known[key[:-3]] = f"{float(d[key]):.2f}"
     if f.size.values.size == 1:
+        known["times"] = f"{float(f.size.values[0]):.2g}"
         known["early"] = "early" if f.size.values[0] > 0 else "late"
         known["delay"] = f"{1e3 * float(f.size.values[0]):.2f}"
     return known

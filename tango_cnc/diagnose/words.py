@@ -15,7 +15,7 @@ from ..touches import misnamed
 from . import Diagnosis, Finding, Test
 from ._richer import Richer
 from ._size import plain
-from .sentences import advice, covariate, dropped, gain, meaning, said, unexplained
+from .sentences import advice, covariate, dropped, gain, meaning, moment, said, unexplained
 
 HIDDEN = 0.1  # visibility
 SHOWN = 8  # covariates on the terminal
@@ -34,9 +34,23 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "frame": r.frame,
                 "shape": r.shape,
                 "amplitude_um": r.amplitude * 1e3,
+                "amplitude_std_um": r.std * 1e3,
                 "heldout_r2": r.heldout_r2,
+                "formula": r.closed,
+                "confirm": r.confirm,
+                "text": f"{unexplained(r)}.",
             }
             for r in d.unexplained
+        ],
+        "set_aside": [
+            {
+                "kind": m.kind,
+                "touches": [int(d.before.model.touches.number[i]) for i in (m.first, m.last)],
+                "axis": m.axis,
+                "amplitude_um": m.amplitude * 1e3,
+                "text": f"{moment(m)}.",
+            }
+            for m in d.events
         ],
         "not_named": [{"why": x.why} | _finding(x.finding) | {"text": f"{dropped(x)}."} for x in d.dropped],
         "visibility": {name: round(value, 4) for name, value in d.visibility.items()},
@@ -105,6 +119,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "parameter_shift": {
             name: {"before": b, "after": a, "in_std": round(s, 2)} for name, (b, a, s) in f.shift.items() if abs(s) > 0.1
         },
+        "stability": f.stability,
         "alternatives": list(dict.fromkeys(a for a, _, _ in f.alternatives)),
         "separate_with": list(f.separate_with),
         "text": sentence(f),
@@ -145,6 +160,8 @@ def as_text(d: Diagnosis) -> str:
             )
             lines += [line for s in f.separate_with for line in _wrapped(f"   To tell: {s}.", "     ")]
         lines.append("")
+    for event in d.events:
+        lines += [*_wrapped(f"! {moment(event)}: set aside. Measure them again.", "  "), ""]
     for r in d.unexplained:
         lines += [*_wrapped(f"? {unexplained(r)}.", "  "), ""]
     for x in d.dropped:

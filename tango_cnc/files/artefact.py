@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from ..judgement import TableTolerances
 from ..records import Artefact, Ball, Facet, Id, InputError, Obstacle, ScaleBar, Surface
 from .balls import check_bar, check_facets
 from .checked import Node, load
 from .hull import corners, read_hull
+from .tolerances import TABLE_TOLERANCES, read_tolerances
 
 
 def read_artefact(file: Path) -> Artefact:
     """artefact.yaml → artefact. Raises InputError for a facet on, or a bar between, balls that nothing defines or elsewhere."""
-    fields = load(file).fields(["name", "facets"], ["balls", "scale_bar", "obstacles"])
+    fields = load(file).fields(["name", "facets"], ["balls", "scale_bar", "obstacles", "tolerances"])
     balls = {key: _ball(key, child) for key, child in fields["balls"].items()} if "balls" in fields else {}
     facets = {key: _facet(key, child, balls) for key, child in fields["facets"].items()}
     if not facets:
@@ -22,7 +24,8 @@ def read_artefact(file: Path) -> Artefact:
     check_facets(facets, balls, fields)
     bar = _scale_bar(fields["scale_bar"], balls) if "scale_bar" in fields else None
     obstacles = tuple(_obstacle(item) for item in fields["obstacles"].list()) if "obstacles" in fields else ()
-    return Artefact(fields["name"].text(), facets, balls, bar, obstacles)
+    tolerances = TableTolerances(**read_tolerances(fields.get("tolerances"), TABLE_TOLERANCES))
+    return Artefact(fields["name"].text(), facets, balls, bar, obstacles, tolerances)
 
 
 def _ball(key: Id, node: Node) -> Ball:

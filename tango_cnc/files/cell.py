@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, cast
 
-from ..records import (
-    LINEAR,
-    ROTARY,
-    Axis,
-    Cell,
-    Controller,
-    InputError,
-    Machine,
-    Probe,
-    TermItem,
-    World,
-)
+from ..judgement import Tolerances
+from ..records import LINEAR, ROTARY, Axis, Cell, Controller, InputError, Machine, Probe, TermItem, World
 from .artefact import read_artefact
 from .checked import FURTHEST, Node, complaint, load, suggestion
+from .learned import resolved
 from .strategy import read_strategy
+from .tolerances import TOLERANCES, read_tolerances
 
 SUBSETS = ("S1", "S2", "S3", "S4")
+COARSEST = 0.1  # mm: a probe of a machine tool repeats to micrometres
 SUBSET = re.compile(r"[Ss]\d*")  # what is meant for one; the machine has to be known to judge the other words
 TOPOLOGY = re.compile(r"w(?P<workpiece>[XYZABC]*)[fb](?P<tool>[XYZABC]*)\(S\)t")
 
@@ -37,7 +32,7 @@ def read_cell(folder: Path) -> Cell:
     files = _files(folder, {key: fields[key] for key in ("machine", "artefact", "strategy")})
     machine, artefact = read_machine(files["machine"]), read_artefact(files["artefact"])
     strategy = read_strategy(files["strategy"], machine, artefact)
-    terms = _terms(fields["terms"]) if "terms" in fields else ("S3",)
+    terms = _terms(fields["terms"], folder) if "terms" in fields else ("S3",)
     controller = _controller(fields["controller"]) if "controller" in fields else None
     return Cell(folder, machine, artefact, strategy, terms, controller)
 
@@ -55,17 +50,20 @@ def _files(folder: Path, nodes: dict[str, Node]) -> dict[str, Path]:
     return files
 
 
-def read_terms(text: str) -> tuple[TermItem, ...]:
-    """'S3' or '[S3, EYX2]' or 'S3,EYX2' from a command line → terms. Raises InputError when it is neither."""
+def read_terms(text: str, folder: Path | None = None) -> tuple[TermItem, ...]:
+    """'S3' or '[S3, EYX2]' or 'S3,EYX2' from a command line, folder of the cell for its learned shapes → terms.
+
+    Raises InputError when it is neither.
+    """
     from .checked import parse
 
     bare = text.strip()
     if not bare:
         raise InputError("--terms: found nothing; allowed: S1, S2, S3, S4 or a list of them, of coefficients (EYX2) and causes")
-    return _terms(parse(Path("--terms"), bare if bare.startswith("[") else f"[{bare}]"))
+    return _terms(parse(Path("--terms"), bare if bare.startswith("[") else f"[{bare}]"), folder)
 
 
-def _terms(node: Node) -> tuple[TermItem, ...]:
+def _terms(node: Node, folder: Path | None) -> tuple[TermItem, ...]:
     value = node.plain()
     items = value if isinstance(value, list) else [value]
     for item in items:
@@ -73,7 +71,7 @@ def _terms(node: Node) -> tuple[TermItem, ...]:
             raise node.wrong("S1, S2, S3, S4 or a list of subset names, coefficients (EYX2) and causes (thermal_drift)", repr(item))
         if isinstance(item, str) and SUBSET.fullmatch(item) and item not in SUBSETS:
             raise node.wrong(f"{', '.join(SUBSETS)}.{suggestion(item, SUBSETS)}", repr(item))
-    return tuple(items)
+    return tuple(resolved(item, folder) for item in items)
 
 
 def _controller(node: Node) -> Controller:
@@ -90,7 +88,7 @@ def _controller(node: Node) -> Controller:
 def read_machine(file: Path) -> Machine:
     """machine.yaml → machine. Raises InputError for a chain that is not 3 linear, 0–2 rotary axes and a spindle."""
     root = load(file)
-    fields = root.fields(["name", "topology", "axes", "probe"])
+    fields = root.fields(["name", "topology", "axes", "probe"], ["tolerances"])
     topology = fields["topology"].text()
     match = TOPOLOGY.fullmatch(topology)
     letters = match["workpiece"] + match["tool"] if match else ""
@@ -110,6 +108,7 @@ def read_machine(file: Path) -> Machine:
         tuple(reversed(match["workpiece"])),
         (*match["tool"], "S"),
         _probe(fields["probe"]),
+        Tolerances(**read_tolerances(fields.get("tolerances"), TOLERANCES)),
     )
 
 
@@ -144,6 +143,8 @@ def _axis(name: str, node: Node) -> Axis:
 def _probe(node: Node) -> Probe:
     fields = node.fields(["length", "tip_radius", "repeatability"], ["stylus_radius", "body_radius", "body_length", "nose_radius"])
     none = ("repeatability", "nose_radius")  # these may be 0
+    if "repeatability" in fields and (value := fields["repeatability"].number(0, FURTHEST)) > COARSEST:
+        raise fields["repeatability"].wrong(f"at most {COARSEST:g} mm: one standard deviation of a touch, in mm", f"{value:g}")
     return Probe(**{key: child.number(0, FURTHEST) if key in none else child.size() for key, child in fields.items()})
 
 
@@ -163,7 +164,7 @@ def read_world(file: Path) -> World:
         if "cause" not in dict(item.items()):
             near = next((f"; found {key!r}" for key, _ in item.items() if key.lower() == "cause"), "")
             raise item.wrong(f"a mapping with the key 'cause'{near}", "no cause")
-        effects.append(item.plain())
+        effects.append(cast("Mapping[str, Any]", resolved(item.plain(), file.parent)))
     return World(
         numbers("errors"),
         stylus,

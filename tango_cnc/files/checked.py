@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -16,6 +17,12 @@ import yaml
 from ..records import Id, InputError, Vector
 
 NUMERAL = re.compile(r"-?\d+")
+LARGEST = 1 << 28  # bytes of a file that is read whole
+LONGEST = 1 << 20  # characters of YAML
+DEEPEST = 50  # levels of nesting
+MOST_VALUES = 1_000_000  # that a YAML file stands for
+SHOWN = 200  # characters of a wrong value
+DIGITS = 40  # of a whole number
 FURTHEST = 100_000.0  # mm or degrees: no machine tool reaches further, and beyond it places lose their micrometres
 COMMA = " Within { } a comma begins a new key: write decimals with a point, and lists in [ ]"
 MISSING = {  # file name → what to do when it is not there
@@ -76,6 +83,7 @@ class _Loader(yaml.SafeLoader):
 
     def __init__(self, stream: str) -> None:
         super().__init__(stream)
+        self._depth = 0
         self._words: dict[str, str] = {}  # the same word again and again is kept once
 
     def compose_scalar_node(self, anchor: Any) -> Any:
@@ -87,18 +95,27 @@ class _Loader(yaml.SafeLoader):
     def compose_sequence_node(self, anchor: Any) -> Any:
         event = self.get_event()
         node = self._anchored(anchor, Series(self._tag(yaml.SequenceNode, event), event.start_mark.line, []))
+        self._deeper()
         while not self.check_event(yaml.SequenceEndEvent):
             node.value.append(self.compose_node(node, 0))
         self.get_event()
+        self._depth -= 1
         return node
 
     def compose_mapping_node(self, anchor: Any) -> Any:
         event = self.get_event()
         node = self._anchored(anchor, Pairs(self._tag(yaml.MappingNode, event), event.start_mark.line, []))
+        self._deeper()
         while not self.check_event(yaml.MappingEndEvent):
             node.value.append((self.compose_node(node, 0), self.compose_node(node, 0)))
         self.get_event()
+        self._depth -= 1
         return node
+
+    def _deeper(self) -> None:
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise RecursionError
 
     def _tag(self, kind: type[yaml.Node], event: Any, value: str | None = None) -> str:
         return str(self.resolve(kind, value, event.implicit) if event.tag in (None, "!") else event.tag)
@@ -131,7 +148,10 @@ class Node:
 
     def _shown(self) -> str:
         if isinstance(self.raw, Scalar):
-            return repr(self.raw.value) if self.raw.value else "nothing"
+            value = self.raw.value
+            return (
+                "nothing" if not value else repr(value) if len(value) <= SHOWN else f"{value[:SHOWN]!r}… of {len(value)} characters"
+            )
         return "a list" if isinstance(self.raw, Series) else "a mapping"
 
     def items(self) -> list[tuple[str, Node]]:
@@ -251,6 +271,8 @@ class Node:
         if self.raw.tag == "tag:yaml.org,2002:bool":
             return self.boolean()
         if self.raw.tag == "tag:yaml.org,2002:int":
+            if len(self.raw.value) > DIGITS:
+                raise self.wrong(f"a whole number of at most {DIGITS} digits")
             return yaml.safe_load(str(self.raw.value))
         if not isinstance(self.raw, Scalar) or self.raw.style not in ("'", '"'):
             try:
@@ -264,7 +286,12 @@ class Node:
 def parse(file: Path, text: str) -> Node:
     """YAML text → its root. Raises InputError when it is empty or not YAML."""
     try:
+        if len(text) > LONGEST:
+            raise complaint(file, None, "", f"{len(text)} characters of YAML", f"at most {LONGEST}; is it another kind of file?")
         raw: Any = yaml.compose(text, Loader=_Loader)
+        _limited(file, raw)
+    except RecursionError:
+        raise complaint(file, None, "", f"nested deeper than {DEEPEST} levels", "see docs/formats.md for its keys") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise complaint(
@@ -277,10 +304,42 @@ def parse(file: Path, text: str) -> Node:
     return Node(file, raw, "")
 
 
+def _limited(file: Path, raw: Raw | None) -> None:
+    """Raises InputError where nesting, or aliases of aliases, make more of the text than anybody has written."""
+    sizes: dict[int, int] = {}
+    open_: set[int] = set()
+
+    def size(node: Raw, depth: int) -> int:
+        if isinstance(node, Scalar):
+            return 1
+        if id(node) in open_:
+            raise complaint(file, node.line + 1, "", "an alias within what it stands for", "write the values out")
+        if depth > DEEPEST:
+            raise complaint(file, node.line + 1, "", f"nested deeper than {DEEPEST} levels", "see docs/formats.md for its keys")
+        if id(node) not in sizes:
+            open_.add(id(node))
+            inner = node.value if isinstance(node, Series) else [item for pair in node.value for item in pair]
+            sizes[id(node)] = 1 + sum(size(item, depth + 1) for item in inner)
+            open_.discard(id(node))
+        if sizes[id(node)] > MOST_VALUES:
+            raise complaint(file, node.line + 1, "", f"more than {MOST_VALUES} values by aliases", "write the values out")
+        return sizes[id(node)]
+
+    if raw is not None:
+        size(raw, 0)
+
+
 def read_text(file: Path) -> str:
-    """file → text. Raises InputError when there is no such file or it is not UTF-8."""
+    """file → text. Raises InputError when there is no such file, it is not UTF-8, or no text that anybody has written."""
     try:
-        return file.read_text(encoding="utf-8-sig")
+        if file.exists() and not file.is_file() and not file.is_dir():
+            raise complaint(file, None, "", "a device or a pipe", "a file is read from the disk")
+        with file.open("rb") as opened:
+            size = os.fstat(opened.fileno()).st_size
+            if size > LARGEST:
+                raise complaint(file, None, "", f"{size} bytes", f"at most {LARGEST} are read; is it another kind of file?")
+            text = opened.read(LARGEST).decode("utf-8-sig")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise complaint(file, None, "", "no such file", MISSING.get(file.name, "check the path; it starts from here")) from None
     except UnicodeDecodeError:

@@ -16,6 +16,7 @@ import numpy as np
 from ..records import Array, Id, Machine, Plan
 from .checked import complaint, read_text
 from .readings import degrees_of
+from .write import mode
 
 PLACES = ("standoff", "contact", "end")
 Content = Callable[[], Iterable[str] | bytes]  # lines of a file, or all of it
@@ -85,7 +86,7 @@ def write_together(files: Mapping[Path, Content]) -> None:
                 out.writelines([written] if isinstance(written, bytes) else (f"{line}\n".encode() for line in written))
                 out.flush()
                 os.fsync(out.fileno())
-            os.chmod(name, 0o644)
+            os.chmod(name, mode(file))
         while ready:
             os.replace(*ready[0])
             ready.pop(0)

@@ -17,6 +17,7 @@ LEAST = {
     "search": (0.1, "a contact nearer than that to the end of the move is taken for none; raise search"),
 }
 LONGEST = 1000.0  # mm of stand-off and search: a probe that looks further at measuring feed looks for minutes
+FASTEST = 3000.0  # mm/min of measuring: what touch-trigger probes of machine tools are released for
 CLEAR_OF_ZONE = 0.5  # mm from where the measuring move of a double touch begins to its search zone
 
 
@@ -38,6 +39,8 @@ def _approach(fields: Mapping[str, Node]) -> Approach:
     for key, (least, why) in LEAST.items():
         if values[key] < least:
             raise fields[key].wrong(f"a finite number at least {least:g}: {why}")
+    if values["feed"] > FASTEST:
+        raise fields["feed"].wrong(f"at most {FASTEST:g} mm/min: faster, probes overrun and styli break", f"{values['feed']:g}")
     single = Approach(values["standoff"], values["search"], values["feed"])
     return replace(single, find=_find(fields["find"].fields(["feed", "retreat"]), single)) if "find" in fields else single
 

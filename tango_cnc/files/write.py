@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import stat
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import yaml
 
 from ..records import Artefact, Axis, Facet, Id, Machine, Obstacle, Strategy, World
+from .tolerances import tolerances_given
 
 
 class _Dumper(yaml.SafeDumper):
@@ -31,11 +33,21 @@ def write_text(file: Path, text: str) -> None:
             out.write(text)
             out.flush()
             os.fsync(out.fileno())
-        os.chmod(name, 0o644)
+        os.chmod(name, mode(file))
         os.replace(name, file)
     except BaseException:
         os.unlink(name)
         raise
+
+
+def mode(file: Path) -> int:
+    """file that is written → its rights: those that it has, else what the person's umask leaves."""
+    try:
+        return stat.S_IMODE(file.stat().st_mode)
+    except OSError:
+        before = os.umask(0o077)
+        os.umask(before)
+        return 0o666 & ~before
 
 
 def _id(value: Id) -> int | str:
@@ -50,7 +62,9 @@ def machine_text(machine: Machine) -> str:
     """machine → text of machine.yaml."""
     probe = {key: value for key, value in vars(machine.probe).items() if value or key != "nose_radius"}
     axes = {axis.name: _axis(axis) for axis in machine.axes}
-    return dump({"name": machine.name, "topology": machine.topology, "axes": axes, "probe": probe})
+    data = {"name": machine.name, "topology": machine.topology, "axes": axes, "probe": probe}
+    given = tolerances_given(machine.tolerances)
+    return dump(data | ({"tolerances": given} if given else {}))
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
@@ -79,6 +93,8 @@ def artefact_text(artefact: Artefact) -> str:
         data["scale_bar"] = {"balls": [_id(b) for b in bar.balls], "length": bar.length, "uncertainty": bar.uncertainty}
     if artefact.obstacles:
         data["obstacles"] = [_obstacle(obstacle) for obstacle in artefact.obstacles]
+    if given := tolerances_given(artefact.tolerances):
+        data["tolerances"] = given
     return dump(data)
 
 

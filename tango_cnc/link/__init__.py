@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import pkgutil
 
-NO_PROTOCOL = ("transport", "session", "journal")
+NO_PROTOCOL = ("transport", "session", "journal", "entries", "lock")
 
 
 def protocols() -> list[str]:

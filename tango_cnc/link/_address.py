@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ipaddress
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from ..records import InputError
+from ._secrets import SECRET, revealed, shown
 
 LINE: Mapping[str, tuple[str, ...]] = {
     "baud": ("9600", "110", "300", "600", "1200", "2400", "4800", "19200", "38400", "57600", "115200"),
@@ -20,30 +22,39 @@ LINE: Mapping[str, tuple[str, ...]] = {
 DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
 PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")
+REMOTE = ("ftp", "ftps", "sftp")  # disks of controls: protocol `remote`
 # First part of a scheme → the protocol that it stands for and the schemes that may follow it.
 SPOKEN: Mapping[str, tuple[str, ...]] = {"modbus": ("tcp", "rtu"), "grbl": ("serial", "socket"), "linuxcnc": (), "file": ()}
 ALONE = {"linuxcnc": "rsh", "file": "file"}  # protocols with one way to travel
 LAST_PORT = 65535
-HOST = r"(\[[0-9A-Fa-f:.]+\]|[^:\[\]@/]+):\d{1,5}"
+HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")
+LONGEST = 2000  # characters of a URL
 
 
 @dataclass(frozen=True)
 class Address:
     """A port's URL taken apart: what to open, the settings of the line, and what the protocol client is told."""
 
-    url: str
+    url: str  # as it may be shown
     scheme: str  # serial, socket, rfc2217, tcp and rtu (of Modbus), rsh (of LinuxCNC), file
     target: str  # device, or host:port
     line: Mapping[str, str] = field(default_factory=dict)
     uart: bool = True  # somebody keeps to the settings of the line: a driver, a converter
     options: Mapping[str, str] = field(default_factory=dict)
     unit: int = 1  # of a Modbus device
+    hidden: tuple[str, ...] = ()  # words that are never shown
 
 
 def spoken(url: str) -> str | None:
     """URL → the protocol that its scheme names (modbus+tcp://, grbl+serial://, linuxcnc://), None when it names none."""
     protocol = url.partition("://")[0].lower().partition("+")[0] if "://" in url else ""
-    return protocol if protocol in SPOKEN else None
+    protocol = "remote" if protocol in REMOTE else protocol
+    return protocol if protocol in (*SPOKEN, "remote") else None
+
+
+def linked(url: str) -> str | None:
+    """URL → the protocol that its setting `link` names, None when there is none."""
+    return dict(parse_qsl(url.partition("?")[2])).get("link") if "://" in url else None
 
 
 def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
@@ -51,32 +62,38 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
 
     Raises InputError for what it cannot mean.
     """
+    if len(url) > LONGEST or not url.isprintable():
+        raise InputError(f"port: found {shown(url)[:60]!r}… of {len(url)} characters; allowed: {LONGEST} printable ones")
     scheme, target, query = _parts(url)
+    url = shown(url)
     unit = 1
     if scheme in ("tcp", "rtu"):
         target, _, number = target.rpartition("/")
-        if not target or not number.isdecimal() or not 0 <= int(number) <= 247:
+        if not target or not re.fullmatch("[0-9]{1,3}", number) or not 0 <= int(number) <= 247:
             raise InputError(f"port {url!r}: no device number; e.g. modbus+tcp://192.168.1.20:502/1 or modbus+rtu:///dev/ttyUSB0/1")
         unit = int(number)
     if scheme in ("serial", "rtu") and not target:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
-    if scheme in ("socket", "rfc2217", "tcp", "rsh") and not (
-        re.fullmatch(HOST, target) and 0 < int(target.rpartition(":")[2]) <= LAST_PORT
-    ):
+    if scheme in ("socket", "rfc2217", "tcp", "rsh") and not _host(target):
         raise InputError(
             f"port {url!r}: found {target!r}; allowed: host:port, port 1 … {LAST_PORT}, e.g. socket://192.168.1.20:8193"
         )
+    if scheme in REMOTE:
+        place, _, path = target.rpartition("@")[2].partition("/")
+        if not _host(place if re.search(r":[0-9]+$", place) else f"{place}:1") or not path or path.endswith("/"):
+            example = f"{scheme}://user@192.168.1.20/folder/TANGO.TXT?password=env:NAME"
+            raise InputError(f"port {url!r}: found no host, or no file on it; allowed: e.g. {example}")
     if scheme == "file" and not target:
         raise InputError(f"port {url!r}: no file; e.g. file:///mnt/control/TANGO.TXT, on Windows file://Z:/TANGO.TXT")
-    uart = scheme not in ("socket", "tcp", "rsh", "file") and not target.startswith(PTY)
+    uart = scheme not in ("socket", "tcp", "rsh", "file", *REMOTE) and not target.startswith(PTY)
     line: dict[str, str] = {}
     told: dict[str, str] = {}
     known: dict[str, tuple[str, ...]] = {**LINE, **options}
-    for name, text in parse_qsl(query, keep_blank_values=True):
+    for name, text in _settings(query, url):
         value = text or "yes" if name == "exclusive" else text
         if name not in known:
             raise InputError(f"port {url!r}: found the unknown setting {name!r}; allowed: {', '.join(known)}")
-        if known[name] and value not in known[name] and not (name == "baud" and value.isdecimal() and int(value) > 0):
+        if known[name] and value not in known[name] and not (name == "baud" and re.fullmatch("[1-9][0-9]{0,7}", value)):
             raise InputError(f"port {url!r}: {name}: found {value!r}; allowed: {', '.join(known[name])}")
         if name in LINE:
             line[name] = value
@@ -86,24 +103,54 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         raise InputError(
             f"port {url!r}: found parity without bits=7; allowed here: bits=7&parity=…, as nobody else adds the parity"
         )
-    return Address(url, scheme, target, {**DEFAULTS, **line} if uart else line, uart, told, unit)
+    said = revealed(told)
+    hidden = tuple({said[name] for name in told if name in SECRET and said[name]})
+    return Address(url, scheme, target, {**DEFAULTS, **line} if uart else line, uart, said, unit, hidden)
+
+
+def _host(target: str) -> bool:
+    """'192.168.1.20:502' → whether that names a host and a port of it."""
+    match = HOST.fullmatch(target)
+    if match is None or not 0 < int(match["port"]) <= LAST_PORT:
+        return False
+    host = match["six"] or match["name"]
+    try:
+        if match["six"] or re.fullmatch(r"[0-9.]+", host):
+            ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return len(host) <= 253 and all(0 < len(part) <= 63 for part in host.rstrip(".").split("."))
+
+
+def _settings(query: str, url: str) -> list[tuple[str, str]]:
+    """text after ? → (name, value) of each. Raises InputError for what cannot be settings."""
+    try:
+        return parse_qsl(query, keep_blank_values=True, errors="strict")
+    except ValueError:
+        raise InputError(f"port {url!r}: found settings {shown('?' + query)!r}; allowed: name=value&name=value") from None
 
 
 def _parts(url: str) -> tuple[str, str, str]:
     """URL or device → (scheme without the protocol, target, settings). Raises InputError for an unknown scheme."""
     if "://" not in url:
         return "serial", url, ""
-    parts = urlsplit(url)
+    try:
+        parts = urlsplit(url)
+    except ValueError:
+        raise InputError(
+            f"port {shown(url)!r}: found brackets that hold no address; allowed: e.g. socket://[fe80::1]:8193"
+        ) from None
     first, _, second = parts.scheme.lower().partition("+")
     if first in SPOKEN and second in (SPOKEN[first] or ("",)):
         scheme = second or ALONE[first]
-    elif parts.scheme.lower() in SCHEMES:
+    elif parts.scheme.lower() in (*SCHEMES, *REMOTE):
         scheme = parts.scheme.lower()
     else:
         allowed = ", ".join(
-            [f"{name}://" for name in SCHEMES] + [f"{n}{'+' * bool(s)}{s}://" for n, more in SPOKEN.items() for s in more or ("",)]
+            [f"{name}://" for name in (*SCHEMES, *REMOTE)]
+            + [f"{n}{'+' * bool(s)}{s}://" for n, more in SPOKEN.items() for s in more or ("",)]
         )
-        raise InputError(f"port {url!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path")
+        raise InputError(f"port {shown(url)!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path")
     if scheme == "file":  # file:///C:/TANGO.TXT has a slash that is no part of the path
         return scheme, re.sub(r"^/(?=[A-Za-z]:)", "", unquote(parts.netloc + parts.path)), parts.query
-    return scheme, parts.netloc + (parts.path if scheme in ("serial", "tcp", "rtu") else ""), parts.query
+    return scheme, parts.netloc + (parts.path if scheme in ("serial", "tcp", "rtu", *REMOTE) else ""), parts.query

@@ -38,6 +38,9 @@ class Job:
     original: tuple[int, ...]
     again: int = 0
     start_patience: float = 600.0  # s before the start mark: somebody has to press the button
+    quiet: float = 0.0  # s of silence before anything is sent: the control may still execute the program of before
+    nonce: int = 1  # 16 bits that no other run has, where commands of two programs have to be distinguished
+    summed: bool = True  # whether every record ends with K, the sum of its coordinates
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:
@@ -87,13 +90,20 @@ class Refused:
 
 
 @dataclass(frozen=True)
+class Asked:
+    """The person at the machine has to do something now."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class Failed:
     """The conversation cannot go on."""
 
     why: str
 
 
-Event = Identified | Begun | Touched | Ended | Refused | Failed
+Event = Identified | Begun | Touched | Ended | Refused | Asked | Failed
 
 
 class Client(Protocol):

@@ -5,34 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 
 from ..files.checked import Node, load
 from ..records import InputError
 
 PATTERN, ORDER = 0x1234, 0x01020304
+VERSION = 2
 STANDARD = Path(__file__).with_name("modbus.yaml")
-CONTROL = (
-    "command",
-    "sequence",
-    "acknowledged",
-    "status",
-    "point",
-    "flag",
-    "alarm",
-    "probe",
-    "position",
-    "version",
-    "pattern",
-    "order",
-)
-STATE = ("command", "sequence", "acknowledged", "status", "point", "flag", "alarm", "probe")
-RESIDENT = ("record", "count", "mark", "taken")  # of a control that runs the program of the post and hands its records over
-TARGET = ("mask", "number", "feed", "target")
+STATE = ("status", "acknowledged", "begun", "ticket", "tick", "point", "flag", "alarm", "probe", "record")
+CONTROL = (*STATE, "position", "count", "mark", "version", "pattern", "order", "echo")  # what the control says
+CONFIRM = ("confirmed", "heard", "taken")  # one write
+COMPUTER = ("request", *CONFIRM)
+REQUEST = ("client", "sequence", "command", "mask", "number", "feed", "target")  # in this order
 COMMANDS = ("begin", "move", "turn", "probe", "end")
 RUN = "run"
 STATUSES = ("idle", "busy", "alarm", "door", "emergency_stop", "hold", "battery_low")
-WIDE = {"order": 2, "feed": 2, "mark": 3}  # registers of a 32-bit value, and of the twelve digits of a mark
+TIMES = ("fresh", "silence")
+WIDE = {"order": 2, "mark": 3}  # registers of a 32-bit value, and of the twelve digits of a mark
+FEWEST = 4  # bits by which two commands differ
 ALLOWED = {"read": (3, 4), "write": (16,)}
 MOST = 120  # registers in one request; the standard allows 125 to be read and 123 to be written
 
@@ -50,31 +42,17 @@ class Layout:
     commands: Mapping[str, int]
     statuses: Mapping[str, int]
 
+    times: Mapping[str, int]
+
     @cached_property
     def block(self) -> tuple[int, int]:
-        """→ (address, count) of everything that the control says and of the command it was given, read in one request."""
+        """→ (address, count) of everything that the control says, read in one request."""
         return self._range(CONTROL)
 
     @cached_property
-    def resident(self) -> bool:
-        """→ whether the control can be told to run the program that it has."""
-        return RUN in self.commands and all(name in self.registers for name in RESIDENT)
-
-    @cached_property
-    def whole(self) -> tuple[int, int]:
-        """→ (address, count) of the block and of what a running program writes beside it."""
-        return self._range((*CONTROL, *(name for name in RESIDENT[:-1] if name in self.registers)))
-
-    @cached_property
     def state(self) -> tuple[int, int]:
-        """→ (address, count) of the beginning of the block: all but positions and constants."""
-        first = self.block[0]
-        return first, max(self.registers[name] + 1 for name in STATE) - first
-
-    @cached_property
-    def targets(self) -> tuple[int, int]:
-        """→ (address, count) of what is written before a command."""
-        return self._range(TARGET)
+        """→ (address, count) of the beginning of the block: all but places, program, constants and echo."""
+        return self._range(STATE)
 
     def _range(self, names: Sequence[str]) -> tuple[int, int]:
         first = min(self.registers[name] for name in names)
@@ -82,7 +60,8 @@ class Layout:
 
     def width(self, name: str) -> int:
         """name → registers that it takes."""
-        return 2 * len(self.axes) if name in ("position", "target") else WIDE.get(name, 1)
+        wide = 2 * len(self.axes)
+        return {"position": wide, "request": wide + 7, "echo": wide + 7}.get(name, WIDE.get(name, 1))
 
     def words(self, values: Sequence[int]) -> list[int]:
         """32-bit whole numbers → two registers each. Raises InputError for one that does not fit."""
@@ -111,7 +90,7 @@ class Layout:
         """name, registers read from `start` on → its numbers: one register each, or two for 32 bits."""
         at, width = self.registers[name] - start, self.width(name)
         part = list(words[at : at + width])
-        return self.numbers(part) if width > 1 and name != "mark" else part
+        return self.numbers(part) if name in ("position", "order") else part
 
 
 def read_layout(file: str = "") -> Layout:
@@ -120,7 +99,14 @@ def read_layout(file: str = "") -> Layout:
     Raises InputError naming file, line and key of what is wrong.
     """
     root = load(Path(file) if file else STANDARD)
-    keys = root.fields(("layout", "word_order", "functions", "registers", "axes", "scale", "commands", "statuses"))
+    known = ("layout", "word_order", "functions", "times", "registers", "axes", "scale", "commands", "statuses")
+    version = dict(root.items()).get("layout")
+    if version is not None and version.integer(0) != VERSION:
+        raise version.wrong(
+            f"{VERSION}; a control of version 1 could take a command that came late for a new one: write its program anew "
+            "by docs/link.md, and copy the layout that comes with this program"
+        )
+    keys = root.fields(known)
     functions = _numbers(keys["functions"], ("read", "write"))
     for name, code in functions.items():
         if code not in ALLOWED[name]:
@@ -131,11 +117,12 @@ def read_layout(file: str = "") -> Layout:
         keys["layout"].integer(0),
         keys["word_order"].text(("big", "little")) == "big",
         functions,
-        _numbers(keys["registers"], (*CONTROL, *TARGET), RESIDENT),
+        _numbers(keys["registers"], (*CONTROL, *COMPUTER)),
         axes,
         scale,
         _numbers(keys["commands"], COMMANDS, (RUN,)),
         _numbers(keys["statuses"], STATUSES),
+        _numbers(keys["times"], TIMES),
     )
     taken: dict[int, str] = {}
     for name, first in layout.registers.items():
@@ -143,14 +130,19 @@ def read_layout(file: str = "") -> Layout:
             if register in taken:
                 raise keys["registers"].wrong(f"registers that do not overlap: {register} is {taken[register]} and {name}")
             taken[register] = name
-    if abs(layout.registers["sequence"] - layout.registers["command"]) != 1:
-        raise keys["registers"].wrong("command and sequence side by side, to be written in one request")
-    if max(layout.whole[1], layout.targets[1]) > MOST:
+    confirm = [layout.registers[name] for name in CONFIRM]
+    if confirm != list(range(confirm[0], confirm[0] + len(confirm))):
+        raise keys["registers"].wrong(f"{', '.join(CONFIRM)} side by side in this order, to be written in one request")
+    if layout.block[1] > MOST:
         raise keys["registers"].wrong(f"registers that one request can carry: at most {MOST} from the first to the last")
-    for name in ("commands", "statuses"):
-        codes: Mapping[str, int] = getattr(layout, name)
+    for name, codes in (("commands", layout.commands), ("statuses", layout.statuses)):
         if len(set(codes.values())) != len(codes):
             raise keys[name].wrong("a number of its own for each")
+    for (one, code), (other, another) in combinations({"nothing": 0, **layout.commands}.items(), 2):
+        if (code ^ another).bit_count() < FEWEST or another > 0xFFFF:
+            raise keys["commands"].wrong(f"codes of 16 bits that differ in {FEWEST} bits or more, from 0 too: {one} and {other}")
+    if not 1 <= layout.times["fresh"] <= layout.times["silence"] <= 60:
+        raise keys["times"].wrong("1 ≤ fresh ≤ silence ≤ 60")
     return layout
 
 

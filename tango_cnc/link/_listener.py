@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ._client import Ended, Event, Failed, Job, Refused, Touched
-from ._words import SUM, summed
+from ._words import SUM
 
 
 class Listener:
@@ -12,7 +12,7 @@ class Listener:
     def __init__(self, job: Job) -> None:
         """job → nothing has come yet."""
         self._job = job
-        self._letters = (*job.letters, SUM) if summed(job.program) else job.letters
+        self._letters = (*job.letters, SUM) if job.summed else job.letters
         self._begun = self._over = False
         self._position = 0  # of the next touch in job.numbers
         self._silence = 0.0

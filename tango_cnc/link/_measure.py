@@ -9,45 +9,42 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
+import os
+import secrets
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib import import_module
 from itertools import groupby
 from pathlib import Path
 from typing import Any, TextIO
-from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 
 from .. import __version__, duration
 from ..files import readings_text, write_text
+from ..files.origin import set_aside, write_origin
+from ..gate import ALIVE_TIME
 from ..plan import plan as make_plan
 from ..plan import plan_hash
+from ..program.record import Program
 from ..records import Array, Cell, Indexation, InputError, LinkError, Plan, Touch
 from . import protocols
-from ._address import Address, parse, spoken
+from ._address import Address, linked, parse, spoken
 from ._client import Job
 from ._readings import missing, provenance, readings_of
-from .journal import Journal, read_journal
+from ._secrets import shown
+from .entries import Doubted, End, Entry, Reading, Segment
+from .journal import Journal, look_at, read_journal
 from .session import Moved, Session, Step, step_of
 from .transport import open_port
 
+QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
 FLOOR, TIMES = 30.0, 3.0  # silence allowed before a touch: s, and multiples of its predicted time
-
-
-@dataclass(frozen=True)
-class Program:
-    """What the post made of a plan."""
-
-    text: str
-    mark: str  # in its start record
-    letters: tuple[str, ...]  # axis letters of its records
-    plan: Plan
-    file: str = ""  # that it was written to
 
 
 @dataclass(frozen=True)
@@ -80,22 +77,24 @@ def measure(
     """
     protocol, address = protocol_of(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
     file = wanted.readings.with_suffix(".journal")
-    before = _started(file, plan) if wanted.resume else []
+    before, digest = _started(file, plan) if wanted.resume else ([], "")
     left = missing(before, plan)
     if not left:
         total = len(plan.touches)
         watch(Step(total, total, 0.0, None, "every touch has been measured: nothing was sent"))
-        return _finish(before, plan, wanted.readings)
+        return _finish(before, digest, plan, wanted.readings)
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before else plan
-    programs = post(part)
-    jobs = _jobs(programs, again, left, wanted)
+    with _written("the program", "make room, or check the rights of the folder, and start again"):
+        programs = post(part)
+    jobs = _jobs(programs, again, left, wanted, _quiet(before, plan, wanted))
     client = protocol.Client(jobs[0], address.options)
 
     def announced(number: int) -> None:
         count, file = len(jobs[number - 1].numbers), programs[number - 1].file
         said = [f"part {number} of {len(jobs)}: {count} touches"] if len(jobs) > 1 else []
         said += [f"the control has to have {file} now: it is not sent"] if getattr(client, "brought", False) else []
+        said += [text] if (text := getattr(client, "before", "")) else []
         if said:
             watch(Step(0, count, 0.0, None, "; ".join(said)))
 
@@ -113,17 +112,56 @@ def measure(
                         client = protocol.Client(job, address.options)
                         announced(number)
                         confirm(job.plan, program)
-                    journal.add("segment", **_segment(plan, program, job, wanted), part=[number, len(jobs)])
+                    journal.add(_segment(plan, program, job, wanted, (number, len(jobs))))
                     with _signals() as stop:
-                        Session(job, client, journal, watch, clock=_clock, transcript=wanted.transcript, stop=stop).run(transport)
+                        session = Session(
+                            job,
+                            client,
+                            journal,
+                            watch,
+                            clock=_clock,
+                            transcript=wanted.transcript,
+                            stop=stop,
+                            boot=_boot(),
+                            hidden=address.hidden,
+                        )
+                        session.run(transport)
             except LinkError as error:
                 advice = "" if isinstance(error, Moved) else "; 'tango run --resume' makes the missing touches"
-                raise LinkError(f"{error} {_keep(journal.entries, plan, wanted.readings, advice)}".rstrip()) from None
-            return _finish(journal.entries, plan, wanted.readings)
+                raise LinkError(f"{error} {_keep(journal, plan, wanted.readings, advice)}".rstrip()) from None
+            return _finish(journal.entries, journal.digest, plan, wanted.readings)
         finally:
             journal.close()
     finally:
         transport.close()
+
+
+@contextlib.contextmanager
+def _written(what: str, then: str) -> Iterator[None]:
+    """what is written, what to do when it cannot be → within it, an error of the disk becomes a LinkError that says so."""
+    try:
+        yield
+    except OSError as error:
+        where = f" to {error.filename2 or error.filename}" if error.filename else ""
+        raise LinkError(f"{what} cannot be written{where} ({error.strerror or error}): {then}") from None
+
+
+def _quiet(before: Sequence[Entry], plan: Plan, wanted: Wanted) -> float:
+    """journal of a run that is resumed → s of silence that prove that the control does not execute its old program any more.
+
+    Between two touches a control prints nothing. One that has said that its program came to its end needs no proof.
+    """
+    end = next((entry for entry in reversed(before) if isinstance(entry, End | Segment)), None)
+    if end is None or (isinstance(end, End) and end.stands):
+        return 0.0
+    return min(QUIET + 1.5 * max(durations(plan).values()), math.inf if wanted.timeout is None else wanted.timeout)
+
+
+def _boot() -> str:
+    """→ which start of this computer its clock counts from, where the system says it."""
+    with contextlib.suppress(OSError):
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    return ""
 
 
 def _clock() -> float:
@@ -139,9 +177,8 @@ def _signals() -> Iterator[Callable[[], int]]:
     if threading.current_thread() is not threading.main_thread():
         yield lambda: 0
         return
-    before = {
-        number: signal.signal(number, lambda received, frame: asked.append(received)) for number in (signal.SIGINT, signal.SIGTERM)
-    }
+    ends = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if os.name == "posix" else [])]  # SIGHUP: the session was closed
+    before = {number: signal.signal(number, lambda received, frame: asked.append(received)) for number in ends}
     try:
         yield lambda: len(asked)
     finally:
@@ -158,35 +195,35 @@ def follow(file: Path, watch: Callable[[Step], None], pause: Callable[[], None])
         raise InputError(f"{file}: no such file; there is no run to follow")
     shown = done = total = 0
     ended: bool | None = None
-    part = [1, 1]
+    part: tuple[int, ...] = (1, 1)
     while ended is None:
         entries, _ = read_journal(file)
         for entry in entries[shown:]:
-            if entry["kind"] == "segment":
-                total, ended, part = max(total, done + len(entry["touches"])), None, entry.get("part", [1, 1])
-            elif entry["kind"] == "reading":
+            if isinstance(entry, Segment):
+                total, ended, part = max(total, done + len(entry.touches)), None, entry.part
+            elif isinstance(entry, Reading):
                 done += 1
                 watch(step_of(entry, done, total))
-            elif entry["kind"] == "refused":
-                watch(Step(done, total, entry["time_s"], None, f"not believed: {entry['record']!r}: {entry['why']}"))
-            elif entry["kind"] == "end":
-                more = entry["complete"] and part[0] < part[1]
-                ended = None if more else bool(entry["complete"])
+            elif isinstance(entry, Doubted):
+                watch(Step(done, total, entry.time_s, None, f"not believed: {entry.record!r}: {entry.why}"))
+            elif isinstance(entry, End):
+                more = entry.complete and part[0] < part[1]
+                ended = None if more else entry.complete
                 what = f"part {part[0]} of {part[1]}" if part[1] > 1 else "the run"
-                watch(Step(done, total, 0.0, None, f"{what} has ended: {entry['why']}"))
+                watch(Step(done, total, 0.0, None, f"{what} has ended: {entry.why}"))
         shown = len(entries)
         if ended is None:
             pause()
     return ended
 
 
-def repeatable(entries: Sequence[Mapping[str, Any]], plan: Plan) -> tuple[int, ...]:
+def repeatable(entries: Sequence[Entry], plan: Plan) -> tuple[int, ...]:
     """entries of a journal, its plan → up to three touches that look as differently as they can.
 
     They are of the indexation where the run stopped; where that has fewer than three readings, of those before it as well.
     """
     touches = {touch.number: touch for touch in plan.touches}
-    good = [touches[entry["touch"]] for entry in entries if entry["kind"] == "reading" and entry["status"] == "ok"][::-1]
+    good = [touches[entry.touch] for entry in entries if isinstance(entry, Reading) and entry.status == "ok"][::-1]
     last = good[min(3, len(good)) - 1].indexation if good else 0
     there = [touch for i, touch in enumerate(good) if i < 3 or touch.indexation == last]
     away = np.array([np.subtract(touch.standoff, touch.contact) for touch in there])
@@ -230,91 +267,135 @@ def durations(plan: Plan) -> dict[int, float]:
     return result
 
 
-def _started(file: Path, plan: Plan) -> list[dict[str, Any]]:
-    """journal of a run, the plan of today → its entries. Raises InputError when there is none or the plan is another."""
+def _started(file: Path, plan: Plan) -> tuple[list[Entry], str]:
+    """journal of a run, the plan of today → its entries, its hash. Raises InputError when there is none or the plan is another."""
     entries, _ = read_journal(file)
-    segment = next((entry for entry in entries if entry["kind"] == "segment"), None)
+    segment = next((entry for entry in entries if isinstance(entry, Segment)), None)
     if segment is None:
         raise InputError(f"{file}: no run was started; leave --resume out")
-    if segment["plan_hash"] != plan_hash(plan):
+    if segment.plan_hash != plan_hash(plan):
         raise InputError(
-            f"{file}: found a run of plan {segment['plan_hash']}; the cell now makes plan {plan_hash(plan)}. "
+            f"{file}: found a run of plan {segment.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
             "Readings of two plans do not go together: restore the files of the cell and state the same --obstructed, "
             "or run the whole plan without --resume"
         )
-    return entries
+    _fit(file, entries, plan)
+    return entries, look_at(file).lines[-1].digest
+
+
+def _fit(file: Path, entries: Sequence[Entry], plan: Plan) -> None:
+    """Raises InputError for readings that are none of this plan, although its hash is the same: the journal was changed."""
+    touches = {touch.number: touch for touch in plan.touches}
+    for number, entry in enumerate(entries, 1):
+        if not isinstance(entry, Reading):
+            continue
+        touch = touches.get(entry.touch)
+        if touch is None or touch.facet != entry.facet or len(entry.position) != len(plan.machine.names):
+            raise InputError(
+                f"{file}:{number}: a reading of touch {entry.touch}, facet {entry.facet!r}, which the plan does not have"
+            )
 
 
 def protocol_of(port: str, default: str) -> tuple[Any, Address]:
     """port's URL, protocol of the post → (module of the protocol, address). Raises InputError for what the URL cannot mean."""
-    query = dict(parse_qsl(urlsplit(port).query)) if "://" in port else {}
-    name = spoken(port) or query.get("link", default)
+    name = spoken(port) or linked(port) or default
     if name not in protocols():
-        raise InputError(f"port {port!r}: link: found {name!r}; allowed: {', '.join(protocols())}")
+        raise InputError(f"port {shown(port)!r}: link: found {name!r}; allowed: {', '.join(protocols())}")
     module = import_module(f"{__package__}.{name}")
     return module, parse(port, {**module.OPTIONS, "link": tuple(protocols())})
 
 
-def _jobs(programs: Sequence[Program], again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted) -> list[Job]:
+def _jobs(programs: Sequence[Program], again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted, quiet: float) -> list[Job]:
     """programs of one plan, numbers in the run of its touches: repeated ones, then those left → a job for each program."""
     numbers, jobs, done = (*again, *left), [], 0
     for program in programs:
         ahead = done + len(program.plan.touches)
-        jobs.append(_job(program, numbers[done:ahead], max(len(again) - done, 0), wanted))
+        jobs.append(_job(program, numbers[done:ahead], max(len(again) - done, 0), wanted, quiet if done == 0 else 0.0))
         done = ahead
     return jobs
 
 
-def _job(program: Program, original: tuple[int, ...], again: int, wanted: Wanted) -> Job:
+def _job(program: Program, original: tuple[int, ...], again: int, wanted: Wanted, quiet: float) -> Job:
     part = program.plan
     seconds = durations(part)
     patience = [FLOOR + TIMES * seconds[touch.number] for touch in part.touches]
+    patience[0] += 2 * ALIVE_TIME  # of the move that proves the probe alive
     patience.append(FLOOR + TIMES * max(seconds.values()))  # the parting retract
     if wanted.timeout is not None:
         patience = [wanted.timeout] * len(patience)
     start = wanted.start_timeout if wanted.timeout is None else wanted.timeout
-    return Job(part, program.text, program.mark, program.letters, tuple(patience), original, min(again, len(original)), start)
+    return Job(
+        part,
+        program.text,
+        program.mark,
+        program.letters,
+        tuple(patience),
+        original,
+        min(again, len(original)),
+        start,
+        summed=program.summed,
+        nonce=secrets.randbelow(0xFFFE) + 1,
+        quiet=quiet,
+    )
 
 
-def _segment(plan: Plan, program: Program, job: Job, wanted: Wanted) -> dict[str, Any]:
-    return {
-        "utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        "tool_version": __version__,
-        "machine": plan.machine.name,
-        "controller": {"post": wanted.post, "port": wanted.port},
-        "plan_hash": plan_hash(plan),
-        "program_hash": program.mark,
-        "touches": list(job.original[job.again :]),
-    }
+def _segment(plan: Plan, program: Program, job: Job, wanted: Wanted, part: tuple[int, int]) -> Segment:
+    return Segment(
+        utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
+        tool_version=__version__,
+        machine=plan.machine.name,
+        controller={"post": wanted.post, "port": shown(wanted.port)},
+        plan_hash=plan_hash(plan),
+        program_hash=program.mark,
+        touches=job.original[job.again :],
+        part=part,
+    )
 
 
 def _set_aside(file: Path) -> None:
     """Keeps the journal of an earlier run under the time of its last entry; nothing that was measured is ever deleted."""
-    if file.exists():
+    with _written("the journal of the run before", "nothing was started"):
+        if not file.exists():
+            return
         stamp = datetime.fromtimestamp(file.stat().st_mtime, UTC).strftime("%Y%m%dT%H%M%S%f")
-        file.rename(file.with_name(f"{file.stem}.{stamp}.journal"))
+        other = file.with_name(f"{file.stem}.{stamp}.journal")
+        if other.exists():  # a rename would replace it
+            raise LinkError(f"{other} is there already; move it away. Nothing was started")
+        file.rename(other)
 
 
 def _partial(file: Path) -> Path:
     return file.with_name(f"{file.stem}.partial.csv")
 
 
-def _keep(entries: list[dict[str, Any]], plan: Plan, file: Path, advice: str) -> str:
+def _keep(journal: Journal, plan: Plan, file: Path, advice: str) -> str:
     """Writes the partial files; → a sentence that says where and what to do."""
-    readings = readings_of(entries, plan)
+    readings = readings_of(journal.entries, plan)
     if readings is None:
         return ""
-    _write(_partial(file), readings_text(readings), provenance(entries, plan))
+    try:
+        _write(_partial(file), readings_text(readings), provenance(journal.entries, plan, journal.digest))
+    except OSError as error:
+        return (
+            f"What was measured is in {journal.file}; {_partial(file)} could not be written ({error.strerror}): make room{advice}."
+        )
     return f"What was measured is in {_partial(file)}{advice}."
 
 
-def _finish(entries: list[dict[str, Any]], plan: Plan, file: Path) -> dict[str, Any]:
+def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path) -> dict[str, Any]:
     readings = readings_of(entries, plan)
     assert readings is not None  # nothing is missing, and a plan has touches
-    origin = provenance(entries, plan)
-    _write(file, readings_text(readings), origin)
+    origin = provenance(entries, plan, digest)
+    journal = file.with_suffix(".journal")
+    with _written(f"every touch is in {journal}, but the readings", "make room, then 'tango run --resume' writes them"):
+        text = readings_text(readings)
+        same = file.exists() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
+        kept = None if same else set_aside(file)
+        _write(file, text, origin)
+        write_origin(file, file.parent, "measured", kept)
     for old in (_partial(file), _partial(file).with_suffix(".json")):
-        old.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # what is in it is in the readings too
+            old.unlink(missing_ok=True)
     return origin
 
 

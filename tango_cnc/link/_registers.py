@@ -12,6 +12,9 @@ from ._layout import ORDER, PATTERN, Layout, read_layout
 UNANSWERED = 5  # requests in a row
 WRITES = 3  # of one thing, each after a look at what the one before has done
 READS = 4  # of the block until two agree
+LOOKS = 4  # for what has to be there at once, before it is asked for again
+WORD = 0x10000
+CLOSE = 0.01  # mm or deg between two places that are the same
 EXCEPTIONS = {1: "it does not know the function", 2: "no such register", 3: "a value it does not allow", 4: "it failed"}
 LATER = (5, 6)  # exceptions that say "ask again"
 BAD = {
@@ -40,7 +43,8 @@ def identified(layout: Layout, block: Words) -> str:
         at = layout.registers["pattern"]
         raise Stop(f"register {at} holds {pattern:04X} hex instead of {PATTERN:04X}: another layout, or counted from 1")
     if version != layout.version:
-        raise Stop(f"the control has version {version} of the layout, this end {layout.version}")
+        old = ": its program could take a command that came late for a new one; write it anew by docs/link.md" * (version == 1)
+        raise Stop(f"the control has version {version} of the layout, this end {layout.version}{old}")
     if order != ORDER:
         swapped = (order & 0xFFFF) << 16 | order >> 16 & 0xFFFF
         other = "little" if layout.big else "big"
@@ -78,17 +82,26 @@ def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
 
 
 class Registers(Dialogue):
-    """A dialogue with a control of this layout."""
+    """A dialogue with a control of this layout.
+
+    A command is asked for, echoed, confirmed and done: nothing acts but the request that stands in the echo, and only when its
+    ticket, which the control has just made up, is confirmed. A request that comes late is echoed under a ticket that nobody
+    confirms; a confirmation that comes late bears a ticket that is none any more.
+    """
 
     def __init__(self, job: Job, layout: Layout) -> None:
         """job, layout → ready to ask."""
         self._job, self._layout = job, layout
         self._given = self._sequence = 0
-        self._unanswered = False  # a request since the block was read last: the control may have been switched off and on meanwhile
+        self._ticket = -1  # of the last command of this end that was begun
+        self._heard = -1  # tick that the control has been told
+        self._taken = 0
+        self._last: Words = []  # the block after the last command
+        self._odd = 0  # looks in a row at a control that speaks of other commands than those of this end
         super().__init__(job.start_patience)
 
     def _late(self) -> str:
-        return f"done command {self._sequence}" if self._sequence else "come to rest: is a command still open, of a run before?"
+        return f"done command {self._sequence}" if self._given else "come to rest: is a command still open, of a run before?"
 
     def _said(self, name: str, block: Words) -> int:
         return self._layout.of(name, block, self._layout.block[0])[0]
@@ -101,7 +114,6 @@ class Registers(Dialogue):
             reply = (yield f"{code} {where[0]} {where[1]}").split()
             if reply[:1] == [str(code)] and len(reply) == where[1] + 1 and all(_is_word(word) for word in reply[1:]):
                 return [int(word) for word in reply[1:]]
-            self._unanswered = True
             why = self._refusal(reply) or why
         raise Stop(f"{UNANSWERED} requests for registers {where[0]}… were not answered{why}")
 
@@ -117,15 +129,31 @@ class Registers(Dialogue):
     def _write(self, address: int, words: Words) -> Generator[str, str, None]:
         """Writes once; whether it was done is for the caller to read."""
         code = self._layout.functions["write"]
-        reply = (yield f"{code} {address} {' '.join(map(str, words))}").split()
-        self._unanswered |= reply[:1] != [str(code)]
-        self._refusal(reply)
+        self._refusal((yield f"{code} {address} {' '.join(map(str, words))}").split())
+
+    def _attend(self, block: Words) -> Generator[str, str, None]:
+        """Tells the control that this end is there: the tick that it counted last. What was confirmed and taken is repeated."""
+        if (tick := self._said("tick", block)) != self._heard:
+            self._heard = tick
+            yield from self._write(self._layout.registers["confirmed"], [max(self._ticket, 0), tick, self._taken])
+
+    def _silent(self, block: Words, heard: int) -> bool:
+        return (self._said("tick", block) - heard) % WORD > self._layout.times["silence"]
 
     def _settled(self) -> Talk:
-        """→ the block when nothing moves and no command is open, be it of a run that was cut off."""
+        """→ the block when nothing moves, no command is open and nobody else talks to the control.
+
+        A run that was cut off leaves a `heard` that grows old. One that changes is of another program, which is alive.
+        """
+        at = (self._layout.registers["heard"], 1)
+        first: int | None = None
         while True:
+            heard = (yield from self._read(at))[0]
+            first = heard if first is None else first
+            if heard != first:
+                raise Stop("another program drives this control: end it there first")
             block = yield from self._read(self._layout.block)
-            if self._idle(block) and self._said("acknowledged", block) == self._said("sequence", block):
+            if self._idle(block) and self._silent(block, heard):
                 return block
 
     def _idle(self, block: Words) -> bool:
@@ -138,30 +166,110 @@ class Registers(Dialogue):
             raise Stop(f"the control cannot move: {state}{f', number {number}' if number else ''}")
         return name != "busy"
 
-    def _tell(self, name: str) -> Talk:
-        """command → the state when it stands in the registers with a new sequence. Raises Stop when they do not take it."""
+    def _tell(
+        self, name: str, mask: int = 0, number: int = 0, feed: float = 0.0, target: Sequence[int] = ()
+    ) -> Generator[str, str, None]:
+        """command, what it needs (mm/min; counts) → it has begun. Raises Stop when the control does not take it.
+
+        Between the echo and the confirmation the control is looked at once more: it has to be free, to stand where the last
+        command left it, and to have heard of no other one since.
+        """
         self._done()
-        self._sequence = self._sequence % 0xFFFF + 1
+        layout, sequence = self._layout, (self._sequence + 1) % WORD
+        goal = layout.words([*target, *(0 for _ in layout.axes[len(target) :])])
+        wanted = [self._job.nonce, sequence, layout.commands[name], mask, number & 0xFFFF]
+        wanted += [*layout.words([round(feed / layout.scale["feed"])]), *goal]
         self._given += 1
-        registers = self._layout.registers
-        pair = {registers["command"]: self._layout.commands[name], registers["sequence"]: self._sequence}
         for _ in range(WRITES):
-            yield from self._write(min(pair), [pair[address] for address in sorted(pair)])
-            block = yield from self._read(self._layout.state)
-            self._idle(block)
-            if self._said("sequence", block) == self._sequence:
+            yield from self._write(layout.registers["request"], wanted)
+            block = yield from self._echoed(wanted)
+            if not block:
+                continue
+            self._ready(block)
+            ticket, self._heard = self._said("ticket", block), self._said("tick", block)
+            for _ in range(WRITES):
+                yield from self._write(layout.registers["confirmed"], [ticket, self._heard, self._taken])
+                for _ in range(LOOKS):
+                    block = yield from self._read(layout.state)
+                    if self._said("begun", block) == ticket:
+                        self._sequence, self._ticket = sequence, ticket
+                        return
+                    self._idle(block)
+                    self._undisturbed(block)
+                self._heard = self._said("tick", block)
+                if self._said("ticket", block) != ticket:
+                    break  # it has grown old, or another request came between
+        raise Stop(
+            f"the control does not take commands: {WRITES} times asked for, and not begun. Does its program fit the layout? "
+            "Does another program write to it as well?"
+        )
+
+    def _echoed(self, wanted: Words) -> Talk:
+        """request → the block when the control has taken exactly that and would begin it; empty when it has not."""
+        for _ in range(LOOKS):
+            block = yield from self._read(self._layout.block)
+            idle = self._idle(block)
+            if self._undisturbed(block) and idle and self._layout.of("echo", block, self._layout.block[0]) == wanted:
                 return block
-        raise Stop(f"the control does not take commands: {WRITES} times written, and the registers have not changed")
+        return []
+
+    def _undisturbed(self, block: Words) -> bool:
+        """block → whether the last command that the control began is one of this end, and done.
+
+        Raises Stop when several looks in a row say otherwise; one of them may be a late answer.
+        """
+        found = self._said("begun", block), self._said("acknowledged", block)
+        ours = self._ticket < 0 or found == (self._ticket, self._sequence)
+        self._odd = 0 if ours else self._odd + 1
+        if self._odd > LOOKS:
+            raise Stop(
+                f"the control began ticket {found[0]} and has done command {found[1]}, where {self._ticket} and {self._sequence} "
+                "were the last ones of this end: it has been switched off and on, or another program drives it as well"
+            )
+        return ours
+
+    def _ready(self, block: Words) -> None:
+        """Raises Stop unless the control is as the last command has left it, free for the next one."""
+        self._free(block)
+        if not self._last:
+            return
+        before, now = self._position(self._last), self._position(block)
+        away = [letter for letter, value in now.items() if abs(value - before[letter]) > CLOSE]
+        if away:
+            raise Stop(f"{' '.join(away)} moved since the last command was done, and nothing had been asked for")
+
+    def _finished(self, block: Words) -> bool:
+        """state → whether the command that was begun last is done. Raises Stop when it never will be."""
+        idle, done = self._idle(block), self._said("acknowledged", block) == self._sequence
+        if self._said("begun", block) == self._ticket and idle and done:
+            self._odd = 0
+            return True
+        self._odd = self._odd + 1 if idle or self._said("begun", block) != self._ticket else 0
+        if self._odd > LOOKS:
+            raise Stop(
+                f"the control has begun command {self._sequence}, has not done it and waits for another one: it has been reset, "
+                "switched off and on, or another program drives it as well"
+            )
+        return False
+
+    def _goodbye(self, block: Words) -> Generator[str, str, None]:
+        """Tells the control that nobody listens any more: the next run need not wait until that shows."""
+        gone = (self._said("tick", block) + WORD // 2) % WORD
+        yield from self._write(self._layout.registers["confirmed"], [max(self._ticket, 0), gone, self._taken])
 
     def _steady(self, where: tuple[int, int], times: int) -> Talk:
         """(address, count), 1 or 2 → the registers, of two readings that agree when 2; empty when no two in a row do."""
         block = yield from self._read(where)
         for _ in range(READS - 1):
             again = block if times == 1 else (yield from self._read(where))
-            if again == block:
-                return block
+            if self._but_tick(again) == self._but_tick(block):
+                return again
             block = again
         return []
+
+    def _but_tick(self, block: Words) -> Words:
+        at = self._layout.registers["tick"] - self._layout.block[0]
+        return [*block[:at], *block[at + 1 :]]
 
     def _position(self, block: Words) -> dict[str, float]:
         counts = self._layout.of("position", block, self._layout.block[0])
@@ -177,4 +285,4 @@ class Registers(Dialogue):
 
 
 def _is_word(text: str) -> bool:
-    return text.isdecimal() and int(text) <= 0xFFFF
+    return text.isdecimal() and len(text) <= 5 and int(text) <= 0xFFFF

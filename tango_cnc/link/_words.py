@@ -21,12 +21,7 @@ WORD = re.compile(rf" *(?P<letter>[A-Z]) *{NUMBER}(?![\d.]) *")
 START = re.compile(r" *TANGO +START +(?P<mark>[0-9A-F]+) +(?P<count>\d+) *")
 END = re.compile(r" *TANGO +END +(?:(?P<mark>[0-9A-F]+) +)?(?P<count>\d{1,9}) *")  # posts of earlier days print no mark
 SUM = "K"
-SUMMED = re.compile(r'P[^\n]*\*K#|SPRINT\("P[^\n]* K%|QS1 = QS1 \|\| " K"|CHECK SUM K')  # DPRNT, Siemens, Heidenhain; a remark
-
-
-def summed(program: str) -> bool:
-    """text of a program → whether its records end with the sum of the coordinates, which is required of every one then."""
-    return SUMMED.search(program) is not None
+PLACES = 3  # that a control prints at least
 
 
 def words(line: str) -> list[tuple[str, str]]:
@@ -85,8 +80,11 @@ def _uneven(numbers: Sequence[str]) -> bool:
 
 
 def _rounding(numbers: Sequence[str]) -> float:
-    """decimal numbers, rounded or cut → by how much their sum may be wrong: places that one of them lacks are zeros, or lost."""
-    return len(numbers) * 1.0001 * 10.0 ** -max(len(number.partition(".")[2]) for number in numbers)
+    """decimal numbers, rounded or cut → by how much their sum may be wrong: places that one of them lacks are zeros, or lost.
+
+    Every control prints micrometres. Whole numbers alone are exact, or have lost what came after the point.
+    """
+    return len(numbers) * 1.0001 * 10.0 ** -max(PLACES, *(len(number.partition(".")[2]) for number in numbers))
 
 
 def _whole(text: str) -> str:

@@ -23,6 +23,7 @@ from ._words import record
 DC1, DC2, DC3, DC4 = 0x11, 0x12, 0x13, 0x14
 NUL, DEL = 0x00, 0x7F
 LINE_LIMIT = 256  # characters; no control prints a longer one, so this is a lost line end
+SAID = 3  # characters that are no disturbance any more
 EOB = {"lf": "\n", "crlf": "\r\n", "lfcrcr": "\n\r\r"}
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
@@ -30,6 +31,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "start": ("now", "xon"),  # send at once, or when the control asks with DC1
     "eob": tuple(EOB),
     "bits": ("8", "7"),  # 7: the eighth bit is parity and is dropped
+    "listen": ("auto", "no"),  # auto: a resumed run first hears whether the old program still runs; no: it does not
     "tv": ("no", "even"),  # even: blocks get a blank where they need one to have an even number of characters (unverified)
 }
 
@@ -77,6 +79,12 @@ class Client(Listener):
         self._mask = 0x7F if chosen["bits"] == "7" else 0xFF
         self._punching = self._punches = False  # now between DC2 and DC4; this control sends them at all
         self._held = chosen["start"] == "xon"
+        self._quiet = job.quiet if self._data and chosen["listen"] == "auto" else 0.0
+        if self._quiet:
+            self.before = (
+                f"listening for {self._quiet:.0f} s whether the control still executes the program of before; "
+                "listen=no in the port's URL: you have looked, and it does not"
+            )
 
     @property
     def sent(self) -> tuple[int, int]:
@@ -85,7 +93,7 @@ class Client(Listener):
 
     def bytes_to_send(self, limit: int) -> bytes:
         """most bytes wanted → the next piece of the program; empty while the control holds it or all is sent."""
-        if self._held or self._over:
+        if self._held or self._over or self._quiet > 0:
             return b""
         piece = self._data[self._at : self._at + limit]
         self._at += len(piece)
@@ -104,6 +112,9 @@ class Client(Listener):
     def _one(self, char: int) -> list[Event]:
         if char in (DC1, DC3):
             self._held = char == DC3
+            self._quiet = 0.0 if char == DC1 else self._quiet  # who asks for a program executes none
+        elif self._quiet > 0:
+            return self._busy(char)
         elif char == DC2:
             cut = self._cut("a new record began before this one was complete")
             self._punching = self._punches = True
@@ -119,6 +130,18 @@ class Client(Listener):
             if len(self._line) > LINE_LIMIT:
                 return self._cut(f"{LINE_LIMIT} characters without a line end")
         return []
+
+    def _busy(self, char: int) -> list[Event]:
+        """character that comes before anything was sent → Failed when it is of a program that the control executes."""
+        self._line.append(char)
+        said = self._line.translate(None, bytes([NUL, DEL, 0x0A, 0x0D])).decode("latin-1").strip(" ")
+        if char not in (DC2, DC4) and len(said) < SAID:
+            return []
+        self._line.clear()
+        return self._fail(
+            "the control prints although nothing was sent: it still executes the program of before. Wait for its end or reset it, "
+            "draw the probe clear, then resume"
+        )
 
     def _take(self) -> str:
         text = self._line.decode("latin-1").strip(" ")
@@ -159,6 +182,11 @@ class Client(Listener):
 
     def elapsed(self, seconds: float) -> list[Event]:
         """s since the last call → Failed when the control has been silent for longer than the next touch may take."""
+        if self._quiet > 0 and not self._over:
+            self._quiet -= seconds
+            if self._quiet <= 0:
+                self._line.clear()
+            return []
         allowed = self._waited(seconds)
         if allowed is None:
             return []

@@ -20,6 +20,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "from": ("now", "last"),  # of the transport: what is written from now on; or from the last start mark on
 }
 LINE_LIMIT = 256
+CODES = b"\0\x11\x12\x13\x14\x7f"  # leader and print codes, which some controls write into files too
 
 
 def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
@@ -62,7 +63,7 @@ class Client(Listener):
                 text = self._line.decode("latin-1").strip()
                 self._line.clear()
                 events += self._complete(text) if text and not self._over else []
-            elif byte:
+            elif byte not in CODES:
                 self._line.append(byte)
                 del self._line[:-LINE_LIMIT]
         return events

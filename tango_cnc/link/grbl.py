@@ -19,9 +19,10 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 
+from ..gate import TOUCH, gate
 from ..records import OFF, Axis, InputError, Move, Touch
 from . import _grbl_targets as targets
-from ._client import Begun, Ended, Event, Job, Refused, Touched
+from ._client import Asked, Begun, Ended, Event, Job, Refused, Touched
 from ._dialogue import Stop, Talk, low
 from ._grbl import clamps
 from ._grbl import hello as hello
@@ -38,6 +39,7 @@ POLL = 0.25  # s between two ?, while a line is being executed
 CLOSE = 0.01  # mm or deg between target and the place that was reached
 SAME = 0.0015  # mm: the control shows three places
 ASIDE, TURNED = 0.5, 0.1  # mm beside the line of a measuring move, deg beside its angles: somewhere else
+LETS_GO = 20  # s for the hand that has touched the stylus
 ENDLESS = (-math.inf, math.inf)
 MISSES = 3  # touches in a row without contact: a probe that is dead guards nothing
 
@@ -99,14 +101,40 @@ class Client(Control):
         self._goal = dict(self._at)
         yield from self._clear()
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))
+        proven = TOUCH not in self._job.program  # a program without the gate asks for nobody's finger
         for move in self._moves:
             if self._stopping:
                 yield from self._leave()
+            if move.kind == "approach" and not proven:
+                yield from self._prove()
+                proven = True
             self._allowed = self._job.patience[self._order[move.touch]]
             self._given += 1
             yield from self._make(move)
             self._low = low(move, self._touches[move.touch], self._job.plan.machine)
         self._events.append(Ended(len(self._job.numbers)))
+
+    def _prove(self) -> Talk:
+        """A slow search up during which somebody touches the stylus, then back. Raises Stop when nobody has been noticed."""
+        up = gate(self._job.plan)
+        self._events.append(Asked(f"{TOUCH} NOW: the probe moves up slowly for 20 s and has to notice it"))
+        yield from self._say(f"({TOUCH})")
+        flag, place = self._contact((yield from self._go(targets.SEARCH, self._linear(up.end), up.feed)))
+        if not flag:
+            raise Stop(
+                "the stylus was not touched, or the probe did not notice it: is it on, its battery good, its cable at the input "
+                "of the probe? Nothing has come near the table. Start again and touch it, or state gate: none"
+            )
+        self._at = place
+        for _ in range(LETS_GO):
+            fields = yield from self._report()
+            if "P" not in fields.get("Pn", ""):
+                break
+            yield from self._say("G4P[1.]")
+        flag, place = self._contact((yield from self._go(targets.SEARCH, self._linear(up.start), self._feed)))
+        if flag:
+            raise Stop(f"the stylus was touched once more on the way back, at {_shown(place)}: let go of it")
+        yield from self._where()
 
     def _clear(self) -> Talk:
         """Where a run was cut off beside a facet the probe goes back as it came; straight up there may be an edge above it."""

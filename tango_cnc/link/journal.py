@@ -1,67 +1,152 @@
 """The journal of a run: one line an entry, on disk before anything else happens.
 
-Each line is the CRC-32 of the JSON after it, the JSON, and a line end; entries are numbered. A line is written in one call
-and forced to the disk before `add` returns. A process or a computer that stops in the middle leaves at most one unfinished
-last line, which is dropped on reading; damage anywhere else is refused, because nobody can say what it was.
+Each line is the CRC-32 of the JSON after it, the JSON, and a line end. Entries are numbered, and each has the hash of the line
+before it: a line that was changed, taken out or put in shows, even where somebody has made its CRC anew. A line is written in
+one call and forced to the disk before `add` returns. A process or a computer that stops in the middle leaves at most one
+unfinished last line, which is dropped on reading; damage anywhere else is refused, because nobody can say what it was.
 A run is a list of segments: what was measured before and after each `--resume`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import os
+import stat
 import zlib
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..records import InputError, LinkError
+from .entries import Entry, Opened, entry_of, plain
+from .lock import lock
 
 FORMAT = "tango-journal/1"
-Entry = Mapping[str, Any]
+LONGEST = 1 << 20  # bytes of one line; a program of ten thousand touches has an entry of 60 000
+MOST = 1 << 28  # bytes of a journal: a million touches
+HASH = 32  # hexadecimal digits of SHA-256
 
 
-def _line(entry: Entry) -> bytes:
-    text = json.dumps(entry, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    data = text.encode()
-    return b"%08x %s\n" % (zlib.crc32(data), data)
+@dataclass(frozen=True)
+class Line:
+    """One line of a journal: its entry, its number in the file, and what is wrong with it, '' for nothing."""
+
+    number: int
+    entry: Entry | None
+    wrong: str
+    digest: str
+    size: int
 
 
-def _entry(line: bytes) -> dict[str, Any] | None:
-    """line without its end → entry, None when it is damaged."""
+@dataclass(frozen=True)
+class Found:
+    """A journal as it is on disk; `unfinished`: bytes of a last line that was never finished."""
+
+    lines: tuple[Line, ...]
+    unfinished: int
+
+    @property
+    def wrong(self) -> Line | None:
+        """→ the first line that is damaged or was changed."""
+        return next((line for line in self.lines if line.wrong), None)
+
+
+def digest_of(line: bytes) -> str:
+    """line without its end → its hash."""
+    return hashlib.sha256(line).hexdigest()[:HASH]
+
+
+def _line(data: dict[str, Any]) -> bytes:
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def _read(line: bytes) -> tuple[dict[str, Any], Entry]:
+    """line without its end → its data, its entry. Raises ValueError: what is wrong with it."""
     crc, _, data = line.partition(b" ")
     try:
-        if len(crc) != 8 or int(crc, 16) != zlib.crc32(data):
-            return None
-        entry = json.loads(data)
+        intact = len(line) <= LONGEST and len(crc) == 8 and int(crc, 16) == zlib.crc32(data)
     except ValueError:
-        return None
-    return entry if isinstance(entry, dict) else None
-
-
-def read_journal(file: Path) -> tuple[list[dict[str, Any]], int]:
-    """file → (entries, bytes they take; beyond that stands an unfinished line). Raises InputError for damage elsewhere."""
+        intact = False
+    if not intact:
+        raise ValueError("a damaged line: its check sum is another one")
     try:
-        data = file.read_bytes()
+        found = json.loads(data)
+    except (ValueError, RecursionError):
+        raise ValueError("a line that is no JSON") from None
+    if not isinstance(found, dict):
+        raise ValueError("a line that is no entry")
+    return found, entry_of(found)
+
+
+def look_at(file: Path) -> Found:
+    """file → every line of it, good or not. Raises InputError when it cannot be read."""
+    data = _bytes(file)
+    *lines, rest = data.split(b"\n")
+    found: list[Line] = []
+    before, due = "", 0
+    chained = False
+    for number, line in enumerate(lines, 1):
+        n, entry, digest, wrong = None, None, digest_of(line), ""
+        try:
+            plain_, entry = _read(line)
+            n = plain_.get("n")
+            if type(n) is not int or n != due:
+                wrong = f"entry {n!r:.20} where entry {due} was due"
+            elif number == 1 and plain_.get("format") != FORMAT:
+                wrong = f"found {plain_.get('format')!r:.40}; allowed: {FORMAT}"
+            elif (was := plain_.get("before")) is not None or chained:
+                chained = True
+                if was != before:
+                    wrong = f"the hash of line {number - 1} is another one here: that line, or this one, was changed afterwards"
+        except ValueError as error:
+            wrong = str(error)
+        found.append(Line(number, entry, wrong, digest, len(line) + 1))
+        before, due = digest, (n if type(n) is int else due) + 1
+    if found and found[-1].wrong.startswith("a damaged line") and not rest:  # its blocks reached the disk in another order
+        return Found(tuple(found[:-1]), found[-1].size)
+    return Found(tuple(found), len(rest))
+
+
+def salvaged(found: Found) -> tuple[list[Entry], list[int]]:
+    """journal → (entries that are whole, numbers of the lines that are left out).
+
+    Where a hash does not fit, the line before was changed, or is damaged by itself: that one is left out, this one is whole.
+    """
+    changed = {line.number - 1 for line in found.lines if line.wrong.startswith("the hash of line")}
+    out = [line.number for line in found.lines if line.entry is None or line.number in changed]
+    return [line.entry for line in found.lines if line.entry is not None and line.number not in changed], out
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        with file.open("rb") as opened:
+            state = os.fstat(opened.fileno())
+            if not stat.S_ISREG(state.st_mode) or state.st_size > MOST:
+                raise InputError(f"{file}: found a device, or {state.st_size} bytes; allowed: a journal of at most {MOST} bytes")
+            return opened.read(MOST)
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror}); there is no run to resume") from None
-    entries: list[dict[str, Any]] = []
-    good = 0
-    lines = data.split(b"\n")  # the last item is what follows the last line end
-    for number, line in enumerate(lines[:-1], 1):
-        entry = _entry(line)
-        if entry is None or entry.get("n") != len(entries):
-            if number == len(lines) - 1 and not lines[-1]:
-                break  # a last line whose blocks reached the disk in another order
-            raise InputError(
-                f"{file}:{number}: a damaged line before the end; allowed: only the last line may be unfinished. Start anew"
-            )
-        entries.append(entry)
-        good += len(line) + 1
-    if entries and entries[0].get("format") != FORMAT:
-        raise InputError(f"{file}:1: found {entries[0].get('format')!r}; allowed: {FORMAT}. Start anew with this version")
-    return entries, good
+
+
+def read_journal(file: Path) -> tuple[list[Entry], int]:
+    """file → (entries, bytes they take; beyond that is an unfinished line). Raises InputError for damage elsewhere."""
+    entries, size, _ = _believed(file)
+    return entries, size
+
+
+def _believed(file: Path) -> tuple[list[Entry], int, str]:
+    """file → (entries, bytes they take, hash of the last line). Raises InputError."""
+    found = look_at(file)
+    if (bad := found.wrong) is not None:
+        raise InputError(
+            f"{file}:{bad.number}: {bad.wrong}. 'tango journal salvage {file}' saves the readings before and after it; "
+            "then start anew without --resume"
+        )
+    entries = [line.entry for line in found.lines if line.entry is not None]
+    return entries, sum(line.size for line in found.lines), found.lines[-1].digest if found.lines else ""
 
 
 class Journal:
@@ -70,21 +155,24 @@ class Journal:
     def __init__(self, file: Path, resume: bool = False) -> None:
         """file, whether to continue it → open journal. Raises LinkError when it is in use or cannot be written."""
         self.file = file
+        self.entries: list[Entry] = []
+        self.digest = ""  # of the last line
+        self._size, self._broken = 0, ""
         flags = os.O_WRONLY | os.O_APPEND | (0 if resume else os.O_CREAT | os.O_EXCL) | getattr(os, "O_BINARY", 0)
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            self._handle = os.open(file, flags, 0o644)
+            self._handle = os.open(file, flags, 0o666)
         except OSError as error:
             raise LinkError(f"{file}: the journal cannot be written ({error.strerror}); nothing was started") from None
         try:
-            _lock(self._handle)
-            self.entries, good = read_journal(file) if resume else ([], 0)
+            lock(self._handle)
             if resume:
-                os.ftruncate(self._handle, good)
+                self.entries, self._size, self.digest = _believed(file)
+                os.ftruncate(self._handle, self._size)
                 os.fsync(self._handle)
             else:
                 _sync_folder(file.parent)
-                self.add("journal", format=FORMAT)
+                self.add(Opened(FORMAT))
         except OSError as error:
             self.close()
             raise LinkError(f"{file}: {error.strerror}; is another 'tango run' using it? Nothing was started") from None
@@ -92,36 +180,29 @@ class Journal:
             self.close()
             raise
 
-    def add(self, kind: str, **values: Any) -> dict[str, Any]:
-        """what happened → the entry, which is on disk when this returns. Raises LinkError when the disk refuses."""
-        entry = {"n": len(self.entries), "kind": kind, **values}
-        line = _line(entry)
+    def add(self, entry: Entry) -> None:
+        """what happened → it is on disk when this returns. Raises LinkError when the disk refuses, and from then on."""
+        if self._broken:
+            raise LinkError(self._broken)
+        data = plain(entry)
+        line = _line({"n": len(self.entries), "kind": data.pop("kind"), "before": self.digest, **data})
         try:
             if os.write(self._handle, line) != len(line):
                 raise OSError(28, os.strerror(28))
             os.fsync(self._handle)
         except OSError as error:
-            raise LinkError(f"{self.file}: the reading cannot be stored ({error.strerror}); the run was stopped") from None
+            self._broken = f"{self.file}: the reading cannot be stored ({error.strerror}); the run was stopped"
+            with contextlib.suppress(OSError):  # what may stand there of it; else it is the unfinished last line
+                os.ftruncate(self._handle, self._size)
+            raise LinkError(self._broken) from None
         self.entries.append(entry)
-        return entry
+        self.digest = digest_of(line[:-1])
+        self._size += len(line)
 
     def close(self) -> None:
         """Lets go of the file."""
         with contextlib.suppress(OSError):
             os.close(self._handle)
-
-
-def _lock(handle: int) -> None:
-    """Raises OSError when another program holds the file."""
-    if os.name == "posix":
-        import fcntl
-
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    else:
-        import msvcrt
-
-        os.lseek(handle, 1 << 30, os.SEEK_SET)  # far behind the text, which others may read
-        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined, unused-ignore]
 
 
 def _sync_folder(folder: Path) -> None:

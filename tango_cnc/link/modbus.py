@@ -1,17 +1,18 @@
-"""Touch by touch through registers: the PC writes a target and a command, the control's resident program makes the move.
+"""Touch by touch through registers: the PC asks for a move, the control echoes it, the PC confirms, the control makes it.
 
-    check ▶ settled ▶ begin ▶ { target written, read back ▶ command and sequence written ▶ acknowledged ▶ read twice } ▶ end
+    check ▶ settled ▶ { request written ▶ echoed under a ticket ▶ ticket confirmed ▶ begun ▶ acknowledged ▶ read twice } ▶ end
 
-A command counts when its sequence is a new one, so that writing it again after an answer that never came moves nothing twice.
-Nothing is written again before it has been read: a write that was not answered may well have been done. The target stands in
-the registers, read back, before its sequence is written. A measuring move goes back to where it began before it is
-acknowledged: whatever happens to this end, the probe is not left in contact. What the control says counts when two readings
-of the whole block agree; half old and half new values (a torn read) do not.
+What acts is the echo, never the request, and only when its ticket is confirmed while it is fresh. A request or a confirmation
+that a gateway delivers late, twice or in another order therefore moves nothing: its sequence or its ticket has passed.
+Nothing is written again before it has been read: a write that was not answered may well have been done. A measuring move goes
+back to where it began before it is acknowledged: whatever happens to this end, the probe is not left in contact. What the
+control says counts when two readings of the whole block agree; half old and half new values (a torn read) do not.
+While something moves, this end writes the control's own tick back to it. The control stops when that grows old.
 
 The lines between this client and the transport are requests and answers in words, one a line, codes and numbers in decimal:
 
     3 0 34      read 34 registers from 0                     3 17 0 …     their values
-    16 40 1 2   write 1 and 2 to registers 40 and 41         16 40 2      done
+    16 60 1 2   write 1 and 2 to registers 60 and 61         16 60 2      done
                                                              ! 2          the control refuses with exception 2
                                                              - why        no answer, or not one to this question
 """
@@ -20,12 +21,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Mapping
+from typing import Any
 
 from ..records import InputError, Move
 from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
 from ._dialogue import Stop, low
-from ._layout import RESIDENT, RUN, read_layout
-from ._registers import READS, WRITES, Registers, Talk, Words, identified
+from ._layout import RUN, read_layout
+from ._registers import CLOSE, READS, WORD, WRITES, Registers, Talk, Words, identified
 from ._registers import hello as hello
 from ._registers import told as told
 
@@ -34,7 +36,6 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "run": ("touches", "program"),  # each move is asked for; or the control runs the program of the post
 }
 END = 0xFFFF  # point of the end mark
-CLOSE = 0.01  # mm or deg between target and the place that was reached
 
 
 class Client(Registers):
@@ -44,8 +45,8 @@ class Client(Registers):
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a layout that cannot carry the plan."""
         self._job, self._layout = job, read_layout(options.get("layout", ""))
         self._program = self.brought = options.get("run", "touches") == "program"  # then it comes to the control by other ways
-        if self._program and not self._layout.resident:
-            raise InputError(f"run=program: the layout has no registers {', '.join(RESIDENT)}, or no command {RUN}")
+        if self._program and RUN not in self._layout.commands:
+            raise InputError(f"run=program: the layout has no command {RUN!r}")
         by_itself = "off" if job.plan.strategy.approach.find else "back"  # a measuring move goes back to where it began
         moves = [move for move in job.plan.moves if move.kind != by_itself]
         for letter in sorted({name for move in moves for name in move.target}):
@@ -57,7 +58,6 @@ class Client(Registers):
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._order = {number: i for i, number in enumerate(job.numbers)}
         self._low: int | None = None  # touch at which the probe is down among the bodies of the table
-        self._last: Words = []  # the block after the last command
         super().__init__(job, self._layout)
 
     @property
@@ -70,7 +70,7 @@ class Client(Registers):
         self._events.append(Identified(identified(self._layout, block)))
         block = yield from self._settled()
         self._free(block)
-        self._sequence = self._said("acknowledged", block)
+        self._sequence, self._taken = self._said("acknowledged", block), self._said("record", block)
         yield from self._follow() if self._program else self._drive()
 
     def _drive(self) -> Generator[str, str, None]:
@@ -84,59 +84,71 @@ class Client(Registers):
             yield from self._make(move)
             self._low = move.touch if low(move, self._touches[move.touch], self._job.plan.machine) else None
         self._allowed = self._job.patience[-1]
-        yield from self._command("end", self._allowed)
+        yield from self._goodbye((yield from self._command("end", self._allowed)) or self._last)
         self._events.append(Ended(len(self._job.numbers)))
 
-    def _command(self, name: str, patience: float) -> Talk:
+    def _command(self, name: str, patience: float, **more: Any) -> Talk:
         """command → the block when it is done, of a measuring move read twice; empty when no two readings of it agree."""
         self._allowed = patience
-        block = yield from self._tell(name)
-        while not (self._idle(block) and self._said("acknowledged", block) == self._sequence):
-            block = yield from self._read(self._layout.state)
+        yield from self._tell(name, **more)
+        while not self._finished(block := (yield from self._read(self._layout.state))):
+            yield from self._attend(block)
         self._done()
-        return (yield from self._steady(self._layout.block, 1 + (name == "probe")))
+        for _ in range(READS):  # a late answer is of before
+            block = yield from self._steady(self._layout.block, 1 + (name == "probe"))
+            if block and self._undisturbed(block):
+                return block
+        return []
 
     def _follow(self) -> Generator[str, str, None]:
         """Record by record: the control runs the program of the post and waits after each until it has been taken.
 
         The first record is the start mark: nothing moves before that has been taken, and it is taken only when it is the one
-        of this program. Point 0 is the start mark, `END` the end mark.
+        of this program. Point 0 is the start mark, `END` the end mark. Records are counted on from run to run, so that the
+        word for one that was taken yesterday takes none of today.
         """
-        block = yield from self._read(self._layout.whole)
-        taken, left_over = 0, self._said("record", block)  # of the run before, until the control has begun this one
-        yield from self._take(taken)
         yield from self._tell(RUN)
         while True:
-            block = yield from self._read(self._layout.whole)
-            idle, number = self._idle(block), self._said("record", block)
-            left_over = left_over if number == left_over else 0
-            if number == (left_over or taken):
-                if idle and self._said("acknowledged", block) == self._sequence:
+            block = yield from self._read(self._layout.block)
+            ended, number = self._finished(block), self._said("record", block)
+            if number == self._taken:
+                if ended:
                     raise Stop("the program has ended before its end mark")
+                yield from self._attend(block)
                 continue
-            if number != taken + 1:
+            if number != (self._taken + 1) % WORD:
                 raise Stop(
-                    f"record {number} came where record {taken + 1} was due: somebody else takes them, or the program ran before"
+                    f"record {number} came where record {(self._taken + 1) % WORD} was due: somebody else takes them, or the "
+                    "program ran before"
                 )
-            block = yield from self._steady(self._layout.whole, 2)
+            block = yield from self._steady(self._layout.block, 2)
             if not block:
                 raise Stop(f"the registers keep changing although record {number} has not been taken")
             if self._stopping:
                 raise Stop("stopped by the user; the control waits for its last record to be taken and moves no further: reset it")
             self._handed_over(block)
-            taken = number
             self._given += 1
             self._done()
-            self._allowed = self._job.patience[min(taken - 1, len(self._job.patience) - 1)]
-            yield from self._take(taken)  # goes out when what the record said is on disk
+            self._allowed = self._job.patience[min(self._given - 2, len(self._job.patience) - 1)]
+            self._heard = self._said("tick", block)
+            yield from self._take(number)  # goes out when what the record said is on disk
             if self._said("point", block) == END:
+                yield from self._over_there()
                 self._events.append(Ended(self._said("count", block)))
+                return
+
+    def _over_there(self) -> Generator[str, str, None]:
+        """The program has handed its last record over: it needs nobody for what little is left of it."""
+        for _ in range(READS):
+            block = yield from self._read(self._layout.state)
+            if self._said("acknowledged", block) == self._sequence:
+                yield from self._goodbye(block)
                 return
 
     def _handed_over(self, block: Words) -> None:
         """One record → its event. Raises Stop for the start mark of another program."""
         point, count = self._said("point", block), self._said("count", block)
-        mark = "".join(f"{word:04X}" for word in self._layout.of("mark", block, self._layout.whole[0]))
+        mark = "".join(f"{word:04X}" for word in self._layout.of("mark", block, self._layout.block[0]))
         if (mark, count) != (self._job.mark.rjust(12, "0"), len(self._job.numbers)):
             ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
             raise Stop(
@@ -152,10 +164,11 @@ class Client(Registers):
 
     def _take(self, number: int) -> Generator[str, str, None]:
         """Writes that a record has been taken, until it stands there."""
-        at = self._layout.registers["taken"]
+        self._taken = number
+        registers = self._layout.registers
         for _ in range(WRITES):
-            yield from self._write(at, [number])
-            if (yield from self._read((at, 1))) == [number]:
+            yield from self._write(registers["confirmed"], [self._ticket, self._heard, number])
+            if (yield from self._read((registers["taken"], 1))) == [number]:
                 return
         raise Stop("what is written as taken does not stand in the registers afterwards: does the layout fit the control?")
 
@@ -165,57 +178,22 @@ class Client(Registers):
         feed = approach.feed if move.kind == "probe" else approach.find.feed if move.kind == "find" and approach.find else 0.0
         target = {letter: self._counts(letter, value) for letter, value in move.target.items()}
         axes = self._layout.axes
-        words = {
-            "mask": [sum(1 << axes.index(letter) for letter in target)],
-            "number": [move.touch & 0xFFFF],
-            "feed": self._layout.words([round(feed / self._layout.scale["feed"])]),
-            "target": self._layout.words([target.get(letter, 0) for letter in axes]),
-        }
-        first, count = self._layout.targets
-        wanted = [0] * count
-        for name, part in words.items():
-            at = self._layout.registers[name] - first
-            wanted[at : at + len(part)] = part
-        for _ in range(WRITES):
-            yield from self._write(first, wanted)
-            if (yield from self._read((first, count))) == wanted:
-                break
-        else:
-            raise Stop("what is written as target does not stand in the registers afterwards: does the layout fit the control?")
-        block = self._last
-        if not block or self._unanswered:
-            block = yield from self._settled()
-        self._ready(block)
-        self._unmoved(block)
         name = "probe" if move.kind in ("find", "probe") else "turn" if move.kind == "index" else "move"
-        block = yield from self._command(name, self._allowed)
+        block = yield from self._command(
+            name,
+            self._allowed,
+            mask=sum(1 << axes.index(letter) for letter in target),
+            number=move.touch,
+            feed=feed,
+            target=[target.get(letter, 0) for letter in axes],
+        )
         if move.kind == "probe":
             self._events.append(self._record(move.touch, block))
         elif not block:
             raise Stop(f"the registers keep changing after command {self._sequence} is done")
         elif move.kind != "find":
             self._arrived(target, block)
-        self._last, self._unanswered = block, False
-
-    def _ready(self, block: Words) -> None:
-        """Raises Stop unless the control is as the last command has left it, free for the next one."""
-        self._idle(block)
-        self._free(block)
-        done = self._said("sequence", block), self._said("acknowledged", block)
-        if done != (self._sequence, self._sequence):
-            ours = f"{self._sequence} was the last one of this end"
-            raise Stop(
-                f"the control speaks of command {done[0]}, done {done[1]}, where {ours}: it has been switched off and on, or "
-                "another program drives it as well"
-            )
-
-    def _unmoved(self, block: Words) -> None:
-        """Raises Stop when the axes have been moved since the last command: while requests were not answered."""
-        if self._last and block != self._last:
-            before, now = self._position(self._last), self._position(block)
-            away = [letter for letter, value in now.items() if abs(value - before[letter]) > CLOSE]
-            if away:
-                raise Stop(f"{' '.join(away)} moved while requests were not answered, and nothing had been asked for")
+        self._last = block
 
     def _record(self, number: int, block: Words) -> Event:
         if not block:
@@ -244,7 +222,7 @@ class Client(Registers):
             if self._job.plan.strategy.approach.find:
                 yield from self._make(Move("back", _linear(self._touches[self._low].standoff, self._job), self._low))
             yield from self._make(Move("retract", _linear(self._touches[self._low].over, self._job), self._low))
-        yield from self._command("end", self._job.patience[-1])
+        yield from self._goodbye((yield from self._command("end", self._job.patience[-1])) or self._last)
         raise Stop("stopped by the user; the probe has been drawn clear")
 
     def _counts(self, letter: str, value: float) -> int:

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
 
 from ..plan import last_motion
 from ..records import LinkError, Machine
-from ._client import Begun, Client, Ended, Event, Failed, Identified, Job, Refused, Touched
+from . import entries
+from ._client import Asked, Begun, Client, Ended, Event, Failed, Identified, Job, Refused, Touched
+from ._secrets import without
 from ._trust import Distrust, Gate, Judged, judge, next_in_order
+from .entries import Again, Doubted, End, Identity, Reading
 from .journal import Journal
 from .transport import Lost, Transport
+from .transport._line import reason
 
 POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the control are noticed this soon
 BLOCKED = 0.01  # s between attempts while the line takes no bytes
 BANNER = re.compile(rb"\bGrbl\w* ", re.IGNORECASE)
 STOOD_STILL = 10.0  # s between two looks; nothing that is done between them takes as long, however bad line and disk are
+TIMED = (entries.Begun, Reading, Again, Doubted)
 REFUSALS = 10  # records in a row that are not believed
 
 
@@ -47,20 +53,27 @@ class Moved(LinkError):
 
 
 class Transcript:
-    """What went over the line, as text: `-> ` sent, `<- ` received, `.. ` seconds; the tests replay such files."""
+    """What went over the line, as text: `-> ` sent, `<- ` received, `.. ` seconds; the tests replay such files.
 
-    def __init__(self, out: TextIO | None, clock: Callable[[], float]) -> None:
-        self._out, self._clock, self._last = out, clock, clock()
+    A file that takes no more (a full disk, a stick that was pulled out) ends the transcript, never the run.
+    """
+
+    def __init__(self, out: TextIO | None, clock: Callable[[], float], hidden: tuple[str, ...] = ()) -> None:
+        self._out, self._clock, self._last, self._hidden = out, clock, clock(), hidden
+        self.lost = ""  # why nothing more is written
 
     def add(self, mark: str, data: bytes) -> None:
         """'->' or '<-', bytes → a line of the transcript."""
         if self._out is None or not data:
             return
         now = self._clock()
-        if now - self._last >= 0.001:
-            self._out.write(f".. {now - self._last:.3f}\n")
+        text = without(data, self._hidden).decode("latin-1").encode("unicode_escape").decode("ascii")
+        waited = f".. {now - self._last:.3f}\n" if now - self._last >= 0.001 else ""
         self._last = now
-        self._out.write(f"{mark} {data.decode('latin-1').encode('unicode_escape').decode('ascii')}\n")
+        try:
+            self._out.write(f"{waited}{mark} {text}\n")
+        except (OSError, ValueError) as error:
+            self._out, self.lost = None, reason(error)
 
 
 def listen(
@@ -100,11 +113,17 @@ class Session:
         gate: Gate | None = None,
         transcript: TextIO | None = None,
         stop: Callable[[], int] = lambda: 0,
+        boot: str = "",
+        hidden: tuple[str, ...] = (),
     ) -> None:
-        """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day, `stop` the user's wishes."""
+        """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day, `stop` the user's wishes.
+
+        `boot` names the start of this computer from which `clock` counts; words that are `hidden` do not go into the transcript.
+        """
         self._job, self._client, self._journal, self._watch = job, client, journal, watch
         self._clock, self._now, self._gate = clock, now, gate or Gate()
-        self._transcript, self._stop = Transcript(transcript, clock), stop
+        self._transcript, self._stop = Transcript(transcript, clock, hidden), stop
+        self._boot = boot
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._directions = last_motion(job.plan)
         self._zero: float | None = None  # clock at the time zero of the readings
@@ -112,7 +131,11 @@ class Session:
         self._accepted = 0
         self._doubts = 0
         self._ended = self._told = self._leaving = False
-        self._first = {_pose(job.plan.machine, e): e["deviation_um"] for e in reversed(journal.entries) if _repeatable(e)}
+        self._first = {
+            _pose(job.plan.machine, entry.facet, entry.position): entry.deviation_um
+            for entry in reversed(journal.entries)
+            if isinstance(entry, Reading) and entry.deviation_um is not None
+        }
 
     def run(self, transport: Transport) -> None:
         """open transport → returns when every touch of the job is in the journal and the end mark has come.
@@ -129,10 +152,10 @@ class Session:
             raise Moved(str(self._stopped(str(error)))) from None
         except LinkError as error:
             raise self._stopped(str(error)) from None
-        self._journal.add("end", complete=True, why="end mark", utc=_stamp(self._now()))
+        self._journal.add(End(True, "end mark", _stamp(self._now()), stands=True))
 
     def _missing(self) -> str:
-        got = {entry["touch"] for entry in self._journal.entries if entry["kind"] == "reading"}
+        got = {entry.touch for entry in self._journal.entries if isinstance(entry, Reading)}
         numbers = [str(number) for number in self._job.original if number not in got]
         shown = ", ".join(numbers[:10]) + (f" and {len(numbers) - 10} more" if len(numbers) > 10 else "")
         return (
@@ -143,7 +166,8 @@ class Session:
 
     def _stopped(self, why: str) -> LinkError:
         """why → what the person has to know, after it is in the journal."""
-        self._journal.add("end", complete=False, why=why, utc=_stamp(self._now()))
+        with contextlib.suppress(LinkError):  # a disk that takes nothing more is the reason itself
+            self._journal.add(End(False, why, _stamp(self._now()), stands=self._ended))
         quiet = self._client.sent[0] == 0 and self._zero is None
         warning = "" if quiet else " The control may still execute what it has received: look at the machine."
         done, of = self._accepted, len(self._job.numbers)
@@ -169,6 +193,7 @@ class Session:
                 lost = error
             self._transcript.add("->", waiting[:taken])
             self._transcript.add("<-", data)
+            self._lost()
             waiting = waiting[taken:]
             moment = self._clock()
             if data:
@@ -179,6 +204,13 @@ class Session:
             self._passed(moment - last)
             last = moment
             self._tell()
+
+    def _lost(self) -> None:
+        """Says once that the transcript cannot be continued."""
+        if why := self._transcript.lost:
+            self._transcript.lost = ""
+            what = f"the transcript ends here: {why}; the run goes on"
+            self._watch(Step(self._accepted, len(self._job.numbers), self._time(), None, what))
 
     def _passed(self, seconds: float) -> None:
         """s between two looks → what the waiting means. Raises LinkError where this computer has not looked for too long to go on.
@@ -225,6 +257,8 @@ class Session:
                 self._begun()
             elif isinstance(event, Identified):
                 self._identified(event.text)
+            elif isinstance(event, Asked):
+                self._watch(Step(self._accepted, len(self._job.numbers), self._time(), None, event.text))
             elif isinstance(event, Ended):
                 self._ended = True
             elif isinstance(event, Failed) and not self._ended:
@@ -235,8 +269,8 @@ class Session:
 
         It does so once: a new version may do what the old one did, and a wrong character may have been in what it said before.
         """
-        before = [entry["text"] for entry in self._journal.entries if entry["kind"] == "identity"]
-        self._journal.add("identity", text=text)
+        before = [entry.text for entry in self._journal.entries if isinstance(entry, Identity)]
+        self._journal.add(Identity(text))
         if before and text not in before:
             raise LinkError(
                 f"the control says it is {text!r}, and the run was begun at {before[0]!r}: readings of two machines do not go "
@@ -245,11 +279,10 @@ class Session:
 
     def _begun(self) -> None:
         moment, today = self._clock(), self._now()
-        first = next((entry["utc"] for entry in self._journal.entries if entry["kind"] == "begun"), None)
-        before = max((entry["time_s"] for entry in self._journal.entries if "time_s" in entry), default=0.0)
-        since = 0.0 if first is None else (today - datetime.fromisoformat(first)).total_seconds()
-        self._zero = moment - max(since, before)
-        self._journal.add("begun", utc=_stamp(today), time_s=round(self._time(), 3))
+        first = next((entry for entry in self._journal.entries if isinstance(entry, entries.Begun)), None)
+        before = max((entry.time_s for entry in self._journal.entries if isinstance(entry, TIMED)), default=0.0)
+        self._zero = moment - max(_since(first, self._boot, moment, today), before)
+        self._journal.add(entries.Begun(_stamp(today), round(self._time(), 3), self._boot or None, round(moment, 3)))
         self._watch(Step(0, len(self._job.numbers), self._time()))
 
     def _time(self) -> float:
@@ -275,29 +308,33 @@ class Session:
             else Step(self._accepted, len(self._job.numbers), self._time(), judged.deviation)
         )
 
-    def _store(self, place: int, facet: str, judged: Judged, text: str) -> Mapping[str, Any]:
+    def _store(self, place: int, facet: str, judged: Judged, text: str) -> Reading:
         deviation = None if judged.deviation is None else round(judged.deviation, 3)
-        now = {"facet": facet, "position": [float(value) for value in judged.position]}
-        first = None if deviation is None else self._first.setdefault(_pose(self._job.plan.machine, now), deviation)
-        return self._journal.add(
-            "reading",
+        position = tuple(float(value) for value in judged.position)
+        pose = _pose(self._job.plan.machine, facet, position)
+        first = None if deviation is None else self._first.setdefault(pose, deviation)
+        drift = None if first is None or deviation is None or first == deviation else round(deviation - first, 3)
+        entry = Reading(
             touch=self._job.original[place],
-            **now,
+            facet=facet,
+            position=position,
             time_s=round(self._time(), 3),
             status=judged.status,
             deviation_um=deviation,
-            drift_um=None if first is None or deviation is None or first == deviation else round(deviation - first, 3),
-            direction=[int(sense) for sense in self._directions[place]],
+            drift_um=drift,
+            direction=tuple(int(sense) for sense in self._directions[place]),
             record=text,
         )
+        self._journal.add(entry)
+        return entry
 
     def _repeated(self, place: int, judged: Judged) -> None:
         """Raises LinkError when a facet is not where it was before the run stopped."""
         number = self._job.original[place]
-        before = next(e["position"] for e in self._journal.entries if e["kind"] == "reading" and e["touch"] == number)
+        before = next(e.position for e in self._journal.entries if isinstance(e, Reading) and e.touch == number)
         linear = [axis.kind == "linear" for axis in self._job.plan.machine.axes]
         moved = float(np.linalg.norm((judged.position - np.array(before))[linear])) if judged.status == "ok" else None
-        self._journal.add("again", touch=number, status=judged.status, moved_mm=moved, time_s=round(self._time(), 3))
+        self._journal.add(Again(number, judged.status, moved, round(self._time(), 3)))
         if moved is None or moved > self._gate.moved:
             found = judged.status if moved is None else f"{moved * 1e3:.0f} µm away"
             raise Moved(
@@ -306,7 +343,7 @@ class Session:
             )
 
     def _doubt(self, why: str, text: str) -> None:
-        self._journal.add("refused", why=why, record=text, time_s=round(self._time(), 3))
+        self._journal.add(Doubted(why, text, round(self._time(), 3)))
         self._doubts += 1
         remark = f"not believed: {text!r}: {why}"
         self._watch(Step(self._accepted, len(self._job.numbers), self._time(), None, remark))
@@ -316,22 +353,28 @@ class Session:
             )
 
 
-def step_of(entry: Mapping[str, Any], done: int, total: int) -> Step:
-    """'reading' of a journal, touches done of all → what is shown of it."""
-    status = entry["status"]
-    remark = None if status == "ok" else f"touch {entry['touch']}: {status}"
-    deviation, drift = entry.get("deviation_um"), entry.get("drift_um")
-    return Step(done, total, entry["time_s"], deviation, remark, entry["touch"], entry.get("facet"), status, drift)
+def step_of(entry: Reading, done: int, total: int) -> Step:
+    """reading of a journal, touches done of all → what is shown of it."""
+    remark = None if entry.status == "ok" else f"touch {entry.touch}: {entry.status}"
+    return Step(done, total, entry.time_s, entry.deviation_um, remark, entry.touch, entry.facet, entry.status, entry.drift_um)
 
 
-def _repeatable(entry: Mapping[str, Any]) -> bool:
-    return entry["kind"] == "reading" and entry.get("deviation_um") is not None
+def _pose(machine: Machine, facet: str, position: Sequence[float]) -> tuple[str, ...]:
+    """facet, (k,) mm rad → what must be the same for two touches to be comparable: the facet, how table and spindle are turned."""
+    turned = (f"{v:.3f}" for v, axis in zip(position, machine.axes, strict=True) if axis.kind != "linear")
+    return (facet, *turned)
 
 
-def _pose(machine: Machine, entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """reading → what must be the same for two touches to be comparable: the facet and where the table and the spindle stand."""
-    turned = (f"{v:.3f}" for v, axis in zip(entry["position"], machine.axes, strict=True) if axis.kind != "linear")
-    return (entry["facet"], *turned)
+def _since(first: entries.Begun | None, boot: str, moment: float, today: datetime) -> float:
+    """first start mark of the run, start of this computer, its clock s, time of day → s since then.
+
+    The clock that nobody sets counts as long as the computer has not been started anew; only then the time of day does.
+    """
+    if first is None:
+        return 0.0
+    if boot and first.boot == boot and first.clock_s is not None:
+        return moment - first.clock_s + first.time_s
+    return (today - datetime.fromisoformat(first.utc)).total_seconds()
 
 
 def _stamp(moment: datetime) -> str:

@@ -4,5 +4,6 @@ from .build import OBSTRUCTED, USUAL, part, plan, reachable
 from .digest import plan_hash
 from .motion import last_motion, last_moves
 from .split import split
+from .standing import standing
 
-__all__ = ["OBSTRUCTED", "USUAL", "last_motion", "last_moves", "part", "plan", "plan_hash", "reachable", "split"]
+__all__ = ["OBSTRUCTED", "USUAL", "last_motion", "last_moves", "part", "plan", "plan_hash", "reachable", "split", "standing"]

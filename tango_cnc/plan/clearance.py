@@ -46,6 +46,14 @@ class Clearance:
         parting = (self._parting(last, name) for last in touches[-1:])  # its turn comes last, and so do its faults
         return Turned(chain(turns, parting), len(begins) + 1, self._station.shape[1])
 
+    def has_room(self, touch: Touch) -> bool:
+        """touch → whether the travels leave a place above it at which the rotary axes may turn, whatever their angles are."""
+        try:
+            self._parting(touch, lambda index: "")
+        except InputError:
+            return False
+        return True
+
     def _parting(self, last: Touch, name: Callable[[int], str]) -> Turn:
         place = _tuple(self._place(np.array(last.over), last.indexation, self._up(last.indexation), name))
         return Turn(last.number + 1, place, place)

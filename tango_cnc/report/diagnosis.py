@@ -11,7 +11,7 @@ import numpy as np
 from ..diagnose import Diagnosis, Finding, Test
 from ..diagnose.sentences import advice, covariate, dropped, meaning, said, towards, unexplained
 from ..diagnose.words import as_text, telling
-from ..records import Array
+from .over import covariate_of, shown_over
 from .pictures import BAD, GOOD, INK, PALE, embedded, figure, styled
 
 COLUMNS = 3  # of small pictures side by side
@@ -121,7 +121,7 @@ def dependence(d: Diagnosis, tests: Sequence[Test]) -> Any:
         drawn = figure(9.5, 2.6 * rows)
         grid = drawn.subplots(rows, COLUMNS, squeeze=False).ravel()
         for ax, t in zip(grid, tests, strict=False):
-            x, label = _shown(d, t)
+            x, label = shown_over(d, t)
             order = np.argsort(x)
             ax.fill_between(x[order], -1e3 * t.band[order], 1e3 * t.band[order], color=PALE, alpha=0.5, lw=0)
             ax.plot(x[order], 1e3 * t.mean[order], "o-", color=BAD, ms=3, lw=1, label="present model")
@@ -138,31 +138,12 @@ def dependence(d: Diagnosis, tests: Sequence[Test]) -> Any:
     return drawn
 
 
-def _shown(d: Diagnosis, t: Test) -> tuple[Array, str]:
-    """→ places of the groups in the unit of people, and that unit."""
-    machine = d.before.model.touches.machine
-    name = t.covariate
-    axis = name[-1] if name.startswith("way of ") else name
-    if name == "time" or name.startswith("shift "):
-        return t.centre / 60, "min"
-    if name == "indexation":
-        return t.centre + 1, "number of the indexation"
-    if axis in machine.linear:
-        return t.centre, "mm"
-    if axis in machine.names:
-        return np.degrees(t.centre), "deg"
-    if name.startswith("normal "):
-        return t.centre, "cosine"
-    units = {"order": "touch", "facet": "facet, in the order of the artefact file", "feed": "mm/min"}
-    return t.centre, units.get(name, "°C" if name.startswith("T_") else "direction of the last motion")
-
-
 def seen(d: Diagnosis, f: Finding) -> Any:
     """diagnosis, finding → what it does over the covariate that it belongs to, with what is measured of it; and the part of it
     that the model without it cannot absorb.
     """
     touches = d.before.model.touches
-    about, x, label = _covariate(d, f)
+    about, x, label = covariate_of(d, f)
     maker = d.explanation.place.basis @ d.explanation.place.basis.T
     visible = maker @ f.pattern
     rest = maker @ (d.before.residuals - sum((o.pattern for o in d.findings if o is not f), np.zeros(len(touches))))
@@ -193,17 +174,3 @@ def seen(d: Diagnosis, f: Finding) -> Any:
         right.set_xlabel("expected, µm")
         right.set_ylabel("measured, µm")
     return drawn
-
-
-def _covariate(d: Diagnosis, f: Finding) -> tuple[str, Array, str]:
-    touches = d.before.model.touches
-    name = str(f.setting.get("by") or f.setting.get("axis") or "")
-    if not name and "name" in f.setting:
-        name = str(f.setting["name"])[2]
-    if f.cause in ("scale_drift", "move_length_memory") or name not in touches.machine.names:
-        if f.cause in ("probe_lobing", "pretravel_anisotropy", "spindle_orientation"):
-            n = touches.spindle_normal
-            return "direction of the touch around the probe", np.degrees(np.arctan2(n[:, 1], n[:, 0])), "deg"
-        return "time", touches.time / 60, "min"
-    values = touches.axis(name)
-    return (name, values, "mm") if name in touches.machine.linear else (name, np.degrees(values), "deg")

@@ -1,383 +1,422 @@
-"""Estimate and checks → one HTML page that stands alone: what a machinist needs first, then every number with its uncertainty."""
+"""Facts → one HTML page that stands alone: verdict, what to do, pictures, every number with its interval, and the audit trail."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from html import escape
+from pathlib import Path
 from typing import Any
 
+import jinja2
 import numpy as np
+from markupsafe import Markup
 
-from ..estimate import Estimate, fit
-from ..identify import select
-from ..iso230 import Figure
-from ..model import linearise
-from ..records import Array, Cell, Readings
-from ..verify.held_out import HeldOut
+from ..diagnose.sentences import advice, covariate, dropped, meaning, said, unexplained
+from ..records import InputError
 from ..verify.summary import pose_text
-from ..verify.volume import VolumeMap
-from .units import shown
+from . import charts, slices
+from .drawings import drawing
+from .facts import Facts, effects, verdict
+from .texts import Texts, texts, texts_of
+from .units import Units
+from .verdict import Verdict
 from .words import spoken
 
-CSS = """
-:root{--ink:#1f2933;--soft:#5b6770;--line:#d9dee3;--good:#1b6ca8;--bad:#c0392b}
-*{box-sizing:border-box}
-body{font:16px/1.5 system-ui,Segoe UI,Helvetica,Arial,sans-serif;color:var(--ink);margin:0;background:#f4f6f8}
-main{max-width:1040px;margin:0 auto;padding:28px 32px 60px;background:#fff}
-h1{font-size:26px;margin:0}
-h2{font-size:19px;margin:38px 0 8px;border-bottom:2px solid var(--line);padding-bottom:4px}
-.sub{color:var(--soft);margin:2px 0 20px}
-.cards{display:flex;gap:12px;flex-wrap:wrap;margin:18px 0}
-.card{flex:1 1 165px;border:1px solid var(--line);border-radius:8px;padding:12px 14px}
-.card b{display:block;font-size:21px;line-height:1.2}
-.card span{color:var(--soft);font-size:13px;line-height:1.35;display:block;margin-top:4px}
-.ok{border-left:5px solid #3c8d53}
-.warn{border-left:5px solid #e08e0b}
-.bad{border-left:5px solid var(--bad)}
-table{border-collapse:collapse;width:100%;font-size:14px;margin:8px 0}
-th{text-align:left;color:var(--soft);font-weight:600}
-th,td{padding:4px 10px 4px 0;border-bottom:1px solid var(--line);vertical-align:top}
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
-tr.weak td{color:#8a949c}
-.bar{display:inline-block;height:9px;background:var(--good)}
-img{max-width:100%;display:block;margin:10px 0}
-.note{color:var(--soft);font-size:13.5px}
-ul{padding-left:20px}
-details{margin:8px 0}
-summary{cursor:pointer;color:var(--good)}
-@media print{body{background:#fff}main{padding:0}h2{break-after:avoid}}
-"""
+LARGEST = 8
+TEMPLATES = "templates"
 
 
-@dataclass(frozen=True)
-class Findings:
-    """Everything that goes on the page; pictures are data URIs by caption, in order."""
-
-    cell: Cell
-    readings: Readings
-    result: Estimate
-    before: Array  # (n,) mm, what remains when only stylus and facets are adjusted
-    iso: tuple[Figure, ...]
-    chart: VolumeMap | None
-    held: HeldOut | None
-    why_not_held: str = ""
-    pictures: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # section: (caption, data URI)
+def environment(folder: Path | None = None) -> jinja2.Environment:
+    """folder of a shop with templates of its own, or None → where templates come from; what is inserted is escaped."""
+    places: list[jinja2.BaseLoader] = [jinja2.PackageLoader("tango_cnc.report", TEMPLATES)]
+    if folder is not None:
+        if not folder.is_dir():
+            raise InputError(f"--templates: found {folder}, which is no folder; allowed: a folder with templates or texts.toml")
+        places.insert(0, jinja2.FileSystemLoader(folder))
+    return jinja2.Environment(
+        loader=jinja2.ChoiceLoader(places), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
 
 
-def effects(result: Estimate) -> dict[str, float]:
-    """estimate → µm, root mean square of what each parameter does to the touches; reported names, largest first."""
-    _, jacobian = linearise(result.model, result.values)
-    size = np.sqrt(np.mean((jacobian * result.values) ** 2, axis=0)) * 1e3
-    own = result.parameters
-    found = {
-        result.selection.label(name): float(s)
-        for name, s in zip(result.model.names, size, strict=True)
-        if result.selection.label(name) in own
+def rendered(env: jinja2.Environment, name: str, context: Mapping[str, Any]) -> str:
+    """environment, template, values → text. Raises InputError for a mistake in a template of a shop."""
+    try:
+        return env.get_template(name).render(**context)
+    except jinja2.TemplateSyntaxError as error:
+        raise InputError(f"{error.filename or error.name}:{error.lineno}: {error.message}; correct the template") from None
+    except (jinja2.UndefinedError, jinja2.TemplateNotFound) as error:
+        raise InputError(f"{name}: {error.message}; allowed: what the template of the program uses (docs/report.md)") from None
+
+
+def render(f: Facts, folder: Path | None = None) -> str:
+    """facts, folder of a shop's templates or None → HTML."""
+    return rendered(environment(folder), "report.html", context(f, texts_of(folder)))
+
+
+def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
+    """facts, texts → every value that a template of the report can use; pictures are finished SVG."""
+    t = t or texts()
+    u, machine = f.wishes.units, f.cell.machine
+    found = verdict(f, t)
+    data = charts.turning(f, t)
+    words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
+    values = {
+        "t": t,
+        "f": f,
+        "units": u,
+        "machine": machine,
+        "date": f"{f.paper.made:%Y-%m-%d %H:%M} UTC",
+        "verdict": found,
+        "sentence": sentence(found, t),
+        "todo": list(dict.fromkeys(c.todo for c in found.checks if c.level != "good" and c.todo)),
+        "largest": parameters(f, t, most=LARGEST),
+        "parameters": parameters(f, t),
+        "setup": _setup(f, t),
+        "fit": _fit(f, t),
+        "flagged": _flagged(f),
+        "turning": data,
+        "still": _safe(charts.still(data)),
+        "touches": _safe(charts.touches(f, t)),
+        "predicts": _predicts(f, t),
+        "predicted": _safe(charts.predicted(f, t)),
+        "volume": _volume(f, t),
+        "slices": _safe(slices.picture(f.cuts, machine, u, words)) if f.cuts else "",
+        "diagnosis": _diagnosis(f, t),
+        "motions": [_safe(s) for s in charts.motions(f)],
+        "iso": _iso(f),
+        "unseen": [c.text for c in f.result.selection.unseen],
+        "uncertainty": _uncertainty(f, t),
+        "trend": _trend(f, t),
+        "compensations": [_compensation(c, u, t) for c in f.compensations],
+        "audit": _audit(f, t),
+        "files": f.paper.files,
     }
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+    return values if f.wishes.pictures else values | _bare(values)
 
 
-def unexplained_before(result: Estimate) -> Array:
-    """estimate → (n,) mm, what remains of the touches when only stylus and facets are adjusted (subset S1)."""
-    return fit(select(result.model.touches, ("S1",))).residuals
+def _bare(values: Mapping[str, Any]) -> dict[str, Any]:
+    """values of a template → those that hold pictures, without them."""
+    diagnosis = {**values["diagnosis"], **({} if values["diagnosis"]["none"] else {"course": [], "dependence": []})}
+    nothing: dict[str, Any] = dict.fromkeys(("still", "touches", "predicted", "slices"), "")
+    return nothing | {"turning": None, "motions": [], "trend": [], "diagnosis": diagnosis}
 
 
-def render(found: Findings, version: str) -> str:
-    """findings, version of the program → HTML."""
-    cell, result = found.cell, found.result
-    parts = [
-        f"<h1>{escape(cell.machine.name)}</h1>",
-        f'<p class="sub">{escape(cell.machine.topology)} · {escape(cell.artefact.name)} · {escape(cell.strategy.name)} · '
-        f"tango_cnc {escape(version)}</p>",
-        _summary(found),
-        "<h2>Largest errors</h2>",
-        _largest(found),
-        _picture(found, "parameters"),
-        "<h2>Does it fit?</h2>",
-        _fit(found),
-        _picture(found, "touches"),
-        _picture(found, "vectors"),
-        "<h2>Does it predict?</h2>",
-        _predicts(found),
-        _picture(found, "held_out"),
-        "<h2>Error of the tool tip over the working volume</h2>",
-        _volume(found),
-        _picture(found, "volume"),
-        "<h2>What cannot be seen</h2>",
-        _unseen(result),
-        "<h2>ISO 230-1 figures</h2>",
-        _iso(found.iso),
-        _picture(found, "curves"),
-        "<h2>All parameters</h2>",
-        _parameters(found),
-        "<h2>Stylus and table</h2>",
-        _setup(result),
-    ]
-    body = "\n".join(part for part in parts if part)
-    title = f"{escape(cell.machine.name)}: calibration by probing its own table"
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        f"<title>{title}</title><style>{CSS}</style></head><body><main>\n{body}\n</main></body></html>\n"
-    )
+def _safe(svg: str) -> Markup:
+    """SVG of this program, whose texts are escaped where it is made → left as it is by the templates."""
+    return Markup(svg)
 
 
-def _worst(chart: VolumeMap | None) -> float | None:
-    """→ µm, longest error within what was touched."""
-    if chart is None:
-        return None
-    inside = ~chart.extrapolated
-    return float(chart.size[inside].max() if inside.any() else chart.size.max()) * 1e3
+def sentence(found: Verdict, t: Texts) -> str:
+    """verdict, texts → what the top of the page says."""
+    if found.worst is None:
+        return t("verdict.good")
+    if not found.worst.trust:
+        return t("verdict.limit", why=found.worst.text)
+    return t(f"verdict.{found.level}", why=found.worst.text)
 
 
-def _card(value: str, text: str, state: str) -> str:
-    return f'<div class="card {state}"><b>{value}</b><span>{text}</span></div>'
+def value_text(value: float, std: float) -> str:
+    """value, standard deviation → as many digits as the deviation is worth."""
+    return f"{value:.{digits(std)}f}".replace("-", "−")
 
 
-def _summary(found: Findings) -> str:
-    result = found.result
-    before, after = (float(np.abs(r).mean()) * 1e3 for r in (found.before, result.residuals))
-    stated = result.model.touches.machine.probe.repeatability * 1e3
-    ratio = result.sigma * 1e3 / stated if stated else 0.0
-    worst = _worst(found.chart)
-    outliers = len(result.outliers)
-    touches = len(result.residuals)
-    skipped = len(found.readings) - touches
-    cards = [
-        _card("unknown", "error of the tool tip: these touches tell nothing of the machine", "bad")
-        if worst is None
-        else _card(
-            f"{worst:.0f} µm",
-            "largest error of the tool tip against the table, within what was touched",
-            "warn" if worst > 20 else "ok",
-        ),
-        _card(
-            f"{before:.1f} → {after:.2f} µm", "mean unexplained distance of a touch, without and with the machine's errors", "ok"
-        ),
-        _card(
-            f"{ratio:.1f} ×" if stated else f"{result.sigma * 1e3:.2f} µm",
-            f"scatter of a touch {result.sigma * 1e3:.2f} µm against the {stated:.2f} µm that the probe repeats"
-            if stated
-            else "scatter of a touch",
-            "ok" if ratio < 1.5 else "warn" if ratio < 4 else "bad",
-        ),
-        _card(
-            f"{outliers}",
-            f"of {touches} touches do not fit" + (f"; {skipped} made no proper contact" if skipped else ""),
-            "ok" if not outliers else "warn",
-        ),
-    ]
-    if found.held is not None:
-        good = found.held.ratio
-        cards.append(
-            _card(
-                f"{good:.2f}",
-                "predicted against promised: held-out touches, 1 is as good as claimed",
-                "ok" if good < 1.4 else "warn",
-            )
-        )
-    return f'<div class="cards">{"".join(cards)}</div>' + _advice(ratio, outliers, found.held)
+def digits(std: float) -> int:
+    """standard deviation → decimals that are worth printing."""
+    return 1 if std >= 1 else 2 if std >= 0.095 else 3
 
 
-def _advice(ratio: float, outliers: int, held: HeldOut | None) -> str:
-    lines = []
-    if ratio >= 1.5:
-        lines.append(
-            "The model leaves clearly more than the probe's repeatability: ask <code>tango diagnose</code> what it is first."
-        )
-    if held is not None and held.ratio >= 1.4:
-        lines.append("New positions are predicted worse than the estimate claims: something acts that the model lacks.")
-    if outliers:
-        lines.append(
-            "Look at the touches that do not fit (chips, dirt, a wrong facet); estimate again with <code>--exclude-outliers</code>."
-        )
-    if not lines:
-        lines.append(
-            "The touches are explained to within their scatter, and touches that took no part are predicted as well as promised."
-        )
-    return "<ul>" + "".join(f"<li>{line}</li>" for line in lines) + "</ul>"
-
-
-def _table(head: Sequence[tuple[str, bool]], rows: Sequence[tuple[Sequence[str], bool]]) -> str:
-    """(title, numeric) columns, (cells, weak) rows → HTML; cells are HTML already."""
-    top = "".join(f"<th{' class=n' if numeric else ''}>{title}</th>" for title, numeric in head)
-    lines = []
-    for cells, weak in rows:
-        line = "".join(f"<td{' class=n' if numeric else ''}>{cell}</td>" for cell, (_, numeric) in zip(cells, head, strict=True))
-        lines.append(f"<tr{' class=weak' if weak else ''}>{line}</tr>")
-    return f"<table><tr>{top}</tr>{''.join(lines)}</table>"
-
-
-def _largest(found: Findings) -> str:
-    result, machine = found.result, found.cell.machine
-    size = effects(result)
-    own = result.parameters
-    top = [(name, effect) for name, effect in size.items() if abs(own[name].value) > 2 * own[name].std][:8]
-    if not top:
-        return "<p>No single parameter is different from zero (two standard deviations).</p>"
-    most = max(top[0][1], 1e-9)
-    rows = []
-    for name, effect in top:
+def parameters(f: Facts, t: Texts, most: int | None = None) -> list[dict[str, Any]]:
+    """facts, texts, how many of those that differ from zero (None: all) → rows of the table, largest effect first."""
+    size, own, u = effects(f.result), f.result.parameters, f.wishes.units
+    by_name = {f.result.selection.label(name): float(s) for name, s in zip(f.result.model.names, f.std, strict=True)}
+    untrusted = f.judgement.untrusted
+    rows: list[dict[str, Any]] = []
+    for name in size:
         p = own[name]
-        factor, unit = shown(p.unit)
-        bar = f'<span class="bar" style="width:{100 * effect / most:.0f}px"></span>'
+        factor, unit = u.coefficient(p.unit)
+        value, std = p.value * factor, by_name[name] * abs(factor)
+        half = f.factor * std
+        if most is not None and (abs(value) <= half or len(rows) >= most):
+            continue
         rows.append(
-            (
-                (escape(spoken(name, machine)), escape(name), _value(p.value * factor, p.std * factor), unit, f"{effect:.1f}", bar),
-                False,
-            )
+            {
+                "name": name,
+                "what": spoken(name, f.cell.machine, t),
+                "drawing": _safe(drawing(name, f.cell.machine)),
+                "value": value_text(value, std),
+                "low": value_text(value - half, std),
+                "high": value_text(value + half, std),
+                "unit": unit,
+                "effect": f"{size[name] * u.per_micron:.2f}",
+                "share": size[name],
+                "weak": abs(value) <= half,
+                "untrusted": name in untrusted,
+                "numbers": (value, half),
+            }
         )
-    head = [("what", False), ("ISO 230-1", False), ("value", True), ("", False), ("effect on a touch, µm rms", True), ("", False)]
-    note = "Parameters that are different from zero (two standard deviations), by what they do to the touches."
-    return _table(head, rows) + f'<p class="note">{note}</p>'
+    span: dict[str, float] = {}
+    for row in rows:
+        value, half = row["numbers"]
+        span[row["unit"]] = max(span.get(row["unit"], 0.0), abs(value) + half)
+    for row in rows:
+        value, half = row.pop("numbers")
+        row["number"], row["half"] = value, half
+        row["bar"] = _safe(charts.interval(value, half, span[row["unit"]]))
+    return rows
 
 
-def _value(value: float, std: float) -> str:
-    digits = 1 if std >= 1 else 2 if std >= 0.095 else 3
-    return f"{value:.{digits}f} ± {std:.{digits}f}"
+def _setup(f: Facts, t: Texts) -> list[dict[str, str]]:
+    u = f.wishes.units
+    rows: list[dict[str, str]] = []
+    std = dict(zip(f.result.model.names, f.std, strict=False))
+    for name, p in f.result.setup.items():
+        factor, unit = u.coefficient(p.unit)
+        s = float(std.get(name, p.std)) * factor
+        rows.append({"name": name, "value": value_text(p.value * factor, s), "half": f"{f.factor * s:.{digits(s)}f}", "unit": unit})
+    k = 1e3 * u.per_micron
+    for facet, p in f.result.facets.items():
+        s = p.std * k
+        text = {"value": value_text(p.value * k, s), "half": f"{f.factor * s:.{digits(s)}f}", "unit": u.small}
+        rows.append({"name": f"{t('table.facet')} {facet}", **text})
+    return rows
 
 
-def _picture(found: Findings, key: str) -> str:
-    if key not in found.pictures:
-        return ""
-    caption, uri = found.pictures[key]
-    return f'<img alt="{escape(caption)}" src="{uri}"><p class="note">{escape(caption)}</p>'
-
-
-def _fit(found: Findings) -> str:
-    result = found.result
-    size = np.abs(result.residuals) * 1e3
-    lines = [
-        f"{len(size)} touches at {int(result.model.touches.indexation.max()) + 1} indexations, {len(result.values)} unknowns, "
-        f"{result.dof} degrees of freedom.",
-        f"Unexplained distance: max {size.max():.2f}, mean {size.mean():.2f}, rms {np.sqrt(np.mean(size**2)):.2f} µm. "
-        f"Condition number {result.condition_number:.3g}.",
+def _fit(f: Facts, t: Texts) -> list[str]:
+    k = 1e3 * f.wishes.units.per_micron
+    size, unit = np.abs(f.result.residuals) * k, f.wishes.units.small
+    indexations = int(f.result.model.touches.indexation.max()) + 1
+    return [
+        t(
+            "fit.before",
+            before=f"{float(np.abs(f.before).mean()) * k:.1f}",
+            after=f"{size.mean():.2f}",
+            max=f"{size.max():.2f}",
+            rms=f"{np.sqrt(np.mean(size**2)):.2f}",
+            unit=unit,
+        ),
+        t(
+            "fit.counts",
+            touches=f.used,
+            indexations=indexations,
+            unknowns=len(f.result.values),
+            dof=f.result.dof,
+            condition=f"{f.result.condition_number:,.0f}",
+        ),
     ]
-    if len(result.outliers):
-        touches = result.model.touches
-        rows = []
-        for number in result.outliers[:30]:
-            i = int(np.flatnonzero(touches.number == number)[0])
-            at = pose_text(touches.machine, touches.position[i])
-            rows.append(((f"{number}", escape(touches.facet[i]), at, f"{result.residuals[i] * 1e3:.2f}"), False))
-        lines.append("Touches that do not fit (kept in the estimate):")
-        text = "".join(f"<p>{line}</p>" for line in lines)
-        return text + _table([("touch", True), ("facet", False), ("where", False), ("residual, µm", True)], rows)
-    return "".join(f"<p>{line}</p>" for line in lines)
 
 
-def _predicts(found: Findings) -> str:
-    held = found.held
-    if held is None:
-        return f"<p>{escape(found.why_not_held)}</p>"
-    f = held.figures
-    return (
-        f"<p>Each indexation was predicted by an estimate from all others: {f.count} touches, "
-        f"standard deviation {f.sd * 1e3:.2f} µm, "
-        f"largest {f.worst * 1e3:.2f} µm; {held.ratio:.2f} times what the estimates promised.</p>"
-        + (
-            f"<p class=note>Not predictable, touched at one indexation only: facets {escape(', '.join(held.unpredictable))}.</p>"
-            if held.unpredictable
-            else ""
-        )
-    )
-
-
-def _volume(found: Findings) -> str:
-    chart, machine = found.chart, found.cell.machine
-    if chart is None:
-        return "<p>The estimate contains no error of the machine: nothing is known of its tool tip.</p>"
+def _flagged(f: Facts) -> list[dict[str, str]]:
+    m, k = f.result.model.touches, 1e3 * f.wishes.units.per_micron
     rows = []
-    for text, mask in (
-        ("within what was touched", ~chart.extrapolated),
-        ("rest of the travel: extrapolated, a guess", chart.extrapolated),
-    ):
+    for number in f.result.outliers[:30]:
+        i = int(np.flatnonzero(m.number == number)[0])
+        at = pose_text(m.machine, m.position[i])
+        rows.append({"touch": str(number), "facet": m.facet[i], "where": at, "residual": f"{f.result.residuals[i] * k:.2f}"})
+    return rows
+
+
+def _predicts(f: Facts, t: Texts) -> list[str]:
+    if f.held is None:
+        return [t("check.predicts_none", why=f.why_not_held)]
+    k, unit, figures = 1e3 * f.wishes.units.per_micron, f.wishes.units.small, f.held.figures
+    lines = [
+        t(
+            "predicts.said",
+            count=figures.count,
+            sd=f"{figures.sd * k:.2f}",
+            worst=f"{figures.worst * k:.2f}",
+            ratio=f"{f.held.ratio:.2f}",
+            unit=unit,
+        )
+    ]
+    return lines + ([t("predicts.facets", facets=", ".join(f.held.unpredictable))] if f.held.unpredictable else [])
+
+
+def _volume(f: Facts, t: Texts) -> dict[str, Any]:
+    chart, k = f.chart, 1e3 * f.wishes.units.per_micron
+    if chart is None:
+        return {"rows": [], "notes": [t("volume.none")]}
+    rows = []
+    for key, mask in (("touched", ~chart.extrapolated), ("rest", chart.extrapolated)):
         i = chart.worst(mask)
         if i is not None:
-            cells = (
-                text,
-                f"{chart.size[i] * 1e3:.1f} ± {chart.std[i] * 1e3:.1f}",
-                f"{chart.std[mask].max() * 1e3:.1f}",
-                pose_text(machine, chart.position[i]),
+            size, std = chart.size[i] * k, chart.std[i] * k
+            rows.append(
+                {
+                    "where": t(f"volume.{key}"),
+                    "largest": f"{size:.1f} ± {f.factor * std:.1f}",
+                    "std": f"{chart.std[mask].max() * k:.1f}",
+                    "at": pose_text(f.cell.machine, chart.position[i]),
+                }
             )
-            rows.append((cells, bool(mask[i] and chart.extrapolated[i])))
-    head = [("where", False), ("largest error, µm", True), ("largest std, µm", True), ("at (mm, °)", False)]
-    note = "After the best set-up of workpiece and tool length, mean of both directions of motion."
-    if unseen := [c.names[0] for c in found.result.selection.unseen]:
-        note += f" Not contained, since the touches cannot see it: {escape(', '.join(unseen))}."
-    return _table(head, rows) + f'<p class="note">{note}</p>'
+    unseen = ", ".join(c.names[0] for c in f.result.selection.unseen)
+    return {"rows": rows, "notes": [t("volume.note"), *([t("volume.unseen", names=unseen)] if unseen else [])]}
 
 
-def _unseen(result: Estimate) -> str:
-    if not result.selection.unseen:
-        return "<p>Everything that the terms ask for can be told apart by these touches.</p>"
-    return "<ul>" + "".join(f"<li>{escape(c.text)}</li>" for c in result.selection.unseen) + "</ul>"
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
-def _iso(iso: Sequence[Figure]) -> str:
-    if not iso:
-        return "<p>The terms contain nothing from which a figure follows.</p>"
-    rows = []
-    for f in iso:
-        second = "" if f.arcseconds is None else f"{f.arcseconds:.2f} ″"
-        over = "" if f.range is None else f"{f.range[0]:.0f} … {f.range[1]:.0f}"
-        rows.append(
-            ((f.kind, escape(f.name), _value(f.value, f.std), f.unit, second, over, escape(f.note)), abs(f.value) < 2 * f.std)
+def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
+    d, unit, k = f.diagnosis, f.wishes.units.small, 1e3 * f.wishes.units.per_micron
+    if d is None:
+        return {"none": t("diagnosis.none", why=f.why_no_diagnosis)}
+    findings = []
+    for x in d.findings:
+        twins = ", ".join(a.replace("_", " ") for a in dict.fromkeys(a for a, _, _ in x.alternatives))
+        rows = []
+        if x.gain is not None:
+            pairs = [("fitted touches", x.gain.before, x.gain.after)]
+            pairs += [(f"held-out {name}", *both) for name, both in x.gain.schemes.items() if name != "facets"]
+            rows = [(name, f"{k * a:.2f}", f"{k * b:.2f}") for name, a, b in pairs]
+        findings.append(
+            {
+                "cause": _capital(x.cause.replace("_", " ")),
+                "said": f"{_capital(said(x))}.",
+                "means": t("diagnosis.means", text=meaning(x)),
+                "todo": t("diagnosis.todo", text=advice(x)),
+                "pictures": [_safe(s) for s in charts.finding(d, x, t, unit, k)],
+                "gain": rows,
+                "twins": t("diagnosis.twins", names=twins) if twins else "",
+                "tell": [t("diagnosis.tell", text=s) for s in x.separate_with] if twins else [],
+            }
         )
-    head = [("figure", False), ("", False), ("value", True), ("", False), ("", True), ("over, mm or °", True), ("", False)]
-    note = "One axis moved alone over its touched range; grey: not different from zero (two standard deviations)."
-    return _table(head, rows) + f'<p class="note">{note}</p>'
+    return {
+        "none": "",
+        "verdict": d.verdict,
+        "findings": findings,
+        "course": [_safe(s) for s in charts.course(d, t, unit, k)],
+        "dependence": [_safe(s) for s in charts.dependence(d, t, unit, k)],
+        "note": t("diagnosis.depends_note", count=len(d.tests)),
+        "unexplained": [f"{_capital(unexplained(r))}." for r in d.unexplained],
+        "dropped": [f"{_capital(dropped(x))}." for x in d.dropped],
+        "richer": t("diagnosis.richer") if d.richer is not None else "",
+        "names": [covariate(x.covariate) for x in d.tests],
+    }
 
 
-def _parameters(found: Findings) -> str:
-    result, machine = found.result, found.cell.machine
-    size = effects(result)
+def _iso(f: Facts) -> list[dict[str, Any]]:
     rows = []
-    for name, p in result.parameters.items():
-        factor, unit = shown(p.unit)
-        cells = (
-            escape(name),
-            _value(p.value * factor, p.std * factor),
-            unit,
-            f"{size.get(name, 0.0):.2f}",
-            escape(spoken(name, machine)),
-        )
-        rows.append((cells, abs(p.value) < 2 * p.std))
-    head = [("ISO 230-1", False), ("value ± std", True), ("", False), ("effect, µm rms", True), ("", False)]
-    return _table(head, rows) + '<p class="note">Grey: not different from zero (two standard deviations).</p>'
+    for g in f.iso:
+        factor, unit = f.wishes.units.of(g.unit)
+        over = "" if g.range is None else f"{g.range[0]:.0f} … {g.range[1]:.0f}".replace("-", "−")
+        value, half = g.value * factor, f.factor * g.std * factor
+        text = f"{value_text(value, g.std * factor)} ± {half:.{digits(g.std * factor)}f}"
+        second = "" if g.arcseconds is None else f"{g.arcseconds:.2f} ″"
+        row = {"kind": g.kind, "name": g.name, "value": text, "unit": unit, "arc": second, "over": over, "note": g.note}
+        rows.append({**row, "weak": abs(value) < half})
+    return rows
 
 
-def _setup(result: Estimate) -> str:
+def _uncertainty(f: Facts, t: Texts) -> list[str]:
+    u, artefact, factor = f.wishes.units, f.cell.artefact, f"{f.factor:.2f}"
+    if f.wishes.budget is None:
+        sigma = f"{f.result.sigma * 1e3 * u.per_micron:.2f}"
+        key = "uncertainty.basis_residuals" if f.result.noise is None else "uncertainty.basis_noise"
+        lines = [t(key, factor=factor, dof=f.result.dof, sigma=sigma, unit=u.small)]
+        lines.append(t("uncertainty.constant"))
+    else:
+        sources = ", ".join(dict.fromkeys(line.source.replace("_", " ") for line in f.wishes.budget))
+        lines = [t("uncertainty.basis_budget", factor=factor, sources=sources)]
+    lines += [t("uncertainty.single"), t("uncertainty.model")]
+    calibrated = sum(x.uncertainty is not None for x in artefact.facets.values())
+    sources_of_scale = []
+    if artefact.scale_bar is not None and f.result.model.bar is not None:
+        bar = artefact.scale_bar
+        sources_of_scale.append(t("uncertainty.bar", length=f"{bar.length:g}", std=f"{bar.uncertainty * 1e3:g}"))
+    if calibrated:
+        sources_of_scale.append(t("uncertainty.calibrated", count=calibrated))
+    if sources_of_scale:
+        lines.append(t("uncertainty.scale_yes", source=", ".join(sources_of_scale)))
+    else:
+        lines.append(t("uncertainty.scale_no"))
+    if names := ", ".join(f.judgement.untrusted):
+        lines.append(t("uncertainty.untrusted", names=names))
+    return lines
+
+
+def _trend(f: Facts, t: Texts) -> list[Markup]:
+    if not f.trend:
+        return []
+    u, drawn = f.wishes.units, []
+    for series in f.trend["series"]:
+        factor, unit = u.of(series["unit"])
+        points = {**series, "value": np.array(series["value"]) * factor, "half": np.array(series["half"]) * factor}
+        drawn.append(_safe(charts.trend(points, unit)))
+    return drawn
+
+
+def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
     rows = []
-    for name, p in result.setup.items():
-        factor, unit = shown(p.unit)
-        rows.append(((escape(name), _value(p.value * factor, p.std * factor), unit), False))
-    for facet, p in result.facets.items():
-        rows.append(((f"facet {escape(facet)}", _value(p.value * 1e3, p.std * 1e3), "µm"), False))
-    head = [("", False), ("offset ± std", True), ("", False)]
-    return f"<details><summary>{len(rows)} offsets of stylus and facets</summary>{_table(head, rows)}</details>"
+    for name, *values in c["rows"]:
+        shown = ["–" if v is None else f"{float(v) * u.per_micron:.1f}" for v in values]
+        rows.append((t(f"compensation.{name}", unit=u.small), *shown))
+    return {**c, "rows": rows}
 
 
-def as_json(found: Findings) -> dict[str, Any]:
-    """findings → plain data of the page."""
-    iso = [
+def _audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
+    u, probe, paper = f.wishes.units, f.cell.machine.probe, f.paper
+    origin = paper.origin
+    unknown = t("audit.unknown")
+    probe_text = t(
+        "audit.probe_text",
+        length=f"{probe.length * u.per_mm:.4g}",
+        radius=f"{probe.tip_radius * u.per_mm:.4g}",
+        large=u.large,
+        repeatability=f"{probe.repeatability * 1e3 * u.per_micron:.3g}",
+        small=u.small,
+    )
+    rows = [(t("audit.machine"), f.cell.machine.name), (t("audit.topology"), f.cell.machine.topology)]
+    if origin is None:
+        rows.append((t("audit.measured"), t("audit.origin_unknown")))
+    else:
+        measured = " … ".join(str(origin[k]) for k in ("start_utc", "end_utc") if origin.get(k)) or unknown
+        rows.append((t("audit.measured"), measured))
+        if origin.get("simulated") or str(origin.get("format", "")).startswith("tango-simulation"):
+            rows.append((t("audit.measured"), t("audit.simulated")))
+        control = origin.get("controller") or {}
+        rows.append((t("audit.control"), ", ".join(str(v) for v in control.values() if v) or unknown))
+        rows.append((t("audit.program"), str(origin.get("program_hash") or unknown)))
+        rows.append((t("audit.plan"), str(origin.get("plan_hash") or unknown)))
+    versions = [f"tango_cnc {paper.version}", *(f"{name} {number}" for name, number in paper.versions.items())]
+    if origin and origin.get("tool_version"):
+        versions.append(t("audit.run_version", version=origin["tool_version"]))
+    return [
+        *rows,
+        (t("audit.reported"), f"{paper.made:%Y-%m-%d %H:%M:%S} UTC"),
+        (t("audit.operator"), paper.operator or str((origin or {}).get("operator") or unknown)),
+        (t("audit.owner"), paper.owner or unknown),
+        (t("audit.probe"), probe_text),
+        (t("audit.terms"), ", ".join(str(x) for x in f.wishes.terms)),
+        (t("audit.versions"), ", ".join(versions)),
+    ]
+
+
+def as_json(f: Facts) -> dict[str, Any]:
+    """facts → plain data of the format tango-report/1."""
+    found = verdict(f, texts())
+    worst = f.worst
+    iso: Sequence[dict[str, Any]] = [
         {
-            "kind": f.kind,
-            "name": f.name,
-            "value": f.value,
-            "std": f.std,
-            "unit": f.unit,
-            "range": None if f.range is None else list(f.range),
-            "note": f.note,
+            "kind": g.kind,
+            "name": g.name,
+            "value": g.value,
+            "std": g.std,
+            "unit": g.unit,
+            "range": None if g.range is None else list(g.range),
+            "note": g.note,
         }
-        for f in found.iso
+        for g in f.iso
     ]
     return {
         "format": "tango-report/1",
-        "effects_um": effects(found.result),
-        "iso230": iso,
-        "held_out": None if found.held is None else {"sd_um": found.held.figures.sd * 1e3, "ratio_to_expected": found.held.ratio},
-        "volume_worst_um": _worst(found.chart),
-        "outliers": [int(i) for i in found.result.outliers],
-        "not_identifiable": [c.text for c in found.result.selection.unseen],
+        "overall": found.level,
+        "sentence": sentence(found, texts()),
+        "checks": [{"name": c.name, "level": c.level, "value": c.value, "text": c.text, "todo": c.todo} for c in found.checks],
+        "effects_um": effects(f.result),
+        "iso230": list(iso),
+        "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
+        "volume_worst_um": None if worst is None else worst[0] * 1e3,
+        "outliers": [int(i) for i in f.result.outliers],
+        "not_identifiable": [c.text for c in f.result.selection.unseen],
+        "files": [{"file": name, "bytes": size, "sha256": digest} for name, size, digest in f.paper.files],
     }

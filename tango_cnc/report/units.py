@@ -1,6 +1,11 @@
-"""Numbers as people in the shop read them: µm, µrad, µm/m."""
+"""Numbers as people in the shop read them: µm, µrad, µm/m, or µin in a shop that works in inches."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+INCH = 25.4  # mm
 
 
 def shown(unit: str) -> tuple[float, str]:
@@ -14,3 +19,48 @@ def shown(unit: str) -> tuple[float, str]:
         power = power or "⁴⁵⁶⁷⁸⁹".index(bottom[2:]) + 4
         return factor * 1000.0**power, f"{label}/m{bottom[2:]}"
     return factor, f"{label}/{bottom}"
+
+
+@dataclass(frozen=True)
+class Units:
+    """How lengths are shown: `mm` (errors in µm) or `inch` (errors in µin); angles are the same in both."""
+
+    system: Literal["mm", "inch"] = "mm"
+
+    @property
+    def small(self) -> str:
+        """→ unit of errors."""
+        return "µm" if self.system == "mm" else "µin"
+
+    @property
+    def large(self) -> str:
+        """→ unit of positions."""
+        return "mm" if self.system == "mm" else "in"
+
+    @property
+    def per_micron(self) -> float:
+        """→ shown number of one µm."""
+        return 1.0 if self.system == "mm" else 1000.0 / INCH
+
+    @property
+    def per_mm(self) -> float:
+        """→ shown number of one mm of position."""
+        return 1.0 if self.system == "mm" else 1.0 / INCH
+
+    def coefficient(self, unit: str) -> tuple[float, str]:
+        """unit of a coefficient (mm, rad, mm/mm …) → factor and unit for people."""
+        factor, label = shown(unit)
+        return (factor * self.of(label)[0], self.of(label)[1])
+
+    def of(self, unit: str) -> tuple[float, str]:
+        """unit for people (µm, µrad, µm/m …) → factor from it, and the unit of this system; ratios keep their number."""
+        if self.system == "mm":
+            return 1.0, unit
+        top, _, bottom = unit.partition("/")
+        factor, over = (1000.0 / INCH, "µin") if top == "µm" else (1.0, top)
+        if not bottom:
+            return factor, over
+        if bottom[0] == "m":
+            power = {"": 1, "²": 2, "³": 3}.get(bottom[1:], None) or "⁴⁵⁶⁷⁸⁹".index(bottom[1:]) + 4
+            return factor * (INCH / 1000.0) ** power, f"{over}/in{bottom[1:]}"
+        return factor, f"{over}/{bottom}"

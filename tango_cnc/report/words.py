@@ -5,35 +5,39 @@ from __future__ import annotations
 import re
 
 from ..records import Machine
+from .texts import Texts, texts
 
 _INTER = re.compile(r"E([XYZABC])0([XYZABCS])")
 _POWER = re.compile(r"E([XYZABC])([XYZABCS])(\d)")
 _BACK = re.compile(r"E([XYZABC])\1b")
+_STYLUS = re.compile(r"E([XYZ])t")
 ABOUT = {"A": "X", "B": "Y", "C": "Z"}
 
 
-def spoken(name: str, machine: Machine) -> str:
-    """coefficient → what it is, in words; the name itself for one that is not geometry."""
+def spoken(name: str, machine: Machine, t: Texts | None = None) -> str:
+    """coefficient, machine, texts → what it is, in words; the name itself for one that is not geometry."""
+    t = t or texts()
     if "-" in name:
         first, second = (part[1] for part in name.split("-"))
-        return f"scale of {first} against {second}"
+        return t("parameter.scale_against", a=first, b=second)
     if match := _INTER.fullmatch(name):
         letter, axis = match[1], match[2]
-        what = "spindle" if axis == "S" else f"axis {axis}"
+        what = t("parameter.spindle") if axis == "S" else t("parameter.axis", axis=axis)
         if letter in "XYZ":
-            return f"{what} off in {letter}"
-        if axis in machine.linear:
-            return f"{what} out of square, turned about {ABOUT[letter]}"
-        return f"{what} tilted about {ABOUT[letter]}"
+            return t("parameter.off", what=what, letter=letter)
+        key = "parameter.square" if axis in machine.linear else "parameter.tilted"
+        return t(key, what=what, about=ABOUT[letter])
     if match := _BACK.fullmatch(name):
-        return f"backlash of {match[1]} (half the reversal value)"
+        return t("parameter.backlash", axis=match[1])
+    if match := _STYLUS.fullmatch(name):
+        return t("parameter.stylus", letter=match[1])
     if match := _POWER.fullmatch(name):
         letter, axis, degree = match[1], match[2], int(match[3])
-        ending = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic"}.get(degree, f"degree {degree}")
+        part = t(f"parameter.degree_{degree}") if degree < 4 else t("parameter.degree_n", degree=degree)
         if letter == axis:
-            return f"scale of {axis}" if degree == 1 else f"positioning of {axis}, {ending} part"
+            return t("parameter.scale", axis=axis) if degree == 1 else t("parameter.positioning", axis=axis, part=part)
         if letter in "XYZ":
-            kind = "straightness" if axis in machine.linear else "run-out"
-            return f"{kind} of {axis} in {letter}, {ending} part"
-        return f"tilt of {axis} about {ABOUT[letter]} while it moves, {ending} part"
+            key = "parameter.straightness" if axis in machine.linear else "parameter.runout"
+            return t(key, axis=axis, letter=letter, part=part)
+        return t("parameter.motion_tilt", axis=axis, about=ABOUT[letter], part=part)
     return name

@@ -21,6 +21,7 @@ SAYS = "the machine breathes {size} {towards} and back, once every {period}"
 MEANING = "parts made at different moments of the cycle differ by up to twice this"
 ADVICE = "find what switches with this period, shield the machine, or keep the term"
 REFINE = {"period": "log"}
+ONCE = True  # of one axis: two of them together follow any curve
 
 
 def variants(touches: Touches) -> Variants:

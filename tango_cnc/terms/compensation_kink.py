@@ -22,6 +22,7 @@ SAYS = "the error of {axis} bends at {place}; the touch that feels it most is of
 MEANING = "positions beyond the kink are off in proportion to their distance from it"
 ADVICE = "measure the axis again at the nodes of its table and write the table anew, or keep the term"
 REFINE = {"at": "linear"}
+ONCE = True  # of one axis: two of them together follow any curve
 NODES = 15
 PLACES = 5  # of a rotary axis, below which nothing can bend between them
 

@@ -16,6 +16,7 @@ SAYS = "the scale of {axis} grows{course}; the touch that feels it most is off b
 MEANING = "a part made cold and one made warm differ along this axis in proportion to their length"
 ADVICE = "warm the axis up by moving it, check the compensation of its scale temperature, or keep the term"
 REFINE = {"tau": "log"}
+ONCE = True  # of one axis: two of them together follow any curve
 
 
 def variants(touches: Touches) -> Variants:

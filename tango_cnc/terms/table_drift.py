@@ -17,6 +17,7 @@ SAYS = "the table creeps {size} {towards}{course}"
 MEANING = "parts on the table move with it between operations by this"
 ADVICE = "check the table's clamping and coolant temperature, or keep the term"
 REFINE = {"tau": "log"}
+ONCE = True  # of one axis: two of them together follow any curve
 
 
 def variants(touches: Touches) -> Variants:

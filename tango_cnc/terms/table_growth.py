@@ -19,6 +19,7 @@ MEANING = (
 )
 ADVICE = "let table and coolant settle, measure the scale bar at the beginning and at the end, or keep the term"
 REFINE = {"tau": "log"}
+ONCE = True  # of one axis: two of them together follow any curve
 
 
 def variants(touches: Touches) -> Variants:

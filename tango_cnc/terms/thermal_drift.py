@@ -17,6 +17,7 @@ SAYS = "the machine drifts {size} {towards}{course}"
 MEANING = "parts made in the first hour differ by this from parts made later"
 ADVICE = "warm the machine up before calibrating, mix the order of indexations, or keep the term"
 REFINE = {"tau": "log"}
+ONCE = True  # of one axis: two of them together follow any curve
 EXPECTED = True  # every machine does it (ISO 230-3 is about nothing else): it may be tested for itself
 
 

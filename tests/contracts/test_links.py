@@ -13,7 +13,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from linkparts import job
+from support.linkparts import job
 
 from tango_cnc.link import protocols
 from tango_cnc.link._client import Begun, Ended, Failed, Identified, Refused, Touched

@@ -17,9 +17,12 @@ from typing import Any
 import pytest
 
 from postprocessors._base import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
-from tango_cnc import envelope
+from sim_controller.session import families
+from tango_cnc import readback
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import plan_lines
+from tango_cnc.link._client import Refused, Touched
+from tango_cnc.link._words import record
 from tango_cnc.plan import part, plan, plan_hash
 from tango_cnc.records import Cell, InputError, Plan
 
@@ -179,7 +182,21 @@ def test_a_rotary_axis_turns_between_the_words_that_free_and_hold_it(name: str, 
     together = [f"G0 {line.split()[-1]}" for line in plain if name == "grbl" and line.startswith("G0 ")]  # all axes in a line
     assert {said[i + 1] for i in turns} <= {*plain, *together}
     read = text_of(post, made, stated).splitlines()
-    assert not envelope.check(lambda: iter(read), made, settings(post, stated), companions(post, made, stated))
+    assert not readback.check(lambda: iter(read), made, settings(post, stated), companions(post, made, stated))
+
+
+def test_a_program_is_written_in_the_language_that_its_post_names_and_in_no_other(post: Post, made: Plan) -> None:
+    lines = text_of(post, made).splitlines()
+    assert readback.recognized(lambda: iter(lines)) == [post.language]
+    assert post.language in families()
+
+
+def test_a_record_without_its_sum_is_refused_where_the_post_prints_sums(post: Post, made: Plan) -> None:
+    letters = post.record_letters(made.machine)
+    touched = " ".join(["P1 H1", *(f"{letter}1.000" for letter in letters)])
+    wanted = (*letters, "K") if post.summed else letters
+    assert isinstance(record(touched, wanted), Refused if post.summed else Touched)
+    assert isinstance(record(f"{touched} K{len(letters)}.000", wanted), Touched)
 
 
 def test_what_is_unverified_is_in_the_header_until_the_profile_states_it(post: Post, made: Plan) -> None:

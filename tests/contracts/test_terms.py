@@ -14,7 +14,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-import blind
+from support import blind
 
 from sim_controller.simulate import simulate
 from tango_cnc import terms

@@ -24,7 +24,7 @@ import serial
 from serial.tools import list_ports
 
 from ...records import LinkError
-from .._address import Address
+from .._address import REMOTE, Address
 from .._address import parse as parse
 from .._wire import Paced, Parity
 from ._file import File
@@ -34,9 +34,11 @@ from ._line import reason
 from ._linuxcnc import LinuxCnc
 from ._modbus import Modbus
 from ._port import Port
+from ._remote import Remote
 from ._tcp import Tcp
 
 OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc, "file": File}
+OPENERS |= dict.fromkeys(REMOTE, Remote)
 
 
 def ports() -> list[tuple[str, str]]:

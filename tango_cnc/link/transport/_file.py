@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
+from typing import BinaryIO
 
 from ...records import LinkError
 from .._address import Address
 from ._line import Lost, reason
 
 LOOK = 0.2  # s between two looks
+MOST = 1 << 20  # bytes in one look
 REMEMBERED = 64  # bytes before the place that was reached, by which the file is known again
 BOM = b"\xef\xbb\xbf"
 START = b"TANGO START"
@@ -33,14 +36,19 @@ class File:
             raise LinkError(
                 f"port {address.url}: there is no folder {self._file.parent}. Is the share of the control mounted, the path right?"
             )
+        if self._file.exists() and not self._file.is_file():
+            raise LinkError(f"port {address.url}: that is a device or a pipe; name the file that the control writes")
         self._at, self._before = 0, b""
         if self._file.exists():
             try:
-                whole = self._file.read_bytes()
+                with self._file.open("rb") as file:
+                    old = file.seek(0, os.SEEK_END)
+                    if address.options.get("from", "now") == "last":
+                        old = _last_start(file, old)
+                    file.seek(max(0, old - REMEMBERED))
+                    self._at, self._before = old, file.read(old - file.tell())
             except OSError as error:
                 raise LinkError(f"port {address.url}: the file cannot be read: {reason(error)}") from None
-            old = len(whole) if address.options.get("from", "now") == "now" else max(0, whole.rfind(START))
-            self._at, self._before = old, whole[max(0, old - REMEMBERED) : old]
 
     def read(self, timeout: float) -> bytes:
         """s → the whole lines that have been added. Raises Lost when the folder is gone."""
@@ -54,11 +62,11 @@ class File:
         try:
             with self._file.open("rb") as file:
                 file.seek(self._at - len(self._before))
-                data = file.read()
+                data = file.read(MOST)
                 if not data.startswith(self._before):
                     self._at, self._before = 0, b""
                     file.seek(0)
-                    data = file.read()
+                    data = file.read(MOST)
         except FileNotFoundError:
             if not self._file.parent.is_dir():
                 raise Lost(f"the folder {self._file.parent} is gone: is the share still mounted?") from None
@@ -79,3 +87,16 @@ class File:
 
     def close(self) -> None:
         """Nothing is held open."""
+
+
+def _last_start(file: BinaryIO, size: int) -> int:
+    """open file, its size → where the last start mark begins, 0 where there is none; it is searched from the end."""
+    end, tail = size, b""
+    while end > 0:
+        begin = max(0, end - MOST)
+        file.seek(begin)
+        piece = file.read(end - begin) + tail
+        if (at := piece.rfind(START)) >= 0:
+            return begin + at
+        end, tail = begin, piece[: len(START) - 1]
+    return 0

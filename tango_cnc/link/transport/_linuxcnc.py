@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 
-from ...records import LinkError
+from ...files.targets import same
+from ...records import InputError, LinkError
 from .._address import Address
 from ._line import REST, SLICE, Lost, reason
 from ._tcp import Tcp
+
+HEAD = 4000  # bytes by which a file of an earlier run is recognized
+PROGRAM = re.compile(rb"[^\0]*\(PROGRAM [0-9A-F]{12} PLAN [0-9A-F]{12}.*", re.DOTALL)
+RECORDS = re.compile(rb"\s*(TANGO (START|END) .*)?", re.DOTALL)
+
+
+def _head(file: Path) -> bytes:
+    with file.open("rb") as opened:
+        return opened.read(HEAD)
 
 
 class LinuxCnc(Tcp):
@@ -21,9 +32,26 @@ class LinuxCnc(Tcp):
                 f"port {address.url}: found no {' and no '.join(missing)}; e.g. ?file=/tmp/tango.ngc&log=/tmp/tango-readings.txt"
             )
         self._file, self._log = Path(address.options["file"]), Path(address.options["log"])
+        self._ours(address.url)
         self._at, self._due, self._rest = 0, 0.0, b""
         self._answers = b""
         super().__init__(address)
+
+    def _ours(self, url: str) -> None:
+        """Raises InputError unless both files may be replaced: nothing is there, or what a run has left there."""
+        if same(self._file, self._log):
+            raise InputError(f"port {url}: file and log are one file, {self._file}; allowed: two names")
+        for name, file, own in (("file", self._file, PROGRAM), ("log", self._log, RECORDS)):
+            if file.is_dir() or not file.absolute().parent.is_dir():
+                raise InputError(f"port {url}: {name}: found {file}; allowed: a file in a folder that is there")
+            if not file.exists() and not file.is_symlink():
+                continue
+            if not file.is_file() or not own.fullmatch(_head(file)):
+                what = "a program of 'tango plan'" if name == "file" else "records that such a program wrote"
+                raise InputError(
+                    f"port {url}: {name}: found {file}, which is there and is not {what}; it would be lost. Allowed: another name, "
+                    "or move that file away"
+                )
 
     def read(self, timeout: float) -> bytes:
         """s → what linuxcncrsh answers, and new whole lines of the log with LOG in front. Raises Lost."""

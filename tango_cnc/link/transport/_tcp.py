@@ -16,7 +16,7 @@ class Tcp:
     chunk = 256
 
     def __init__(self, address: Address) -> None:
-        parts = urlsplit(address.url)
+        parts = urlsplit(f"//{address.target}")
         self._socket = socket.create_connection((parts.hostname or "", parts.port or 0), timeout=PATIENCE)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)

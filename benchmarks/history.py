@@ -1,0 +1,104 @@
+"""A history of ten thousand runs: listing, one machine's trend, the fleet; each beside the database's driver alone.
+
+python benchmarks/history.py [--runs 10000] [--url postgresql://…]      SQLite in a temporary folder without a URL
+"""
+
+from __future__ import annotations
+
+import argparse
+import sqlite3
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tango_cnc.history import History, Knowledge, opened
+
+MACHINES, PARAMETERS, UNKNOWNS = 20, 17, 60
+
+
+def fill(history: History, runs: int) -> None:
+    """Runs of twenty machines, with readings of 70 touches and the covariance of 60 unknowns each."""
+    rng = np.random.default_rng(1)
+    names = [f"E{a}{b}{c}" for a in "XYZABC" for b in "0XY" for c in "BCS"][:PARAMETERS]
+    csv = "touch,time_s,facet\n" + "".join(f"{i},{4.5 * i:.6f},{i % 26}\n" for i in range(1, 71))
+    root = np.tril(rng.normal(size=(UNKNOWNS, UNKNOWNS))) * 1e-4
+    knowledge = Knowledge(tuple(f"u{i}" for i in range(UNKNOWNS)), rng.normal(size=UNKNOWNS), root @ root.T)
+    for run in range(runs):
+        day = run // MACHINES
+        date = np.datetime_as_string(np.datetime64("2025-01-01") + day)
+        record = {
+            **{"format": "tango-night/1", "machine": f"machine {run % MACHINES:02d}", "cell": "/cells", "night": date},
+            **{"start_utc": f"{date}T02:00:00Z", "end_utc": f"{date}T02:06:00Z", "duration_s": 360.0, "kind": "check"},
+            **{"status": "complete", "verdict": "good", "headline": "nothing has changed", "touches": 70},
+            "alarms": [{"id": f"{date}-{run}"}] if run % 500 == 0 else [],
+            "parameters": {n: {"value": float(rng.normal()), "std": 1e-3, "unit": "mm"} for n in names},
+        }
+        history.add_night(record, csv, knowledge)
+
+
+def seconds(call: Callable[[], Any]) -> float:
+    """→ s, the best of five."""
+    best = np.inf
+    for _ in range(5):
+        begin = time.perf_counter()
+        call()
+        best = min(best, time.perf_counter() - begin)
+    return float(best)
+
+
+def main() -> None:
+    """Prints a table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--runs", type=int, default=10_000)
+    parser.add_argument("--url")
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        place: str | Path = asked.url or Path(folder) / "history.db"
+        with opened(place) as history:
+            begin = time.perf_counter()
+            fill(history, asked.runs)
+            added = (time.perf_counter() - begin) / asked.runs
+            name, parameter = history.machines()[0], history.parameters(history.machines()[0])[0]
+
+            def floor(sql: str) -> Callable[[], Any]:
+                if isinstance(place, Path):
+                    plain = sqlite3.connect(place)
+                    return lambda: plain.execute(sql).fetchall()
+                import psycopg
+
+                connection = psycopg.connect(place)
+                return lambda: connection.execute(sql).fetchall()
+
+            rows = [
+                ("list of all runs", lambda: history.nights(), floor("SELECT * FROM night ORDER BY start_utc DESC")),
+                (
+                    "list of the last 100",
+                    lambda: history.nights(last=100),
+                    floor("SELECT * FROM night ORDER BY start_utc DESC LIMIT 100"),
+                ),
+                (
+                    "trend of one parameter",
+                    lambda: history.trend(name, parameter),
+                    floor(f"SELECT start_utc, value, std FROM night_parameter WHERE machine_id = 1 AND name = '{parameter}'"),
+                ),
+                ("one night whole", lambda: history.night(1), floor("SELECT json FROM night_record WHERE entry_id = 1")),
+                (
+                    "fleet",
+                    lambda: history.fleet("2026-11-23T06:00:00+00:00"),
+                    floor("SELECT max(start_utc) FROM night GROUP BY machine_id"),
+                ),
+            ]
+            kind = "PostgreSQL" if asked.url else "SQLite"
+            print(f"{asked.runs} runs of {MACHINES} machines, {kind}; adding one takes {added * 1e3:.1f} ms")
+            print(f"{'':24} {'ms':>8} {'driver alone':>13} {'ratio':>6}")
+            for what, ours, theirs in rows:
+                a, b = seconds(ours), seconds(theirs)
+                print(f"{what:24} {a * 1e3:8.1f} {b * 1e3:13.1f} {a / b:6.1f}")
+
+
+if __name__ == "__main__":
+    main()

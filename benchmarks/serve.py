@@ -1,0 +1,152 @@
+"""How long pages take with 200 machines and 10 000 nights, how fifty follow a run, and what 10 000 requests leave in memory.
+
+    python benchmarks/serve.py [--quick]
+
+A server of its own process is asked over a real socket. The floor beside each number is `/healthz` of the same server.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from support.nights import night
+from support.server import Recorded, cell
+
+from tango_cnc.history import opened
+
+PORT = 18_026
+FOLLOWERS = 50
+
+
+def fleet(folder: Path, machines: int, nights: int) -> None:
+    """One history of all machines, with records as a night writes them; parameters as many as a machine of five axes has."""
+    with opened(folder / "fleet.db") as history:
+        for m in range(machines):
+            for i in range(nights):
+                record = night(f"machine {m:03d}", i)
+                base = record["parameters"]["EX0C"]
+                record["parameters"] |= {f"P{k:02d}": base for k in range(20)}
+                history.add_night(record, None)
+
+
+def resident(pid: int) -> float:
+    """pid → MB in memory."""
+    text = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    return int(re.findall(r"VmRSS:\s+(\d+)", text)[0]) / 1024
+
+
+def timed(call: Callable[[], httpx.Response], count: int) -> tuple[float, float]:
+    """call, how often → median and 95 % quantile, ms."""
+    seconds = []
+    for _ in range(count):
+        began = time.perf_counter()
+        answer = call()
+        seconds.append(time.perf_counter() - began)
+        assert answer.status_code in (200, 304), answer.text[:300]
+    return 1e3 * float(np.median(seconds)), 1e3 * float(np.quantile(seconds, 0.95))
+
+
+def followed(base: str, run: Recorded, steps: int) -> tuple[float, float]:
+    """address, run, steps → median and 95 % quantile of what one of fifty followers waits for a step, ms."""
+    clients = [httpx.Client(base_url=base) for _ in range(FOLLOWERS)]
+    seconds: list[float] = []
+    for _ in range(steps):
+        run.touch(drift=1.0)
+        barrier = threading.Barrier(FOLLOWERS)
+
+        def ask(client: httpx.Client, barrier: threading.Barrier = barrier) -> None:
+            barrier.wait()
+            began = time.perf_counter()
+            assert client.get("/machine/HU40T-like/run/step").status_code == 200
+            seconds.append(time.perf_counter() - began)
+
+        threads = [threading.Thread(target=ask, args=(c,)) for c in clients]
+        for t in threads:
+            t.start()
+        for t in threads:
+            t.join()
+        time.sleep(0.3)
+    return 1e3 * float(np.median(seconds)), 1e3 * float(np.quantile(seconds, 0.95))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--quick", action="store_true", help="a tenth of everything")
+    quick = parser.parse_args().quick
+    machines, nights, requests = (20, 10, 1000) if quick else (200, 50, 10_000)
+    with tempfile.TemporaryDirectory() as place:
+        root = Path(place)
+        began = time.perf_counter()
+        fleet(root, machines, nights)
+        print(f"{machines * nights} nights of {machines} machines written in {time.perf_counter() - began:.0f} s")
+        own = cell(root / "live", records=[])
+        (own / "history.db").unlink()
+        run = Recorded(own)
+        run.begin()
+        for _ in range(200):
+            run.touch()
+        command = [
+            sys.executable,
+            "-m",
+            "tango_cnc",
+            "serve",
+            "-C",
+            str(own),
+            "--history",
+            str(root / "fleet.db"),
+            "--port",
+            str(PORT),
+        ]
+        server = subprocess.Popen(command, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL)
+        base = f"http://127.0.0.1:{PORT}"
+        try:
+            client = httpx.Client(base_url=base, timeout=60)
+            for _ in range(200):
+                try:
+                    client.get("/healthz")
+                    break
+                except httpx.TransportError:
+                    time.sleep(0.1)
+            floor = timed(lambda: client.get("/healthz"), 200)
+            print(f"{'/healthz (floor)':34} {floor[0]:7.1f} ms, 95 % {floor[1]:7.1f} ms")
+            slug = "machine-001-" + re.findall(r"machine-001-([0-9a-f]+)", client.get("/").text)[0]
+            for label, path in (
+                ("fleet", "/"),
+                ("machine", f"/machine/{slug}"),
+                ("trend", f"/machine/{slug}/trend"),
+                ("nights", f"/machine/{slug}/nights"),
+                ("alarms", "/alarms"),
+            ):
+                time.sleep(5.5)  # what was kept of it is old now
+                first = timed(lambda path=path: client.get(path), 1)  # type: ignore[misc]
+                warm = timed(lambda path=path: client.get(path), 20)  # type: ignore[misc]
+                print(f"{label:34} {first[0]:7.1f} ms at first, then {warm[0]:.1f} ms; {warm[0] / floor[0]:.1f} times the floor")
+            step = followed(base, run, 4 if quick else 20)
+            print(f"{f'step of a run, {FOLLOWERS} followers':34} {step[0]:7.1f} ms, 95 % {step[1]:7.1f} ms")
+            for i in range(500):
+                client.get(("/", f"/machine/{slug}", "/machine/HU40T-like/run")[i % 3])
+            before = resident(server.pid)
+            for i in range(requests):
+                client.get(("/", f"/machine/{slug}", "/machine/HU40T-like/run", "/nothing", f"/machine/{slug}/trend")[i % 5])
+            print(f"memory over {requests} requests: {before:.1f} → {resident(server.pid):.1f} MB")
+        finally:
+            server.terminate()
+            server.wait()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""What a control does with a compensation that was written into it: files → programmed positions become those of the motors.
+
+One file a target, its name is the target's name; it reads the files from the facts of docs/compensate.md and knows nothing of the
+program that wrote them. `read(folder, machine)` → `Applied`. A file that the control would refuse is an InputError; what a control
+takes in silence is taken in silence here, too.
+
+Positions that a program asks for are those of the machine without errors: with tool centre point control they are what the control
+calculates backwards from its own kinematics. A probed position is told in the same way.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tango_cnc.records import Array, InputError, Machine
+
+from ..world import Control, nominal_machine, tip_in_table
+
+ROUNDS = 2  # of the solution for the linear axes: the second one sees 1e-9 mm
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A table: what is added to axis `out` (mm, rad) as a function of where axis `by` is; another one for going down, maybe."""
+
+    out: str
+    by: str
+    points: Array
+    up: Array
+    down: Array
+
+    def at(self, machine: Machine, positions: Array, directions: Array) -> Array:
+        """(n, k), (n, k) → (n,) what is added; beyond the ends that of the end."""
+        column = machine.column(self.by)
+        where = positions[:, column]
+        return np.where(directions[:, column] < 0, np.interp(where, self.points, self.down), np.interp(where, self.points, self.up))
+
+
+@dataclass(frozen=True)
+class Applied:
+    """All that a control does; each part may be absent."""
+
+    machine: Machine
+    kinematics: Callable[[Array], Array] | None = None  # (n, k) programmed → (n, k) by the control's own kinematics
+    volumetric: Callable[[Array, Array], Mapping[str, Array]] | None = None  # positions, directions → errors by name, (n,)
+    trims: Sequence[Trim] = ()
+    switched: bool = True  # whether `kinematics` acts with tool centre point control only
+    reversal: Mapping[str, float] | None = None  # by axis: added half of it in the direction of motion, mm rad
+
+    def __call__(self, positions: Array, directions: Array) -> Array:
+        """(n, k) programmed mm rad, (n, k) −1 0 1 → (n, k) where the motors go."""
+        moved = positions if self.kinematics is None else self.kinematics(positions)
+        if self.volumetric is not None:
+            moved = self._corrected(moved, directions, self.volumetric)
+        result = np.array(moved)
+        for trim in self.trims:
+            result[:, self.machine.column(trim.out)] += trim.at(self.machine, moved, directions)
+        for name, whole in (self.reversal or {}).items():
+            result[:, self.machine.column(name)] += whole / 2 * directions[:, self.machine.column(name)]
+        return result
+
+    def _corrected(self, positions: Array, directions: Array, errors: Callable[[Array, Array], Mapping[str, Array]]) -> Array:
+        nominal = nominal_machine(self.machine)
+        wanted = tip_in_table(nominal, positions, directions)
+        columns = [self.machine.column(name) for name in self.machine.linear]
+        ways = np.empty((len(positions), 3, 3))
+        for i, column in enumerate(columns):
+            step = positions.copy()
+            step[:, column] += 100.0
+            ways[:, :, i] = (tip_in_table(nominal, step, directions) - wanted) / 100.0
+        result = positions.copy()
+        found = errors(positions, directions)
+        for _ in range(ROUNDS):
+            away = wanted - tip_in_table(nominal, result, directions, found)
+            result[:, columns] += np.linalg.solve(ways, away[:, :, None])[:, :, 0]
+        return result
+
+
+def targets() -> tuple[str, ...]:
+    """→ every target that a simulated control takes."""
+    return tuple(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
+
+
+def read(folder: Path, machine: Machine, *, tcp: bool = True) -> Control:
+    """folder as `tango compensate` writes it, machine → what the control does with it, with tool centre point control or without.
+
+    Raises InputError for a folder without compensation.json, a target that no simulated control takes, and files that it refuses.
+    """
+    file = folder / "compensation.json"
+    try:
+        target = json.loads(file.read_text(encoding="utf-8"))["target"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(f"--compensation: found {folder} without a compensation.json that names a target; allowed: a folder "
+                         "that 'tango compensate' has written") from None  # fmt: skip
+    if target not in targets():
+        raise InputError(f"{file}: target: found {target!r}; allowed: {', '.join(targets())}")
+    module = importlib.import_module(f"{__name__}.{target}")
+    try:
+        found: Applied = module.read(folder, machine)
+    except (ValueError, IndexError, KeyError, StopIteration) as error:
+        raise InputError(f"{folder}: the simulated control refuses it: {error}") from None
+    return found if tcp or not found.switched else replace(found, kinematics=None)
+
+
+def text_of(folder: Path, name: str) -> str:
+    """folder, name → text of the file; empty where there is none."""
+    file = folder / name
+    return file.read_text(encoding="utf-8") if file.exists() else ""
+
+
+def alarm(file: str, line: int, text: str) -> InputError:
+    """file, line from 1, what the control says → the error."""
+    return InputError(f"{file}:{line}: the simulated control refuses it: {text}")
+
+
+def number(text: str, file: str, line: int) -> float:
+    """text → number. Raises InputError for anything else, a decimal comma among it."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise alarm(file, line, f"found {text!r}; allowed: a number") from None
+    if not np.isfinite(value):
+        raise alarm(file, line, f"found {text!r}; allowed: a finite number")
+    return value
+
+
+def moved_axes(machine: Machine, points: Mapping[str, Array], directions: Mapping[str, Array]) -> Callable[[Array], Array]:
+    """machine, where a control believes axes to lie, and their directions → its kinematics: programmed → its own positions."""
+    from ..simulate import linear_positions
+
+    axes = []
+    for axis in machine.axes:
+        point, direction = points.get(axis.name), directions.get(axis.name)
+        own = axis if point is None else replace(axis, point=(float(point[0]), float(point[1]), float(point[2])))
+        if direction is not None:
+            unit = direction / np.linalg.norm(direction)
+            own = replace(own, direction=(float(unit[0]), float(unit[1]), float(unit[2])))
+        axes.append(own)
+    believed, nominal = replace(machine, axes=tuple(axes)), nominal_machine(machine)
+
+    def kinematics(positions: Array) -> Array:
+        return linear_positions(believed, positions, tip_in_table(nominal, positions, np.zeros_like(positions)))
+
+    return kinematics

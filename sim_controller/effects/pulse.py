@@ -1,0 +1,33 @@
+"""For some touches in a row something is elsewhere: one clamping, an open door, a knock that goes back."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tango_cnc.records import InputError, Vector
+
+from . import Disturbance, History, unit
+from ._kinds import RotaryAxis
+from ._parts import positioning
+
+
+def disturb(
+    history: History,
+    rng: np.random.Generator,
+    *,
+    amplitude: float,
+    at: int,
+    until: int,
+    direction: Vector | None = None,
+    axis: RotaryAxis | None = None,
+) -> Disturbance:
+    """n touches → from touch `at` to `until` everything on the table is off by `amplitude` mm along `direction` (machine
+    frame), or `axis` stands `amplitude` rad too far. Raises InputError for both or none of the two.
+    """
+    if (direction is None) == (axis is None):
+        raise InputError("direction, axis: found both or none of them; allowed: one of them")
+    on = (history.number >= at) & (history.number <= until)
+    if axis is not None:
+        return Disturbance(errors={positioning(axis): np.asarray(amplitude * on, dtype=float)})
+    assert direction is not None
+    return Disturbance(work=amplitude * np.outer(on, unit(direction)))

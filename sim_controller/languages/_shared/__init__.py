@@ -1,0 +1,1 @@
+"""What several languages have in common: alarms, scales of axes, expressions in square brackets."""

@@ -1,0 +1,5 @@
+"""The lines of grbl 1.1, grblHAL and FluidNC, as these firmwares execute them."""
+
+from .control import REALTIME, RESET, Control, Profile, default_profile, switched_on
+
+__all__ = ["REALTIME", "RESET", "Control", "Profile", "default_profile", "switched_on"]

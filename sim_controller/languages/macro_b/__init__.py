@@ -1,0 +1,5 @@
+"""Fanuc custom macro B and its relatives, as a control executes it."""
+
+from .control import Control, Profile, default_profile
+
+__all__ = ["Control", "Profile", "default_profile"]

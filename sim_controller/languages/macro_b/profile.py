@@ -1,0 +1,46 @@
+"""What differs between machines with a Fanuc-like control; every default is a guess that a real machine may refute."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from decimal import Decimal
+from typing import Literal
+
+from tango_cnc.records import Machine
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Parameters and options of the control, with the parameter numbers of the 0i/30i families where they are known."""
+
+    axes: tuple[str, ...]  # control axes 1, 2, 3 …: the order of #5001, #5021, #5041, #5061 (1020)
+    lettered: bool = False  # they go by letter X Y Z A B C instead, whether the machine has the axis or not (Haas)
+    increment: Decimal = Decimal("0.001")  # mm and deg (IS-B; IS-C is 0.0001)
+    calculator: bool = False  # a number without decimal point is whole mm (3401#0 DPI)
+    g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
+    left_on: Mapping[int, float] = field(default_factory=dict)  # group of G codes → what a program before has left on
+    tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # H → mm
+    length_moves: bool = False  # G43 and G49 without an axis word move Z by the length there and then (5001, 5006#6)
+    rollover: tuple[str, ...] = ()  # rotary axes of type 'roll-over' (1008#0 ROA)
+    signed_direction: bool = False  # the sign of a roll-over command is its direction (1008#1 RAB)
+    straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
+    read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
+    macros_ahead: bool = False  # macro statements are carried out ahead of motion; G103 P1 and empty blocks end that (Haas)
+    skip_word: str = "G31"  # how a skip move has to be written: G31 P1 with several inputs, else alarm P601 (M700V p. 555)
+    reading_stops: bool = False  # what stands behind M30 is not read into the memory (3201#6)
+    counts: bool = False  # variables of positions come in whole increments, as on the display
+    probe_variable: int = 0  # system variable that is 1 while the probe is deflected, as old as the last wait; 0: there is none
+    # F of G31: as of any block, or its own alone, which it has to have and other blocks do not see (M700V)
+    skip_feed: Literal["modal", "own"] = "modal"
+    fastest_skip: float = math.inf  # mm/min of G31 (Haas: 2500)
+    padding: Literal["spaces", "none", "bare"] = "spaces"  # leading zeros of DPRNT (6001#1 PRT); bare: as a Haas NGC
+    overflow: Literal["dropped", "expanded"] = "dropped"  # digits that do not fit into a field; Haas expands it
+    line_end: Literal["lf", "crlf", "lfcrcr", "cr"] = "lf"  # 100#3 NCR, 6001#4 CRO
+    branches_in_dnc: bool = False  # GOTO and WHILE in a drip-fed main program, which real ones refuse
+
+
+def default_profile(machine: Machine) -> Profile:
+    """machine → profile with X Y Z and then the rotary letters in alphabetical order; the spindle is no axis."""
+    return Profile((*machine.linear, *machine.rotary))

@@ -1,0 +1,305 @@
+"""A Sinumerik-like control (840D sl, ONE), with its habits: MEAS says nothing when it meets nothing and keeps what it latched
+before, only axes named in the block are latched, variables are as old as the last STOPRE, SUPA leaves tool length and
+transformation in, WRITE adds a line feed to files and none to devices, errors of files are numbers that nobody has to look at."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable
+
+from ...motion import Motion, MotionStop, Note
+from .._shared.alarm import Alarm
+from .alarms import alarm, as_alarm
+from .axes import Axes, Profile, Target, default_profile
+from .expressions import Reader, Value, real, truth
+from .program import Block, block_of, jumped_to, partners_of
+
+__all__ = ["Control", "Profile", "default_profile"]
+
+G_CODES = {"G0", "G1", "G4", "G17", "G18", "G19", "G40", "G53", "G54", "G500", "G60", "G64", "G71", "G90", "G91", "G94", "G710"}
+WORDS = {"TRAFOOF", "TRANS", "ROT", "TOROTOF", "STOPRE"}
+CALLS = {"MSG", "SETAL", "WRITE", "EXTOPEN", "EXTCLOSE", "CYCLE800"}
+TYPES: dict[str, Value] = {"INT": 0, "REAL": 0.0, "BOOL": False, "STRING": ""}
+LONGEST = 200  # characters that WRITE takes
+
+
+class Control:
+    """The control's memory from switching on to switching off; `files` is what WRITE left in it."""
+
+    def __init__(
+        self, motion: Motion, profile: Profile, punch: Callable[[bytes], None], note: Note, library: Iterable[str] = ()
+    ) -> None:
+        self._motion, self._profile, self._punch, self._note = motion, profile, punch, note
+        self._axes = Axes(motion, profile)
+        self.files: dict[str, str] = {}
+        self._open: set[str] = set()
+        self._variables: dict[str, Value] = {}
+        self._types: dict[str, str] = {}
+        self._motion_code, self._feed, self._message, self._executed = "G0", 0.0, "", False
+
+    def run(self, lines: Iterable[str], streamed: bool) -> None:
+        """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
+        self._variables, self._types, self._executed = {}, {}, False
+        self._motion_code, self._axes.incremental = "G1", False
+        self._axes.settle()
+        try:
+            self._program([block_of(line) for line in lines if not line.startswith("%")])
+        except MotionStop as stop:
+            raise as_alarm(stop) from None
+        finally:
+            self._open.clear()
+
+    def _program(self, blocks: list[Block]) -> None:
+        partners = partners_of(blocks)
+        index = 0
+        while index < len(blocks):
+            block = blocks[index]
+            self._note("block", program="MPF", line=index + 1, text=block.raw)
+            self._motion.reads(block.raw)
+            if re.match(r"M(30|0?2|17)\b", block.text):
+                return
+            jump = self._execute(blocks, partners, index, block) if block.text else None
+            index = index + 1 if jump is None else jump
+        raise alarm("14011")
+
+    def _execute(self, blocks: list[Block], partners: dict[int, int], index: int, block: Block) -> int | None:
+        """Executes one block; → index to go on at, None for the next one."""
+        reader = Reader(block.text, self._get)
+        if reader.take("DEF"):
+            if self._executed:
+                raise alarm("12190", block.raw)
+            self._define(reader, block)
+            return None
+        self._executed = True
+        if reader.take("IF"):
+            yes = truth(reader.value())
+            if jump := reader.take("GOTOF", "GOTOB", "GOTO"):
+                label = reader.name()
+                _done(reader, block)
+                return jumped_to(blocks, index, jump, label) if yes else None
+            _done(reader, block)
+            return None if yes else partners[index] + 1
+        if reader.take("ELSE"):
+            return partners[index] + 1
+        if reader.take("ENDIF"):
+            return None
+        if jump := reader.take("GOTOF", "GOTOB", "GOTO"):
+            return jumped_to(blocks, index, jump, reader.name())
+        self._statement(reader, block)
+        return None
+
+    def _define(self, reader: Reader, block: Block) -> None:
+        kind = reader.take(*TYPES)
+        if kind is None:
+            raise alarm("12080", block.raw)
+        if kind == "STRING":
+            reader.expect("[")
+            reader.value()
+            reader.expect("]")
+        while True:
+            name = reader.name()
+            if len(name) > 31:
+                raise alarm("12420", name)
+            if name in self._variables or name in self._profile.axes:
+                raise alarm("12170", name)
+            self._types[name], self._variables[name] = kind, TYPES[kind]
+            if reader.take("="):
+                self._assign(name, reader.value())
+            if not reader.take(","):
+                break
+        _done(reader, block)
+
+    def _statement(self, reader: Reader, block: Block) -> None:
+        name = re.match(r"[A-Z_][A-Z0-9_]*", block.text.upper())
+        word = name[0] if name else ""
+        if word in self._variables:
+            reader.name()
+            reader.expect("=")
+            value = reader.value()
+            _done(reader, block)
+            self._assign(word, value)
+        elif word in CALLS:
+            self._call(word, block)
+        elif word in WORDS:
+            reader.name()
+            _done(reader, block)
+            if word == "STOPRE":
+                self._axes.settle()
+            elif word == "TRAFOOF":
+                self._axes.transformation = False
+        else:
+            self._nc(reader, block)
+
+    def _assign(self, name: str, value: Value) -> None:
+        kind = self._types[name]
+        if (kind == "STRING") != isinstance(value, str):
+            raise alarm("12150", f"{name}={value!r}")
+        if kind == "INT":
+            number = real(value)
+            if not abs(number) < 2**31:
+                raise alarm("14051", name)
+            value = int(math.copysign(math.floor(abs(number) + 0.5), number))
+        self._variables[name] = float(real(value)) if kind == "REAL" else truth(value) if kind == "BOOL" else value
+
+    def _get(self, name: str, index: Value | None) -> Value:
+        if index is None:
+            if name in self._variables:
+                return self._variables[name]
+        elif name.startswith("$AA_") and isinstance(index, str):
+            return self._axes.variable(name, index)
+        elif index == 1 and name == "$AC_MEA":
+            return self._axes.measured
+        elif index == 1 and name == "$A_PROBE":
+            return int(self._axes.deflected)
+        elif index == 2 and name in ("$AC_MEA", "$A_PROBE"):
+            return 0
+        raise alarm("12550", name if index is None else f"{name}[{index}]")
+
+    def _call(self, word: str, block: Block) -> None:
+        if word in ("MSG", "SETAL", "CYCLE800"):
+            given = self._given(block.text[len(word) :], block)
+            if word == "MSG":
+                self._message = str(given[0]) if given else ""
+                self._note("message", text=self._message)
+            elif word == "SETAL":
+                if not given:
+                    raise alarm("12090", block.raw)
+                raise Alarm(str(int(real(given[0]))), self._message)
+            return
+        match = re.fullmatch(rf"{word}\s*\(\s*([A-Z_][A-Z0-9_]*)\s*,(.*)\)", block.text, re.IGNORECASE)
+        if match is None or self._types.get(match[1].upper()) != "INT":
+            raise alarm("12080", block.raw)
+        given = self._given(f"({match[2]})", block)
+        if not given or not all(isinstance(value, str) for value in given):
+            raise alarm("12090", block.raw)
+        self._variables[match[1].upper()] = self._file(word, [str(value) for value in given])
+
+    def _given(self, text: str, block: Block) -> list[Value]:
+        reader = Reader(text, self._get)
+        given = reader.arguments()
+        _done(reader, block)
+        return given
+
+    def _file(self, word: str, given: list[str]) -> int:
+        """→ error number, 0 for none."""
+        name = given[0]
+        if word == "EXTOPEN":
+            if name not in self._profile.devices:
+                return 16
+            self._open.add(name)
+            return 0
+        if word == "EXTCLOSE":
+            known = name in self._open
+            self._open.discard(name)
+            return 0 if known else 16
+        text = given[1]
+        if len(text) > LONGEST:
+            return 9
+        if name.startswith("/dev/"):
+            if name not in self._open:
+                return 16
+            self._note("output", text=text.rstrip("\n"))
+            self._punch(text.encode("ascii", "replace"))
+            return 0
+        if len(self.files.get(name, "")) + len(text) + 1 > self._profile.room:
+            return 10
+        self.files[name] = self.files.get(name, "") + text + "\n"
+        self._note("output", text=text)
+        return 0
+
+    def _nc(self, reader: Reader, block: Block) -> None:
+        if match := re.fullmatch(r"G4 F(\d+\.?\d*)", block.text):  # s; this F is no feed
+            self._motion.dwell(float(match[1]))
+            return
+        targets: dict[str, Target] = {}
+        measure, suppressed, spindle = False, False, None
+        while reader.peek():
+            word = reader.name()
+            if word == "SUPA":
+                suppressed = True
+            elif word == "MEAS":
+                reader.expect("=")
+                measure = abs(real(reader.value())) == 1
+            elif word == "SPOS":
+                reader.expect("=")
+                spindle = self._position(reader).value
+            elif re.fullmatch(r"G\d+", word):
+                self._g_code(word, block)
+            elif re.fullmatch(r"D\d+", word):
+                self._tool(int(word[1:]))
+            elif re.fullmatch(r"[ML]\d+", word):
+                self._m_code(word)
+            elif re.fullmatch(r"N\d+", word):
+                continue
+            else:
+                self._address(word, reader, targets, block)
+        if spindle is not None:
+            self._motion.rapid({"S": math.radians(spindle % 360)})
+        if not targets:
+            return
+        if measure or self._motion_code == "G1":
+            if self._feed <= 0:
+                raise alarm("10860", block.raw)
+            drive = self._axes.measure if measure else self._axes.move
+            drive(targets, self._feed, suppressed=suppressed)
+        else:
+            self._axes.move(targets, None, suppressed=suppressed)
+
+    def _address(self, word: str, reader: Reader, targets: dict[str, Target], block: Block) -> None:
+        """`X-3.5`, `X=…`, `F180.`; a number that was read as part of the name is given back."""
+        match = re.fullmatch(r"([A-Z])(\d*)", word)
+        if match is None:
+            raise alarm("12550", word)
+        letter = match[1]
+        reader.at -= len(match[2])
+        equals = reader.take("=")
+        if not equals and reader.peek() in ("", "("):
+            raise alarm("12080", block.raw)
+        if letter == "F":
+            self._feed = real(reader.value() if equals else self._literal(reader, block))
+        elif letter in self._profile.axes:
+            targets[letter] = self._position(reader) if equals else Target(self._literal(reader, block))
+        else:
+            raise alarm("12550", word)
+
+    def _literal(self, reader: Reader, block: Block) -> float:
+        match = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))(?![\w.])").match(reader.text, reader.at)
+        if match is None:
+            raise alarm("12080", block.raw)
+        reader.at = match.end()
+        return float(match[1])
+
+    def _position(self, reader: Reader) -> Target:
+        way = reader.take("DC", "AC", "IC", "ACP", "ACN")
+        if way is None:
+            return Target(real(reader.value()))
+        reader.expect("(")
+        value = real(reader.value())
+        reader.expect(")")
+        return Target(value, way)
+
+    def _g_code(self, word: str, block: Block) -> None:
+        if word not in G_CODES:
+            raise alarm("12470", block.raw)
+        if word in ("G0", "G1"):
+            self._motion_code = word
+        elif word in ("G90", "G91"):
+            self._axes.incremental = word == "G91"
+
+    def _tool(self, number: int) -> None:
+        if number and number not in self._profile.tool_lengths:
+            raise alarm("17180", f"D{number}")
+        self._axes.tool = number
+
+    def _m_code(self, word: str) -> None:
+        if int(word[1:]) in (0, 1):
+            self._axes.settle()
+            self._note("stop", why=word, message=self._message)
+        else:
+            self._note("m", code=int(word[1:]))
+
+
+def _done(reader: Reader, block: Block) -> None:
+    if reader.peek():
+        raise alarm("12080", block.raw)

@@ -1,0 +1,83 @@
+"""A cell → the analysis of its nights: what is followed, what touches cost, and the stages that read an estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..duration import duration
+from ..estimate import Estimate
+from ..files import read_readings, read_strategy
+from ..files.nightly import Nightly
+from ..link._measure import durations
+from ..nightly.analysis import Nights, Timed
+from ..plan import last_motion
+from ..records import Cell, Plan, Readings
+from ..state import frame
+from ..touches import of_facets
+from ._common import json_text
+from .estimate import as_json as estimate_json
+
+CHECK = "check.yaml"
+
+
+def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -> Nights:
+    """cell, settings, its plan, whether plausibility and diagnosis are asked → the analysis. Raises InputError."""
+    position = np.array([touch.contact for touch in made.touches])
+    touches = of_facets(cell.machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
+    followed = frame(touches, cell.terms)
+    check = None
+    if (cell.folder / CHECK).exists():
+        check = replace(cell, strategy=read_strategy(cell.folder / CHECK, cell.machine, cell.artefact))
+    return Nights(
+        cell,
+        settings,
+        followed,
+        timed(made),
+        lambda text: read_text_readings(cell, text),
+        check,
+        _judged if deep else None,
+        _diagnosed if deep else None,
+        lambda result: {"estimate.json": json_text(estimate_json(result)) + "\n"},
+    )
+
+
+def read_text_readings(cell: Cell, text: str) -> Readings:
+    """cell, text of a readings.csv → readings. Raises InputError."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "readings.csv"
+        file.write_text(text, encoding="utf-8", newline="\n")
+        return read_readings(file, cell.machine, cell.artefact)
+
+
+def timed(made: Plan) -> Timed:
+    """plan → what one touch and one more indexation cost, out of the predicted time of the whole."""
+    seconds = durations(made)
+    numbers = np.array([t.number for t in made.touches])
+    indexation = np.unique([t.indexation for t in made.touches], return_inverse=True)[1]
+    first = np.concatenate([[True], np.diff(indexation) != 0])
+    spent = np.array([seconds[int(n)] for n in numbers])
+    touch = float(np.median(spent[~first])) if np.any(~first) else float(np.median(spent))
+    turn = max(float(np.mean(spent[first])) - touch, 0.0)
+    rest = max(sum(duration(made).values()) - float(spent.sum()), 0.0) / len(numbers)
+    return Timed(numbers, indexation, touch + rest, turn)
+
+
+def _judged(cell: Cell, readings: Readings, result: Estimate) -> tuple[str, tuple[str, ...]]:
+    from ..plausible import judge
+
+    found = judge(cell, readings, result, search=False)
+    return found.verdict, tuple(found.reasons)
+
+
+def _diagnosed(cell: Cell, readings: Readings) -> Mapping[str, Any]:
+    from ..diagnose import diagnose
+    from ..diagnose.words import as_json
+
+    return as_json(diagnose(cell.machine, cell.artefact, readings, cell.terms))

@@ -1,0 +1,129 @@
+"""What `tango compensate` says to a person, and the reading of its options."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from ..compensate import targets
+from ..compensate.proposal import Proposal
+from ..compensate.trial import Verdict
+from ..files.checked import load, suggestion
+from ..records import InputError, Machine
+from ._common import table
+
+
+def volume_of(text: str | None, machine: Machine) -> dict[str, tuple[float, float]]:
+    """'X=-100:100,B=-30:30' → limits in mm and rad. Raises InputError for anything else."""
+    result = {}
+    for part in text.split(",") if text else ():
+        name, _, limits = part.partition("=")
+        low, _, high = limits.partition(":")
+        axes = (*machine.linear, *machine.rotary)
+        try:
+            values = float(low), float(high)
+        except ValueError:
+            values = (math.nan, math.nan)
+        if name.strip() not in axes or not values[0] < values[1]:
+            raise InputError(
+                f"--volume: found {part!r}; allowed: AXIS=LOW:HIGH,… in mm and degrees, e.g. X=-100:100,{axes[-1]}=-90:90"
+                f"{suggestion(name.strip(), axes)}"
+            )
+        scale = 1.0 if name.strip() in machine.linear else math.pi / 180
+        result[name.strip()] = (values[0] * scale, values[1] * scale)
+    return result
+
+
+def present_of(source: Path) -> dict[str, float]:
+    """YAML file of {place: number} → the control's numbers. Raises InputError for what is no number."""
+    return {key: node.position() for key, node in load(source).items()}
+
+
+def listed() -> str:
+    """→ every target with its line."""
+    return table([[name, targets.load(name).TEXT] for name in targets.names()], "<<")
+
+
+def facts(name: str) -> str:
+    """target → what it is built on, and its settings."""
+    module = targets.load(name)
+    lines = [f"{name}: {module.TEXT}", "", "read in manuals or source code:"]
+    lines += [f"  - {fact.text} ({fact.source})" for fact in module.FACTS if fact.confirmed]
+    lines += ["", "not confirmed; check each on your control:"]
+    lines += [f"  - {fact.text} ({fact.source})" for fact in module.FACTS if not fact.confirmed] or ["  nothing"]
+    lines += ["", "settings (--set NAME=VALUE):"]
+    for key, option in module.OPTIONS.items():
+        allowed = f" ({', '.join(map(str, option.allowed))})" if option.allowed and len(option.allowed) < 8 else ""
+        lines.append(f"  {key}={option.default}  {option.text}{allowed}")
+    return "\n".join(lines)
+
+
+def text(proposal: Proposal) -> str:
+    """proposal → what a person reads before anything is written."""
+    best = proposal.fit
+    width = {"exactly": [], "partly": [], "not at all": [], "set-up": []}  # type: dict[str, list[str]]
+    for share in sorted(best.shares, key=lambda s: -s.effect_um):
+        part = f" ({100 * share.held:.0f} %)" if share.word == "partly" else ""
+        width[share.word].append(f"{share.name} {share.effect_um:.1f} µm{part}")
+    machine = proposal.job.machine
+    limits = []
+    for name, (low, high) in proposal.job.limits.items():
+        scale = 1.0 if name in machine.linear else 180 / math.pi
+        limits.append(f"{name} {low * scale:.0f} to {high * scale:.0f}")
+    lines = [f"volume ({proposal.over}): {', '.join(limits)}", "", "what this target can hold (effect on the tool tip, rms):"]
+    lines += [f"  {word:10s} {', '.join(items) or 'nothing'}" for word, items in width.items() if items or word != "set-up"]
+
+    def row(name: str, f: object) -> list[str]:
+        from ..compensate.fit import Figure
+
+        assert isinstance(f, Figure)
+        return [name, f"{f.value:.2f}", f"{f.low:.2f} to {f.high:.2f}"]
+
+    lines += [
+        "",
+        table(
+            [
+                ["error of the tool tip over the volume, µm", "", "95 %"],
+                row("now, rms", best.rms_before),
+                row("after, rms", best.rms_after),
+                row("now, 95 % of the volume below", best.largest_before),
+                row("after, 95 % of the volume below", best.largest_after),
+                row("with programs compensated as well, rms", best.rms_program),
+            ],
+            "<><",
+        ),
+        "",
+        f"direction of the tool: {best.direction_before:.1f} µrad now, {best.direction_after:.1f} µrad after (rms)",
+        f"rounding to the increment costs {best.rounding:.2f} µm",
+    ]
+    changed = [(h, c) for h, c in zip(proposal.held, best.change, strict=True) if c]
+    singles = [h for h, _ in changed if h.at is None]
+    lines += ["", f"{len(changed)} of {len(proposal.held)} numbers change:"]
+    rows = [[f"  {h.place}", f"{proposal.present[h.place]:.9g}", "→", f"{proposal.numbers[h.place]:.9g}", h.unit] for h in singles]
+    if rows:
+        lines.append(table(rows, "<><><"))
+    for name in dict.fromkeys(h.table for h, _ in changed if h.at is not None):
+        own = [h for h in proposal.held if h.table == name]
+        most = max(abs(proposal.numbers[h.place] - proposal.present[h.place]) for h in own)
+        lines.append(f"  {name}: table of {len(own)} numbers, largest change {most:.6f} {own[0].unit}")
+    if not proposal.given:
+        lines += ["", "present values: taken as empty tables and the geometry of machine.yaml; give them with --present"]
+    lines += ["", "not confirmed; check each on your control before you write:"]
+    lines += [f"  - {item}" for item in targets.unconfirmed(proposal.module)] or ["  nothing"]
+    return "\n".join(lines)
+
+
+def sign(found: Verdict) -> str:
+    """verdict of a sign trial → what it means for a person."""
+    start = f"{found.touches} touches changed by {found.ratio:+.2f} ± {2 * found.std:.2f} of what was foretold: "
+    return (
+        start
+        + {
+            "as assumed": "the sign is as assumed. Load undo/, then the compensation",
+            "turned round": "the sign is the other one. Load undo/, and propose again with the setting of the target for the "
+            "sign turned round ('tango compensate --facts TARGET' names it)",
+            "not used": "the control does not use this place. Load undo/, and see what switches it on "
+            "('tango compensate --facts TARGET')",
+            "undecided": "no sign can be told from this. Touch more, or choose a touch that feels the change",
+        }[found.word]
+    )

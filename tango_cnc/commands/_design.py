@@ -1,0 +1,204 @@
+"""What `tango design` tells of a plan that it proposes: strategy.yaml with reasons, JSON, text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import yaml
+
+from .. import kinematics
+from ..design import choose, order, propose, region
+from ..design.check import ALARMS, POWER, Power
+from ..design.choose import Chosen
+from ..design.propose import Setting
+from ..duration import spoken
+from ..files.write import dump
+from ..records import Array, Strategy
+from ..report.drawn import Drawn
+
+REASONS = 3  # parameters that are named for an indexation
+TELLS = 1.05  # times a standard deviation grows without an indexation that tells something of the parameter
+
+
+def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others: Mapping[str, float]) -> dict[str, Any]:
+    """setting, plan, why it touches as it does, what a check sees, φ of other plans → plain data of the format tango-design/1."""
+    amount, unit = propose.reached(ready, found.value)
+    data: dict[str, Any] = {
+        "format": "tango-design/1",
+        "goal": ready.wish.goal.text,
+        "machine": found.cell.machine.name,
+        "touches": len(found.rows),
+        "indexations": len(found.cell.strategy.indexations),
+        "unknowns": len(ready.problem.choice.selection.model.names),
+        "time_s": round(found.seconds, 3),
+        "time_by_part_s": {part: round(s, 3) for part, s in choose.parts_of(found).items()},
+        "positioning_feed": ready.problem.feed,
+        "criterion": {"value": amount, "unit": unit},
+        "approach": why,
+        "region": region.text(ready.where),
+        "correlation_with_time": _with_time(found),
+        "expected_std": {n: {"std": s, "unit": u} for n, (s, u) in propose.std_of(ready, found.information).items()},
+        "not_identifiable": [c.text for c in ready.problem.choice.selection.unseen],
+    }
+    if others:
+        data["competitors"] = {name: propose.reached(ready, phi)[0] for name, phi in others.items()}
+    if np.isfinite(found.bound):
+        data["certificate"] = {
+            "bound": propose.reached(ready, found.bound)[0],
+            "efficiency": found.efficiency,
+            "seconds_per_touch": found.costs[0],
+            "seconds_per_indexation": found.costs[1],
+        }
+    if sees is None and not ready.problem.criterion.determinant:
+        values = choose.broken_off(found, (*choose.FRACTIONS, 1.0))
+        parts = zip((*choose.FRACTIONS, 1.0), values, strict=True)
+        data["broken_off"] = [{"part": p, "value": propose.reached(ready, float(v))[0]} for p, v in parts]
+    if sees is not None:
+        data["check"] = {
+            "power": POWER,
+            "false_alarms": ALARMS,
+            "size_um": 1e3 * sees.size,
+            "missed_below_um": {n: 1e3 * s for n, s in sees.others.items() if math.isfinite(s)},
+            "unseen": [n for n, s in sees.others.items() if not math.isfinite(s)],
+        }
+    return data
+
+
+def _with_time(found: Chosen) -> float:
+    rotary = [found.cell.machine.column(name) for name in found.cell.machine.rotary]
+    position = np.array([touch.contact for touch in found.plan.touches])[:, rotary]
+    return round(order.runs_with_time(position, found.time), 3)
+
+
+def as_text(ready: Setting, data: dict[str, Any]) -> str:
+    """setting, result of `as_json` → what a person reads on the terminal."""
+    value, unit = data["criterion"]["value"], data["criterion"]["unit"]
+    lines = [
+        f"{data['touches']} touches at {data['indexations']} indexations, predicted time {spoken(data['time_s'])}: "
+        + ", ".join(f"{part} {spoken(s)}" for part, s in data["time_by_part_s"].items()),
+        f"approach: {data['approach']}",
+        f"{_means(data['goal'], value, unit)}",
+    ]
+    if "certificate" in data:
+        own = data["certificate"]
+        lines.append(
+            f"no plan of this time with {own['seconds_per_touch']:.1f} s a touch and "
+            f"{own['seconds_per_indexation']:.1f} s a turn gets below {own['bound']:.3g} {unit}: "
+            f"efficiency {100 * own['efficiency']:.0f} %"
+        )
+    if "competitors" in data:
+        said = ", ".join(f"{name} {other:.3g}" for name, other in data["competitors"].items())
+        lines.append(f"other plans of this time ({unit}): {said}")
+    if "broken_off" in data:
+        said = ", ".join(f"{b['value']:.3g} at {100 * b['part']:.0f} %" for b in data["broken_off"])
+        lines.append(f"broken off, on a machine with usual errors ({unit}): {said}")
+    if "check" in data:
+        lines += _seen(data["check"])
+    if ready.wish.goal.word not in ("D", "A", "condition"):
+        lines.append(f"where parts are made: {data['region']} (--volume)")
+    lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
+    lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
+    return "\n".join(lines)
+
+
+def _means(goal: str, value: float, unit: str) -> str:
+    said = {
+        "volume": f"uncertainty of the tool tip where parts are made: {value:.3g} {unit} (rms, one standard deviation)",
+        "check": f"most uncertain change of the tool tip where parts are made: {value:.3g} {unit} (one standard deviation)",
+        "locations": f"the most uncertain axis location has {value:.3g} times the standard deviation that moves a part by 1 µm",
+        "D": f"volume of the confidence ellipsoid: {value:.4g} {unit}",
+        "A": f"uncertainty of all parameters, scaled by what they do to a touch: {value:.3g} {unit}",
+        "condition": f"most uncertain combination of parameters: {value:.3g} {unit}",
+    }
+    return said.get(goal, f"the most uncertain of these parameters reaches {100 * value:.0f} % of its limit")
+
+
+def _seen(check: dict[str, Any]) -> list[str]:
+    small = f"{check['size_um']:.1f} µm"
+    lines = [
+        f"a change of axis locations, gains and backlashes that moves the tool tip by {small} anywhere there is seen with "
+        f"{100 * check['power']:.0f} % power at 1/{1 / check['false_alarms']:.0f} false alarms"
+    ]
+    missed = sorted(((s, n) for n, s in check["missed_below_um"].items() if s > check["size_um"]), reverse=True)
+    if missed:
+        said = ", ".join(f"{n} below {s:.0f} µm" for s, n in missed[:6])
+        more = f" and {len(missed) - 6} more (--json lists all)" if len(missed) > 6 else ""
+        lines.append(f"changes of single error motions that it could miss: {said}{more}")
+    if check["unseen"]:
+        lines.append(f"it sees nothing of {', '.join(check['unseen'])}")
+    return lines
+
+
+def drawn(ready: Setting, found: Chosen) -> Drawn:
+    """setting, plan → what its pictures show."""
+    parts = np.linspace(0.02, 1.0, 40)
+    values = [propose.reached(ready, float(v))[0] for v in choose.broken_off(found, parts.tolist())]
+    machine, at = found.cell.machine, np.array([touch.indexation for touch in found.plan.touches])
+    names = machine.rotary[:2]
+    angles = np.degrees([[i.position[n] for n in names] for i in found.cell.strategy.indexations]).reshape(-1, len(names))
+    choice = ready.problem.choice
+    p = ready.lever.steady.shape[2]
+    covariance = np.linalg.inv(found.information)[:p, :p] * choice.sigma**2
+    moved = ready.lever.steady * choice.scale[:p]
+    spread = moved @ covariance @ np.swapaxes(moved, 1, 2)
+    std = 1e3 * np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0, None))
+    place = kinematics.tip(kinematics.chain(machine), ready.lever.position)
+    unit = propose.reached(ready, found.value)[1]
+    return Drawn(parts * found.seconds / 60, np.array(values), unit, angles, names, np.bincount(at).astype(float), place, std)
+
+
+def strategy_text(found: Chosen, data: dict[str, Any], lines: Sequence[str]) -> str:
+    """plan, result of `as_json`, lines for people → strategy.yaml, with why it is so as comments."""
+    strategy, why = found.cell.strategy, reasons(found)
+    approach = {key: value for key, value in vars(strategy.approach).items() if value is not None}
+    if strategy.approach.find is not None:
+        approach["find"] = dict(vars(strategy.approach.find))
+    comments = [f"# {line}" for line in lines]
+    head = dump({"name": f"design {data['goal']}, {data['touches']} touches", "approach": approach}).rstrip()
+    body = []
+    for number, (indexation, reason) in enumerate(zip(_plain(strategy), why, strict=True), 1):
+        flow = yaml.safe_dump(indexation, default_flow_style=True, sort_keys=False, width=10**6).strip()
+        minutes = found.time[[t.indexation for t in found.plan.touches].index(number - 1)] / 60
+        body.append(f"  - {flow}  # {number}, from {minutes:.1f} min: {reason}")
+    return "\n".join([*comments, head, "indexations:", *body]) + "\n"
+
+
+def _plain(strategy: Strategy) -> list[dict[str, Any]]:
+    def number(value: float) -> float | int:
+        degrees = round(math.degrees(value), 6) + 0.0
+        return int(degrees) if degrees == int(degrees) else degrees
+
+    return [
+        {"S": number(i.position.get("S", 0.0))}
+        | {name: number(value) for name, value in i.position.items() if name != "S"}
+        | {"facets": [int(f) if f.isdecimal() and str(int(f)) == f else f for f in i.facets]}
+        for i in strategy.indexations
+    ]
+
+
+def reasons(found: Chosen) -> list[str]:
+    """plan → of each indexation the parameters that would be most uncertain without it."""
+    choice = found.problem.choice
+    at = np.array([touch.indexation for touch in found.plan.touches])
+    count = len(choice.selection.model.coefficients)
+    labels = [choice.selection.label(c.name) for c in choice.selection.model.coefficients]
+    std = _std(found.information)[:count]
+    said = []
+    last = len(found.cell.strategy.indexations) - 1
+    for number in range(last + 1):
+        rows = found.rows[at == number]
+        without = _std(found.information - rows.T @ rows)[:count] / std
+        most = [i for i in np.argsort(-without)[:REASONS] if without[i] > TELLS]
+        text = ", ".join(f"{labels[i]} ×{without[i]:.2g}" for i in most)
+        if number == last and found.problem.repeats:
+            said.append("as the first one: drift since then, and outliers, show here")
+        else:
+            said.append(f"without it {text}" if text else "repeats what others tell, so that outliers show")
+    return said
+
+
+def _std(information: Array) -> Array:
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))

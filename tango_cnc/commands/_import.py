@@ -1,0 +1,61 @@
+"""Old cells → nights: what was measured before there was a history."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..files import read_cell, read_readings
+from ..files.nightly import Nightly
+from ..history import History
+from ..nightly import Finding, Measured, World, night
+from ..plan import plan
+from ..records import Cell, InputError, Readings
+from ._cell_nights import nights_of
+from ._simulated_nights import Folder, Nobody, Time
+
+
+class _Old:
+    """A run that was made long ago."""
+
+    def __init__(self, cell: Cell, readings: Readings, text: str, origin: dict[str, Any]) -> None:
+        self._cell, self._readings, self._text, self._origin = cell, readings, text, origin
+
+    def preflight(self, kind: str) -> Sequence[Finding]:
+        """→ nothing is asked of a machine."""
+        return (Finding("import", True, f"readings of {self._cell.folder}"),)
+
+    def measure(self, kind: str, touches: Sequence[int]) -> Measured:
+        """→ the readings that there are."""
+        hashes = tuple((key, str(self._origin.get(f"{key}_hash", ""))) for key in ("plan", "program"))
+        seconds = float(self._readings.time.max() - self._readings.time.min())
+        return Measured(self._readings, self._text, len(self._readings), seconds, "", hashes)
+
+
+def imported(history: History, folders: Sequence[Path]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """history, cells with readings.csv → (cell, record of the night), oldest first. Raises InputError before anything is added."""
+    found = []
+    for folder in folders:
+        cell = read_cell(folder)
+        file = folder / "readings.csv"
+        readings = read_readings(file, cell.machine, cell.artefact)
+        beside = file.with_suffix(".json")
+        origin = json.loads(beside.read_text(encoding="utf-8")) if beside.exists() else {}
+        stamp = origin.get("start_utc")
+        when = datetime.fromisoformat(stamp) if stamp else datetime.fromtimestamp(file.stat().st_mtime, UTC)
+        found.append((when.astimezone(UTC), cell, readings, file.read_text(encoding="utf-8"), origin))
+    found.sort(key=lambda item: item[0])
+    for when, cell, *_ in found:
+        known = history.nights(cell.machine.name) if cell.machine.name in history.machines() else ()
+        if any(n.start_utc == when.strftime("%Y-%m-%dT%H:%M:%SZ") for n in known):
+            raise InputError(f"{cell.folder}: its run of {when:%Y-%m-%d %H:%M} UTC is in the history already; nothing was added")
+    for when, cell, readings, text, origin in found:
+        settings = Nightly(every_days=1e6, diagnose=False, free_mb=0, full_every_days=1e-6)
+        analysis = nights_of(cell, settings, plan(cell))
+        old, nothing = _Old(cell, readings, text, origin), Folder(lambda stamp, name, text: None)
+        world = World(Time(when), nothing, old, Nobody(), history, analysis, nullcontext())
+        yield cell.folder, night(cell.machine.name, str(cell.folder.resolve()), settings, world)

@@ -1,0 +1,198 @@
+"""The real world of a night: this computer's clock and disk, the control at the end of the line, people who are told."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+from ..files import read_readings, write_text
+from ..files.nightly import Nightly
+from ..nightly import Finding, Measured
+from ..plan import part, plan, plan_hash
+from ..records import Cell, InputError, LinkError, Plan, TangoError
+from ._common import dialect
+
+LISTEN = 5.0  # s that a control may take to say what it is
+
+
+@dataclass(frozen=True)
+class RealClock:
+    """This computer's clock."""
+
+    def now(self) -> datetime:
+        """→ now, with the local zone."""
+        return datetime.now().astimezone()
+
+
+@dataclass(frozen=True)
+class RealDisk:
+    """nights/ in the cell: a folder a night, begun/ for those under way, outbox/ for messages that wait."""
+
+    folder: Path
+
+    def free_mb(self) -> float:
+        """→ room on the disk of the cell."""
+        return shutil.disk_usage(self.folder).free / 1e6
+
+    def begin(self, stamp: str, text: str) -> None:
+        """Marks a night as begun."""
+        write_text(self.folder / "nights" / "begun" / stamp, text)
+
+    def unfinished(self) -> Sequence[tuple[str, str]]:
+        """→ nights that were begun and never ended."""
+        return _texts(self.folder / "nights" / "begun")
+
+    def ended(self, stamp: str) -> None:
+        """Takes the mark away."""
+        (self.folder / "nights" / "begun" / stamp).unlink(missing_ok=True)
+
+    def write(self, stamp: str, name: str, text: str) -> None:
+        """A file of a night; one that is there with the same text is left alone, another text goes beside it."""
+        file = self.folder / "nights" / stamp / name
+        if file.exists():
+            if file.read_text(encoding="utf-8") == text:
+                return
+            file = file.with_name(f"{file.stem}.again{file.suffix}")
+        write_text(file, text)
+
+    def post(self, stamp: str, text: str) -> None:
+        """Puts a message into the outbox."""
+        write_text(self.folder / "nights" / "outbox" / f"{stamp}.txt", text)
+
+    def unsent(self) -> Sequence[tuple[str, str]]:
+        """→ messages that wait, oldest first."""
+        return [(name.removesuffix(".txt"), text) for name, text in _texts(self.folder / "nights" / "outbox")]
+
+    def sent(self, stamp: str) -> None:
+        """Moves a message to sent/."""
+        source = self.folder / "nights" / "outbox" / f"{stamp}.txt"
+        target = self.folder / "nights" / "sent" / source.name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(source, target)
+
+
+def _texts(folder: Path) -> list[tuple[str, str]]:
+    if not folder.is_dir():
+        return []
+    files = sorted(f for f in folder.iterdir() if f.is_file() and not f.name.startswith("."))
+    return [(f.name, f.read_text(encoding="utf-8")) for f in files]
+
+
+@dataclass
+class RealControl:
+    """The control of the cell; plans and programs are made, read back and hashed before anything is asked of it."""
+
+    cell: Cell
+    settings: Nightly
+    whole: Plan
+    check: Cell | None
+    stamp: str
+    port: str | None = None
+    _points: list[Finding] = field(default_factory=list)
+
+    def preflight(self, kind: str) -> Sequence[Finding]:
+        """→ commissioned, program, what was left behind, temperature, control and probe. Nothing moves."""
+        self._points = []
+        if self.settings.commissioned:
+            there = (self.cell.folder / "commissioning.yaml").exists()
+            advice = "" if there else "run 'tango commission' with a person at the machine first"
+            self._points.append(Finding("commissioned", there, "commissioning.yaml" if there else "no commissioning.yaml", advice))
+        for check in (self._program, self._gate, self._left, self._control):
+            try:
+                self._points.append(check(kind))
+            except TangoError as error:
+                self._points.append(Finding(check.__name__.strip("_"), False, str(error), ""))
+        return self._points
+
+    def _program(self, kind: str) -> Finding:
+        from .check import _postable
+
+        made = self._plan(kind, ())
+        _postable(self.cell if kind == "full" or self.check is None else self.check, made)
+        return Finding("program", True, f"plan {plan_hash(made)}, {len(made.touches)} touches, read back")
+
+    def _gate(self, kind: str) -> Finding:
+        """Nobody is there at night: a program that waits for a finger at the probe would stand still until the morning."""
+        from postprocessors import _base as posts
+
+        post = dialect(self.cell)
+        options = self.cell.controller.options if self.cell.controller else {}
+        if posts.settings(post, options).get("gate", "none") == "none":
+            return Finding("gate", True, "the program asks for nobody")
+        advice = "state gate: none under controller: in tango.yaml; the check of the probe's answer takes its place"
+        return Finding("gate", False, "the program waits for a finger at the probe, and nobody is there at night", advice)
+
+    def _left(self, kind: str) -> Finding:
+        journals = [f for f in self.cell.folder.glob("*.partial.csv")]
+        if journals:
+            return Finding("left", True, f"{journals[0].name} of a run that was not resumed is left alone")
+        return Finding("left", True, "no run was left behind")
+
+    def _control(self, kind: str) -> Finding:
+        from ..link._measure import protocol_of
+        from ..link.session import listen
+        from ..link.transport import open_port
+
+        address = self._address()
+        protocol, parsed = protocol_of(address, dialect(self.cell).link)
+        if not callable(getattr(protocol, "hello", None)):
+            line = open_port(parsed)
+            line.close()
+            passed = not self.settings.probe
+            return Finding("control", passed, f"{address} is open; this control cannot be asked", "" if passed else "probe: false")
+        line = open_port(parsed)
+        try:
+            hello = protocol.hello(parsed.options)
+            data = listen(line, hello, LISTEN, time.monotonic, lambda got: bool(protocol.told(got, parsed.options)[0]))
+        finally:
+            line.close()
+        if not data:
+            return Finding("control", False, f"{address}: nothing was answered", "is the control on, and at the right port?")
+        fine, sentences = protocol.told(data, parsed.options)
+        said = "; ".join(sentences) or "answers"
+        return Finding("control", bool(fine), said, "" if fine else "see 'tango link-test'")
+
+    def _address(self) -> str:
+        address = self.port or (self.cell.controller.port if self.cell.controller else None)
+        if address is None:
+            raise InputError(f"{self.cell.folder / 'tango.yaml'}: no controller.port; 'tango ports' lists what there is")
+        return address
+
+    def _plan(self, kind: str, touches: Sequence[int]) -> Plan:
+        if kind == "check" and self.check is not None:
+            return plan(self.check)
+        return part(self.whole, list(touches)) if touches else self.whole
+
+    def measure(self, kind: str, touches: Sequence[int]) -> Measured:
+        """→ what came of the run. Moves the machine. Raises LinkError where nothing at all was measured."""
+        from ..link._measure import Wanted, measure
+        from .run import _Live, _posted
+
+        assert self.cell.controller is not None
+        own = self.check if kind == "check" and self.check is not None else self.cell
+        made = self._plan(kind, touches)
+        folder = self.cell.folder / "nights" / self.stamp
+        folder.mkdir(parents=True, exist_ok=True)
+        target = folder / "readings.csv"
+        post = dialect(self.cell)
+        began = time.monotonic()
+        why, origin = "", {}
+        with _Live(None) as live:
+            wanted = Wanted(self._address(), post.link, self.cell.controller.post, target, False, None, 60.0, None)
+            try:
+                origin = measure(
+                    own, made, wanted, lambda piece: _posted(own, post, made, piece, None, None), live, lambda piece, program: None
+                )
+            except LinkError as error:
+                why, target = str(error), target.with_suffix(".partial.csv")
+                if not target.exists():
+                    raise
+        text = target.read_text(encoding="utf-8")
+        read = read_readings(target, self.cell.machine, self.cell.artefact)
+        hashes = (("plan", plan_hash(made)), ("program", str(origin.get("program_hash", ""))))
+        return Measured(read, text, len(made.touches), time.monotonic() - began, why, hashes, tuple(touches))

@@ -1,0 +1,171 @@
+"""`tango compensate program.nc -o out.nc`, and what it shares with `tango predict`."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TextIO
+
+import click
+import numpy as np
+
+from ..compensate.fit import Known, known
+from ..compensate.space import limits_of, sample
+from ..estimate import Estimate
+from ..nc import blocks
+from ..nc.follow import Setup, zero_of
+from ..nc.program import HEAD, Account, Settings, compensated, mark_text
+from ..records import Cell, InputError
+
+path = click.Path(path_type=Path)
+
+
+def setup_options(call: Any) -> Any:
+    """function of a command → the same with what a program does not say: language, zero, tools."""
+    for option in reversed(
+        [
+            click.option("--language", metavar="NAME", help="Of the program; default: by its text and the cell's dialect."),
+            click.option(
+                "--zero", metavar="X=…,Y=…,Z=…", help="Machine coordinates of the program's zero, no tool length in them."
+            ),
+            click.option("--tool-length", type=float, metavar="MM", help="Of every tool [default: that of the probe]."),
+            click.option("--tool", "tools", multiple=True, metavar="N=MM", help="Length of tool N; repeatable."),
+        ]
+    ):
+        call = option(call)
+    return call
+
+
+def setup_of(cell: Cell, options: dict[str, Any]) -> Setup:
+    """cell, options → set-up of the program. Raises InputError for a zero or a tool that is none."""
+    tools = {}
+    for text in options["tools"]:
+        number, _, value = text.partition("=")
+        try:
+            tools[int(number)] = _length("--tool", float(value))
+        except ValueError:
+            raise InputError(f"--tool: found {text!r}; allowed: NUMBER=LENGTH, e.g. 3=112.4") from None
+    length = options["tool_length"]
+    length = cell.machine.probe.length if length is None else _length("--tool-length", length)
+    return Setup(cell.machine, zero_of(options["zero"], cell.machine), length, tools)
+
+
+def _length(what: str, value: float) -> float:
+    if not 0 <= value <= 2000 or not math.isfinite(value):
+        raise InputError(f"{what}: found {value:g}; allowed: 0 to 2000 mm")
+    return value
+
+
+def language_of(file: Path, cell: Cell, given: str | None) -> ModuleType:
+    """program, cell, option → language. Raises InputError for a name that none has."""
+    if given is not None:
+        return blocks.language(given)
+    with opened(file) as text:
+        head = list(islice(text, HEAD))
+    return blocks.language(blocks.guessed(head, cell.controller.post if cell.controller else None))
+
+
+@contextmanager
+def opened(file: Path) -> Iterator[TextIO]:
+    """program → its text, line by line. Raises InputError where it cannot be read."""
+    try:
+        with file.open(encoding="utf-8", newline="") as text:
+            yield text
+    except UnicodeDecodeError:
+        raise InputError(f"{file}: found bytes that are no UTF-8 text; save the program as plain text") from None
+
+
+@contextmanager
+def blamed(file: Path, language: ModuleType) -> Iterator[None]:
+    """program, language → what is wrong with a line of it is said with its name, and as what it was read."""
+    try:
+        yield
+    except InputError as error:
+        if str(error).startswith(str(file)):
+            raise
+        name = language.__name__.rpartition(".")[2]
+        raise InputError(f"{file}: {error}. It was read as {name}; others: --language {' '.join(blocks.languages())}") from None
+
+
+def found_of(result: Estimate) -> Known:
+    """estimate → what of it acts at a pose."""
+    touches = result.model.touches
+    return known(result, sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 40))
+
+
+def ends_of(file: Path) -> str:
+    """program → how its lines end."""
+    with file.open("rb") as text:
+        return "\r\n" if b"\r\n" in text.read(4096) else "\n"
+
+
+def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any]) -> dict[str, Any]:
+    """cell, estimate, program, options → plain data of what was done; the compensated program is written whole or not at all."""
+    target: Path = options["out"]
+    if options["target"] is not None:
+        raise InputError("--target: found it beside a program; allowed: one of them: a table for the control, or a program")
+    if target is None:
+        raise InputError("-o: found nothing; allowed: the file of the compensated program, e.g. -o out.nc")
+    if target.exists() and (target.is_dir() or os.path.samefile(target, source)):
+        raise InputError(f"-o: found {target}; allowed: a file of its own, not the program itself")
+    if not 1e-5 <= options["chord"] <= 1:
+        raise InputError(f"--chord: found {options['chord']:g}; allowed: 0.00001 to 1 mm")
+    language = language_of(source, cell, options["language"])
+    setup, found, account = setup_of(cell, options), found_of(result), Account()
+    settings = Settings(options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None)
+    digest = hashlib.sha256(repr(list(zip([c.name for c in found.coefficients], found.values, strict=True))).encode())
+    mark = mark_text(digest.hexdigest()[:12], setup.zero)
+    ends = ends_of(source)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as out, blamed(source, language), opened(source) as text:
+            for line in compensated(text, language, setup, found, settings, account, mark):
+                out.write(line + ends)
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    except BaseException:
+        os.unlink(name)
+        raise
+    if options["diff"] is not None:
+        lines = [f"- {old}\n" + "".join(f"+ {line}\n" for line in new) for old, new in account.changes]
+        options["diff"].write_text("".join(lines), encoding="utf-8")
+    count = max(account.count, 1)
+    return {
+        "format": "tango-compensated-program/1",
+        "program": str(target),
+        "language": language.__name__.rpartition(".")[2],
+        "already_compensated": account.marked,
+        "blocks": account.blocks,
+        "lines": account.lines,
+        "compensated": account.compensated,
+        "unchanged_motions": account.passed,
+        "arcs": account.arcs,
+        "split": account.split,
+        "largest_before_um": round(account.before, 4),
+        "largest_before_line": account.worst_block,
+        "largest_after_um": round(account.after, 4),
+        "rms_before_um": round(float(np.sqrt(account.squares_before / count)), 4),
+        "rms_after_um": round(float(np.sqrt(account.squares_after / count)), 4),
+    }
+
+
+def said(data: dict[str, Any]) -> str:
+    """plain data → what a person reads."""
+    if data["already_compensated"]:
+        return f"the program bears the mark of a compensated one: it is copied as it is → {data['program']}"
+    unchanged = data["unchanged_motions"]
+    more = f"; {unchanged} motions as they were (machine coordinates, or before every axis was placed)" if unchanged else ""
+    return (
+        f"{data['blocks']} blocks, {data['compensated']} compensated, {data['arcs']} arcs written as lines, {data['split']} split"
+        f"{more}\ntip against where the program means it: largest {data['largest_before_um']:.1f} µm before (line "
+        f"{data['largest_before_line']}), {data['largest_after_um']:.2f} µm after; rms {data['rms_before_um']:.1f} and "
+        f"{data['rms_after_um']:.2f} µm, as far as the errors are known\n→ {data['program']}, {data['lines']} lines"
+    )

@@ -1,0 +1,148 @@
+"""What every command that shows numbers has in common: the judgement on them, its words, its JSON and its exit status."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..estimate import Estimate, estimate
+from ..files.origin import FEW, changed_keys, edited_rows, read_origin
+from ..judgement import Judgement, Suspicion
+from ..noise import honest
+from ..plausible import judge
+from ..records import Cell, InputError, Readings, TangoError, TermItem
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+SHOWN = 3  # suspicions that a person reads
+
+despite_option: Decorator = click.option(
+    "--despite",
+    is_flag=True,
+    help="Go on with a result that is implausible: it is shown all the same, and the exit status is that of the rest.",
+)
+
+
+def judged(
+    cell: Cell,
+    readings: Readings,
+    terms: Sequence[TermItem],
+    degree: int = 3,
+    fit: Callable[[], Estimate] | None = None,
+    source: Path | None = None,
+) -> tuple[Estimate, Judgement]:
+    """cell, readings, terms → estimate with the noise that its residuals show, and judgement.
+
+    Raises TangoError where there is no fit, with the mistake that most likely is the reason.
+    """
+    try:
+        result = fit() if fit is not None else estimate(cell.machine, cell.artefact, readings, terms, degree)
+    except InputError:
+        raise
+    except TangoError as error:
+        judgement = judge(cell, readings, None)
+        raise NoFit(f"{error}{''.join(f'{chr(10)}{line}' for line in suspected(judgement))}", judgement) from None
+    result = honest(result)
+    judgement = judge(cell, readings, result)
+    return result, judgement if source is None else traced(judgement, source, cell.folder)
+
+
+def traced(judgement: Judgement, source: Path, folder: Path) -> Judgement:
+    """judgement, readings.csv, folder of the cell → the same with what was changed since the readings were made."""
+    reasons, remarks = [], []
+    lines, gone = edited_rows(source)
+    if lines:
+        listed = ", ".join(map(str, lines[:FEW])) + (" …" if len(lines) > FEW else "")
+        reasons.append(f"{source.name}: {len(lines)} rows are not as they were written (lines {listed}): somebody edited them")
+    if gone:
+        reasons.append(f"{source.name}: {gone} rows that were written are not there any more")
+    for name, keys in changed_keys(source, folder).items():
+        listed = ", ".join(keys[:FEW]) + (" …" if len(keys) > FEW else "")
+        remarks.append(f"{name} was changed since the readings were made: {listed}")
+    verdict = judgement.verdict if judgement.verdict == "implausible" or not reasons else "doubtful"
+    return replace(judgement, verdict=verdict, reasons=(*judgement.reasons, *reasons), remarks=(*judgement.remarks, *remarks))
+
+
+class NoFit(TangoError):
+    """There is no estimate; `judgement` says what most likely is the reason."""
+
+    def __init__(self, text: str, judgement: Judgement) -> None:
+        super().__init__(text)
+        self.judgement = judgement
+
+
+def said_of_origin(source: Path) -> str:
+    """readings.csv → what to say of who made them; nothing where a machine was measured."""
+    known = read_origin(source)
+    if known is None:
+        return f"origin unknown: nothing beside {source.name} says which program and cell it is of"
+    return "readings of the simulated machine" if known.get("origin") == "simulated" else ""
+
+
+def usable(judgement: Judgement, despite: bool, what: str) -> None:
+    """judgement, --despite, what would be made of the estimate → nothing. Raises TangoError when it may not be used."""
+    if judgement.verdict == "implausible" and not despite:
+        lines = "\n".join(told(judgement))
+        raise TangoError(f"{what}: the estimate is implausible and is not used (--despite uses it all the same)\n{lines}")
+
+
+def status(judgement: Judgement, despite: bool) -> int:
+    """judgement, --despite → exit status."""
+    return int(judgement.verdict == "implausible" and not despite)
+
+
+def told(judgement: Judgement) -> list[str]:
+    """judgement → lines for people; none but remarks where the result is trustworthy."""
+    lines = []
+    if judgement.verdict != "trustworthy":
+        what = "do not act on these numbers" if judgement.verdict == "implausible" else "look at this before you act on the numbers"
+        lines.append(f"{judgement.verdict.upper()}: {what}")
+        lines += [f"  {text}" for text in judgement.reasons]
+        lines += suspected(judgement)
+    if judgement.untrusted:
+        lines.append(f"not to be trusted: {', '.join(judgement.untrusted)}")
+    return lines + [f"note: {text}" for text in judgement.remarks]
+
+
+def suspected(judgement: Judgement) -> list[str]:
+    """judgement → the most likely mistakes, for people."""
+    if not judgement.suspicions:
+        return []
+    first, *others = judgement.suspicions[:SHOWN]
+    lines = [f"most likely: {first.text} ({_where(first)}: {first.change})"]
+    lines += [f"  this leaves {first.after * 1e3:.4g} µm of {first.before * 1e3:.4g} µm (root mean square of all touches)"]
+    lines += [f"  {text} would explain it as well" for text in first.equally]
+    return lines + [f"less likely: {s.text} ({_where(s)})" for s in others]
+
+
+def _where(suspicion: Suspicion) -> str:
+    line = f" line {suspicion.line}" if suspicion.line else ""
+    return f"{suspicion.file}{line}, {suspicion.key}"
+
+
+def members(judgement: Judgement) -> dict[str, Any]:
+    """judgement → the members that every JSON result of an estimate carries."""
+    return {
+        "verdict": judgement.verdict,
+        "reasons": list(judgement.reasons),
+        "remarks": list(judgement.remarks),
+        "suspicions": [_suspicion(s) for s in judgement.suspicions],
+        "untrusted": list(judgement.untrusted),
+    }
+
+
+def _suspicion(s: Suspicion) -> dict[str, Any]:
+    return {
+        "kind": s.kind,
+        "text": s.text,
+        "file": s.file,
+        "line": s.line,
+        "key": s.key,
+        "change": s.change,
+        "touches": list(s.touches),
+        "evidence": {"rms_before_um": s.before * 1e3, "rms_after_um": s.after * 1e3, "odds": s.odds},
+        "equally": list(s.equally),
+    }

@@ -1,0 +1,213 @@
+"""`tango commission`: what is believed of the control, tried on it high above the table, and written into the cell."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..files import blamed_on, read_cell
+from ..records import InputError, LinkError, Plan
+from ._common import cell_option, dialect, json_option, json_text, table
+
+FOLDER = "commissioning"  # of the cell: program, records and journal of the last try
+WORD = re.compile(r"([A-Z]) *([+-]? *\d*\.?\d+)")
+FAILED = 1
+PLACE = "Measure 10"  # in the list of commands
+
+
+@click.command()
+@cell_option
+@click.option("--port", metavar="URL", help="Default: controller.port of the cell.")
+@click.option("--program", "only_program", is_flag=True, help="Write the program and stop: nothing is sent.")
+@click.option("--held", is_flag=True, help="Try a probe that is held aside too: the program is started once more and has to stop.")
+@click.option(
+    "--answers",
+    type=click.Choice(["ask", "yes", "none"]),
+    default="ask",
+    show_default=True,
+    help="Questions that a person has to answer: ask at the terminal, take yes for each, or leave them open.",
+)
+@click.option("--said", metavar="TEXT", default="", help="What stands on the screen of the control where the program stopped.")
+@click.option("--timeout", type=float, metavar="S", help="Silence after which the program is taken to have stopped.")
+@json_option
+def command(
+    folder: Path,
+    port: str | None,
+    only_program: bool,
+    held: bool,
+    answers: str,
+    said: str,
+    timeout: float | None,
+    json_file: str | None,
+) -> None:
+    """Tries what is believed of the control, high above the table, with a finger at the probe.
+
+    The program makes moves in the air at a few indexations and records misses. PASS or FAIL of every belief go into
+    commissioning.yaml of the cell, with date, hash of the program and what the control calls itself.
+    """
+    from .. import commission
+    from ..files.commissioning import Proof, add_proofs, profile_hash
+    from ..plan import plan
+
+    cell = read_cell(folder)
+    if cell.controller is None:
+        raise InputError(
+            f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
+        )
+    post = dialect(cell)
+    made = commission.air(plan(cell), 2 if post.link == "grbl" else commission.MOST)
+    options = dict(cell.controller.options)
+    if any(option.name == "misses" for option in post.options):
+        options["misses"] = 20  # every move of this program is to meet nothing
+    programs = _written(folder, post, made, options)
+    if only_program:
+        for program in programs:
+            click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
+        return
+    address = port or cell.controller.port
+    if address is None:
+        raise InputError(f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists them")
+    someone = sys.stdin is not None and sys.stdin.isatty()
+    if held and not someone:
+        raise InputError("--held: found no terminal; allowed: a terminal with a person who holds the stylus aside when asked")
+    click.echo(
+        f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
+        "moves in the air. Probe in the spindle and on; hand on feed hold.",
+        err=True,
+    )
+    if someone and not click.confirm("Start?", err=True):
+        raise click.Abort
+    seen, control = _tried(cell, post, made, programs, address, timeout, someone)
+    if not seen.ended and not said and someone:
+        said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
+    if held and seen.ended:
+        if someone:
+            click.pause("Hold the stylus aside and keep it there, then press any key …", err=True)
+        ungated = _written(folder, post, made, options | {"gate": "none"})  # which would notice the hand by itself
+        again, _ = _tried(cell, post, made, ungated, address, timeout, someone)
+        seen = replace(seen, held=not again.records and not again.ended)
+    seen = replace(seen, said=said, answers=_asked(answers if someone or answers != "ask" else "none"))
+    judged = commission.judge(seen)
+    date = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+    own = profile_hash(cell.controller.post, cell.controller.options)
+    proofs = [
+        Proof(
+            j.experiment.belief,
+            j.verdict.verdict,
+            j.verdict.found,
+            j.verdict.value,
+            j.verdict.unit,
+            date,
+            programs[0].mark,
+            control,
+            own,
+        )
+        for j in judged
+    ]
+    file = add_proofs(folder, cell.controller.post, proofs)
+    failed = [j for j in judged if j.verdict.verdict == "FAIL"]
+    result: dict[str, Any] = {
+        "format": "tango-commission/1",
+        "file": str(file),
+        "program_hash": programs[0].mark,
+        "control": control,
+        "beliefs": [{"belief": p.belief, "verdict": p.verdict, "found": p.found, "value": p.value, "unit": p.unit} for p in proofs],
+    }
+    if json_file == "-":
+        click.echo(json_text(result))
+    else:
+        rows = [["belief", "", "what was found"], *([p.belief, p.verdict, p.found] for p in proofs)]
+        click.echo(table(rows, "<<<"))
+        for j in failed:
+            click.echo(f"{j.experiment.belief}: {j.experiment.says}. It is not so. {j.experiment.advice}".rstrip())
+        click.echo(f"→ {file}")
+        if json_file is not None:
+            Path(json_file).write_text(json_text(result) + "\n", encoding="utf-8")
+    if failed:
+        raise click.exceptions.Exit(FAILED)
+
+
+def _written(folder: Path, post: Any, made: Plan, options: dict[str, Any]) -> list[Any]:
+    """The program of the plan in the air and what travels with it → commissioning/program/, read back before."""
+    from postprocessors import _base as posts
+
+    from ..files.plan import Content, plan_lines, write_together
+    from ..program import programs
+
+    with blamed_on(folder / "tango.yaml"):
+        written = programs(post, made, options)
+    target = folder / FOLDER / "program"
+    files: dict[Path, Content] = {target / p.name: p.lines for p in written}
+    files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, made, options).items()}
+    write_together({**files, target / "plan.csv": lambda: plan_lines(made)})
+    return [replace(p, file=str(target / p.name)) for p in written]
+
+
+def _tried(
+    cell: Any, post: Any, made: Plan, programs: list[Any], address: str, timeout: float | None, someone: bool
+) -> tuple[Any, str]:
+    """→ what came of the program, and what the control calls itself."""
+    from .. import commission
+    from ..link import entries
+    from ..link._measure import Wanted, measure
+    from ..link.journal import read_journal
+    from ..link.lock import holding
+
+    target = cell.folder / FOLDER / "readings.csv"
+    why = ""
+    with holding(cell.folder, "tango commission"):
+        wanted = Wanted(address, post.link, cell.controller.post, target, False, timeout, 600.0 if someone else 60.0)
+        try:
+            measure(cell, made, wanted, lambda part: programs, _told, lambda part, program: None)
+        except LinkError as error:
+            why = str(error)
+            click.echo(why, err=True)
+    records: dict[int, tuple[int, dict[str, float]]] = {}
+    refused, control, ended, begun = [], "", False, False
+    seconds: float | None = None
+    for entry in read_journal(target.with_suffix(".journal"))[0]:
+        begun |= isinstance(entry, entries.Begun)
+        if isinstance(entry, entries.Identity):
+            control = entry.text
+        if isinstance(entry, entries.End):
+            ended = entry.complete
+        if isinstance(entry, entries.Reading | entries.Doubted):
+            found = _record(entry.record, made)
+            if found is not None:
+                records[found[0]] = found[1:]
+                seconds = entry.time_s
+            else:
+                refused.append(entry.record)
+    said = why if post.link == "grbl" or "linuxcnc" in address else ""
+    return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds), control
+
+
+def _record(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:
+    """line of a record → touch, flag, {axis: mm or deg}; None for what is none."""
+    values = {letter: float(value.replace(" ", "")) for letter, value in WORD.findall(text)}
+    wanted = {*made.machine.linear, *made.machine.rotary}
+    if not {"P", "H", *wanted} <= set(values):
+        return None
+    return int(values["P"]), int(values["H"]), {name: values[name] for name in wanted}
+
+
+def _asked(how: str) -> dict[str, bool]:
+    """ask, yes or none → {belief: answer} of the questions that only a person can answer."""
+    from .. import commission
+
+    questions = {e.belief: e.question for e in commission.experiments() if e.question}
+    if how == "none":
+        return {}
+    return {belief: True if how == "yes" else click.confirm(text, err=True) for belief, text in questions.items()}
+
+
+def _told(step: Any) -> None:
+    if step.remark:
+        click.echo(step.remark, err=True)

@@ -1,0 +1,248 @@
+"""`tango compensate`: write what the control can hold, and check that it helped."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..compensate import as_json, capped, loop, propose, targets, trial
+from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
+from ..estimate import Estimate
+from ..files import read_cell, read_readings, read_terms
+from ..records import Cell, InputError, TangoError
+from ..touches import from_readings
+from . import _compensate, _program
+from ._common import Output, cell_option, json_option, write_json
+from ._trust import despite_option, judged, usable
+
+PLACE = "Act 10"  # in the list of commands
+
+path = click.Path(path_type=Path)
+
+
+def _list(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
+    if wanted and not context.resilient_parsing:
+        click.echo(_compensate.listed())
+        context.exit()
+
+
+def _facts(context: click.Context, _parameter: click.Parameter, name: str | None) -> None:
+    if name is not None and not context.resilient_parsing:
+        click.echo(_compensate.facts(name))
+        context.exit()
+
+
+@click.command()
+@click.argument("source", type=click.Path(path_type=Path, exists=True, dir_okay=False), required=False, metavar="[PROGRAM]")
+@cell_option
+@click.option("--target", metavar="NAME", help="Control or file form; --list shows them.")
+@click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the targets, and end.")
+@click.option("--facts", is_eager=True, expose_value=False, callback=_facts, metavar="NAME", help="What a target is built on.")
+@click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Setting of the target; --facts shows them.")
+@click.option("--readings", "file", type=path, metavar="FILE", help="Readings file [default: readings.csv in the cell].")
+@click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
+@click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
+@click.option("--over", type=click.Choice(["probed", "travel"]), default="probed", show_default=True, help="Volume to fit.")
+@click.option("--volume", metavar="X=-100:100,…", help="Limits of single axes, mm and degrees, in place of --over.")
+@click.option("--present", type=path, metavar="PATH", help="What is in the control: a compensation's folder or YAML; 'none'.")
+@click.option("--cap-mm", type=click.FloatRange(0, min_open=True), default=CAP_MM, show_default=True, help="Largest change, mm.")
+@click.option("--cap-deg", type=click.FloatRange(0, min_open=True), default=CAP_DEG, show_default=True, help="Largest change, deg.")
+@click.option("-o", "--out", type=path, metavar="DIR", help="Where files go [default: a new folder in compensations/].")
+@click.option("--dry-run", is_flag=True, help="Only says what would be written.")
+@click.option("--check", "checked", type=path, metavar="DIR", help="Compare the files of a compensation with what was written.")
+@click.option("--written", type=int, metavar="N", help="Note that compensation N has been loaded into the control.")
+@click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
+@click.option("--tcp", is_flag=True, help="With --measured: the readings were made with tool centre point control on.")
+@click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
+@click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
+@click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
+@click.option("--after", type=path, metavar="FILE", help="With --sign-of: readings with the trial in the control.")
+@_program.setup_options
+@click.option("--chord", type=float, default=0.001, show_default=True, help="With PROGRAM: chord error of arcs and parts, mm.")
+@click.option("--decimals", type=click.IntRange(2, 6), default=4, show_default=True, help="With PROGRAM: of the words.")
+@click.option("--no-rotary", is_flag=True, help="With PROGRAM: leave rotary words as they are.")
+@despite_option
+@click.option("--diff", type=Output(), metavar="FILE", help="With PROGRAM: every block that changed, before and after.")
+@json_option
+def command(**options: Any) -> int:
+    """Says what a control can hold of the estimated errors, and writes files for it; or compensates an NC PROGRAM.
+
+    With PROGRAM the words of an NC program are moved so that tool tip and direction go where it meant. What cannot be followed is
+    refused by its name. Without, a control's tables and parameters are meant: nothing is sent to a control, a folder with files,
+    the same files as they were before (undo) and a list of steps is written.
+    A number that would change by more than the cap is refused.
+    """
+    folder: Path = options["folder"]
+    if options["checked"] is not None:
+        record = loop.check(options["checked"])
+        if not write_json(options["json_file"], {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
+            click.echo(f"{options['checked']}: every file of {record['target']} is as it was written")
+        return 0
+    if options["events"]:
+        return _history(folder, options["json_file"])
+    if options["written"] is not None:
+        return _written(folder, options["written"])
+    cell = read_cell(folder)
+    if options["measured"] is not None:
+        return _measured(cell, options)
+    if options["sign_of"] is not None:
+        return _sign_of(cell, options)
+    if options["source"] is not None:
+        data = _program.program(cell, _estimate(cell, options), options["source"], options)
+        if not write_json(options["json_file"], data):
+            click.echo(_program.said(data))
+        return 0
+    if options["target"] is None:
+        raise InputError(f"--target: found none; allowed: {', '.join(targets.names())}; 'tango compensate --list' describes them")
+    targets.load(options["target"])
+    result = _estimate(cell, options)
+    present = _present(folder, options)
+    proposal = propose(
+        result,
+        options["target"],
+        options["settings"],
+        present,
+        options["over"],
+        _compensate.volume_of(options["volume"], cell.machine),
+    )
+    if options["trial_of"] is not None:
+        return _sign_trial(cell, proposal, result, options)
+    taken = write_json(options["json_file"], as_json(proposal))
+    if not taken:
+        click.echo(_compensate.text(proposal))
+    capped(proposal, options["cap_mm"], options["cap_deg"])
+    if options["dry_run"]:
+        return 0
+    kept = loop.store(folder, proposal, _now(), options["out"])
+    click.echo(_next(kept, proposal), err=taken)
+    return 0
+
+
+def _now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _estimate(cell: Cell, options: dict[str, Any]) -> Estimate:
+    readings = read_readings(options["file"] or cell.folder / "readings.csv", cell.machine, cell.artefact)
+    terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
+    result, judgement = judged(cell, readings, terms, options["degree"])
+    usable(judgement, options["despite"], "compensate")
+    return result
+
+
+def _present(folder: Path, options: dict[str, Any]) -> dict[str, float] | None:
+    source: Path | None = options["present"]
+    if source is None:
+        for kept in reversed(list(loop.found(folder))):
+            if loop.state(folder, kept.number) in ("written", "kept", "not as promised"):
+                raise InputError(
+                    f"--present: found nothing, and compensation {kept.number} ({kept.record['target']}) is in the control; "
+                    f"allowed: --present {kept.folder} when the readings were made with it, --present none when without"
+                )
+        return None
+    if str(source) == "none":
+        return {}
+    if source.is_dir():
+        return loop.present(source)
+    return _compensate.present_of(source)
+
+
+def _next(kept: loop.Kept, proposal: Proposal) -> str:
+    steps = "\n".join(f"  {step}" for step in kept.record["steps"])
+    names = ", ".join(proposal.files)
+    return (
+        f"\n→ {kept.folder}: {names}; undo/ has them as they were before\n\n{steps}\n\nThen: tango compensate --written "
+        f"{kept.number}, measure again, and tango compensate --measured {kept.number} --readings FILE"
+    )
+
+
+def _written(folder: Path, number: int) -> int:
+    kept = loop.one(folder, number)
+    loop.check(kept.folder)
+    if (state := loop.state(folder, number)) != "proposed":
+        raise InputError(f"--written: found compensation {number}, which is noted as {state}; allowed: one that is proposed")
+    loop.note(folder, kept, _now(), "written")
+    click.echo(f"compensation {number} ({kept.record['target']}) is noted as written; measure again, then --measured {number}")
+    return 0
+
+
+def _measured(cell: Cell, options: dict[str, Any]) -> int:
+    number = options["measured"]
+    kept = loop.one(cell.folder, number)
+    loop.check(kept.folder)
+    if (state := loop.state(cell.folder, number)) not in ("written", "not as promised"):
+        raise InputError(
+            f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is written "
+            f"('tango compensate --written {number}')"
+        )
+    if options["file"] is None:
+        raise InputError("--readings: found none; allowed: readings that were made with the compensation in the control")
+    result = _estimate(cell, options)
+    again = propose(
+        result,
+        kept.record["target"],
+        [f"{key}={value}" for key, value in kept.record["options"].items()],
+        None,
+        "probed",
+        _compensate.volume_of(",".join(f"{n}={low}:{high}" for n, (low, high) in kept.record["volume"].items()), cell.machine),
+    )
+    found = loop.outcome(kept, result, list(again.held), tcp=options["tcp"])
+    figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
+    loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text)
+    data = {"format": "tango-compensation-outcome/1", "compensation": number, "verdict": found.verdict, **figures}
+    data["measured_interval_um"] = [round(found.measured.low, 4), round(found.measured.high, 4)]
+    if not write_json(options["json_file"], data):
+        click.echo(f"compensation {number}: {found.verdict}: {found.text}")
+    return 0 if found.verdict == "kept" else TangoError.exit_code
+
+
+def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str, Any]) -> int:
+    changed, changes = trial.trial(proposal, options["trial_of"])
+    touches = result.model.touches
+    number, size = trial.best(proposal.held, changes, touches)
+    folder = options["out"] or cell.folder / loop.FOLDER / f"sign-trial-{options['target']}"
+    loop.store(cell.folder, changed, _now(), folder)
+    facet = touches.facet[list(touches.number).index(number)]
+    tcp = any(h.tcp for h in proposal.held if h.place in changes)
+    click.echo(
+        f"→ {folder}: {len(changes)} numbers of {options['trial_of']} changed, everything else as it is now; undo/ takes it back\n"
+        f"1. Load its files as steps.txt says.\n"
+        f"2. Touch again what was touched{', with tool centre point control on, as before' if tcp else ''}; touch {number} (facet "
+        f"{facet}) alone is enough: it changes by {1e3 * abs(size):.1f} µm, and by its sign the sign of the table is known.\n"
+        f"3. tango compensate -C {cell.folder} --sign-of {folder} --readings BEFORE --after AFTER\n4. Load undo/."
+    )
+    return 0
+
+
+def _sign_of(cell: Cell, options: dict[str, Any]) -> int:
+    record = loop.check(options["sign_of"])
+    if options["file"] is None or options["after"] is None:
+        raise InputError("--sign-of: found no --readings or no --after; allowed: readings before the trial, and with it")
+    module = targets.load(record["target"])
+    before, after = (
+        from_readings(cell.machine, cell.artefact, read_readings(file, cell.machine, cell.artefact))
+        for file in (options["file"], options["after"])
+    )
+    text = ",".join(f"{n}={low}:{high}" for n, (low, high) in record["volume"].items())
+    settings = targets.options(module, [f"{key}={value}" for key, value in record["options"].items()])
+    job = targets.Job(cell.machine, _compensate.volume_of(text, cell.machine), settings)
+    changes = {v["place"]: v["new"] - v["present"] for v in record["values"] if v["new"] != v["present"]}
+    found = trial.judge(tuple(module.held(job)), changes, before, after)
+    data = {"format": "tango-sign-trial/1", "verdict": found.word, "ratio": round(found.ratio, 4), "touches": found.touches}
+    if not write_json(options["json_file"], data):
+        click.echo(_compensate.sign(found))
+    return 0 if found.word == "as assumed" else TangoError.exit_code
+
+
+def _history(folder: Path, json_file: str | None) -> int:
+    events = loop.history(folder)
+    if not write_json(json_file, {"format": "tango-compensation-history/1", "events": events}):
+        for e in events:
+            more = f": {e['text']}" if "text" in e else ""
+            click.echo(f"{e['utc']}  {e['compensation']}  {e['target']}  {e['event']}{more}")
+        if not events:
+            click.echo("no compensation yet; 'tango compensate --target NAME' proposes one")
+    return 0

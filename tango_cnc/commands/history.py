@@ -1,0 +1,292 @@
+"""`tango history`: what the nights found, and what was decided about it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..files import read_cell, write_text
+from ..files.nightly import history_of, read_nightly
+from ..records import InputError
+from ..report.units import shown
+from ._common import json_option, table, write_json
+
+if TYPE_CHECKING:
+    from ..history import History
+
+PLACE = "Keep 20"
+
+
+@click.group()
+def command() -> None:
+    """Lists, shows, plots, compares and exports what the nights of a machine found, and keeps what was decided.
+
+    The history is that of the cell (-C, default: here) or a FILE or URL with --history.
+    """
+
+
+def _options(machine: bool = True) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """→ decorator: -C, --history and --machine become the open history and the name of the machine."""
+
+    def decorate(call: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(call)
+        def run(folder: Path, where: str | None, name: str | None = None, **given: Any) -> Any:
+            from ..history import opened
+
+            place = _place(folder, where)
+            with opened(place, create=False) as history:
+                chosen = _machine(history, folder, name) if machine else name
+                return call(history, chosen, **given)
+
+        wanted = run
+        if machine:
+            wanted = click.option("--machine", "name", metavar="NAME", help="Where a history has several machines.")(wanted)
+        wanted = click.option("--history", "where", metavar="FILE|URL", help="Instead of the history of the cell.")(wanted)
+        return click.option("-C", "folder", type=click.Path(path_type=Path), default=Path("."), metavar="DIR", help="The cell.")(
+            wanted
+        )
+
+    return decorate
+
+
+def _place(folder: Path, where: str | None) -> str | Path:
+    return history_of(folder, read_nightly(folder), where)
+
+
+def _machine(history: History, folder: Path, name: str | None) -> str:
+    known = history.machines()
+    if name is not None:
+        if name not in known:
+            raise InputError(f"--machine: found {name!r}; allowed: {', '.join(known) or 'none yet'}")
+        return name
+    if (folder / "tango.yaml").exists() and (own := read_cell(folder).machine.name) in known:
+        return own
+    if len(known) == 1:
+        return known[0]
+    raise InputError(f"--machine: found none; allowed: {', '.join(known) or 'none yet, no night has been added'}")
+
+
+def _night(history: History, machine: str, which: str) -> int:
+    """history, machine, 'last', a date or the number of an entry → the entry. Raises InputError."""
+    nights = history.nights(machine)
+    found = [n for n in nights if which in ("last", str(n.entry), n.night, n.start_utc)]
+    if not found:
+        raise InputError(
+            f"night: found {which!r}; allowed: last, a date such as {nights[0].night if nights else '2026-11-23'}, an entry"
+        )
+    measured = [n for n in found if n.touches]
+    return (measured or found)[0].entry
+
+
+@command.command("list")
+@_options()
+@click.option("--last", type=click.IntRange(1), help="How many nights, newest first [default: all].")
+@click.option("--since", metavar="DATE", help="From this date on.")
+@json_option
+def list_(history: History, machine: str, last: int | None, since: str | None, json_file: str | None) -> None:
+    """Nights, newest first."""
+    nights = history.nights(machine, last, since)
+    if write_json(json_file, {"format": "tango-history-list/1", "machine": machine, "nights": [vars(n) for n in nights]}):
+        return
+    rows = [["entry", "night", "kind", "status", "verdict", "µm", "what"]]
+    for n in nights:
+        volume = "" if n.volume_um is None else f"{n.volume_um:.1f}"
+        rows.append([str(n.entry), n.night, n.kind, n.status, n.verdict, volume, n.headline])
+    click.echo(table(rows, "><<<<><"))
+
+
+@command.command()
+@_options()
+@click.argument("night", default="last")
+@click.option("--readings", "readings_file", type=click.Path(path_type=Path), metavar="FILE", help="Also write its readings.")
+@json_option
+def show(history: History, machine: str, night: str, readings_file: Path | None, json_file: str | None) -> None:
+    """One night whole: last, a date, or the number of an entry."""
+    from ..nightly.words import message
+
+    stored = history.night(_night(history, machine, night))
+    if readings_file is not None:
+        if stored.readings is None:
+            raise InputError(f"--readings: the night {stored.night.night} has no readings")
+        write_text(readings_file, stored.readings)
+    if write_json(json_file, dict(stored.record)):
+        return
+    record: dict[str, Any] = {"artefacts": {"folder": ""}, **stored.record}
+    click.echo("\n".join(message(record, (), ())))
+    rows = [["parameter", "value", "std", "change", ""]]
+    for name, p in (record.get("parameters") or {}).items():
+        factor, unit = shown(p["unit"])
+        change = "" if p.get("change") is None else f"{p['change'] * factor:+.2f}"
+        rows.append([name, f"{p['value'] * factor:.2f}", f"{p['std'] * factor:.2f}", change, unit])
+    click.echo(table(rows, "<>>><"))
+    for d in history.decisions(machine):
+        if any(d.alarm == alarm["id"] for alarm in record["alarms"]):
+            until = f" until {d.until}" if d.until else ""
+            click.echo(f"{d.alarm}: {d.action}{until} by {d.owner}, {d.utc}{': ' + d.note if d.note else ''}")
+
+
+@command.command()
+@_options()
+@click.argument("one")
+@click.argument("other", default="last")
+@json_option
+def compare(history: History, machine: str, one: str, other: str, json_file: str | None) -> None:
+    """Two nights: what differs, and by how many of its standard deviations."""
+    a, b = (history.night(_night(history, machine, which)).record for which in (one, other))
+    found = {}
+    for name, p in (b.get("parameters") or {}).items():
+        if name in (a.get("parameters") or {}):
+            q = a["parameters"][name]
+            spread = (p["std"] ** 2 + q["std"] ** 2) ** 0.5
+            change = p["value"] - q["value"]
+            found[name] = {"change": change, "unit": p["unit"], "std": spread, "sigmas": change / spread if spread else 0.0}
+    data = {"format": "tango-history-compare/1", "machine": machine, "from": a["night"], "to": b["night"], "parameters": found}
+    if write_json(json_file, data):
+        return
+    rows = [["parameter", "change", "std", "", "standard deviations"]]
+    for name, f in sorted(found.items(), key=lambda item: -abs(item[1]["sigmas"])):
+        factor, unit = shown(f["unit"])
+        rows.append([name, f"{f['change'] * factor:+.2f}", f"{f['std'] * factor:.2f}", unit, f"{f['sigmas']:+.1f}"])
+    click.echo(f"{a['night']} → {b['night']}\n{table(rows, '<>><>')}")
+
+
+@command.command()
+@_options()
+@click.argument("parameter", nargs=-1)
+@click.option("-o", "output", type=click.Path(path_type=Path), required=True, metavar="FILE", help=".png, .svg or .pdf")
+@click.option("--chart", type=click.Choice(["none", "shewhart", "ewma", "cusum"]), default="none", show_default=True)
+def plot(history: History, machine: str, parameter: tuple[str, ...], output: Path, chart: str) -> None:
+    """Parameters over the nights, with 95 % intervals; without names those that have moved most."""
+    from ..history.picture import picture
+
+    names = parameter or tuple(_moved(history, machine))
+    picture(history, machine, names, output, None if chart == "none" else chart)
+    click.echo(f"{', '.join(names)} → {output}")
+
+
+def _moved(history: History, machine: str) -> list[str]:
+    sizes = {}
+    for name in history.parameters(machine):
+        trend = history.trend(machine, name)
+        sizes[name] = float((trend.value.max() - trend.value.min()) / max(trend.std.min(), 1e-12))
+    return sorted(sizes, key=lambda name: -sizes[name])[:6]
+
+
+@command.command()
+@_options()
+@click.argument("alarm")
+@click.option("--action", type=click.Choice(["accept", "acknowledge", "repaired", "ignore"]), required=True)
+@click.option("--owner", required=True, metavar="NAME", help="Who decides.")
+@click.option("--note", default="", help="Why, for those who come later.")
+@click.option("--until", metavar="DATE", help="With ignore: to hear nothing of it until then.")
+def decide(history: History, machine: str, alarm: str, action: str, owner: str, note: str, until: str | None) -> None:
+    """What somebody decided about an alarm; it is kept with the nights."""
+    from ..history import Decision
+
+    history.decide(machine, Decision(alarm, action, owner, note, until))
+    click.echo(f"{alarm}: {action} by {owner}")
+
+
+@command.command()
+@_options()
+@click.argument("output", type=click.Path(path_type=Path))
+@click.option("--as", "kind", metavar="KIND", help="csv, parquet, qdas, isg or dcc [default: by the ending of the file].")
+@click.option("--night", default="last", show_default=True, help="Of isg and dcc: which night.")
+def export(history: History, machine: str, output: Path, kind: str | None, night: str) -> None:
+    """Parameters of all nights (CSV, Parquet, Q-DAS .dfq), or one night (ISG/Etalon, digital calibration certificate)."""
+    from ..history import exchange
+
+    module = exchange.target(kind, output)
+    module.write(history, machine, output, _night(history, machine, night))
+    click.echo(f"{machine} → {output}")
+
+
+@command.command()
+@_options(machine=False)
+@json_option
+def verify(history: History, machine: str | None, json_file: str | None) -> int:
+    """Follows the chain of hashes: is everything as it was added, and nothing gone?"""
+    wrong = history.verify()
+    newest = history.newest_hashes()
+    if not write_json(json_file, {"format": "tango-history-verify/1", "wrong": list(wrong), "newest": newest}):
+        for name, (number, digest) in newest.items():
+            click.echo(f"{name}: {number} entries, the newest is {digest}")
+        click.echo("\n".join(wrong) if wrong else "everything is as it was added")
+    return 1 if wrong else 0
+
+
+@command.command("import")
+@click.argument("cells", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("-C", "folder", type=click.Path(path_type=Path), default=Path("."), metavar="DIR", help="The cell.")
+@click.option("--history", "where", metavar="FILE|URL", help="Instead of the history of the cell.")
+def import_(cells: tuple[Path, ...], folder: Path, where: str | None) -> None:
+    """Adds the readings of old cells, oldest first: each folder with readings.csv and readings.json becomes a full night."""
+    from ..history import opened
+    from ._import import imported
+
+    with opened(_place(folder, where)) as history:
+        for cell, record in imported(history, cells):
+            click.echo(f"{cell}: {record['night']} {record['verdict']}: {record['headline']}")
+
+
+@command.command()
+@_options(machine=False)
+@click.argument("output", type=click.Path(path_type=Path))
+def backup(history: History, machine: str | None, output: Path) -> None:
+    """The whole history as one SQLite file, verified, while nights may go on."""
+    from ..history.copy import copied
+
+    if output.exists():
+        raise InputError(f"{output}: it exists; allowed: a new file")
+    count = copied(history, output)
+    click.echo(f"{count} entries → {output}")
+
+
+@command.command()
+@click.argument("source", type=click.Path(path_type=Path))
+@click.option("-C", "folder", type=click.Path(path_type=Path), default=Path("."), metavar="DIR", help="The cell.")
+@click.option("--history", "where", metavar="FILE|URL", help="Instead of the history of the cell.")
+def restore(source: Path, folder: Path, where: str | None) -> None:
+    """A backup becomes the history. One that is there is kept beside it; a database that is not empty is refused."""
+    from ..history import opened
+    from ..history.copy import copied
+
+    place = _place(folder, where)
+    with opened(source, create=False) as history:
+        if wrong := history.verify():
+            raise InputError(f"{source}: {wrong[0]}; nothing was restored")
+        if isinstance(place, Path) and place.exists():
+            stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
+            for ending in ("", "-wal", "-shm"):
+                old = Path(f"{place}{ending}")
+                if old.exists():
+                    shutil.move(old, Path(f"{place}.{stamp}{ending}"))
+            click.echo(f"the history that was there is now {place}.{stamp}", err=True)
+        count = copied(history, place)
+    click.echo(f"{count} entries → {place}")
+
+
+@command.command()
+@click.argument("output", type=click.Path(path_type=Path))
+@click.option("-C", "folder", type=click.Path(path_type=Path), default=Path("."), metavar="DIR", help="The cell, with world.yaml.")
+@click.option("--nights", "count", type=click.IntRange(1, 4000), default=30, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+def simulate(output: Path, folder: Path, count: int, seed: int) -> None:
+    """Nights of a simulated machine that drifts, is knocked on night 12 and warms from night 20, as a history to look at."""
+    from ..files import read_world
+    from ..history import opened
+    from ._simulated_nights import nights
+
+    if output.exists():
+        raise InputError(f"{output}: it exists; allowed: a new file")
+    cell = read_cell(folder)
+    with opened(output) as history:
+        for record, _ in nights(cell, read_world(folder / "world.yaml"), history, count, seed):
+            click.echo(f"{record['night']} {record['kind']:5} {record['verdict']:13} {record['headline']}")
+    click.echo(f"→ {output}")

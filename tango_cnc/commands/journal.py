@@ -1,0 +1,152 @@
+"""`tango journal`: what the journals of a cell hold, whether they are whole, and what can be saved of one that is not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..files import read_cell, readings_text, write_text
+from ..records import InputError
+from ._common import Output, cell_option, json_option, table, write_json
+from ._plan import obstructed_option
+
+if TYPE_CHECKING:
+    from ..link.journal import Found
+
+PLACE = "Keep 10"  # in the list of commands
+LAST = "readings.journal"
+file_argument = click.argument("file", type=click.Path(path_type=Path), required=False)
+
+
+@click.group()
+def command() -> None:
+    """Lists and verifies the journals of runs, and saves readings from a damaged one."""
+
+
+@command.command("list")
+@cell_option
+@json_option
+def list_(folder: Path, json_file: str | None) -> None:
+    """Lists every run of the cell: when it began, what it measured, how it ended, whether its journal is whole."""
+    files = sorted(folder.glob("*.journal"), key=lambda file: file.stat().st_mtime)
+    if not files:
+        raise InputError(f"{folder}: no journal here; 'tango run' writes one. Give the folder of the cell with -C")
+    rows = [_row(file) for file in files]
+    if write_json(json_file, {"format": "tango-journals/1", "journals": rows}):
+        return
+    shown = [["journal", "begun (UTC)", "segments", "ok", "miss", "early", "end", "state"]]
+    for row in rows:
+        begun = (row["begun_utc"] or "")[:16].replace("T", " ")
+        shown.append([row["file"], begun, *(str(row[n]) for n in ("segments", "ok", "miss", "early")), row["end"], row["state"]])
+    click.echo(table(shown, "<<>>>><<"))
+
+
+@command.command()
+@cell_option
+@file_argument
+@json_option
+def verify(folder: Path, file: Path | None, json_file: str | None) -> int:
+    """Looks at every line of a journal (default: readings.journal of the cell). Exit status 1: it is damaged or was changed."""
+    from ..link.journal import look_at
+
+    file = file or folder / LAST
+    found = look_at(file)
+    complaints = [f"{file}:{line.number}: {line.wrong}" for line in found.lines if line.wrong]
+    if not found.lines:
+        complaints.append(f"{file}: no entry in it")
+    if (named := _named(file)) is not None and found.lines and named != found.lines[-1].digest:
+        complaints.append(
+            f"{file}: {file.with_suffix('.json').name} was written with another last line: lines were taken away or added"
+        )
+    result = {
+        "format": "tango-journal-check/1",
+        "file": str(file),
+        "lines": len(found.lines),
+        "unfinished_bytes": found.unfinished,
+        "whole": not complaints,
+        "complaints": complaints,
+    }
+    if not write_json(json_file, result):
+        half = f"; {found.unfinished} bytes of an unfinished last line, which counts for nothing" if found.unfinished else ""
+        said = complaints or [f"{file}: {len(found.lines)} lines, every one as it was written{half}"]
+        click.echo("\n".join(said))
+        if complaints:
+            click.echo(f"'tango journal salvage {file} --out FILE.csv' saves the readings of the lines that are whole", err=True)
+    return 1 if complaints else 0
+
+
+@command.command()
+@cell_option
+@file_argument
+@obstructed_option
+@click.option("--out", type=Output(), metavar="FILE", help="Where the readings go; default: salvaged.csv beside the journal.")
+def salvage(folder: Path, file: Path | None, obstructed: str, out: Path | None) -> int:
+    """Writes the readings of all lines that are whole, before and after the damage. The journal stays as it is."""
+    from ..link._readings import readings_of
+    from ..link.entries import Segment
+    from ..link.journal import look_at, salvaged
+    from ..plan import plan, plan_hash
+
+    file = file or folder / LAST
+    target = out or file.with_name("salvaged.csv")
+    if target.exists():
+        raise InputError(f"--out: found {target}, which is there already; allowed: a new file. Readings are never overwritten")
+    entries, left_out = salvaged(look_at(file))
+    made = plan(read_cell(folder), obstructed)
+    ours = plan_hash(made)
+    hashes = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
+    if hashes - {ours}:
+        raise InputError(
+            f"{file}: found a run of plan {', '.join(sorted(hashes))}; the cell now makes plan {ours}: restore its files"
+        )
+    readings = readings_of(entries, made)
+    if readings is None:
+        raise InputError(f"{file}: no reading in it is whole; nothing was written")
+    write_text(target, readings_text(readings))
+    lines = f", without line {', '.join(map(str, left_out))}" if left_out else ""
+    click.echo(f"{len(readings.touch)} readings → {target}{lines}")
+    return 1 if left_out else 0
+
+
+def _row(file: Path) -> dict[str, Any]:
+    """journal → what a list says of it."""
+    from ..link.entries import End, Reading, Segment
+    from ..link.journal import look_at
+
+    try:
+        found = look_at(file)
+    except InputError as error:
+        return _counted(file.name, [], None, str(error))
+    entries = [line.entry for line in found.lines if line.entry is not None]
+    statuses = [entry.status for entry in entries if isinstance(entry, Reading)]
+    segments = [entry for entry in entries if isinstance(entry, Segment)]
+    last = next((entry for entry in reversed(entries) if isinstance(entry, End | Segment)), None)
+    end = "none" if not isinstance(last, End) else "complete" if last.complete else last.why
+    return {
+        **_counted(file.name, statuses, segments[0].utc if segments else None, _state(found)),
+        "segments": len(segments),
+        "end": end,
+    }
+
+
+def _counted(name: str, statuses: list[str], begun: str | None, state: str) -> dict[str, Any]:
+    counts = {status: statuses.count(status) for status in ("ok", "miss", "early")}
+    return {"file": name, "begun_utc": begun, "segments": 0, **counts, "end": "none", "state": state}
+
+
+def _state(found: Found) -> str:
+    if found.wrong is not None:
+        return f"damaged or changed at line {found.wrong.number}"
+    return "an unfinished last line" if found.unfinished else "whole"
+
+
+def _named(file: Path) -> str | None:
+    """journal → the hash of its last line that readings.json beside it names, None when it names none."""
+    try:
+        origin = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return origin.get("journal_hash") if isinstance(origin, dict) else None

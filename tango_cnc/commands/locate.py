@@ -1,0 +1,106 @@
+"""`tango locate`: where the table really stands, by a few touches with long slow searches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from ..files import artefact_text, blamed_on, read_cell, read_readings, write_text
+from ..files.targets import spared
+from ..records import InputError, Plan
+from ._common import Output, cell_option, dialect, json_option, json_text
+
+PLACE = "Measure 20"  # in the list of commands
+FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
+
+
+@click.command()
+@cell_option
+@click.option("--port", metavar="URL", help="Default: controller.port of the cell.")
+@click.option("--program", "only_program", is_flag=True, help="Write the program and stop: nothing is sent.")
+@click.option(
+    "--readings", "file", type=click.Path(path_type=Path), metavar="FILE", help="Readings of the locating program: nothing is run."
+)
+@click.option("-o", "--out", type=Output(), metavar="FILE", help="The artefact in its place; default: locate/artefact.yaml.")
+@json_option
+def command(folder: Path, port: str | None, only_program: bool, file: Path | None, out: Path | None, json_file: str | None) -> None:
+    """Finds where the table stands, when its file is right to 20 mm and 3 degrees only.
+
+    Ten slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the cell's own
+    file stays as it is: look at the numbers, then copy it.
+    """
+    from .. import locate
+    from ..link._measure import Wanted, measure
+    from ..link.lock import holding
+    from ..plan import plan_hash
+
+    cell = read_cell(folder)
+    made = locate.strategy(cell)
+    target = folder / FOLDER / "readings.csv"
+    if file is None:
+        if cell.controller is None:
+            raise InputError(
+                f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
+            )
+        post = dialect(cell)
+        programs = _written(folder, post, made, cell.controller.options)
+        if only_program:
+            click.echo(f"{programs[0].file}: run it, then 'tango locate --readings FILE'")
+            return
+        address = port or cell.controller.port
+        if address is None:
+            raise InputError(
+                f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists them"
+            )
+        with holding(folder, "tango locate"):
+            wanted = Wanted(address, post.link, cell.controller.post, target)
+            measure(cell, made, wanted, lambda part: programs, lambda step: None, lambda part, program: None)
+    readings = read_readings(file or target, cell.machine, cell.artefact)
+    found = locate.locate(made, readings)
+    where = out or folder / FOLDER / "artefact.yaml"
+    spared("-o", where, folder)
+    write_text(where, artefact_text(found.artefact))
+    result: dict[str, Any] = {
+        "format": "tango-located/1",
+        "moved_mm": [round(float(v), 4) for v in found.moved],
+        "turned_deg": [round(float(v), 5) for v in np.degrees(found.turned)],
+        "residual_mm": [round(float(v), 4) for v in found.residual],
+        "left_out": list(found.left_out),
+        "plan_hash": plan_hash(made),
+        "artefact": str(where),
+    }
+    if json_file == "-":
+        click.echo(json_text(result))
+        return
+    if json_file is not None:
+        write_text(Path(json_file), json_text(result) + "\n")
+    moved, turned = result["moved_mm"], result["turned_deg"]
+    click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
+    click.echo(f"and turned by {float(np.linalg.norm(turned)):.4f} deg about ({', '.join(f'{v:+.4f}' for v in turned)})")
+    click.echo(f"largest difference of a touch that counts: {_worst(found):.4f} mm")
+    click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
+
+
+def _worst(found: Any) -> float:
+    return float(np.sort(np.abs(found.residual))[: len(found.residual) - len(found.left_out)].max())
+
+
+def _written(folder: Path, post: Any, made: Plan, options: Any) -> list[Any]:
+    """The locating program and what travels with it → locate/program/, read back before."""
+    from postprocessors import _base as posts
+
+    from ..files.plan import Content, plan_lines, write_together
+    from ..program import programs
+
+    with blamed_on(folder / "tango.yaml"):
+        written = programs(post, made, options)
+    target = folder / FOLDER / "program"
+    files: dict[Path, Content] = {target / p.name: p.lines for p in written}
+    files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, made, options).items()}
+    write_together({**files, target / "plan.csv": lambda: plan_lines(made)})
+    return [replace(p, file=str(target / p.name)) for p in written]

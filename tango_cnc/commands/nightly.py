@@ -1,0 +1,197 @@
+"""`tango nightly`: one night for a timer: measure, decide, keep, tell."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..files import read_cell, write_text
+from ..files.nightly import Nightly, history_of, read_nightly
+from ..link.lock import holding
+from ..records import Cell, InputError
+from ._common import cell_option, json_option, write_json
+
+PLACE = "Keep 10"
+
+
+@click.command()
+@cell_option
+@click.option(
+    "--history", "where", metavar="FILE|URL", help="Instead of the history of nightly.yaml [default: history.db in the cell]."
+)
+@click.option("--port", metavar="URL", help="Instead of controller.port.")
+@click.option(
+    "--dry-run", is_flag=True, help="Say what this night would measure and whether it could begin; nothing moves or is kept."
+)
+@click.option("--status", "status", is_flag=True, help="Say how the last nights went, what waits to be sent, and what comes next.")
+@click.option("--tell", "tell", is_flag=True, help="Send the messages that wait in nights/outbox, and end.")
+@click.option(
+    "--install", "kind", type=click.Choice(["systemd", "cron", "windows"]), help="Write the timer for this system, and end."
+)
+@click.option("--at", default="02:00", show_default=True, metavar="HH:MM", help="With --install: time of day.")
+@json_option
+def command(
+    folder: Path,
+    where: str | None,
+    port: str | None,
+    dry_run: bool,
+    status: bool,
+    tell: bool,
+    kind: str | None,
+    at: str,
+    json_file: str | None,
+) -> int:
+    """Measures, decides, keeps and tells: one night, begun by a timer while nobody needs the machine.
+
+    Nothing moves unless every point of the preflight has passed. Exit status 0: as it should be; 1: changed, out of limits or in
+    doubt; 2: wrong input; 3: not measured. Settings are in nightly.yaml (docs/nightly.md).
+    """
+    from ..history import opened
+    from ..nightly import EXIT, World, night
+    from ..nightly.notify import Notifier
+    from ..plan import plan
+    from ._cell_nights import nights_of
+    from ._night_world import RealClock, RealControl, RealDisk
+
+    if sum([dry_run, status, tell, kind is not None]) > 1:
+        raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
+    cell = read_cell(folder)
+    settings = read_nightly(folder)
+    disk, mail = RealDisk(folder), Notifier(settings.notify)
+    if kind is not None:
+        return _install(cell, kind, at)
+    if tell:
+        return _tell(disk, mail)
+    place = history_of(folder, settings, where)
+    if status:
+        return _status(cell, settings, place, disk, json_file)
+    if cell.controller is None:
+        raise InputError(
+            f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
+        )
+    made = plan(cell)
+    analysis = nights_of(cell, settings, made)
+    clock = RealClock()
+    stamp = clock.now().astimezone(UTC).strftime("%Y-%m-%dT%H%M%SZ")
+    control = RealControl(cell, settings, made, analysis.check, stamp, port)
+    with opened(place) as history:
+        if dry_run:
+            return _dry(control, analysis, history, clock.now(), disk, settings, json_file)
+        world = World(_Held(clock.now()), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
+        record = night(cell.machine.name, str(folder.resolve()), settings, world)
+    try:
+        from ..report import morning
+
+        disk.write(stamp, "morning.html", morning.render(record))
+    except OSError as error:
+        click.echo(f"nights/{stamp}/morning.html could not be written ({error.strerror or error})", err=True)
+    if not write_json(json_file, record):
+        from ..nightly.words import message
+
+        subject, text = message(record, record.get("trouble", ()), ())
+        click.echo(f"{subject}\n\n{text}", nl=False)
+    for delivery in record.get("notifications", ()):
+        if not delivery["sent"]:
+            click.echo(f"not told: {delivery['to']}: {delivery['why']}; the message waits in nights/outbox", err=True)
+    return EXIT[record["verdict"]]
+
+
+class _Held:
+    """A clock whose first look is the moment that named the folder of the night."""
+
+    def __init__(self, first: datetime) -> None:
+        self._first: datetime | None = first
+
+    def now(self) -> datetime:
+        """→ now, with the local zone."""
+        first, self._first = self._first, None
+        return first or datetime.now().astimezone()
+
+
+def _install(cell: Cell, kind: str, at: str) -> int:
+    from ..nightly.install import advice, units
+
+    if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
+        raise InputError(f"--at: found {at!r}; allowed: a time of day such as 02:00")
+    target = cell.folder / "nights" / "timer"
+    written = units(kind, cell.folder.resolve(), at, cell.machine.name)
+    for name, text in written.items():
+        write_text(target / name, text)
+    click.echo("\n".join(str(target / name) for name in written))
+    click.echo(f"to set it going:\n    {advice(kind, list(written), target)}")
+    return 0
+
+
+def _tell(disk: Any, mail: Any) -> int:
+    failed = 0
+    for stamp, words in disk.unsent():
+        subject, _, text = words.partition("\n")
+        deliveries = mail.send(subject, text)
+        if all(d.sent for d in deliveries):
+            disk.sent(stamp)
+            click.echo(f"told: {subject}")
+        for delivery in deliveries:
+            if not delivery.sent:
+                failed += 1
+                click.echo(f"not told: {delivery.to}: {delivery.why}", err=True)
+    for stamp, _ in disk.unfinished():
+        click.echo(f"the night {stamp} was begun and has not ended; the next one puts it on record", err=True)
+    return 3 if failed else 0
+
+
+def _dry(control: Any, analysis: Any, history: Any, now: datetime, disk: Any, settings: Nightly, json_file: str | None) -> int:
+    from ..nightly import day_of
+    from ..nightly.night import room
+
+    kind, why, touches = analysis.choice(history, day_of(now))
+    points = [room(disk, settings), *control.preflight(kind)]
+    count = len(touches) or len((analysis.check or analysis.cell).strategy.indexations)
+    data = {
+        **{"format": "tango-nightly-dry-run/1", "kind": kind, "why": why, "touches": list(touches)},
+        **{"preflight": [vars(p) for p in points], "passed": all(p.passed for p in points)},
+    }
+    if not write_json(json_file, data):
+        what = f"{count} touches" if touches else "the whole strategy" if kind == "full" else "check.yaml"
+        click.echo(f"this night would be a {kind} one ({why}): {what}")
+        for p in points:
+            click.echo(f"  {'ok    ' if p.passed else 'FAILED'} {p.check}: {p.found}{'; ' + p.do if p.do else ''}")
+        click.echo("nothing was moved, nothing was kept")
+    return 0 if data["passed"] else 1
+
+
+def _status(cell: Cell, settings: Nightly, place: str | Path, disk: Any, json_file: str | None) -> int:
+    from ..history import opened
+
+    name = cell.machine.name
+    with opened(place, create=False) as history:
+        nights = history.nights(name, last=7) if name in history.machines() else ()
+        waiting = [stamp for stamp, _ in disk.unsent()]
+        unfinished = [stamp for stamp, _ in disk.unfinished()]
+        alarms = history.open_alarms(name) if nights else ()
+        record = history.night(nights[0].entry).record if nights else {}
+    late = (
+        not nights or (datetime.now(UTC) - datetime.fromisoformat(nights[0].start_utc)).total_seconds() > settings.late_hours * 3600
+    )
+    data = {
+        **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
+        **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": record.get("next")},
+    }
+    if not write_json(json_file, data):
+        click.echo(f"{name}: {'no night yet' if not nights else 'LATE' if late else 'on time'}")
+        for n in nights:
+            click.echo(f"  {n.night} {n.kind:5} {n.status:8} {n.verdict:13} {n.headline}")
+        for alarm in alarms:
+            click.echo(
+                f"  open alarm {alarm['id']}: {alarm['text']}; 'tango history decide {alarm['id']} --action … --owner …' answers it"
+            )
+        for stamp in waiting:
+            click.echo(f"  not told yet: {stamp}; 'tango nightly --tell' sends it again")
+        for stamp in unfinished:
+            click.echo(f"  begun and not ended: {stamp}")
+        if record.get("next"):
+            click.echo(f"  next night: {record['next']['kind']} ({record['next']['why']})")
+    return 1 if late or alarms else 0

@@ -1,0 +1,156 @@
+"""`tango predict`: what the machine will do to a part, before the first chip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from ..files import read_cell, read_readings, read_terms
+from ..nc import features, predict
+from ..records import TangoError
+from ..report import pictures
+from . import _program
+from ._common import Output, cell_option, json_option, table, write_json
+from ._trust import despite_option, judged, usable
+
+PLACE = "Act 20"  # in the list of commands
+
+
+@click.command()
+@click.argument("source", type=click.Path(path_type=Path, exists=True, dir_okay=False), metavar="PROGRAM")
+@cell_option
+@click.option("--readings", "file", type=click.Path(path_type=Path), metavar="FILE", help="Readings [default: those of the cell].")
+@click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
+@click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
+@_program.setup_options
+@click.option(
+    "--features", "checks", type=click.Path(path_type=Path), metavar="FILE", help="Features of the part (docs/compensate.md)."
+)
+@click.option("--limit-um", type=click.FloatRange(0, min_open=True), metavar="L", help="Exit 1 where the tip is further away.")
+@despite_option
+@click.option("--picture", type=Output(), metavar="FILE", help="Draw the way and its deviation (.png .svg .pdf; needs matplotlib).")
+@json_option
+def command(**options: Any) -> int:
+    """Foretells the deviation of the tool tip along an NC program, and what it means for features of the part.
+
+    Only errors that were estimated are known. Points where an axis is beyond what was touched are counted and marked.
+    """
+    if options["picture"] is not None:
+        pictures.needed()
+    cell = read_cell(options["folder"])
+    readings = read_readings(options["file"] or cell.folder / "readings.csv", cell.machine, cell.artefact)
+    terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
+    result, judgement = judged(cell, readings, terms, options["degree"])
+    usable(judgement, options["despite"], "predict")
+    setup, known = _program.setup_of(cell, options), _program.found_of(result)
+    source: Path = options["source"]
+    language = _program.language_of(source, cell, options["language"])
+    touched = predict.touched_of(result.model.touches)
+    wanted = features.read(options["checks"]) if options["checks"] is not None else None
+    with _program.blamed(source, language), _program.opened(source) as text:
+        way, labels = predict.along(text, language, setup, known, touched)
+    if not way.points:
+        raise TangoError(f"{source}: found no motion at feed, so there is nothing to foretell")
+    found = features.foretell(wanted, setup, known, labels, touched) if wanted is not None else []
+    data = _data(source, way, found)
+    if options["picture"] is not None:
+        _draw(options["picture"], way)
+    if not write_json(options["json_file"], data):
+        click.echo(_text(data))
+    limit = options["limit_um"]
+    return 1 if limit is not None and way.largest > limit else 0
+
+
+def _data(source: Path, way: predict.Way, found: list[features.Foretold]) -> dict[str, Any]:
+    rms = float(np.sqrt(way.squares / way.points))
+    share = {name: float(np.sqrt(value / way.points)) for name, value in way.by_name.items()}
+    causes = sorted(share.items(), key=lambda item: -item[1])
+    return {
+        "format": "tango-prediction/1",
+        "program": str(source),
+        "blocks": way.blocks,
+        "points": way.points,
+        "extrapolated": way.outside,
+        "largest_um": round(way.largest, 4),
+        "largest_std_um": round(way.largest_std, 4),
+        "largest_line": way.largest_line,
+        "rms_um": round(rms, 4),
+        "direction_largest_urad": round(way.direction, 4),
+        "direction_rms_urad": round(float(np.sqrt(way.squares_direction / way.points)), 4),
+        "causes": [{"name": name, "rms_um": round(value, 4)} for name, value in causes if value > 1e-4],
+        "features": [
+            {
+                "name": f.name,
+                "kind": f.kind,
+                "value_um": round(f.value, 4),
+                "low_um": round(f.low, 4),
+                "high_um": round(f.high, 4),
+                "extrapolated": f.extrapolated,
+            }
+            for f in found
+        ],
+    }
+
+
+def _text(data: dict[str, Any]) -> str:
+    lines = [
+        f"{data['blocks']} blocks, {data['points']} points at feed",
+        f"tip against where the program means it: largest {data['largest_um']:.1f} ± {1.96 * data['largest_std_um']:.1f} µm (95 %, "
+        f"line {data['largest_line']}), rms {data['rms_um']:.1f} µm",
+        f"direction of the tool: largest {data['direction_largest_urad']:.1f} µrad, rms {data['direction_rms_urad']:.1f} µrad",
+        "what makes it so (rms along the program): " + ", ".join(f"{c['name']} {c['rms_um']:.1f} µm" for c in data["causes"][:6]),
+    ]
+    if data["extrapolated"]:
+        share = 100 * data["extrapolated"] / data["points"]
+        lines.append(
+            f"extrapolated: at {share:.0f} % of the points an axis is beyond what was touched; nobody has seen the machine there"
+        )
+    if data["features"]:
+        rows = [["feature", "µm", "95 %", ""]]
+        for f in data["features"]:
+            note = "extrapolated" if f["extrapolated"] else ""
+            rows.append([f["name"], f"{f['value_um']:+.1f}", f"{f['low_um']:+.1f} to {f['high_um']:+.1f}", note])
+        lines += ["", table(rows, "<><<")]
+    return "\n".join(lines)
+
+
+def _draw(file: Path, way: predict.Way) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    at, off = np.array(way.position), np.array(way.deviation)
+    outside = np.array(way.extrapolated)
+    size = np.linalg.norm(off, axis=1)
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(13, 5.5), constrained_layout=True)
+    span = float(np.ptp(at[:, :2], axis=0).max()) or 1.0
+    scale = 0.08 * span / max(float(size.max()), 1e-9)
+    left.plot(at[:, 0], at[:, 1], ".", color="0.8", markersize=2)
+    colours = left.quiver(
+        at[:, 0],
+        at[:, 1],
+        off[:, 0] * scale,
+        off[:, 1] * scale,
+        size,
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        cmap="viridis",
+        width=0.002,
+    )
+    figure.colorbar(colours, ax=left, label="deviation of the tip, µm")
+    left.set(xlabel="x, mm", ylabel="y, mm", title=f"seen from above; arrows {1e3 * scale:.0f} times as long", aspect="equal")
+    lines = np.array(way.line)
+    for i, name in enumerate("xyz"):
+        right.plot(lines, off[:, i], ".-", markersize=2, linewidth=0.6, label=name)
+    if outside.any():
+        right.plot(lines[outside], np.zeros(int(outside.sum())), "|", color="crimson", label="extrapolated")
+    right.axhline(0, color="0.6", linewidth=0.5)
+    right.set(xlabel="line of the program", ylabel="µm, table frame", title="deviation along the program")
+    right.legend()
+    figure.savefig(file, dpi=120)
+    pyplot.close(figure)

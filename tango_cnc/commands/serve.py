@@ -1,0 +1,151 @@
+"""`tango serve`: pages for a browser: fleet, machine, night, run, trend, decisions."""
+
+from __future__ import annotations
+
+import ipaddress
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..records import InputError
+
+PLACE = "Keep 60"  # in the list of commands
+
+
+@click.command()
+@click.option(
+    "-C",
+    "folders",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    metavar="DIR",
+    help="Folder of a cell, or a folder of cells; may be given several times [default: here].",
+)
+@click.option("--history", metavar="FILE|URL", help="One history for all machines [default: history.db in each cell].")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8026, show_default=True, help="Port to listen on.")
+@click.option("--name", "names", multiple=True, help="Name that browsers call this server by, e.g. calibration.shop.local.")
+@click.option(
+    "--users", type=click.Path(path_type=Path), metavar="FILE", help="Users who may sign in; without it nobody can change anything."
+)
+@click.option("--add-user", metavar="NAME", help="Add a user to --users (or give a new password), and end.")
+@click.option(
+    "--role", type=click.Choice(["view", "operate", "write-back"]), default="view", show_default=True, help="With --add-user."
+)
+@click.option("--certificate", type=click.Path(path_type=Path), metavar="FILE", help="TLS certificate (PEM).")
+@click.option("--key", type=click.Path(path_type=Path), metavar="FILE", help="Its private key (PEM).")
+@click.option("--behind-proxy", is_flag=True, help="A proxy on this computer speaks TLS to the browsers.")
+@click.option(
+    "--late-hours", type=click.FloatRange(1), default=36.0, show_default=True, help="A machine without a night for longer is late."
+)
+@click.option("--unit", type=click.Choice(["mm", "inch"]), default="mm", show_default=True, help="mm and µm, or inch and µin.")
+@click.option(
+    "--templates", type=click.Path(path_type=Path), metavar="DIR", help="Templates and texts.toml of your own (docs/report.md)."
+)
+def command(
+    folders: tuple[Path, ...],
+    history: str | None,
+    host: str,
+    port: int,
+    names: tuple[str, ...],
+    users: Path | None,
+    add_user: str | None,
+    role: str,
+    certificate: Path | None,
+    key: Path | None,
+    behind_proxy: bool,
+    late_hours: float,
+    unit: str,
+    templates: Path | None,
+) -> None:
+    """Shows machines in a browser: what every night found, a run as it goes on, trends, reports, and what was decided.
+
+    Only this computer can reach it, and nothing can be changed, unless users and an address are given. Ctrl-C ends it.
+    """
+    try:
+        import uvicorn
+
+        from ..web import users as accounts
+        from ..web.app import create
+        from ..web.settings import LOOPBACK, Settings
+    except ImportError as error:
+        raise InputError(f"tango serve: {error.name} is not installed; pip install 'tango-cnc[web]'") from None
+    if add_user is not None:
+        if users is None:
+            raise InputError("--add-user: found no --users; allowed: together with --users FILE")
+        _add(accounts, users, add_user, role)
+        return
+    local = _is_loopback(host)
+    tls = certificate is not None or behind_proxy
+    if (certificate is None) != (key is None):
+        raise InputError("--certificate and --key: found one without the other; allowed: both, or none")
+    if not local and users is None:
+        raise InputError(
+            f"--host: found {host}, which others can reach, and no --users; allowed: with users, or 127.0.0.1 (docs/serve.md)"
+        )
+    if not local and not tls:
+        raise InputError(
+            f"--host: found {host} without TLS: passwords would go over the network in clear. State --certificate and --key, or "
+            "leave --host at 127.0.0.1 and use --behind-proxy (docs/serve.md)"
+        )
+    for file in (certificate, key):
+        if file is not None and not file.is_file():
+            raise InputError(f"{file}: no such file; allowed: a PEM file")
+    cells = tuple(cell for folder in folders or (Path("."),) for cell in _cells(folder))
+    if not cells and history is None:
+        raise InputError(
+            f"{', '.join(map(str, folders)) or '.'}: found no cell; allowed: a folder with tango.yaml, or one of such folders"
+        )
+    called = tuple(dict.fromkeys((*LOOPBACK, *(() if host in ("0.0.0.0", "::") else (host,)), *names)))
+    settings = Settings(cells, history, users, called, tls, late_hours, templates)
+    app = create(settings)
+    if unit == "inch":
+        from ..report.units import Units
+
+        app.state.tango.units = Units("inch")
+    count = f"{len(cells)} cell{'s' if len(cells) != 1 else ''}" + (f", history {_hidden(history)}" if history else "")
+    mode = "read-only" if users is None else f"users of {users}"
+    click.echo(f"http{'s' if certificate else ''}://{host}:{port}/ shows {count}; {mode}. Ctrl-C ends it.")
+    extra: dict[str, Any] = {}
+    if certificate is not None and key is not None:
+        extra = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
+    uvicorn.run(
+        app,
+        host=host,
+        port=port,
+        log_level="warning",
+        server_header=False,
+        proxy_headers=behind_proxy,
+        forwarded_allow_ips="127.0.0.1",
+        limit_concurrency=500,
+        timeout_keep_alive=15,
+        h11_max_incomplete_event_size=16384,
+        **extra,
+    )
+
+
+def _add(accounts: Any, users: Path, name: str, role: str) -> None:
+    password = click.prompt("Password", hide_input=True, confirmation_prompt=True)
+    accounts.add_user(users, name, password, role)
+    click.echo(f"{name}, {role} → {users}")
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _cells(folder: Path) -> list[Path]:
+    """folder → itself when it is a cell, else the cells in it."""
+    if (folder / "tango.yaml").is_file():
+        return [folder]
+    return sorted(sub for sub in folder.glob("*") if (sub / "tango.yaml").is_file()) if folder.is_dir() else []
+
+
+def _hidden(history: str) -> str:
+    """URL → the same without its password."""
+    head, at, tail = history.rpartition("@")
+    return f"{head.partition('://')[0]}://…@{tail}" if at else history

@@ -1,0 +1,1 @@
+"""One file an experiment; the file name is the name of the belief."""

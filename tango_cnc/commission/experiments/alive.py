@@ -1,0 +1,28 @@
+"""A finger at the stylus stops the slow move: probe, skip word and skip input are right."""
+
+from __future__ import annotations
+
+import re
+
+from ..experiment import Experiment, Seen, Verdict
+
+
+def judge(seen: Seen) -> Verdict:
+    """→ PASS where anything was recorded: nothing is, before the finger has been noticed."""
+    if seen.records or seen.ended:
+        return Verdict("PASS", "the finger stopped the slow move")
+    if not seen.begun:
+        return Verdict("OPEN", "the program has not begun: no start mark has come")
+    return Verdict("FAIL", "nothing was recorded after the start mark")
+
+
+EXPERIMENT = Experiment(
+    "alive",
+    1,
+    "the skip signal of the probe stops the skip move",
+    "touch the stylus while the probe moves up slowly: the axis has to stop",
+    "look at battery, receiver and cable; state probe_on; state skip (G31 P1 … P4) or probe_input for the input it is wired to",
+    judge,
+    re.compile(r"NOT TOUCHED|NO FINGER|NO CONTACT|NO PROBE CONTACT"),
+    re.compile(r"^skip =|^probe_on =|^probe_input =|a probe that is off stops nothing|ends at the contact"),
+)

@@ -1,0 +1,27 @@
+"""A move that begins with the stylus deflected does not go anywhere."""
+
+from __future__ import annotations
+
+import re
+
+from ..experiment import Experiment, Seen, Verdict
+
+
+def judge(seen: Seen) -> Verdict:
+    """→ what came of the program while somebody held the stylus aside."""
+    if seen.held is None:
+        return Verdict("OPEN", "nobody held the stylus")
+    if seen.held:
+        return Verdict("PASS", "the program stopped while the stylus was held aside")
+    return Verdict("FAIL", "the program went on although the stylus was held aside")
+
+
+EXPERIMENT = Experiment(
+    "deflected",
+    1,
+    "a skip move that begins with the probe deflected ends at once, or is an alarm",
+    "hold the stylus aside and start the program again: it has to stop before the second move",
+    "state probe_state, the variable that shows the input of the probe; without one do not trust guarded moves",
+    judge,
+    settles=re.compile(r"deflected|^probe_state ="),
+)

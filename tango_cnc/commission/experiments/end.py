@@ -1,0 +1,29 @@
+"""The program comes to its end: the end mark arrives, probe off and port closed."""
+
+from __future__ import annotations
+
+import re
+
+from ..experiment import Experiment, Seen, Verdict
+
+
+def judge(seen: Seen) -> Verdict:
+    """→ PASS where the end mark has come; the number is the time of one block of moves."""
+    many = len(seen.plan.touches)
+    if seen.ended:
+        each = seen.seconds / many if seen.seconds is not None else None
+        return Verdict("PASS", "the end mark has come", each, "s a touch" if each is not None else "")
+    if len(seen.records) == many:
+        return Verdict("FAIL", "all records have come, and no end mark")
+    return Verdict("OPEN", "the program did not get there")
+
+
+EXPERIMENT = Experiment(
+    "end",
+    4,
+    "the program comes to its end, switches the probe off and closes its port",
+    "look whether the control is ready for the next program, and the probe dark",
+    "look at what stands on the screen; check probe_off and the port",
+    judge,
+    settles=re.compile(r"^probe_off ="),
+)

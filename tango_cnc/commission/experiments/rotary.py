@@ -1,0 +1,44 @@
+"""Rotary axes arrive where they are sent, in machine coordinates, and positions are not read ahead of them."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from ..experiment import Experiment, Seen, Verdict
+
+TOLERANCE = 0.02  # deg
+
+
+def judge(seen: Seen) -> Verdict:
+    """→ the largest difference between a recorded angle and the commanded one, whole turns aside."""
+    machine, worst, which = seen.plan.machine, 0.0, ""
+    for touch in seen.plan.touches:
+        if touch.number in seen.records:
+            place = seen.records[touch.number][1]
+            for name in machine.rotary:
+                off = abs(math.remainder(place[name] - math.degrees(touch.end[machine.column(name)]), 360.0))
+                worst, which = max((worst, which), (off, name))
+    if not machine.rotary:
+        return Verdict("PASS", "the machine has no rotary axis")
+    if not seen.records:
+        return Verdict("OPEN", "nothing was recorded")
+    if worst > TOLERANCE:
+        return Verdict("FAIL", f"{which} is recorded {worst:.3f} deg from where it was sent", worst, "deg")
+    if len(seen.records) < len(seen.plan.touches):
+        return Verdict("OPEN", "the program did not get through all indexations")
+    return Verdict("PASS", f"every indexation reached, within {worst:.4f} deg", worst, "deg")
+
+
+EXPERIMENT = Experiment(
+    "rotary",
+    2,
+    "rotary axes arrive where they are sent, and nothing is read before they have",
+    "look at the displayed angle after each indexation, and whether the program stops there",
+    "state axis_numbers, rollover, clamp and unclamp; state wait (G103 P1 on a Haas) where positions are read too early",
+    judge,
+    re.compile(r"ROTARY AXIS|NOT TURNED|STANDS AT"),
+    re.compile(
+        r"turns a rotary axis|^rollover|^rotary =|^shortest|^wrapped|^wait =|^clamp|^unclamp|reading ahead|wait for the axes"
+    ),
+)

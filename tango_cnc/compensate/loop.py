@@ -1,0 +1,222 @@
+"""Proposed → written → measured → kept or rolled back: the folder `compensations/` of a cell.
+
+Every compensation has a folder of its own with the files for the control, `undo/` with the same files as they were before,
+`steps.txt` and `compensation.json`, which holds all values and texts once more. What happens to it is added to
+`compensations/history.jsonl`, one line an event; no line is ever changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..estimate import Estimate
+from ..files import write_text
+from ..records import InputError, TangoError
+from .fit import Figure, Known, intervals, known
+from .proposal import FORMAT, Proposal, as_json
+from .space import Held, Poses, sample
+
+FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
+STATES = ("proposed", "written", "kept", "not as promised", "rolled back")
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A compensation on disk."""
+
+    number: int
+    folder: Path
+    record: dict[str, Any]
+
+
+def store(cell: Path, proposal: Proposal, now: str, folder: Path | None = None) -> Kept:
+    """folder of a cell, proposal, UTC → its folder, written whole; the first line of its history."""
+    number = max((k.number for k in found(cell)), default=0) + 1
+    place = folder or cell / FOLDER / f"{number:03d}-{proposal.target}"
+    if place.exists() and any(place.iterdir()):
+        raise InputError(f"-o: found {place}, which is not empty; allowed: a new folder")
+    steps = [f"{i}. {text}" for i, text in enumerate(proposal.module.steps(proposal.job), 1)]
+    record = as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
+    record["digest"] = digest(record)
+    for name, text in proposal.files.items():
+        write_text(place / name, text)
+    for name, text in proposal.undo.items():
+        write_text(place / "undo" / name, text)
+    write_text(place / "steps.txt", "".join(f"{step}\n" for step in steps))
+    write_text(place / RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    kept = Kept(number, place, record)
+    if folder is None:
+        note(cell, kept, now, "proposed", promise=record["promise"])
+    return kept
+
+
+def digest(record: dict[str, Any]) -> str:
+    """record → hash of all that it says, the hash itself left out."""
+    rest = {key: value for key, value in record.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True, ensure_ascii=False).encode()).hexdigest()[:16]
+
+
+def note(cell: Path, kept: Kept, now: str, event: str, **more: Any) -> None:
+    """cell, compensation, UTC, what happened → one more line of the history."""
+    line = {"utc": now, "compensation": kept.number, "target": kept.record["target"], "event": event, **more}
+    file = cell / FOLDER / HISTORY
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("a", encoding="utf-8", newline="\n") as out:
+        out.write(json.dumps(line, ensure_ascii=False) + "\n")
+
+
+def history(cell: Path) -> list[dict[str, Any]]:
+    """cell → events in their order. Raises InputError for a line that is none."""
+    file = cell / FOLDER / HISTORY
+    if not file.exists():
+        return []
+    result = []
+    for i, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            event = json.loads(line)
+            result.append({"compensation": int(event["compensation"]), "event": str(event["event"]), **event})
+        except (ValueError, KeyError, TypeError):
+            raise InputError(f"{file}:{i}: found {line[:60]!r}; allowed: an event as this program writes it") from None
+    return result
+
+
+def state(cell: Path, number: int) -> str:
+    """cell, number → proposed, written, kept, not as promised, rolled back."""
+    return next((e["event"] for e in reversed(history(cell)) if e["compensation"] == number), "proposed")
+
+
+def found(cell: Path) -> Iterator[Kept]:
+    """cell → its compensations in their order."""
+    for folder in sorted((cell / FOLDER).glob("[0-9][0-9][0-9]-*")):
+        if (folder / RECORD).exists():
+            yield Kept(int(folder.name[:3]), folder, load(folder))
+
+
+def one(cell: Path, number: int) -> Kept:
+    """cell, number → that compensation. Raises InputError when there is none."""
+    every = list(found(cell))
+    for kept in every:
+        if kept.number == number:
+            return kept
+    listed = ", ".join(str(k.number) for k in every) or "none yet; 'tango compensate --target NAME' makes one"
+    raise InputError(f"found no compensation {number} in {cell / FOLDER}; allowed: {listed}")
+
+
+def load(folder: Path) -> dict[str, Any]:
+    """folder of a compensation → its record. Raises InputError when it is not as it was written."""
+    file = folder / RECORD
+    try:
+        record: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        whole = record["format"] == FORMAT and record["digest"] == digest(record)
+    except FileNotFoundError:
+        raise InputError(f"{folder}: found no {RECORD}; allowed: a folder that 'tango compensate' has written") from None
+    except (ValueError, KeyError, TypeError):
+        whole = False
+    if not whole:
+        raise InputError(f"{file}: found a record that has been changed or cut off; do not use this folder: propose anew")
+    return record
+
+
+def check(folder: Path) -> dict[str, Any]:
+    """folder of a compensation → its record, every file compared with it, ends of lines left aside.
+
+    Raises TangoError that names the first line that differs: a file that differs is not to be loaded into a control.
+    """
+    record = load(folder)
+    for part, base in (("files", folder), ("undo", folder / "undo")):
+        for name, text in record[part].items():
+            file = base / name
+            if not file.exists():
+                raise TangoError(f"{file}: found no such file; do not load this folder: propose anew")
+            _same(file, text)
+        known_names = {*record[part], RECORD, "steps.txt", "undo"}
+        if strangers := sorted(f.name for f in base.iterdir() if f.name not in known_names):
+            raise TangoError(f"{base}: found {', '.join(strangers)}, which this program has not written; take it away first")
+    return record
+
+
+def _same(file: Path, text: str) -> None:
+    try:
+        there = file.read_bytes().decode("utf-8")
+    except UnicodeDecodeError:
+        raise TangoError(f"{file}: found bytes that are no text; do not load it: propose anew") from None
+    found_lines, wanted = re.split("\r\n|\n", there), re.split("\r\n|\n", text)
+    for i in range(max(len(found_lines), len(wanted))):
+        a = found_lines[i] if i < len(found_lines) else "the end of the file"
+        b = wanted[i] if i < len(wanted) else "the end of the file"
+        if a != b:
+            raise TangoError(f"{file}:{i + 1}: found {a!r}; written was {b!r}; do not load this folder: propose anew")
+
+
+def present(folder: Path) -> dict[str, float]:
+    """folder of a compensation that is in the control → the control's numbers by place."""
+    return {value["place"]: float(value["new"]) for value in check(folder)["values"]}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a second measurement says of a compensation; µm rms over its volume."""
+
+    before: Figure
+    promised: Figure
+    measured: Figure
+    verdict: str  # kept, not as promised, rolled back
+    text: str
+
+
+def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: bool) -> Outcome:
+    """compensation, estimate of readings made with it in the control, what its target holds → what became of the promise.
+
+    `tcp`: the readings were made with tool centre point control on. Without it a probing cycle sees the axes and not the
+    control's kinematics: what the kinematics hold is then taken off the second estimate by calculation.
+    """
+    machine = result.model.touches.machine
+    scale = {n: 1.0 if n in machine.linear else np.pi / 180 for n in kept.record["volume"]}
+    limits = {n: (low * scale[n], high * scale[n]) for n, (low, high) in kept.record["volume"].items()}
+    at = sample(machine, limits)
+    now = known(result, at)
+    gone = _unseen(kept, proposal_held, at) if not tcp else np.zeros(3 * len(at))
+    measured = _measured(now, at, gone)
+    promise = kept.record["promise"]
+    before, promised = (Figure(**promise[key]) for key in ("rms_before_um", "rms_after_um"))
+    if measured.low <= promised.high:
+        verdict = "kept"
+        text = f"{measured.value:.2f} µm are left, {promised.low:.2f} to {promised.high:.2f} µm were promised"
+    elif measured.low > 0.9 * before.low:
+        verdict = "rolled back"
+        text = (
+            f"{measured.value:.2f} µm are left of {before.value:.2f} µm: it has not helped. Load the files of "
+            f"{kept.folder / 'undo'}. "
+            "A sign is wrong, or the control does not use what was written: do a sign trial"
+        )
+    else:
+        verdict = "not as promised"
+        text = (
+            f"{measured.value:.2f} µm are left of {before.value:.2f} µm, but no more than {promised.high:.2f} µm were promised. "
+            "It has helped in part: look for a table that the control does not use; to go back, load the files of "
+            f"{kept.folder / 'undo'}"
+        )
+    return Outcome(before, promised, measured, verdict, text)
+
+
+def _measured(now: Known, at: Poses, gone: np.ndarray) -> Figure:
+    error = at.free((now.error(at).ravel() - gone)[:, None])
+    return intervals(error + at.free(now.levers(at)) @ now.draws(1000))
+
+
+def _unseen(kept: Kept, held: list[Held], at: Poses) -> np.ndarray:
+    """→ (3n,) mm of tip error that entries take away which act with tool centre point control only."""
+    numbers = {v["place"]: v["new"] - v["present"] for v in kept.record["values"]}
+    result = np.zeros(3 * len(at))
+    for h in held:
+        if h.tcp and numbers.get(h.place):
+            result += h.lever(at).ravel() * numbers[h.place] * h.sign / h.factor
+    return result

@@ -1,0 +1,184 @@
+"""Estimate, target, present values → a proposal: every number that changes, what it promises, and what it leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from ..estimate import Estimate
+from ..records import Array, InputError, Machine, TangoError
+from . import targets
+from .fit import Figure, Fit, fit, known
+from .space import Held, Limits, limits_of, sample
+from .targets import Job
+
+FORMAT = "tango-compensation/1"
+CAP_MM, CAP_DEG = 0.05, 0.01
+POSES = 1200
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What is to be written into a control, and what that is worth."""
+
+    target: str
+    module: ModuleType
+    job: Job
+    fit: Fit
+    numbers: Mapping[str, float]  # by place: what the control is to store
+    present: Mapping[str, float]  # by place: what it stores now
+    given: bool  # whether the present values were given and not assumed
+    over: str
+
+    @property
+    def held(self) -> tuple[Held, ...]:
+        """→ every number that the target can store."""
+        return self.fit.held
+
+    @property
+    def files(self) -> dict[str, str]:
+        """→ {name: text} of what is written."""
+        found: dict[str, str] = self.module.files(self.job, self.held, self.numbers)
+        return found
+
+    @property
+    def undo(self) -> dict[str, str]:
+        """→ {name: text} of the same files with the present values."""
+        found: dict[str, str] = self.module.files(self.job, self.held, self.present)
+        return found
+
+
+def propose(
+    result: Estimate,
+    target: str,
+    settings: Sequence[str] = (),
+    present: Mapping[str, float] | None = None,
+    over: str = "probed",
+    volume: Mapping[str, tuple[float, float]] | None = None,
+    poses: int = POSES,
+) -> Proposal:
+    """estimate, target, its settings, the control's present numbers by place, volume → proposal.
+
+    Raises InputError for settings, volumes and present values that do not fit the target; TangoError when nothing is known.
+    """
+    module = targets.load(target)
+    touches = result.model.touches
+    machine = touches.machine
+    limits = limits_of(machine, touches, over, volume or {})
+    at = sample(machine, limits, poses)
+    found = known(result, at)
+    job = Job(machine, limits, targets.options(module, settings), found.coefficients)
+    targets.checked(module, job)
+    held: list[Held] = module.held(job)
+    if not held:
+        raise InputError(f"--target {target}: found settings with which nothing is stored; see 'tango compensate --facts {target}'")
+    places = {h.place for h in held}
+    for place in present or {}:
+        if place not in places:
+            raise InputError(
+                f"--present: found {place!r}, which this target with these settings does not store; allowed: {_some(places)}. "
+                "Tables of other points cannot be added: give the same volume and settings as when they were written"
+            )
+    now = {h.place: h.base for h in held} | dict(present or {})
+    best = fit(found, held, at, now)
+    numbers = {
+        h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
+    }
+    return Proposal(target, module, job, best, numbers, now, present is not None, over if not volume else "as given")
+
+
+def _some(places: set[str]) -> str:
+    listed = sorted(places)
+    return ", ".join(listed[:4]) + (f" … ({len(listed)} in all)" if len(listed) > 4 else "")
+
+
+def beyond(proposal: Proposal, cap_mm: float, cap_deg: float) -> list[str]:
+    """proposal, largest change allowed → a sentence for every number that changes more, the largest first."""
+    machine, found = proposal.job.machine, []
+    reach = max(high - low for name, (low, high) in proposal.job.limits.items() if name in machine.linear)
+    for h, change in zip(proposal.held, proposal.fit.change, strict=True):
+        size = abs(float(change))
+        if h.kind == "angle":
+            size, cap, unit = math.degrees(size), cap_deg, "deg"
+        elif h.kind == "ratio":
+            size, cap, unit = size * reach, cap_mm, "mm over the volume"
+        else:
+            cap, unit = cap_mm, "mm"
+        if size > cap:
+            found.append((size / cap, f"{h.place}: changes by {size:.4g} {unit}; allowed: {cap:g} {unit}"))
+    return [text for _, text in sorted(found, reverse=True)]
+
+
+def capped(proposal: Proposal, cap_mm: float, cap_deg: float) -> None:
+    """proposal, largest change allowed → nothing. Raises TangoError that names what changes more."""
+    over = beyond(proposal, cap_mm, cap_deg)
+    if over:
+        more = f" and {len(over) - 5} more" if len(over) > 5 else ""
+        raise TangoError(
+            f"compensate: {len(over)} of {len(proposal.held)} numbers change by more than is allowed; nothing was written. "
+            + "; ".join(over[:5])
+            + more
+            + ". See whether machine.yaml and readings belong to this machine; if the change is right, allow it with --cap-mm and "
+            "--cap-deg"
+        )
+
+
+def as_json(proposal: Proposal) -> dict[str, Any]:
+    """proposal → plain data of the format tango-compensation/1."""
+    machine, best = proposal.job.machine, proposal.fit
+
+    def figure(f: Figure) -> dict[str, float]:
+        return {"value": round(f.value, 4), "low": round(f.low, 4), "high": round(f.high, 4)}
+
+    values = [
+        {
+            "place": h.place,
+            "table": h.table,
+            "unit": h.unit,
+            "present": proposal.present[h.place],
+            "new": proposal.numbers[h.place],
+            "increment": h.increment,
+        }
+        for h in proposal.held
+    ]
+    return {
+        "format": FORMAT,
+        "target": proposal.target,
+        "machine": machine.name,
+        "topology": machine.topology,
+        "options": dict(proposal.job.options),
+        "volume": {name: _limits(machine, name, proposal.job.limits) for name in proposal.job.limits},
+        "over": proposal.over,
+        "present_given": proposal.given,
+        "promise": {
+            "rms_before_um": figure(best.rms_before),
+            "rms_after_um": figure(best.rms_after),
+            "p95_before_um": figure(best.largest_before),
+            "p95_after_um": figure(best.largest_after),
+            "rms_held_um": round(best.rms_holdable, 4),
+            "rounding_um": round(best.rounding, 4),
+            "direction_before_urad": round(best.direction_before, 4),
+            "direction_after_urad": round(best.direction_after, 4),
+            "with_program_um": figure(best.rms_program),
+        },
+        "coefficients": [
+            {"name": s.name, "effect_um": round(s.effect_um, 4), "held": round(s.held, 4), "word": s.word} for s in best.shares
+        ],
+        "unconfirmed": targets.unconfirmed(proposal.module),
+        "values": values,
+    }
+
+
+def _limits(machine: Machine, name: str, limits: Limits) -> list[float]:
+    scale = 1.0 if name in machine.linear else 180 / math.pi
+    return [round(v * scale, 9) for v in limits[name]]
+
+
+def total(proposal: Proposal) -> Array:
+    """proposal → (h,) what the control then holds, present values included; mm rad mm/mm."""
+    import numpy as np
+
+    return np.array([h.value(proposal.numbers[h.place]) for h in proposal.held])

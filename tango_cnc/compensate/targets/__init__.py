@@ -1,0 +1,102 @@
+"""Controls and file forms that can hold a compensation: one file a target, its name is the target's name.
+
+A target is a module with `TEXT` (one line), `FACTS` (what it is built on, each with its source, and whether it was read in a
+manual or in source code, or is somebody's memory that has to be confirmed), `OPTIONS` and
+
+    held(job)                 → every number that the target can store, as `Held`
+    files(job, held, numbers) → {file name: text}; numbers by place, in the control's units
+    steps(job)                → what a person does, in order
+
+`check(job)`, where there is one, raises InputError for machines that the target does not fit.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+from ...files.checked import suggestion
+from ...records import InputError, Machine
+from ...terms import Coefficient
+from ..space import Limits
+
+
+@dataclass(frozen=True)
+class Fact:
+    """What a target is built on; `confirmed` only when it was read in a manual or in the source of the control."""
+
+    text: str
+    source: str
+    confirmed: bool = True
+
+
+@dataclass(frozen=True)
+class Option:
+    """A setting of a target: default, what it means, what is allowed (None: anything of the default's type)."""
+
+    default: Any
+    text: str
+    allowed: tuple[Any, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a target is asked for."""
+
+    machine: Machine
+    limits: Limits
+    options: Mapping[str, Any]
+    coefficients: tuple[Coefficient, ...] = ()
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """→ every target, found by walking this folder."""
+    return tuple(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
+
+
+def load(name: str) -> ModuleType:
+    """name → target. Raises InputError with the nearest name when there is none."""
+    if name not in names():
+        raise InputError(f"--target: found {name!r}; allowed: {', '.join(names())}{suggestion(name, names())}")
+    return importlib.import_module(f"{__name__}.{name}")
+
+
+def options(target: ModuleType, given: Sequence[str]) -> dict[str, Any]:
+    """target, NAME=VALUE … → its options. Raises InputError for names and values that it does not have."""
+    known: Mapping[str, Option] = target.OPTIONS
+    result = {name: option.default for name, option in known.items()}
+    for text in given:
+        name, separator, value = text.partition("=")
+        if not separator or name not in known:
+            allowed = ", ".join(f"{n}={o.default}" for n, o in known.items()) or "no settings"
+            raise InputError(f"--set: found {text!r}; allowed: {allowed}{suggestion(name, list(known))}")
+        option = known[name]
+        try:
+            result[name] = type(option.default)(value)
+        except ValueError:
+            raise InputError(f"--set: {name}: found {value!r}; allowed: {type(option.default).__name__} ({option.text})") from None
+        if option.allowed is not None and result[name] not in option.allowed:
+            raise InputError(f"--set: {name}: found {value!r}; allowed: {', '.join(map(str, option.allowed))}")
+        points = name == "points" and not 2 <= result[name] <= 1000
+        if points:
+            raise InputError(f"--set: points: found {value}; allowed: 2 to 1000")
+    return result
+
+
+def unconfirmed(target: ModuleType) -> list[str]:
+    """target → its facts that nobody has confirmed."""
+    return [fact.text for fact in target.FACTS if not fact.confirmed]
+
+
+def checked(target: ModuleType, job: Job) -> None:
+    """target, job → nothing. Raises InputError where the target does not fit the machine."""
+    own = dict(inspect.getmembers(target, inspect.isfunction)).get("check")
+    if own is not None:
+        own(job)

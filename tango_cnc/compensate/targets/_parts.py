@@ -1,0 +1,175 @@
+"""What several targets hold: tables of one axis, centres and directions of axes, reversal values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...kinematics import Slot, axis_frame
+from ...records import COMPONENTS, Array, Machine
+from ..space import Held, Limits, Table, believed, by_slot, knots, tabulated
+from . import Job
+
+DEGREES = 180 / math.pi
+
+
+def scale_of(machine: Machine, axis: str) -> float:
+    """axis → what mm or rad are multiplied by for the control: 1 or 180/π."""
+    return 1.0 if axis in machine.linear else DEGREES
+
+
+def trims(
+    job: Job, name: str, out: str, by: str, points: int, *, senses: tuple[int, ...] = (0,), sign: int = 1, increment: float = 1e-6
+) -> list[Held]:
+    """job, table name, corrected axis, axis that it is read with, points → entries in mm or degrees."""
+    machine = job.machine
+    unit = "mm" if out in machine.linear else "deg"
+    table = Table(
+        name, Slot(out, "motion"), by, knots(job.limits, by, points), senses, unit, scale_of(machine, out), sign, increment
+    )
+    return tabulated(table, machine)
+
+
+def reversal(job: Job, place: str, axis: str, *, half: bool = False, sign: int = 1, increment: float = 1e-6) -> Held:
+    """job, place, axis → the reversal value (or half of it) that a control adds: positive where the axis stops short.
+
+    `EXXb` is what the axis goes too far in the direction of its motion, so the control's number is its negative.
+    """
+    machine = job.machine
+    factor = scale_of(machine, axis) * (1.0 if half else 2.0)
+    return Held(
+        place,
+        "reversal values",
+        "mm" if axis in machine.linear else "deg",
+        "length" if axis in machine.linear else "angle",
+        increment,
+        by_slot(Slot(axis, "motion"), lambda t: t.sign(axis)),
+        factor,
+        -sign,
+        turns=axis in machine.rotary,
+    )
+
+
+def centre(
+    machine: Machine,
+    axis: str,
+    component: int,
+    place: str,
+    table: str,
+    *,
+    sign: int = 1,
+    increment: float = 1e-3,
+    base: float = 0.0,
+) -> Held:
+    """axis, x y z, place → where the control believes the line of the axis to be, mm, machine coordinates at the zero pose."""
+    lever = believed(machine, axis, "point", np.eye(3)[component])
+    return Held(place, table, "mm", "length", increment, lever, 1.0, sign, base, tcp=True)
+
+
+def tilt(
+    machine: Machine,
+    axis: str,
+    component: int,
+    place: str,
+    table: str,
+    *,
+    sign: int = 1,
+    increment: float = 1e-9,
+    base: float = 0.0,
+) -> Held:
+    """axis, x y z, place → a component of the direction that the control believes the axis to have."""
+    return Held(
+        place, table, "1", "angle", increment, believed(machine, axis, "direction", np.eye(3)[component]), 1.0, sign, base, tcp=True
+    )
+
+
+def across(machine: Machine, axis: str) -> tuple[int, ...]:
+    """axis → the components in which its line can be moved: all but the one along it, where it is parallel to one."""
+    along = np.abs(np.array(machine.axis(axis).direction))
+    return tuple(i for i in range(3) if along[i] < 1 - 1e-9)
+
+
+def point_of(machine: Machine, axis: str) -> Array:
+    """axis → (3,) mm, its point as machine.yaml has it."""
+    return np.array(machine.axis(axis).point)
+
+
+def component_errors(job: Job, points: int, increment: tuple[float, float]) -> list[Held]:
+    """job, points of a table, increments of mm and rad → all component errors EXX … ECC, tables of the own axis."""
+    machine = job.machine
+    held: list[Held] = []
+    for axis in (*machine.linear, *machine.rotary):
+        for i, letter in enumerate(COMPONENTS):
+            slot = Slot(axis, "motion") if letter == axis else Slot(axis, "intra", i)
+            angle = i >= 3
+            table = Table(
+                f"E{letter}{axis}",
+                slot,
+                axis,
+                knots(job.limits, axis, points),
+                (0,),
+                "rad" if angle else "mm",
+                1.0,
+                1,
+                increment[angle],
+            )
+            held += tabulated(table, machine)
+    return held
+
+
+def position_errors(machine: Machine, increment: tuple[float, float], written: str = "E{letter}0{axis}") -> list[Held]:
+    """machine, increments of mm and rad, how a name is written → axis location errors EA0Y … EC0C of every axis."""
+    held: list[Held] = []
+    for axis in (*machine.linear, *machine.rotary):
+        base = axis_frame(axis, machine.axis(axis).direction)[1]
+        for i, letter in enumerate(COMPONENTS):
+            if axis in machine.linear and (i < 3 or i - 3 == base):
+                continue  # a linear axis has a direction and no place
+            if axis in machine.rotary and i % 3 == base:
+                continue  # along and about itself is a matter of its zero
+            slot = Slot(axis, "inter", i)
+            angle = i >= 3
+            held.append(
+                Held(
+                    f"E{letter}0{axis}",
+                    "axis locations",
+                    "rad" if angle else "mm",
+                    "angle" if angle else "length",
+                    increment[angle],
+                    by_slot(slot, lambda t: np.ones(len(t))),
+                    slot=slot,
+                )
+            )
+    return held
+
+
+def rows(held: Sequence[Held], table: str) -> list[Held]:
+    """entries, name → those of this table, in its order."""
+    return [h for h in held if h.table == table]
+
+
+def tables(held: Sequence[Held]) -> list[str]:
+    """entries → the names of their tables, in order."""
+    return list(dict.fromkeys(h.table for h in held))
+
+
+def span(limits: Limits, machine: Machine, axis: str) -> tuple[float, float]:
+    """volume, axis → its limits in mm or degrees."""
+    low, high = limits[axis]
+    scale = scale_of(machine, axis)
+    return low * scale, high * scale
+
+
+def rotary_order(machine: Machine) -> tuple[list[str], list[str]]:
+    """machine → rotary axes under the workpiece from the foundation outwards, rotary axes of the tool likewise."""
+    return (
+        [a for a in machine.workpiece_branch if a in machine.rotary],
+        [a for a in machine.tool_branch if a in machine.rotary],
+    )
+
+
+def parallel(machine: Machine) -> bool:
+    """machine → whether every rotary axis is parallel to X, Y or Z."""
+    return all(len(across(machine, axis)) == 2 for axis in machine.rotary)

@@ -1,0 +1,64 @@
+"""Centroid CNC11 and CNC12: `cnc-?.tab` of each axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ..space import Held
+from . import Fact, Job, Option
+from ._parts import rows, scale_of, tables, trims
+
+TEXT = "Centroid CNC11, CNC12: cnc-?.tab, correction forward and reverse of each axis"
+SOURCE = "cncsnw.com, LaserComp"
+FACTS = (
+    Fact(
+        "one file an axis; header with axis, travel, interval and unit, then a correction forward and reverse for each point",
+        SOURCE,
+    ),
+    Fact(
+        "there are three versions of the file; how the third is laid out was not read: compare with a file of your control",
+        SOURCE,
+        False,
+    ),
+    Fact("corrections are added to the commanded position", SOURCE, confirmed=False),
+)
+OPTIONS = {
+    "points": Option(33, "points of each table"),
+    "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),
+}
+
+
+def held(job: Job) -> list[Held]:
+    """job → forward and reverse table of every axis."""
+    result: list[Held] = []
+    for axis in (*job.machine.linear, *job.machine.rotary):
+        name = f"cnc-{axis.lower()}.tab"
+        result += trims(
+            job, name, axis, axis, int(job.options["points"]), senses=(1, -1), sign=int(job.options["sign"]), increment=1e-5
+        )
+    return result
+
+
+def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+    """job, entries, numbers → cnc-x.tab …"""
+    result = {}
+    for table in tables(held):
+        entries = rows(held, table)
+        half = len(entries) // 2
+        axis, first, last = entries[0].axis, entries[0].at, entries[half - 1].at
+        assert axis is not None and first is not None and last is not None
+        scale = scale_of(job.machine, axis)
+        step = (last - first) * scale / (half - 1)
+        unit = "MM" if axis in job.machine.linear else "DEG"
+        lines = [f"{axis} {first * scale:.6f} {last * scale:.6f} {step:.9f} {unit}"]
+        lines += [f"{numbers[u.place]:.5f} {numbers[d.place]:.5f}" for u, d in zip(entries[:half], entries[half:], strict=True)]
+        result[table] = "\r\n".join(lines) + "\r\n"
+    return result
+
+
+def steps(job: Job) -> list[str]:
+    """job → what a person does with the files."""
+    return [
+        "Keep copies of cnc-?.tab of the control, and compare their layout with these files before you replace anything.",
+        "Copy the files, switch laser compensation on, home the machine. Do the sign trial.",
+    ]

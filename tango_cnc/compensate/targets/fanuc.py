@@ -1,0 +1,135 @@
+"""FANUC: vectors of five-axis machining, pitch error, straightness and backlash compensation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...records import InputError
+from ..space import Held
+from . import Fact, Job, Option
+from ._parts import centre, point_of, reversal, rotary_order, rows, tables, trims
+
+TEXT = "FANUC: parameters of the rotary axes (19700 ff.), pitch error, straightness, backlash"
+FIVE = "FANUC A-79348E p. 72-82, A-78712E p. 61-62"
+FACTS = (
+    Fact("19680: 2 two tool axes, 12 two table axes, 21 mixed", FIVE),
+    Fact("19703-19705: vector A to B, from the first table axis to the second, rotary axes at 0", FIVE),
+    Fact("19709-19711: D to E, tool axis to tool rotary axis; 19712-19714: E to F, second to first tool axis", FIVE),
+    Fact("straightness: four points a b c d of the moving axis with values, linear between them", "FANUC B-63522EN p. 222-223"),
+    Fact("at most 128 points of pitch error; acts after power off and reference return", "FANUC B-63522EN"),
+    Fact("two tilts of a rotary axis cannot be entered: squareness of rotary axes stays", FIVE, confirmed=False),
+    Fact("19700-19702: place of the rotary table, point A from machine zero", "memory", confirmed=False),
+    Fact("pitch, straightness and backlash values are corrections: what is added to the command", "memory", confirmed=False),
+    Fact(
+        "pitch error is entered here as total values at points; many controls take the difference to the point before",
+        "memory",
+        False,
+    ),
+    Fact("1851 (backlash) is the whole reversal value", "memory", confirmed=False),
+    Fact("G10 L52 writes parameters, values in mm of a radius", "memory", confirmed=False),
+    Fact(
+        "TCP, fixture offset that follows the table (7580-7588) and the post-processor each keep the centre: this file is for TCP",
+        "10.1177/09544054211019668",
+        confirmed=False,
+    ),
+)
+OPTIONS = {
+    "points": Option(33, "points of pitch error, at most 128", tuple(range(2, 129))),
+    "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),
+    "vectors": Option("yes", "write the vectors of the rotary axes", ("yes", "no")),
+    "tables": Option("yes", "write pitch error, straightness and backlash", ("yes", "no")),
+    "fixture_offset": Option(
+        "unused", "G54.2 (7580-7588): unused, or 'by hand': you enter the same centre there", ("unused", "by hand")
+    ),
+}
+FIRST = {"A": 19700, "AB": 19703, "DE": 19709, "EF": 19712}
+
+
+def vectors(job: Job) -> dict[str, tuple[str, str]]:
+    """job → parameter group: axis that it leads to and axis that it leads from ('' the machine, 't' the tool)."""
+    work, tool = rotary_order(job.machine)
+    found: dict[str, tuple[str, str]] = {}
+    if work:
+        found["A"] = (work[0], "")
+    if len(work) == 2:
+        found["AB"] = (work[1], work[0])
+    if tool:
+        found["DE"] = (tool[-1], "t")
+    if len(tool) == 2:
+        found["EF"] = (tool[0], tool[1])
+    return found
+
+
+def check(job: Job) -> None:
+    """job → nothing. Raises InputError for options that leave nothing."""
+    if job.options["tables"] == "no" and not (job.machine.rotary and job.options["vectors"] == "yes"):
+        raise InputError("--target fanuc: found neither tables nor rotary axes with vectors; allowed: one of them")
+
+
+def held(job: Job) -> list[Held]:
+    """job → centres of the rotary axes, pitch error and backlash of each axis, straightness of linear axes."""
+    machine, result = job.machine, []
+    sign = int(job.options["sign"])
+    if job.options["vectors"] == "yes":
+        for axis in machine.rotary:
+            for c in range(3):
+                place = f"centre of {axis}, {'XYZ'[c]}"
+                result.append(centre(machine, axis, c, place, "centres", increment=1e-4, base=machine.axis(axis).point[c]))
+    if job.options["tables"] == "yes":
+        for axis in (*machine.linear, *machine.rotary):
+            result += trims(job, f"pitch {axis}", axis, axis, int(job.options["points"]), sign=sign, increment=1e-4)
+            result.append(reversal(job, f"1851 of {axis}", axis, increment=1e-4))
+        for by in machine.linear:
+            for out in machine.linear:
+                if out != by:
+                    result += trims(job, f"straightness {by} to {out}", out, by, 4, sign=sign, increment=1e-4)
+    return result
+
+
+def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+    """job, entries, numbers → vectors.nc, compensation.txt."""
+    machine, result = job.machine, {}
+    if machine.rotary and job.options["vectors"] == "yes":
+        lines = ["%", "O9190 (CENTRES OF THE ROTARY AXES)", "G10 L52"]
+
+        def place(axis: str) -> np.ndarray:
+            if axis == "":
+                return np.zeros(3)
+            if axis == "t":
+                return np.array(machine.spindle.point)
+            point = point_of(machine, axis)
+            return np.array([numbers.get(f"centre of {axis}, {c}", point[i]) for i, c in enumerate("XYZ")])
+
+        for group, (to, start) in vectors(job).items():
+            vector = place(to) - place(start)
+            lines += [f"N{FIRST[group] + i} R{vector[i]:.4f} (VECTOR {group} {'XYZ'[i]})" for i in range(3)]
+        result["vectors.nc"] = "\n".join([*lines, "G11", "M30", "%"]) + "\n"
+    if job.options["tables"] == "yes":
+        lines = []
+        for table in (t for t in tables(held) if t.startswith(("pitch", "straightness"))):
+            lines.append(f"[{table}]")
+            for h in rows(held, table):
+                assert h.at is not None and h.axis is not None
+                scale = 1.0 if h.axis in machine.linear else 180 / np.pi
+                lines.append(f"{h.at * scale:.4f} {numbers[h.place]:+.4f}")
+        lines.append("[backlash]")
+        lines += [f"{h.place} = {numbers[h.place]:+.4f}" for h in rows(held, "reversal values")]
+        result["compensation.txt"] = "\n".join(lines) + "\n"
+    return result
+
+
+def steps(job: Job) -> list[str]:
+    """job → what a person does with the files."""
+    result = ["Punch out all parameters and the pitch error data first."]
+    if job.machine.rotary and job.options["vectors"] == "yes":
+        result += [
+            "Compare every N of vectors.nc with the present value: they differ by hundredths and not by millimetres, or the zero "
+            "of machine.yaml is another one. Then parameter write enable, run it, power off.",
+            "Write the same centre wherever it is kept once more: fixture offset 7580-7588, post-processor. One alone is an error.",
+        ]
+    return [
+        *result,
+        "Enter compensation.txt in the pitch error and straightness pages, power off, reference return. Do the sign trial.",
+    ]

@@ -1,0 +1,62 @@
+"""Haas: machine rotary zero point, settings 255, 256 and 257."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from ...records import InputError
+from ..space import Held, Lever
+from . import Fact, Job, Option
+from ._parts import centre, parallel, rotary_order
+
+TEXT = "Haas: machine rotary zero point (MRZP), settings 255 to 257"
+FACTS = (
+    Fact("settings 255, 256, 257: MRZP offset X, Y, Z, machine coordinates", "memory", confirmed=False),
+    Fact("X and Y of the table's centre, Z of the tilting axis, and both axes meet", "memory", confirmed=False),
+    Fact("VPS writes the same settings: do not run it afterwards without need", "memory", confirmed=False),
+)
+OPTIONS = {"increment": Option(0.0001, "what the control stores in steps of, mm")}
+
+
+def check(job: Job) -> None:
+    """job → nothing. Raises InputError for machines without a rotary table on a tilting axis."""
+    work, tool = rotary_order(job.machine)
+    if tool or len(work) != 2 or not parallel(job.machine):
+        raise InputError(
+            f"--target haas: found {job.machine.topology}; allowed: a rotary table on a tilting axis, parallel to X Y Z"
+        )
+
+
+def held(job: Job) -> list[Held]:
+    """job → the three settings; both axes go with what they share."""
+    machine = job.machine
+    swing, table = rotary_order(machine)[0]
+    step, result = float(job.options["increment"]), []
+    for i in range(3):
+        axis = table if i < 2 else swing
+        base = machine.axis(axis).point[i] - machine.spindle.point[i]
+        h = centre(machine, axis, i, f"setting {255 + i} (MRZP {'XYZ'[i]})", "settings", increment=step, base=base)
+        if i < 2:
+            h = replace(h, lever=_both(h.lever, centre(machine, swing, i, "", "").lever))
+        result.append(h)
+    return result
+
+
+def _both(one: Lever, other: Lever) -> Lever:
+    return lambda poses: one(poses) + other(poses)
+
+
+def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+    """job, entries, numbers → settings.txt."""
+    return {"settings.txt": "".join(f"{h.place.split()[1]} {numbers[h.place]:.4f}\n" for h in held)}
+
+
+def steps(job: Job) -> list[str]:
+    """job → what a person does with the values."""
+    return [
+        "Write down settings 255, 256 and 257.",
+        "They differ from settings.txt by hundredths and not by millimetres, or the zero of machine.yaml is another one: then "
+        "propose anew with --present.",
+        "Enter the new values.",
+    ]

@@ -1,0 +1,106 @@
+"""HEIDENHAIN: axis error tables `.COM` with their `.CMA`, and entries for the kinematics description."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...records import Array
+from ..space import Held
+from . import Fact, Job, Option
+from ._parts import across, centre, point_of, reversal, rotary_order, rows, scale_of, tilt, trims
+
+TEXT = "HEIDENHAIN: axis error tables .COM and .CMA, entries for the kinematics description"
+NCK = "HEIDENHAIN MANUALplus 620 technical manual, p. 715-718"
+ITNC = "HEIDENHAIN iTNC 530 HSCI technical manual, p. 671, 680, 686, 722, 749"
+FACTS = (
+    Fact(".COM: AXISPOS, BACKLASH (values for negative travel), one column per axis; at most 256 equidistant points", NCK),
+    Fact(".CMA: one column per axis with the name of its .COM; only one line is active", NCK),
+    Fact("the column of an axis is its correction as a function of the axis in whose .CMA column the file stands", NCK),
+    Fact(
+        "description: Trans AXIS COORD, MachAxis AXIS; the sequence begins at the tool; 50 entries, 4 of them for directions", ITNC
+    ),
+    Fact("the control itself allows changes of 0.05 mm (MP6600)", ITNC),
+    Fact("values of a .COM are corrections: what is added to the commanded position", NCK, confirmed=False),
+    Fact("a Trans before a MachAxis moves that axis and everything after it; Trans A B C turn in degrees", ITNC, confirmed=False),
+    Fact(
+        "how .kco and .com of a TNC 640 and TNC7 are written was not found: enter the values there by hand", ITNC, confirmed=False
+    ),
+)
+OPTIONS = {
+    "points": Option(17, "points of each table, at most 256", tuple(range(2, 257))),
+    "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),
+    "tables": Option("yes", "write .COM and .CMA", ("yes", "no")),
+    "kinematics": Option("yes", "write entries for the kinematics description", ("yes", "no")),
+}
+
+
+def held(job: Job) -> list[Held]:
+    """job → tables of every axis for every linear axis and itself, reversal, places and directions of rotary axes."""
+    machine, result = job.machine, []
+    if job.options["tables"] == "yes":
+        for by in (*machine.linear, *machine.rotary):
+            for out in (*machine.linear, *([by] if by in machine.rotary else [])):
+                result += trims(job, f"{by}.COM, column {out}", out, by, int(job.options["points"]), sign=int(job.options["sign"]))
+            result.append(reversal(job, f"{by}.COM, BACKLASH", by, sign=int(job.options["sign"])))
+    if job.options["kinematics"] == "yes":
+        for axis in machine.rotary:
+            for c in across(machine, axis):
+                place = f"Trans {'XYZ'[c]} of {axis}"
+                result.append(centre(machine, axis, c, place, "places", increment=1e-4, base=machine.axis(axis).point[c]))
+                base = machine.axis(axis).direction[c]
+                result.append(tilt(machine, axis, c, f"direction {'XYZ'[c]} of {axis}", "directions", base=base))
+    return result
+
+
+def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+    """job, entries, numbers → one .COM an axis, AXIS.CMA, kinematics.txt."""
+    machine, result = job.machine, {}
+    axes = (*machine.linear, *machine.rotary)
+    if job.options["tables"] == "yes":
+        for by in axes:
+            columns = {out: rows(held, f"{by}.COM, column {out}") for out in axes}
+            first = columns[by]
+            back = numbers[f"{by}.COM, BACKLASH"]
+            lines = [f"BEGIN {by}.COM", "NR AXISPOS BACKLASH " + " ".join(axes)]
+            for i, h in enumerate(first):
+                assert h.at is not None
+                # The own column has half of the reversal against BACKLASH: values for negative travel are the others' sum.
+                own = {out: numbers[columns[out][i].place] if columns[out] else 0.0 for out in axes}
+                values = [f"{value - (back / 2 if out == by else 0.0):+.6f}" for out, value in own.items()]
+                lines.append(f"{i} {h.at * scale_of(machine, by):+.6f} {back:+.6f} {' '.join(values)}")
+            result[f"{by}.COM"] = "\r\n".join([*lines, "[END]"]) + "\r\n"
+        line = " ".join(f"{axis}.COM" for axis in axes)
+        result["AXIS.CMA"] = "\r\n".join(["BEGIN AXIS.CMA", f"NR ACTIVE {' '.join(axes)}", f"0 * {line}", "[END]"]) + "\r\n"
+    if machine.rotary and job.options["kinematics"] == "yes":
+        result["kinematics.txt"] = _description(job, numbers)
+    return result
+
+
+def _description(job: Job, numbers: Mapping[str, float]) -> str:
+    machine = job.machine
+    work, tool = rotary_order(machine)
+    lines, shift, turn = ["BEGIN KINEMATICS ENTRIES"], np.zeros(3), np.zeros(3)
+    for axis in (*reversed(tool), *work):  # from the tool to the table
+        point = point_of(machine, axis)
+        direction = np.array(machine.axis(axis).direction)
+        place = np.array([numbers.get(f"Trans {c} of {axis}", point[i]) for i, c in enumerate("XYZ")]) - point
+        way = np.array([numbers.get(f"direction {c} of {axis}", direction[i]) for i, c in enumerate("XYZ")]) - direction
+        rotation: Array = np.cross(direction, way) * 180 / math.pi
+        lines += [f"Trans {c} {place[i] - shift[i]:+.6f}" for i, c in enumerate("XYZ") if abs(place[i] - shift[i]) > 5e-7]
+        lines += [f"Trans {c} {rotation[i] - turn[i]:+.8f}" for i, c in enumerate("ABC") if abs(rotation[i] - turn[i]) > 5e-9]
+        lines.append(f"MachAxis {axis}")
+        shift, turn = place, rotation
+    return "\r\n".join([*lines, "[END]"]) + "\r\n"
+
+
+def steps(job: Job) -> list[str]:
+    """job → what a person does with the files."""
+    return [
+        "Back up the .COM and .CMA files and the kinematics description first.",
+        "Copy the .COM files and add the line of AXIS.CMA; make it the only active line.",
+        "Add the Trans entries of kinematics.txt to the description, each before the MachAxis that follows it there.",
+        "Reset the control, reference the axes. Do the sign trial on one table before anything is cut.",
+    ]

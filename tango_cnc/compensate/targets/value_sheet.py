@@ -1,0 +1,75 @@
+"""A typed sheet of values for controls whose parameters are entered by hand: centres, directions, pitch, reversal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ..space import Held
+from . import Fact, Job, Option
+from ._parts import across, centre, reversal, rows, tables, tilt, trims
+
+TEXT = "any other control (Mitsubishi, Mazak, Okuma, Mach4 …): a sheet of values with what each of them means"
+FACTS = (
+    Fact("centres of the rotary axes in machine coordinates at the zero pose, mm", "docs/model.md"),
+    Fact("your control has a place for each of these values; which one is in its manual", "your manual", confirmed=False),
+    Fact("the sign of every table is as the sheet says: error, actual minus commanded", "your manual", confirmed=False),
+)
+OPTIONS = {
+    "points": Option(11, "points of each table"),
+    "centres": Option("yes", "centres of the rotary axes", ("yes", "no")),
+    "directions": Option("no", "directions of the rotary axes", ("yes", "no")),
+    "pitch": Option("yes", "positioning error of each axis", ("yes", "no")),
+    "straightness": Option("no", "straightness and squareness of each linear axis", ("yes", "no")),
+    "reversal": Option("yes", "reversal values", ("yes", "no")),
+    "increment": Option(0.001, "what the control stores in steps of, mm or degrees"),
+}
+
+
+def held(job: Job) -> list[Held]:
+    """job → what the options ask for."""
+    machine, o, result = job.machine, job.options, []
+    step = float(o["increment"])
+    for axis in machine.rotary:
+        for c in across(machine, axis):
+            if o["centres"] == "yes":
+                place = f"{axis} centre {'XYZ'[c]}"
+                result.append(centre(machine, axis, c, place, "centres", increment=step, base=machine.axis(axis).point[c]))
+            if o["directions"] == "yes":
+                result.append(
+                    tilt(machine, axis, c, f"{axis} direction {'XYZ'[c]}", "directions", base=machine.axis(axis).direction[c])
+                )
+    for axis in (*machine.linear, *machine.rotary):
+        if o["pitch"] == "yes":
+            result += trims(job, f"pitch {axis}", axis, axis, int(o["points"]), increment=step)
+        if o["straightness"] == "yes" and axis in machine.linear:
+            for out in machine.linear:
+                if out != axis:
+                    result += trims(job, f"{out} as {axis} moves", out, axis, int(o["points"]), increment=step)
+        if o["reversal"] == "yes":
+            result.append(reversal(job, f"reversal {axis}", axis, increment=step))
+    return result
+
+
+def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+    """job, entries, numbers → values.txt."""
+    words = {
+        "centres": "where the axis lies, machine coordinates, all axes at zero",
+        "directions": "unit vector about which the axis turns, machine coordinates",
+        "reversal values": "whole reversal value; positive: the axis stops short of where its scale says",
+    }
+    lines = [f"machine: {job.machine.name}, {job.machine.topology}", f"increment: {job.options['increment']:g}", ""]
+    for table in tables(held):
+        lines.append(f"[{table}] {words.get(table, 'error: actual minus commanded; a correction is its negative')}")
+        lines += [f"{h.place} = {numbers[h.place]:.9g} {h.unit}" for h in rows(held, table)]
+        lines.append("")
+    return {"values.txt": "\n".join(lines)}
+
+
+def steps(job: Job) -> list[str]:
+    """job → what a person does with the sheet."""
+    return [
+        "Write down the present value of every parameter before you change it.",
+        "Enter the values of values.txt where the manual of the control has them.",
+        "Where the manual keeps a centre in two places (TCP and fixture offset, say), enter both: one alone is a systematic error.",
+        "Do the sign trial on one centre and one table before anything is cut.",
+    ]

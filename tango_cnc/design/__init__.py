@@ -1,0 +1,1 @@
+"""Machine, artefact and goal → which touches are worth their time (docs/design.md)."""

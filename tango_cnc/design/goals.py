@@ -1,0 +1,111 @@
+"""What a plan is for, in words of the command line → the criterion that it is chosen by, and in which words the result is told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..files.checked import suggestion
+from ..model import Model
+from ..records import Array, InputError
+from ..report.units import shown
+from ..terms import Coefficient, inter_axis
+from .candidates import Candidates
+from .criterion import Criterion
+from .region import Levers
+
+WORDS = ("volume", "locations", "check", "D", "A", "condition")
+USUAL_MINUTES = {"volume": 10.0, "locations": 5.0, "check": 2.5, "D": 10.0, "A": 10.0, "condition": 10.0}
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A word of `WORDS`, or limits: coefficient → standard deviation (µm, µrad …) that is not to be exceeded."""
+
+    word: str
+    limits: Mapping[str, float]
+
+    @property
+    def text(self) -> str:
+        """→ as on the command line."""
+        return self.word or ",".join(f"{name}={limit:g}" for name, limit in self.limits.items())
+
+
+def read(text: str) -> Goal:
+    """'volume', 'EX0C=1,EA0C=5' → goal; limits in µm, µrad, µm/m as on the terminal. Raises InputError for anything else."""
+    if text in WORDS:
+        return Goal(text, {})
+    limits = {}
+    for part in text.split(","):
+        name, equals, number = part.partition("=")
+        try:
+            limits[name.strip()] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals or not 0 < limits[name.strip()] < math.inf:
+            raise InputError(
+                f"--goal: found {part!r}; allowed: {', '.join(WORDS)}, or limits of standard deviations such as EX0C=1,EA0C=5 "
+                f"(µm, µrad, µm/m){suggestion(part, WORDS)}"
+            )
+    return Goal("", limits)
+
+
+def is_location(coefficient: Coefficient) -> bool:
+    """coefficient → whether it is an axis location (inter-axis) error."""
+    return inter_axis.PATTERN.fullmatch(coefficient.name) is not None
+
+
+def volume(lever: Levers, scale: Array) -> Criterion:
+    """levers at poses, (p,) scale of the unknowns → mean square of the uncertain part of the tool tip's error (I-optimal).
+
+    What backlash adds has either sign, whatever other backlashes do: its mean square is added.
+    """
+    still, jumps = lever.steady * scale, lever.jumps * scale
+    spread = np.einsum("mik,mil->kl", still, still) + np.diag(np.einsum("mik,mik->k", jumps, jumps))
+    return Criterion("volume", spread / len(still))
+
+
+def of_limits(choice: Candidates, limits: Mapping[str, float]) -> Criterion:
+    """candidates, limits (µm, µrad … as on the terminal) by name → worst ratio of a variance to its limit's square.
+
+    Raises InputError for a name that no plan could estimate.
+    """
+    model = choice.selection.model
+    names = {choice.selection.label(c.name): j for j, c in enumerate(model.coefficients)}
+    names |= {c.name: j for j, c in enumerate(model.coefficients)}
+    rows = []
+    for name, limit in limits.items():
+        if name not in names:
+            unseen = [c.text for c in choice.selection.unseen if c.names[0] == name]
+            why = f"no plan here can see: {unseen[0]}" if unseen else "is no parameter of these terms"
+            raise InputError(
+                f"--goal: found {name!r}, which {why}; allowed: {', '.join(list(names)[:12])} …{suggestion(name, list(names))}"
+            )
+        row = np.zeros(len(choice.scale))
+        row[names[name]] = choice.sigma * choice.scale[names[name]] * shown(model.coefficients[names[name]].unit)[0] / limit
+        rows.append(row)
+    return Criterion("limits", None, np.array(rows)) if rows else Criterion("D")
+
+
+def usual_limits(model: Model, reach: float) -> dict[str, float]:
+    """model, mm of the part's half diagonal → of every axis location 1 µm, or the µrad that move a part's far end by 1 µm."""
+    found = {c.name: 1.0 if c.unit == "mm" else 1e3 / reach for c in model.coefficients if is_location(c)}
+    if not found:
+        raise InputError("--goal locations: no axis location is among the terms; allowed: --terms with S3 or S4")
+    return found
+
+
+def every(choice: Candidates) -> Criterion:
+    """candidates → sum of the variances of the machine's unknowns, each scaled by what it does to a touch (A-optimal)."""
+    spread = np.zeros((len(choice.scale), len(choice.scale)))
+    own = np.arange(len(choice.selection.model.coefficients))
+    spread[own, own] = 1.0
+    return Criterion("A", spread)
+
+
+def ill_conditioned(choice: Candidates) -> Criterion:
+    """candidates → worst variance of the scaled unknowns: what raises the smallest singular value."""
+    return Criterion("condition", None, np.eye(len(choice.scale)))

@@ -1,0 +1,176 @@
+"""Cell and goal → the plan that serves it, with everything that is to be told of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..identify import select
+from ..model import Model, linearise
+from ..plan import plan
+from ..records import Approach, Array, Cell, InputError, Plan, Readings, TermItem
+from ..touches import from_readings
+from . import candidates, check, choose, goals, prior, region
+from . import regular as plain
+from .candidates import Candidates
+from .choose import Chosen, Problem
+from .goals import Goal
+from .region import Levers, Region
+
+TRIES = 5  # times that are looked at when limits are given and no time
+NEAR = 0.05  # of the time: nearer to the least one is near enough
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What somebody asks for."""
+
+    goal: Goal
+    minutes: float | None
+    terms: tuple[TermItem, ...]
+    approach: Approach
+    degree: int = 3
+    feed: float | None = None  # mm/min of protected moves
+    box: tuple[tuple[float, float], ...] | None = None  # mm, table frame, where parts are made
+    before: Readings | None = None  # of the full run that a check rests on; None: the cell's strategy as planned
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A wish made ready: the problem, and where parts are made."""
+
+    wish: Wish
+    problem: Problem
+    lever: Levers
+    where: Region
+
+
+def usual_terms(goal: Goal, own: Sequence[TermItem]) -> tuple[TermItem, ...]:
+    """goal, terms of the cell → terms that such a plan is made for: whole error motions for a volume, locations for the others."""
+    if goal.word in ("volume", "D", "A", "condition"):
+        return ("S4", *(item for item in own if item not in ("S1", "S2", "S3", "S4")))
+    return ("S3", *(item for item in own if item not in ("S1", "S2", "S3", "S4")))
+
+
+def setting(cell: Cell, wish: Wish) -> Setting:
+    """cell, wish → problem. Raises InputError for a goal that these terms do not have, and where nothing can be touched."""
+    terms = ("S4",) if wish.goal.word == "check" else wish.terms
+    choice = candidates.candidates(cell, terms, wish.approach, wish.degree)
+    where = region.region(cell.machine, cell.artefact, wish.box)
+    model = choice.selection.model
+    lever = region.levers(cell.machine, model.coefficients, len(model.names), region.poses(cell.machine, where))
+    seconds = 60 * (wish.minutes or goals.USUAL_MINUTES.get(wish.goal.word, 10.0))
+    begin = prior.held(choice)
+    if wish.goal.word == "volume":
+        criterion = goals.volume(lever, choice.scale)
+    elif wish.goal.word == "check":
+        changing = _changing(wish, choice)
+        choice = check.with_changes(choice, _before(cell, wish, choice), changing)
+        criterion, begin = check.worst_change(choice, lever), choice.held
+    elif wish.goal.word == "A":
+        criterion = goals.every(choice)
+    elif wish.goal.word == "condition":
+        criterion = goals.ill_conditioned(choice)
+    elif wish.goal.word == "D":
+        criterion = goals.of_limits(choice, {})
+    else:
+        reach = float(np.linalg.norm(np.subtract(where.high, where.low))) / 2
+        limits = wish.goal.limits or goals.usual_limits(model, reach)
+        criterion = goals.of_limits(choice, limits)
+    repeats = choose.AGAIN if seconds > 200 else 2
+    return Setting(wish, Problem(choice, criterion, seconds, wish.feed, begin, repeats), lever, where)
+
+
+def _changing(wish: Wish, choice: Candidates) -> list[int]:
+    """→ unknowns that a check takes for changed: those of its terms, and the stylus."""
+    few = {c.name for c in select(choice.selection.model.touches, wish.terms, wish.degree).model.coefficients}
+    return [j for j, c in enumerate(choice.selection.model.coefficients) if c.name in few]
+
+
+def _before(cell: Cell, wish: Wish, choice: Candidates) -> Array:
+    """→ (p, p) information of the full run that the check rests on: of its readings, or of the cell's strategy as planned."""
+    if wish.before is None:
+        made = plan(cell, "leave-out")
+        rows = choose.rows_of(choice, made)
+    else:
+        touches = replace(from_readings(cell.machine, cell.artefact, wish.before), artefact=cell.artefact)
+        model = Model(touches, choice.selection.model.coefficients)
+        place = {name: j for j, name in enumerate(choice.selection.model.names)}
+        rows = np.zeros((len(touches), len(place)))
+        rows[:, [place[name] for name in model.names]] = linearise(model, np.zeros(len(model.names)))[1]
+        rows *= choice.scale
+    return np.asarray(choice.held + rows.T @ rows)
+
+
+def propose(ready: Setting) -> Chosen:
+    """setting → plan. With limits and no time: the shortest plan that keeps them. Raises InputError where nothing does."""
+    wish = ready.wish
+    if wish.minutes is not None or wish.goal.word:
+        return choose.chosen(ready.problem)
+    seconds, best, short = 300.0, None, 0.0
+    for _ in range(TRIES):
+        found = choose.chosen(replace(ready.problem, seconds=seconds))
+        if found.value <= 1 and (best is None or found.seconds < best.seconds):
+            best = found
+        if found.value > 1:
+            short = max(short, seconds)
+        aim = found.seconds * found.value * (1.02 if found.value > 1 else 1.0)
+        if best is not None:
+            if best.seconds - short < NEAR * best.seconds:
+                break
+            aim = min(max(aim, short + 0.25 * (best.seconds - short)), best.seconds - NEAR * best.seconds)
+        seconds = min(max(aim, 60.0), 4 * seconds)
+    if best is None:
+        raise InputError(
+            f"--goal: no plan of {seconds / 60:.0f} minutes or less keeps these limits; at that time the worst is "
+            f"{found.value**0.5:.2g} times its limit. Allow more, or state --minutes for the best plan of that time"
+        )
+    return best
+
+
+def same_time(ready: Setting, other: Cell, made: Plan) -> Chosen:
+    """setting, cell with another strategy, its plan → what that is worth by the same criterion."""
+    return choose.judged(ready.problem, other, made, None)
+
+
+def information_of(ready: Setting, made: Plan) -> Array:
+    """setting, plan → (p, p) information of its touches."""
+    rows = choose.rows_of(ready.problem.choice, made)
+    return np.asarray(ready.problem.held + rows.T @ rows)
+
+
+def reached(ready: Setting, phi: float) -> tuple[float, str]:
+    """setting, φ → the number that is told, and its unit."""
+    problem = ready.problem
+    sigma = problem.choice.sigma
+    if problem.criterion.determinant:
+        return phi / len(problem.held), "(−log det per unknown)"
+    if problem.criterion.name in ("volume", "check"):
+        return 1e3 * sigma * phi**0.5, "µm"
+    if problem.criterion.name == "limits":
+        return phi**0.5, "of the limit"
+    return sigma * phi**0.5, "mm at a touch"
+
+
+def std_of(ready: Setting, information: Array) -> dict[str, tuple[float, str]]:
+    """setting, information → standard deviation of every coefficient in its own unit."""
+    choice = ready.problem.choice
+    sigma = choice.sigma
+    std = sigma * np.sqrt(np.diag(np.linalg.inv(information))) * choice.scale
+    return {choice.selection.label(c.name): (float(std[j]), c.unit) for j, c in enumerate(choice.selection.model.coefficients)}
+
+
+def competitors(ready: Setting, found: Chosen) -> dict[str, float]:
+    """setting, plan → φ of the regular plan of its time, and of the best of 100 random ones of as many touches and turns."""
+    others = {"best of 100 random": float(plain.at_random(found).min())}
+    with suppress(InputError):  # none fits into the time
+        others["regular"] = plain.regular(replace(ready.problem, seconds=max(found.seconds, ready.problem.seconds))).value
+    return others
+
+
+def regular(ready: Setting) -> Chosen:
+    """setting → the plain regular plan of its time."""
+    return plain.regular(ready.problem)

@@ -1,0 +1,116 @@
+"""A plain plan, as a careful person types it: rotary axes on a grid of equal steps, as many facets at each as time allows.
+
+The spindle is turned to its quarters where the rotary axes are at zero. Of several grids that fit into the time the one that
+tells most is taken, so that it is no straw man.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ..plan import plan, standing
+from ..records import Array, Cell, Indexation, InputError, Plan, Strategy
+from . import order
+from .choose import Chosen, Problem, judged
+from .criterion import value
+from .region import turn
+
+GRIDS = ((3, 3), (3, 4), (4, 4), (5, 4), (5, 5), (5, 6), (7, 5))  # steps of the axis with the smaller travel and of the other one
+TURNED = 2  # facets at each quarter of the spindle
+FITS = 5  # plans until the time is met
+
+
+def regular(problem: Problem) -> Chosen:
+    """problem → the best of the regular plans that fit into its time. Raises InputError when none fits."""
+    cell = problem.choice.cell
+    names = sorted(cell.machine.rotary, key=lambda name: np.ptp(turn(cell.machine, name)))
+    grids = GRIDS if len(names) == 2 else tuple((n,) for n in (4, 6, 8, 12)) if names else ((),)
+    legs = order.Legs(cell, problem.feed)
+    best: Chosen | None = None
+    for counts in grids:
+        found = _fitted(problem, _grid(cell, names, counts), legs)
+        if found is not None and (best is None or found.value < best.value):
+            best = found
+    if best is None:
+        raise InputError(
+            f"--regular: found {problem.seconds / 60:g} minutes; even {GRIDS[0][0]} by {GRIDS[0][1]} positions take longer"
+        )
+    return best
+
+
+def _grid(cell: Cell, names: list[str], counts: tuple[int, ...]) -> Strategy:
+    """→ every facet that can be touched at the positions of a grid, to and fro, and at the quarters of the spindle."""
+    lines = []
+    for name, count in zip(names, counts, strict=True):
+        low, high = turn(cell.machine, name)
+        lines.append(np.linspace(low, high, count).tolist())
+    stations = []
+    for n, outer in enumerate(lines[0] if lines else [0.0]):
+        inner = lines[1] if len(lines) == 2 else [0.0]
+        for angle in reversed(inner) if n % 2 else inner:
+            stations.append(dict(zip(names, (outer, angle), strict=False)) | {"S": 0.0})
+    zero = dict.fromkeys(names, 0.0)
+    stations += [zero | {"S": i * math.pi / 2} for i in range(4)]
+    every = tuple(cell.artefact.facets)
+    return standing(replace(cell, strategy=replace(cell.strategy, indexations=tuple(Indexation(s, every) for s in stations))))
+
+
+def _fitted(problem: Problem, whole: Strategy, legs: order.Legs) -> Chosen | None:
+    """→ the plan of as many facets at each position as fit into the time, None when hardly any does."""
+    cell = problem.choice.cell
+    most = max(len(i.facets) for i in whole.indexations)
+    low, high, best = 0, most, None
+    count = max(2, most // 3)
+    for _ in range(FITS):
+        found = judged(problem, *_planned(cell, whole, count, legs), None)
+        if found.seconds <= problem.seconds:
+            low, best = count, found
+        else:
+            high = min(high, count)
+        per = found.costs[0] * len(whole.indexations)
+        step = math.floor((problem.seconds - found.seconds) / per)
+        count = min(max(count + step, low + 1), high - 1) if step else 0
+        if count <= low or count >= high or count < 2:
+            break
+    return best
+
+
+def _planned(cell: Cell, whole: Strategy, count: int, legs: order.Legs) -> tuple[Cell, Plan]:
+    """→ cell and plan with `count` facets at each position, taken in turn so that each facet comes equally often."""
+    following = itertools.count()
+    indexations = []
+    for indexation in whole.indexations:
+        own = indexation.facets
+        some = min(TURNED if indexation.position.get("S") else count, len(own))
+        first = next(following)
+        picked = sorted({(first + i * len(own) // some) % len(own) for i in range(some)})
+        facets = [own[i] for i in picked]
+        way = order.path(legs.between(dict(indexation.position), facets))
+        indexations.append(replace(indexation, facets=tuple(facets[i] for i in way)))
+    chosen = replace(cell, strategy=replace(whole, name="regular", indexations=tuple(indexations)))
+    return chosen, plan(chosen, "leave-out")
+
+
+def at_random(found: Chosen, count: int = 100, seed: int = 1) -> Array:
+    """chosen plan → (count,) φ of random plans of as many visits and touches, drawn from the same candidates.
+
+    Each visits other indexations at random; its touches are drawn from all that these offer. Costs are those of the chosen plan.
+    """
+    problem = found.problem
+    choice, rng = problem.choice, np.random.default_rng(seed)
+    visits, touches = len(found.cell.strategy.indexations), len(found.rows)
+    values = np.empty(count)
+    for number in range(count):
+        offered = np.empty(0, dtype=np.int64)
+        more = visits
+        while len(offered) < touches and more <= len(choice.of_pose):
+            poses = rng.choice(len(choice.of_pose), more, replace=False)
+            offered = np.concatenate([choice.of_pose[j] for j in poses])
+            more += 1
+        rows = choice.rows[rng.choice(offered, min(touches, len(offered)), replace=False)]
+        values[number] = value(problem.criterion, problem.held + rows.T @ rows)
+    return values

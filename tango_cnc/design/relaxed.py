@@ -1,0 +1,133 @@
+"""The relaxed design: touches by the fraction, and with it a bound on what any plan of the same time can reach.
+
+Theory of operation. A visit to an indexation costs b seconds and each touch there c; at one visit a facet is touched at most
+once. A plan is then a sum of visits, each a set of touches S at a cost b + Σ c. Let the weights of visits be any numbers: the
+criterion is convex in them, and its gradient by a touch is g = x G x (`criterion.State`). Whatever else is done with T seconds,
+the sum of gradients is at most T·ρ, ρ the best ratio Σ_S g / (b + Σ_S c) of any visit: the best visit to an indexation has its
+touches of largest g / c. From convexity, for every plan of T seconds,
+
+    trace         1 / φ ≤ 1 / φ₀ + (T ρ − Σ w g) / φ₀²          (1 / tr(Q A⁻¹) is concave in A)
+    determinant   φ ≥ φ₀ − (T ρ − Σ w g)
+
+with equality where φ₀ is the optimum: the equivalence theorem (Kiefer and Wolfowitz 1960; Whittle 1973; with costs: Elfving 1952).
+Weights follow by the multiplicative algorithm (Silvey, Titterington and Torsney 1978) on visits that are added as they become the
+best ones. The bound holds at every step, however far from the optimum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Array
+from .criterion import Criterion, State, parts, value
+
+ROUNDS = 40
+STEPS = 6  # of the multiplicative algorithm between two looks at all visits
+NEW = 24  # visits added in a round
+SETTLED = 0.004  # of φ, between weights and bound
+POWER = 0.6  # of the multiplicative step; up to 1 for the determinant, 1/2 surely monotone for a trace
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Seconds of the machine: of each touch with its share of the way between touches, and of coming to each indexation."""
+
+    touch: Array  # (n,)
+    visit: Array  # (m,)
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """Weights of touches and of visits to indexations, the bound on φ that follows, and the criterion that it is a bound of."""
+
+    weights: Array  # (n,)
+    visits: Array  # (m,)
+    bound: float
+    criterion: Criterion  # with the weights of the worst of many
+
+
+def best_visits(gradient: Array, of_pose: Sequence[Rows], costs: Costs) -> tuple[Array, list[Rows]]:
+    """(n,) g, rows of each indexation, costs → (m,) best Σ g / (b + Σ c) of one visit, and the touches of that visit."""
+    ratio, chosen = np.empty(len(of_pose)), []
+    per_second = gradient / costs.touch
+    for j, own in enumerate(of_pose):
+        order = own[np.argsort(-per_second[own], kind="stable")]
+        reached = np.cumsum(gradient[order]) / (costs.visit[j] + np.cumsum(costs.touch[order]))
+        best = int(np.argmax(reached))
+        ratio[j] = reached[best]
+        chosen.append(np.sort(order[: best + 1]))
+    return ratio, chosen
+
+
+def relax(rows: Array, of_pose: Sequence[Rows], held: Array, costs: Costs, seconds: float, criterion: Criterion) -> Relaxed:
+    """(n, p) touches, rows of each indexation, (p, p) known without them, costs, s, criterion → relaxed design and its bound."""
+    visits = {(j, own.tobytes()): own for j, own in enumerate(of_pose) if len(own)}
+    keys = list(visits)
+    price = np.array([costs.visit[j] + costs.touch[visits[j, b]].sum() for j, b in keys])
+    weight = np.full(len(keys), seconds / price.sum())
+    many = None if criterion.worst is None else np.full(len(criterion.worst), 1 / len(criterion.worst))
+    here, lowest, found = criterion, -np.inf, criterion
+    for _ in range(ROUNDS):
+        total = np.zeros(len(rows))
+        for step in range(STEPS):
+            total = _spread(keys, visits, weight, len(rows))
+            active = np.flatnonzero(total > 0)
+            information = held + (rows[active].T * total[active]) @ rows[active]
+            if many is not None:
+                many = many * parts(criterion, information) ** POWER
+                many /= many.sum()
+                here = criterion.with_weights(many)
+            state = State.of(here, information)
+            if step == STEPS - 1:
+                break
+            _, gradient = state.seen(rows[active])
+            whole = np.zeros(len(rows))
+            whole[active] = gradient
+            rate = np.array([whole[visits[key]].sum() for key in keys]) / price
+            weight = weight * (rate / rate.max()) ** POWER
+            weight *= seconds / (weight @ price)
+        _, gradient = state.seen(rows)
+        ratio, chosen = best_visits(gradient, of_pose, costs)
+        excess = seconds * float(ratio.max()) - float(total @ gradient)
+        now = value(Criterion(here.name, here.spread), information)
+        low = now - excess if here.determinant else 1 / (1 / now + excess / now**2)
+        if low > lowest:
+            lowest, found = low, here
+        worst = now if many is None else value(criterion, information)
+        if (worst - lowest) < (SETTLED * abs(worst) if not here.determinant else SETTLED * len(held)):
+            break
+        keep = weight > 1e-5 * weight.max()
+        keys, weight = [key for key, k in zip(keys, keep, strict=True) if k], weight[keep]
+        fresh = [(int(j), chosen[j].tobytes()) for j in np.argsort(-ratio)[:NEW]]
+        fresh = [key for key in fresh if key not in set(keys)]
+        visits |= {key: chosen[key[0]] for key in fresh}
+        keys = [*keys, *fresh]
+        price = np.array([costs.visit[key[0]] + costs.touch[visits[key]].sum() for key in keys])
+        weight = np.concatenate([weight, np.full(len(fresh), 0.05 * weight.mean())])
+        weight *= seconds / (weight @ price)
+    come = np.zeros(len(of_pose))
+    np.add.at(come, [key[0] for key in keys], weight[: len(keys)])
+    return Relaxed(total, come, lowest, found)
+
+
+def _spread(keys: Sequence[tuple[int, bytes]], visits: dict[tuple[int, bytes], Rows], weight: Array, count: int) -> Array:
+    """visits with weights → (n,) weight of each touch."""
+    total = np.zeros(count)
+    for key, share in zip(keys, weight, strict=True):
+        total[visits[key]] += share
+    return total
+
+
+def efficiency(criterion: Criterion, reached: float, bound: float, unknowns: int) -> float:
+    """criterion, φ, its bound, p → standard uncertainty of the bound over that of the plan, 1 at best.
+
+    Of the determinant: the p-th root of the ratio of volumes of the confidence ellipsoids.
+    """
+    if criterion.determinant:
+        return float(np.exp((bound - reached) / (2 * unknowns)))
+    return float(np.sqrt(bound / reached))

@@ -1,0 +1,366 @@
+"""Names against shapes: which of them, and together with what, explain the residuals best.
+
+Evidence is twice the log of the marginal likelihood less a price: for a name log m a coefficient and twice the log of the
+variants that were tried; for a shape log m for its variance and twice the log of all shapes. All is compared in the space
+that the model does not reach; what is chosen whitens the data and all shapes, so that each step costs as much as the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import terms as families
+from ..records import Array
+from ..touches import Touches
+from ._search import Chosen
+from ._smooth import Kernel, groups, scaled, window
+from ._space import orthonormal
+
+TAUS = tuple(np.geomspace(0.01, 1000.0, 11))  # variance of a shape at a touch over that of the noise
+MOST = 6  # shapes that are added
+ROUND = 1e-7
+NEAR = 60  # shapes that are compared again in every subset
+FOLLOW = 250  # shapes that are compared after the first one was chosen
+LEARNED = "learned"  # the cause that stands for shapes of this machine
+TWICE = 2  # times a cause of one axis may be named
+ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
+MARGIN = 6.0  # evidence by which names must beat shapes: strong (Kass & Raftery 1995)
+
+
+class Field:
+    """Shapes as one matrix, (m, F) single precision, as the model leaves them."""
+
+    def __init__(
+        self, kernels: Sequence[Kernel], basis: Array, weight: Array, touches: Touches, rows: NDArray[np.int64] | None = None
+    ) -> None:
+        self.kernels = list(kernels)
+        self.among = len(self.kernels)  # shapes that were compared to find these
+        self.rows = slice(None) if rows is None else rows  # of the touches
+        self.basis, self.weight, self.touches = basis, weight, touches
+        sizes = [k.columns.shape[1] for k in kernels]
+        self.start = np.concatenate([[0], np.cumsum(sizes)])
+        stacked = np.hstack([k.columns for k in kernels]) * weight[:, None]
+        self.columns = (basis.T @ stacked).astype(np.float32)
+        self.by_size = {k: np.array(own) for k, own in groups(sizes).items()}
+
+    def __len__(self) -> int:
+        return len(self.kernels)
+
+    def project(self, kernel: Kernel) -> Array:
+        """shape → (m, k) as the model leaves it."""
+        return np.asarray(self.basis.T @ (kernel.columns[self.rows] * self.weight[:, None]))
+
+    def of(self, i: int, columns: NDArray[np.float32]) -> Array:
+        """number of a shape, features → its own (m, k)."""
+        return columns[:, self.start[i] : self.start[i + 1]].astype(float)
+
+
+@dataclass(frozen=True)
+class Picked:
+    """A shape that was chosen."""
+
+    kernel: Kernel
+    columns: Array  # (m, k) as the model leaves them
+    tau: float
+    score: float  # evidence that it added
+
+
+@dataclass(frozen=True)
+class State:
+    """Data and shapes as the chosen ones leave them."""
+
+    y: Array  # (m,) or (m, B)
+    columns: NDArray[np.float32]
+    logdet: float
+    picked: tuple[Picked, ...] = ()
+    turns: tuple[tuple[Array, Array | float], ...] = ()  # (m, r) bases and how much was taken away along them, in this order
+
+    def seen(self, columns: Array) -> Array:
+        """(m, k) as the model leaves them → as the chosen ones do."""
+        for basis, amount in self.turns:
+            part = np.asarray(amount)
+            columns = columns - basis @ ((basis.T @ columns) * (part[:, None] if part.ndim else part))
+        return columns
+
+
+def begin(field: Field, y: Array, names: Array) -> State:
+    """field, data (m,) or (m, B), columns of the names (m, s) → both outside the names."""
+    basis = orthonormal(names)
+    return State(y - basis @ (basis.T @ y), _without(field.columns, basis, 1.0), 0.0, (), ((basis, 1.0),))
+
+
+def _without(columns: NDArray[np.float32], basis: Array, part: Array | float) -> NDArray[np.float32]:
+    if not basis.shape[1]:
+        return columns
+    single = basis.astype(np.float32)
+    amount = np.asarray(part, dtype=np.float32)
+    inside = single.T @ columns
+    return np.asarray(columns - single @ (inside * (amount[:, None] if amount.ndim else amount)))
+
+
+def scores(field: Field, s: State, only: NDArray[np.int64] | None = None) -> tuple[Array, Array]:
+    """field, state → twice the log likelihood ratio (b, B) of every shape at its best τ, and that τ (b, B)."""
+    y = s.y if s.y.ndim == 2 else s.y[:, None]
+    m, width = y.shape
+    whole = np.sum(y**2, axis=0)
+    along = (s.columns.T @ y.astype(np.float32)).astype(float)
+    best = np.full((len(field), width), -np.inf)
+    at = np.zeros((len(field), width))
+    for k, every in field.by_size.items():
+        own = every if only is None else np.intersect1d(every, only)
+        if not len(own):
+            continue
+        place = field.start[own][:, None] + np.arange(k)
+        part = s.columns.T[place]  # (b, k, m)
+        value, vector = np.linalg.eigh((part @ part.transpose(0, 2, 1)).astype(float))
+        value = np.maximum(value, 0.0)
+        turned = np.matmul(vector.transpose(0, 2, 1), along[place]) ** 2
+        for tau in TAUS:
+            shrink = tau / (1 + tau * value)
+            left = whole - np.matmul(shrink[:, None, :], turned)[:, 0]
+            score = -np.log1p(tau * value).sum(axis=1)[:, None] - m * np.log(np.maximum(left, 1e-9 * whole) / whole)
+            better = score > best[own]
+            best[own] = np.where(better, score, best[own])
+            at[own] = np.where(better, tau, at[own])
+    return best, at
+
+
+def whiten(s: State, kernel: Kernel, columns: Array, own: Array, tau: float, score: float) -> State:
+    """state, a shape with its features as the model and as the state leaves them, τ → state with it in the covariance."""
+    u, d, _ = np.linalg.svd(own, full_matrices=False)
+    keep = d > ROUND * max(float(d[0]), 1e-300)
+    u, d = u[:, keep], d[keep]
+    amount = 1 - 1 / np.sqrt(1 + tau * d**2)
+    y = s.y - u @ ((amount if s.y.ndim == 1 else amount[:, None]) * (u.T @ s.y))
+    more = float(np.log1p(tau * d**2).sum())
+    picked = (*s.picked, Picked(kernel, columns, tau, score))
+    return State(y, _without(s.columns, u, amount), s.logdet + more, picked, (*s.turns, (u, amount)))
+
+
+def price(field: Field, m: int) -> float:
+    """→ what a shape costs: its variance, and that it was picked among all."""
+    return float(np.log(m) + 2 * np.log(field.among))
+
+
+def grown(field: Field, s: State, most: int = MOST, allowed: NDArray[np.bool_] | None = None) -> State:
+    """state → with shapes added one by one, the best first, as long as one is worth its price."""
+    only = None if allowed is None else np.flatnonzero(allowed)
+    for turn in range(most):
+        best, at = scores(field, s, only)
+        i = int(np.argmax(best[:, 0]))
+        gain = float(best[i, 0]) - price(field, len(s.y))
+        if gain < 0:
+            break
+        kernel, own, tau = field.kernels[i], field.of(i, s.columns), float(at[i, 0])
+        columns = field.of(i, field.columns)
+        if kernel.kind == "window":
+            kernel, columns, own, tau, better = edges(field, s, kernel)
+            gain = better - price(field, len(s.y))
+        s = whiten(s, kernel, columns, own, tau, gain)
+        if turn == 0:
+            only = np.argsort(-best[:, 0])[:FOLLOW]
+    return s
+
+
+def score(y: Array, own: Array) -> tuple[float, float]:
+    """data and one shape as a state sees them → twice the log likelihood ratio at its best τ, and that τ."""
+    value, vector = np.linalg.eigh(own.T @ own)
+    turned = (vector.T @ (own.T @ y)) ** 2
+    whole = float(y @ y)
+    value = np.maximum(value, 0.0)
+    found = [
+        (float(-np.log1p(t * value).sum() - len(y) * np.log(max(1e-9, 1 - np.sum(t / (1 + t * value) * turned) / whole))), t)
+        for t in TAUS
+    ]
+    return max(found)
+
+
+def edges(field: Field, s: State, kernel: Kernel) -> tuple[Kernel, Array, Array, float, float]:
+    """a window → the same with its edges where the data put them: kernel, columns before and in the state, τ, score."""
+
+    def tried(a: int, b: int) -> tuple[Kernel, Array, Array, float, float]:
+        k = scaled(window(field.touches, a, b))
+        columns = field.project(k)
+        own = s.seen(columns)
+        best, tau = score(s.y, own)
+        return k, columns, own, tau, best
+
+    first, last, step = kernel.setting["first"], kernel.setting["last"], 16
+    best = tried(first, last)
+    while step:
+        moves = [(first + a, last + b) for a, b in ((step, 0), (-step, 0), (0, step), (0, -step))]
+        options = [(tried(a, b), a, b) for a, b in moves if 0 < a < b - 2 and b < len(field.touches)]
+        top = max(options, key=lambda o: o[0][4], default=None)
+        if top is not None and top[0][4] > best[4] + 1e-9:
+            best, first, last = top
+        else:
+            step //= 2
+    return best
+
+
+def evidence(field: Field, s: State, names: Sequence[Chosen]) -> float:
+    """state, its names → evidence."""
+    m = len(s.y)
+    prices = sum(c.price for c in names) + price(field, m) * len(s.picked)
+    return -m * float(np.log(s.y @ s.y)) - s.logdet - prices
+
+
+def shortlist(field: Field, y: Array, names: Sequence[Chosen], outcome: Outcome) -> list[Kernel]:
+    """field, data, names, outcome → the shapes that come next to the names and to nothing: few enough for many subsets."""
+    near: set[int] = set()
+    for kept in ((), tuple(names)):
+        best, _ = scores(field, begin(field, y, _columns(len(y), kept)))
+        near |= set(np.argsort(-best[:, 0])[:NEAR].tolist())
+    near |= {i for i, k in enumerate(field.kernels) if k.noise}
+    return [*(field.kernels[i] for i in sorted(near)), *(p.kernel for p in outcome.picked if p.kernel.kind == "window")]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What stands after the contest."""
+
+    named: tuple[Chosen, ...]  # names that no shape does as well as
+    resembled: tuple[Chosen, ...]  # names that a shape does as well as
+    picked: tuple[Picked, ...]  # shapes, noises and events, as they were chosen
+    nothing: float  # evidence of nothing at all
+    by_names: float  # with the names that were found, and noises
+    by_shapes: float  # without any name
+
+    @property
+    def shapes(self) -> tuple[Picked, ...]:
+        """→ patterns without a name."""
+        return tuple(p for p in self.picked if p.kernel.kind == "shape")
+
+    @property
+    def events(self) -> tuple[Picked, ...]:
+        """→ what belongs to one moment or one pose."""
+        return tuple(p for p in self.picked if p.kernel.event)
+
+
+def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chosen], margin: float = MARGIN) -> Outcome:
+    """field, data (m,), single touches that are set aside, names that were found → what stands.
+
+    A name stands when it beats every combination of shapes in its place by a margin; a shape that was learned before needs none.
+    """
+    noises = np.array([k.noise for k in field.kernels])
+    cheaper = discounts(y, [*fixed, *names], names)
+
+    def of(kept: Sequence[Chosen], allowed: NDArray[np.bool_] | None = None) -> tuple[float, State]:
+        start = begin(field, y, _columns(len(y), [*fixed, *kept]))
+        s = grown(field, start, allowed=allowed)
+        return evidence(field, s, kept) + sum(cheaper[id(c)] for c in kept), s
+
+    nothing = evidence(field, begin(field, y, _columns(len(y), fixed)), ())
+    only_shapes, shapes = of(())
+    if not names:
+        return Outcome((), (), shapes.picked, nothing, of((), noises)[0], only_shapes)
+    by_names, _ = of(names, noises)
+    kept = once(names)
+    value, state = of(kept)
+    while kept:
+        without = [of([c for c in kept if c is not old]) for old in kept]
+        asked = [margin if c.candidate.cause != LEARNED else 0.0 for c in kept]
+        above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, asked, strict=True)]
+        if _patterns(shapes) and only_shapes + min(asked) > value:
+            kept, state = [], shapes
+            break
+        worst = int(np.argmax(above))
+        if above[worst] <= value:
+            break
+        value, state = without[worst]
+        del kept[worst]
+    own = [p.columns for p in state.picked if not p.kernel.noise]
+    if own and kept:
+        q = orthonormal(np.hstack(own))
+        still = [c for c in kept if c.candidate.cause == LEARNED or not _inside(c.columns, q)]
+        if len(still) < len(kept):
+            kept, state = still, of(still)[1]
+    lost = tuple(c for c in names if c not in kept)
+    return Outcome(tuple(kept), lost, state.picked, nothing, by_names, only_shapes)
+
+
+def _patterns(s: State) -> bool:
+    return any(not p.kernel.noise for p in s.picked)
+
+
+def once(names: Sequence[Chosen]) -> list[Chosen]:
+    """names → without the second of a cause that a machine has once: two warm-ups, or kinks, or cycles follow any curve.
+
+    Of every other cause of one axis it may have two.
+    """
+    kept: list[Chosen] = []
+    modules = families.causes()
+    for c in names:
+        same = [k for k in kept if k.candidate.cause == c.candidate.cause and _axis(k) == _axis(c)]
+        if len(same) < (1 if getattr(modules.get(c.candidate.cause), "ONCE", False) else TWICE):
+            kept.append(c)
+    return kept
+
+
+def _axis(c: Chosen) -> tuple[object, ...]:
+    return tuple(c.candidate.setting.get(k) for k in ("axis", "name", "by", "facet"))
+
+
+def discounts(y: Array, chosen: Sequence[Chosen], names: Sequence[Chosen]) -> dict[int, float]:
+    """data, everything that is chosen, names → by id how much less a name costs that goes along one axis of its frame only.
+
+    A vector has three numbers; one that is free in one direction has a third of them, and which one was picked among three.
+    """
+    found = {}
+    m = len(y)
+
+    def misfit(columns: Sequence[Array]) -> float:
+        q = orthonormal(np.hstack(columns))
+        return m * float(np.log(max(float(y @ y) - float(np.sum((q.T @ y) ** 2)), 1e-300)))
+
+    for c in names:
+        letters = [k.name[-1] for k in c.candidate.coefficients]
+        found[id(c)] = 0.0
+        if set(letters) != {"x", "y", "z"}:
+            continue
+        others = [o.columns for o in chosen if o is not c]
+        whole = misfit([*others, c.columns])
+        for letter in "xyz":
+            own = [i for i, one in enumerate(letters) if one == letter]
+            saved = (len(letters) - len(own)) * float(np.log(m)) - 2 * float(np.log(3))
+            gain = saved - (misfit([*others, c.columns[:, own]]) - whole)
+            found[id(c)] = max(found[id(c)], gain)
+    return found
+
+
+def _inside(columns: Array, q: Array) -> bool:
+    return float(np.sum((q.T @ columns) ** 2)) > ABSORBED * float(np.sum(columns**2))
+
+
+def refinement(p: Picked, names: Sequence[Chosen]) -> bool:
+    """a shape, names → whether it only refines one that was learned before and has come back."""
+    q = orthonormal(p.columns)
+    return any(c.candidate.cause == LEARNED and _inside(c.columns, q) for c in names)
+
+
+def _columns(m: int, chosen: Sequence[Chosen]) -> Array:
+    return np.hstack([c.columns for c in chosen]) if chosen else np.empty((m, 0))
+
+
+def posterior(y: Array, names: Array, picked: Sequence[Picked], sigma: float) -> list[tuple[Array, Array]]:
+    """data (m,), columns of the names (m, s), shapes → (k,) weights of each and their covariance (k, k), all at once."""
+    covariance = np.eye(len(y)) + sum(p.tau * p.columns @ p.columns.T for p in picked)
+    lower = np.linalg.cholesky(covariance)
+    inverse = np.linalg.inv(lower)
+    basis = orthonormal(inverse @ names)
+    white = inverse @ y
+    white = white - basis @ (basis.T @ white)
+    result = []
+    for p in picked:
+        own = inverse @ p.columns
+        own = own - basis @ (basis.T @ own)
+        known = p.tau * np.eye(own.shape[1]) - p.tau**2 * own.T @ own
+        result.append((p.tau * own.T @ white, sigma**2 * known))
+    return result
+
+
+__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "posterior", "refinement", "shortlist"]

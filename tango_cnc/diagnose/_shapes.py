@@ -1,0 +1,130 @@
+"""Shapes that won against the names → what people read: covariates, size, how much touches that were not fitted gain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Array
+from ..touches import Touches
+from ._closed import closed
+from ._contest import Outcome, Picked, posterior, refinement
+from ._explain import Explanation
+from ._gain import rms
+from ._records import Remainder
+from ._search import Chosen, columns_of
+from ._space import orthonormal
+
+
+def remainders(
+    e: Explanation,
+    outcome: Outcome,
+    touches: Touches,
+    weight: Array,
+    accepted: Sequence[Chosen],
+    base: Array,
+    data: Array,
+    schemes: Mapping[str, NDArray[np.int64]],
+    keep: NDArray[np.bool_],
+) -> list[Remainder]:
+    """explanation, outcome of the contest → shapes without a name, the largest first."""
+    if not outcome.shapes:
+        return []
+    fixed = [c for c in e.chosen if c.candidate.cause == "outlier"]
+    names = columns_of(e.place, [*fixed, *accepted])
+    sigma = spread(e.place.y, names, outcome.picked)
+    each = posterior(e.place.y, names, outcome.picked, sigma)
+    basis = orthonormal(base)
+    result = []
+    for p, (w, covariance) in zip(outcome.picked, each, strict=True):
+        if p.kernel.kind != "shape" or p.kernel.form is None or refinement(p, accepted):
+            continue
+        columns = p.kernel.columns
+        whole = np.vstack([columns, np.zeros((len(base) - len(columns), columns.shape[1]))])
+        left = (whole - basis @ (basis.T @ whole))[: len(columns)]
+        pattern = left @ w
+        row = int(np.argmax(np.abs(pattern)))
+        std = float(np.sqrt(max(left[row] @ covariance @ left[row], 0.0)))
+        result.append(
+            Remainder(
+                *(p.kernel.form.covariate, p.kernel.form.frame, p.kernel.form.factors[0].kind),
+                float(np.abs(pattern[row])),
+                gained(e, names, outcome.picked, p, schemes["indexations"], keep, weight),
+                pattern,
+                std,
+                p.kernel.form,
+                w / p.kernel.scale,
+                row,
+                closed(p.kernel.form, touches, pattern, lambda x: x - basis[: len(x)] @ (basis[: len(x)].T @ x)),
+                confirm(p, touches, pattern),
+            )
+        )
+    return sorted(result, key=lambda r: -float(r.pattern @ r.pattern))
+
+
+def unnamed(kind: str, amplitude: float, n: int) -> Remainder:
+    """walk or seat, standard deviation at a touch in mm, number of touches → a spread of the machine that has no name."""
+    covariate, shape = ("time", "random walk") if kind == "walk" else ("indexation", "seats")
+    return Remainder(covariate, "machine", shape, amplitude, 0.0, np.zeros(n))
+
+
+def confirm(p: Picked, touches: Touches, pattern: Array) -> str:
+    """shape, touches, what is visible of it (n,) → where it shows most, for a person."""
+    row, other = int(np.argmax(pattern)), int(np.argmin(pattern))
+    assert p.kernel.form is not None
+    names = [f.covariate for f in p.kernel.form.factors]
+    if "time" in names:
+        return "repeat the first indexations at the end, and measure again on another day"
+    axes = [n for n in names if n in touches.machine.names]
+
+    def place(i: int) -> str:
+        turned = [a for a in touches.machine.names if a not in touches.machine.linear]
+        at = [f"{a} {touches.axis(a)[i] if a not in turned else np.degrees(touches.axis(a)[i]):.0f}" for a in axes]
+        return f"facet {touches.facet[i]} at {' '.join(at)}" if at else f"facet {touches.facet[i]} as in touch {touches.number[i]}"
+
+    return f"touch {place(row)} and {place(other)} again, where it differs most"
+
+
+def spread(y: Array, names: Array, picked: Sequence[Picked]) -> float:
+    """data (m,), names (m, s), shapes → standard deviation of the noise that is left."""
+    covariance = np.eye(len(y)) + sum((p.tau * p.columns @ p.columns.T for p in picked), np.zeros((len(y), len(y))))
+    root = np.linalg.inv(np.linalg.cholesky(covariance))
+    q = orthonormal(root @ names)
+    white = root @ y
+    white = white - q @ (q.T @ white)
+    return float(np.sqrt(np.sum(white**2) / max(len(y) - names.shape[1], 1)))
+
+
+def gained(
+    e: Explanation,
+    names: Array,
+    picked: Sequence[Picked],
+    one: Picked,
+    groups: NDArray[np.int64],
+    keep: NDArray[np.bool_],
+    weight: Array,
+) -> float:
+    """→ part of the variance of touches whose indexation was not fitted that a shape takes beside everything else."""
+
+    def errors(shapes: Sequence[Picked]) -> Array:
+        m = len(e.place.y)
+        covariance = np.eye(m) + sum((p.tau * p.columns @ p.columns.T for p in shapes), np.zeros((m, m)))
+        root = np.linalg.inv(np.linalg.cholesky(covariance))
+        q = orthonormal(root @ names)
+        back = e.place.basis @ (root - q @ (q.T @ root)).T
+        precision = back @ back.T
+        white = root @ e.place.y
+        fitted = back @ (white - q @ (q.T @ white))
+        result = np.zeros(len(fitted))
+        for g in np.unique(groups):
+            rows = np.flatnonzero(groups == g)
+            result[rows] = np.linalg.pinv(precision[np.ix_(rows, rows)], rcond=0.1, hermitian=True) @ fitted[rows]
+        return np.asarray(result / weight)[keep]
+
+    without, with_it = (rms(errors(s)) for s in ([p for p in picked if p is not one], picked))
+    return 1 - (with_it / without) ** 2 if without else 0.0
+
+
+__all__ = ["remainders"]

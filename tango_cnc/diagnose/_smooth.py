@@ -1,0 +1,180 @@
+"""Shapes without a name: smooth functions of one or two covariates, each felt by a touch in its own way.
+
+A shape is a Gaussian process of low rank (Rasmussen & Williams 2006, 2.7; Solin & Särkkä 2020): features φ with weights of
+variance τσ². One number τ a shape is estimated, by the marginal likelihood, so that a shape pays for what it could do and
+not only for what it does. Functions are polynomials, or waves with amplitudes that fall like 1/j, which follow steps as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import Array
+from ..terms._shape import CYCLE, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
+from ..touches import Touches
+
+FAST, SLOW = 14, 4  # functions of a shape of one covariate, and of each one of two
+WINDOWS = (6, 12, 24, 48, 80)  # touches
+CYCLES = (*np.arange(1.5, 6, 0.15), *np.arange(6, 12, 0.25))  # over the test, of what repeats in time
+LEAST = {"way": 1e-3, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
+
+
+def forms(touches: Touches) -> Iterator[Form]:
+    """touches → every shape that is compared: each covariate as it may be felt, and pairs of them."""
+    known = {name: v for name, v in values(touches).items() if _moves(touches, name, v)}
+    machine = touches.machine
+    linear = [a for a in machine.linear if a in known]
+    rotary = [a for a in machine.rotary if a in known]
+
+    def line(name: str, kind: str, count: int) -> Factor:
+        v = known[name]
+        return Factor(name, kind, float(v.min()), float(v.max()), count)
+
+    def single(name: str, weight: str) -> Iterator[Form]:
+        if name[0] == "d":
+            yield Form((Factor(name, SIDE, -1.0, 1.0, 1),), weight)
+            return
+        few = len(np.unique(np.round(known[name], 6)))
+        if few > 3:
+            yield Form((line(name, LEGENDRE, 3),), weight)
+        yield Form((line(name, WAVES, min(FAST, few - 1)),), weight)
+        if name in machine.rotary and np.ptp(known[name]) > np.pi:
+            yield Form((Factor(name, TURN, -1e3, 1e3, 8),), weight)
+
+    felt = (ONE, *(f"machine {c}" for c in "xyz"), *(f"axis {a}" for a in (*linear, *rotary)))
+    for name in known:
+        if name.startswith("probe"):
+            continue
+        for weight in (*felt, "machine"):
+            yield from single(name, weight)
+        if name == "time" or name in rotary:
+            yield from single(name, "table")
+        if name == "time":
+            for cycles in CYCLES:
+                for weight in ("machine", "table") if rotary else ("machine",):
+                    yield Form((replace(line(name, CYCLE, 10), cycles=float(cycles)),), weight)
+        if rotary and (name == "time" or name in rotary):
+            yield from (f for c in "xyz" for f in single(name, f"table {c}"))
+        if name in linear or name in rotary:
+            for axis in (*linear, *rotary):
+                for c in "ABC":
+                    if Slot(axis, "intra", 3 + "ABC".index(c)) in touches.seen.slots and (name == axis or name in linear):
+                        yield from single(name, f"tilt {c} of {axis}")
+    if "probe direction" in known:
+        for count in (6, 12):
+            yield Form((Factor("probe direction", TURN, -1e3, 1e3, count),), "across")
+    if "probe direction along" in known:
+        yield Form((line("probe direction along", LEGENDRE, 4),), ONE)
+        yield Form((line("probe direction along", LEGENDRE, 2),), "across")
+    places = [name for name in known if name in ("time", "S", *linear, *rotary) or name.startswith("T_")]
+    for i, one in enumerate(places):
+        for other in places[i + 1 :]:
+            pair = (line(one, LEGENDRE, SLOW), line(other, LEGENDRE, SLOW))
+            for weight in felt:
+                yield Form(pair, weight)
+    for name in (d for d in known if d[0] == "d"):
+        for other in places:
+            if other != name[1:] or other in linear:
+                for weight in (f"axis {name[1:]}", *(f"machine {c}" for c in "xyz")):
+                    yield Form((Factor(name, SIDE, -1.0, 1.0, 1), line(other, LEGENDRE, SLOW)), weight)
+
+
+def _moves(touches: Touches, name: str, v: Array) -> bool:
+    kind = name.split(" ")[0].split("_")[0]
+    if len(name) == 2 and name[0] == "d":
+        return len(set(v) - {0.0}) == 2
+    least = LEAST.get(kind, 1.0 if name in touches.machine.linear else 0.05)
+    return bool(np.ptp(v) > least)
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A shape as numbers: features (n, k) in the unit of the residuals."""
+
+    form: Form | None  # None for noise of a machine and for events
+    kind: str  # shape; walk, seat (noise); shift, turn, window (one moment)
+    columns: Array
+    scale: float = 1.0  # the features were divided by it
+    setting: Mapping[str, Any] = field(default_factory=dict)  # of an event: indexation, axis, first and last row
+
+    @property
+    def noise(self) -> bool:
+        """→ whether it is a spread of the machine and no pattern."""
+        return self.kind in ("walk", "seat")
+
+    @property
+    def event(self) -> bool:
+        """→ whether it belongs to one moment or one pose."""
+        return self.kind in ("shift", "turn", "window")
+
+
+def kernels(touches: Touches) -> list[Kernel]:
+    """touches → shapes and noises that compete, features of mean variance 1."""
+    known, felt = values(touches), {}
+    found = []
+    for form in forms(touches):
+        if form.weight not in felt:
+            felt[form.weight] = weights(touches, form.weight)
+        found.append(Kernel(form, "shape", form.columns(touches, known, felt[form.weight])))
+    found += [Kernel(None, "walk", walk(touches)), Kernel(None, "seat", seats(touches)), *events(touches)]
+    return [scaled(k) for k in found if _size(k.columns) > 0]
+
+
+def scaled(k: Kernel) -> Kernel:
+    """kernel → with features of mean variance 1 over the touches."""
+    size = _size(k.columns)
+    return replace(k, columns=k.columns / size, scale=k.scale * size)
+
+
+def events(touches: Touches) -> Iterator[Kernel]:
+    """touches → what happens at one pose or for a while: an indexation beside its place or at a wrong angle, a window."""
+    normal, n = touches.machine_normal, len(touches)
+    for number in np.unique(touches.indexation):
+        on = touches.indexation == number
+        if on.sum() < 3:
+            continue
+        yield Kernel(None, "shift", normal * on[:, None], setting={"indexation": int(number)})
+        for axis in touches.machine.rotary:
+            yield Kernel(None, "turn", (touches.lever(axis) * on)[:, None], setting={"indexation": int(number), "axis": axis})
+    for length in WINDOWS:
+        for first in range(length // 2, n - length - 4, max(length // 2, 1)):
+            yield window(touches, first, first + length)
+
+
+def window(touches: Touches, first: int, last: int) -> Kernel:
+    """touches, rows first … last − 1 → everything on the table sits elsewhere at these."""
+    row = np.arange(len(touches))
+    on = (row >= first) & (row < last)
+    return Kernel(None, "window", touches.machine_normal * on[:, None], setting={"first": first, "last": last})
+
+
+def _size(columns: Array) -> float:
+    return float(np.sqrt(np.sum(columns**2) / len(columns)))
+
+
+def walk(touches: Touches, count: int = 24) -> Array:
+    """touches → (n, 3·count) a random walk of x y z, by its Karhunen–Loève waves."""
+    u = (touches.time - touches.time.min()) / (np.ptp(touches.time) or 1.0)
+    order = np.arange(1, count + 1) - 0.5
+    waves = np.sin(np.pi * u[:, None] * order) / order
+    return np.einsum("nf,nw->nfw", waves, touches.machine_normal).reshape(len(u), -1)
+
+
+def seats(touches: Touches) -> Array:
+    """touches → (n, 3·indexations) a displacement of its own at every indexation."""
+    number = touches.indexation
+    on = number[:, None] == np.unique(number)[None, :]
+    return np.einsum("nf,nw->nfw", on.astype(float), touches.machine_normal).reshape(len(number), -1)
+
+
+def groups(sizes: Sequence[int]) -> dict[int, list[int]]:
+    """(b,) numbers of features → number: blocks with so many."""
+    found: dict[int, list[int]] = {}
+    for i, k in enumerate(sizes):
+        found.setdefault(int(k), []).append(i)
+    return found

@@ -1,0 +1,80 @@
+"""`commissioning.yaml` of a cell: what has been proven of its control, by which program, and when. It only ever grows.
+
+    format: tango-commissioning/1
+    dialect: fanuc
+    proofs:
+      - {belief: alive, verdict: PASS, found: "…", value: null, unit: "", date: "2026-11-23T06:00:00Z",
+         program: 0F3A…, control: "", profile: 8C01…}
+
+The latest proof of a belief counts, and only while the profile under `controller:` is the one that it was made with.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..records import InputError
+from .write import dump, write_text
+
+NAME = "commissioning.yaml"
+FORMAT = "tango-commissioning/1"
+VERDICTS = ("PASS", "FAIL", "OPEN")
+
+
+@dataclass(frozen=True)
+class Proof:
+    """One belief about a control, tried on it: the verdict, what was found in words, and a number where there is one."""
+
+    belief: str
+    verdict: str  # PASS, FAIL or OPEN
+    found: str
+    value: float | None = None
+    unit: str = ""
+    date: str = ""  # UTC, ISO 8601
+    program: str = ""  # hash of the program that tried it
+    control: str = ""  # what the control calls itself, where it can be asked
+    profile: str = ""  # hash of post and options
+
+
+def profile_hash(post: str, options: Mapping[str, Any]) -> str:
+    """name of the post, its options as the cell states them → 12 hexadecimal digits; `confirmed` does not count."""
+    stated = {str(key): value for key, value in options.items() if key != "confirmed"}
+    text = json.dumps([post, stated], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:12].upper()
+
+
+def read_commissioning(folder: Path) -> tuple[Proof, ...]:
+    """folder of a cell → its proofs, the oldest first; none where there is no file. Raises InputError for a file that is none."""
+    file = folder / NAME
+    if not file.is_file():
+        return ()
+    try:
+        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        if data["format"] != FORMAT:
+            raise InputError(f"{file}: format: found {data['format']!r}; allowed: {FORMAT}")
+        proofs = tuple(Proof(**item) for item in data["proofs"])
+    except (yaml.YAMLError, KeyError, TypeError, OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: is no {FORMAT} file: {error}; move it away and run 'tango commission' again") from None
+    for proof in proofs:
+        if proof.verdict not in VERDICTS:
+            raise InputError(f"{file}: verdict of {proof.belief}: found {proof.verdict!r}; allowed: {', '.join(VERDICTS)}")
+    return proofs
+
+
+def latest(proofs: Iterable[Proof], profile: str) -> dict[str, Proof]:
+    """proofs, hash of the present profile → {belief: its latest proof with this profile}."""
+    return {proof.belief: proof for proof in proofs if proof.profile == profile and proof.verdict != "OPEN"}
+
+
+def add_proofs(folder: Path, dialect: str, proofs: Iterable[Proof]) -> Path:
+    """folder of a cell, its dialect, new proofs → the file, with these at its end. Raises InputError as the reader does."""
+    every = [*read_commissioning(folder), *proofs]
+    write_text(folder / NAME, dump({"format": FORMAT, "dialect": dialect, "proofs": [asdict(proof) for proof in every]}))
+    return folder / NAME

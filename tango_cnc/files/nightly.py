@@ -1,0 +1,82 @@
+"""nightly.yaml → what a night of this cell is to do, within which limits, and whom to tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..records import InputError
+from .checked import load
+
+NAME = "nightly.yaml"
+SCHEMES = ("mailto", "http", "https", "mqtt", "mqtts", "apprise", "file")
+
+
+@dataclass(frozen=True)
+class Nightly:
+    """Settings of the nights of one cell; every one has a default."""
+
+    history: str = "history.db"  # file in the cell, or a URL
+    owner: str = ""  # of the machine: who is asked about an alarm
+    check_minutes: float = 6.0  # of machine time for a short night
+    full_every_days: float = 30.0
+    volume_std_um: float = 5.0  # standard deviation over the volume beyond which the full strategy runs
+    false_alarm_nights: float = 730.0  # nights between two false alarms, on average
+    limits: Mapping[str, float] = field(default_factory=dict)  # volume in µm; parameters in µm, µrad, µm/m
+    sensor: str | None = None  # temperature column that counts; None: the mean of all
+    temperature: tuple[float, float] | None = None  # °C within which a night may begin
+    free_mb: float = 200.0
+    late_hours: float = 36.0
+    every_days: float = 1.0
+    commissioned: bool = False  # whether a night needs commissioning.yaml
+    diagnose: bool = True  # after full nights, and after alarms
+    probe: bool = False  # whether a control that cannot say how its probe is may be used
+    notify: tuple[str, ...] = ()
+
+
+def read_nightly(folder: Path) -> Nightly:
+    """folder of a cell → settings of its nights; the defaults where there is no nightly.yaml. Raises InputError."""
+    file = folder / NAME
+    if not file.exists():
+        return Nightly()
+    positive = ("check_minutes", "full_every_days", "volume_std_um", "late_hours", "every_days")
+    optional = [*Nightly.__dataclass_fields__]
+    fields = load(file).fields(["nightly"], optional)
+    if fields["nightly"].integer() != 1:
+        raise fields["nightly"].wrong("1, the version of the format that this program reads")
+    given: dict[str, object] = {}
+    for key, node in fields.items():
+        if key in ("history", "owner", "sensor"):
+            given[key] = node.text()
+        elif key in positive:
+            given[key] = node.number(above=0, high=100_000)
+        elif key == "false_alarm_nights":
+            given[key] = node.number(10, 100_000)
+        elif key == "free_mb":
+            given[key] = node.number(0, 1e9)
+        elif key in ("commissioned", "diagnose", "probe"):
+            given[key] = node.boolean()
+        elif key == "limits":
+            given[key] = {name: child.number(above=0, high=1e6) for name, child in node.items()}
+        elif key == "temperature":
+            low, high = (item.number(-50, 80) for item in node.list(2))
+            if low >= high:
+                raise node.wrong("[low, high] in °C with low below high", f"[{low:g}, {high:g}]")
+            given[key] = (low, high)
+        elif key == "notify":
+            given[key] = tuple(item.text() for item in node.list())
+            for item in node.list():
+                if item.text().split(":")[0] not in SCHEMES:
+                    raise item.wrong(f"a URL that begins with {', '.join(SCHEMES)}")
+    return Nightly(**given)  # type: ignore[arg-type]
+
+
+def history_of(folder: Path, settings: Nightly, given: str | None = None) -> str | Path:
+    """folder, settings, --history → file or URL of the history. Raises InputError for an empty one."""
+    where = given if given is not None else settings.history
+    if not where:
+        raise InputError("history: found ''; allowed: a file, or postgresql://user:password@host/database")
+    if "://" in where:
+        return where
+    return Path(where) if given is not None else folder / where

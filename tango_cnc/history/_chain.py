@@ -1,0 +1,35 @@
+"""The chain of a machine: every entry carries the hash of the one before it, so that what was changed or cut out shows."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+FIRST = "0" * 64
+
+
+def canonical(data: Any) -> str:
+    """plain data → the one JSON text that is hashed: sorted keys, no blanks, finite numbers."""
+    return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def sha256(data: str | bytes) -> str:
+    """text or bytes → hex."""
+    return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
+
+
+def content_of_night(record: str, readings: str | None, numbers: bytes | None) -> str:
+    """record as stored, SHA-256 of readings.csv, bytes of the estimate → SHA-256 of all that a night holds."""
+    return sha256(canonical([sha256(record), readings, None if numbers is None else sha256(numbers)]))
+
+
+def content_of_decision(row: Mapping[str, Any]) -> str:
+    """alarm, action, until, owner, note, utc → SHA-256."""
+    return sha256(canonical([row[key] for key in ("alarm", "action", "until", "owner", "note", "utc")]))
+
+
+def link(machine: str, number: int, kind: str, utc: str, content: str, previous: str) -> str:
+    """what an entry says, hash of the one before it → its hash."""
+    return sha256(canonical([machine, number, kind, utc, content, previous]))

@@ -1,0 +1,126 @@
+"""A file name or URL → an engine whose schema is that of this version."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event, inspect, text
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError
+
+from ..records import InputError, LinkError
+
+HEAD = "0001"
+WAIT = 30  # s that a writer waits for another one
+ALLOWED = "the name of an SQLite file, or postgresql://user:password@host/database"
+
+
+def connect(where: str | Path, create: bool = True) -> Engine:
+    """file name, or URL of sqlite or postgresql → engine, schema of this version.
+
+    Raises InputError for what is no such place, LinkError where the database does not answer.
+    """
+    url = _url(where)
+    file = None
+    if url.get_backend_name() == "sqlite" and url.database not in (None, "", ":memory:"):
+        file = Path(str(url.database))
+        if not file.exists():
+            if not create:
+                raise InputError(f"{file}: no such history; 'tango nightly' makes one, or name another with --history")
+            if not file.parent.is_dir():
+                raise InputError(f"{file}: no such folder {file.parent}; make it first, or name another history")
+    try:
+        engine = create_engine(url, **({"connect_args": {"timeout": WAIT}} if file or "sqlite" in url.drivername else {}))
+    except (NoSuchModuleError, ModuleNotFoundError) as error:
+        raise InputError(f"history: no driver for {url.drivername} ({error}); pip install 'tango-cnc[postgres]'") from None
+    if url.get_backend_name() == "sqlite":
+        event.listen(engine, "connect", _durable)
+        event.listen(engine, "begin", _begin)
+    try:
+        _migrate(engine)
+    except OperationalError as error:
+        raise LinkError(
+            f"history {url.render_as_string()}: {_first(error)}; is the database there, and may this user write?"
+        ) from None
+    except DBAPIError as error:
+        raise InputError(f"history {url.render_as_string()}: {_first(error)}; found no history of tango_cnc there") from None
+    return engine
+
+
+def _url(where: str | Path) -> Any:
+    if isinstance(where, Path) or "://" not in where:
+        return make_url("sqlite://").set(database=str(where))
+    try:
+        url = make_url(where)
+    except ArgumentError:
+        raise InputError(f"history: found {where!r}; allowed: {ALLOWED}") from None
+    if url.drivername in ("postgresql", "postgres"):
+        url = url.set(drivername="postgresql+psycopg")
+    if url.get_backend_name() not in ("sqlite", "postgresql"):
+        raise InputError(f"history: found {where!r}; allowed: {ALLOWED}")
+    return url
+
+
+def _first(error: Exception) -> str:
+    return str(getattr(error, "orig", None) or error).strip().splitlines()[0]
+
+
+def _durable(connection: Any, _: Any) -> None:
+    """A commit is on the disk before it returns; readers do not wait for a writer (sqlite.org/wal.html, pragma synchronous)."""
+    connection.isolation_level = None  # BEGIN is said below: the driver would begin only before the first change
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA journal_mode=WAL")
+    cursor.execute("PRAGMA synchronous=FULL")
+    cursor.execute("PRAGMA foreign_keys=ON")
+    cursor.close()
+
+
+def _begin(connection: Connection) -> None:
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if connection.get_execution_options().get("writes") else "BEGIN")
+
+
+def _migrate(engine: Engine) -> None:
+    with engine.connect() as connection:
+        if _version(connection) == HEAD:
+            return
+    # Alembic takes a tenth of a second to import: only where there is something to do.
+    from alembic import command
+    from alembic.config import Config
+    from alembic.script import ScriptDirectory
+
+    config = Config()
+    config.set_main_option("script_location", str(Path(__file__).parent / "migrations"))
+    config.set_main_option("path_separator", "os")
+    with engine.connect().execution_options(writes=True) as connection, connection.begin():
+        if engine.dialect.name == "postgresql":  # two programs at once: one migrates, the other finds it done
+            connection.execute(text("SELECT pg_advisory_xact_lock(7235001)"))
+        found = _version(connection)
+        known = {step.revision for step in ScriptDirectory.from_config(config).walk_revisions()}
+        if found is not None and found not in known:
+            raise InputError(
+                f"history: its schema is {found!r}, of a newer version of tango_cnc; allowed: up to {HEAD!r}. Install that version"
+            )
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+    if engine.dialect.name == "sqlite" and engine.url.database not in (None, "", ":memory:"):
+        _keep_name(Path(str(engine.url.database)))
+
+
+def _version(connection: Connection) -> str | None:
+    if not inspect(connection).has_table("alembic_version"):
+        return None
+    found = connection.execute(text("SELECT version_num FROM alembic_version")).scalar()
+    return None if found is None else str(found)
+
+
+def _keep_name(file: Path) -> None:
+    """Makes the name of a new file survive a power cut."""
+    if os.name == "posix" and stat.S_ISDIR(os.stat(file.parent).st_mode):
+        handle = os.open(file.parent, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

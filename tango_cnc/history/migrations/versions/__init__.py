@@ -1,0 +1,1 @@
+"""Steps of the schema in their order; a step that has been released is never edited."""

@@ -1,0 +1,57 @@
+"""Parameters over the nights, drawn; control charts on request."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from ..records import InputError
+from .store import History
+
+SCALE = {"mm": (1e3, "µm"), "rad": (1e6, "µrad"), "mm/mm": (1e6, "µm/m")}
+
+
+def picture(history: History, machine: str, names: Sequence[str], file: Path, chart: str | None = None) -> None:
+    """history, machine, parameters, file, kind of chart → written. Raises InputError without matplotlib."""
+    try:
+        import matplotlib
+
+        matplotlib.use("Agg")
+        from matplotlib import pyplot as plt
+    except ModuleNotFoundError:
+        raise InputError("plot: needs matplotlib; pip install 'tango-cnc[report]'") from None
+    from ..state import charts
+
+    alarms = [datetime.fromisoformat(n.start_utc) for n in history.nights(machine) if n.alarms]
+    figure, axes = plt.subplots(len(names), 1, sharex=True, figsize=(9, 1.2 + 1.7 * len(names)), squeeze=False)
+    for axis, name in zip(axes[:, 0], names, strict=True):
+        trend = history.trend(machine, name)
+        factor, unit = SCALE.get(trend.unit, (1.0, trend.unit))
+        when = [datetime.fromisoformat(s) for s in trend.start_utc]
+        value, std = trend.value * factor, trend.std * factor
+        if chart is None:
+            axis.fill_between(when, value - 1.96 * std, value + 1.96 * std, alpha=0.25, lw=0)
+            axis.plot(when, value, marker=".", lw=1)
+            axis.set_ylabel(f"{name}\n{unit}")
+        else:
+            step = np.diff(trend.value, prepend=trend.value[:1])
+            usual = 1.4826 * float(np.median(np.abs(step[1:]))) if len(step) > 1 else 1.0
+            drawn = charts.KINDS[chart](step / (usual or 1.0))
+            axis.plot(when, drawn.value, marker=".", lw=1)
+            axis.plot(when, drawn.high, "r--", when, drawn.low, "r--", lw=0.8)
+            axis.set_ylabel(f"{name}\n{chart}")
+            axis.set_title(f"one false alarm in {drawn.nights_to_false_alarm:.0f} nights", fontsize=8, loc="right")
+        for alarm in alarms:
+            axis.axvline(alarm, color="tab:red", lw=1, alpha=0.6)
+    axes[0, 0].set_title(f"{machine}: 95 % intervals, alarms in red" if chart is None else machine, fontsize=10, loc="left")
+    figure.autofmt_xdate()
+    figure.tight_layout()
+    try:
+        figure.savefig(file, dpi=130)
+    except ValueError as error:
+        raise InputError(f"{file}: {error}; allowed: .png, .svg, .pdf") from None
+    finally:
+        plt.close(figure)

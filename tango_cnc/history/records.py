@@ -1,0 +1,88 @@
+"""What goes into a history and what comes out of it; frozen, plain data inside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..records import Array
+
+ACTIONS = ("accept", "acknowledge", "repaired", "ignore")
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """All unknowns after a night: p names, values and their covariance (mm, rad, mm/mm …)."""
+
+    names: tuple[str, ...]
+    values: Array  # (p,)
+    covariance: Array  # (p, p)
+
+
+@dataclass(frozen=True)
+class Night:
+    """One night in a list: the columns of a table, without what was measured."""
+
+    entry: int  # unique in the history
+    machine: str
+    night: str  # local date on which it began, 2026-11-23
+    start_utc: str
+    end_utc: str
+    kind: str  # full, check, none
+    status: str  # complete, partial, failed, missed
+    verdict: str
+    headline: str
+    alarms: int
+    p_value: float | None
+    touches: int
+    rms_um: float | None
+    volume_um: float | None
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Stored:
+    """One night whole."""
+
+    night: Night
+    record: Mapping[str, Any]  # tango-night/1
+    readings: str | None  # text of readings.csv
+    knowledge: Knowledge | None
+
+
+@dataclass(frozen=True)
+class Trend:
+    """One parameter over the nights that estimated it, oldest first."""
+
+    machine: str
+    name: str
+    unit: str
+    entries: tuple[int, ...]
+    start_utc: tuple[str, ...]
+    value: Array  # (n,)
+    std: Array  # (n,)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What somebody decided about an alarm: accept, acknowledge, repaired, or ignore until a date."""
+
+    alarm: str  # its id, e.g. 2026-11-23-1
+    action: str
+    owner: str
+    note: str = ""
+    until: str | None = None  # local date, of ignore
+    utc: str = ""
+    machine: str = ""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One machine of a fleet: its last night, and what is late."""
+
+    machine: str
+    last: Night | None
+    nights: int
+    alarms_open: int  # alarms of the last 30 days without a decision
+    late: bool  # no complete night for longer than asked for

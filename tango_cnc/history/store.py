@@ -1,0 +1,435 @@
+"""A history: opened, added to, and read. Nothing that is in it is ever changed.
+
+    with opened("history.db") as history:
+        history.add_night(record, readings_text, knowledge)
+        history.nights(machine="HU40T", last=30)
+
+A night and everything that belongs to it is one transaction: after a power cut it is there whole or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Connection, Engine, Row, Select, func, insert, select
+from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError
+
+from ..records import InputError, LinkError
+from . import _chain
+from . import _tables as t
+from ._database import connect
+from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend
+
+FORMAT = "tango-night/1"
+OPEN = 30  # days that an alarm without a decision counts in a fleet
+_NIGHT = (
+    *("night", "start_utc", "end_utc", "kind", "status", "verdict", "headline"),
+    *("alarms", "p_value", "touches", "rms_um", "volume_um", "duration_s"),
+)
+
+
+@dataclass(frozen=True)
+class History:
+    """An open history; `opened` makes one."""
+
+    engine: Engine
+
+    # Adding ---------------------------------------------------------------------------------------------------------
+
+    def add_night(self, record: Mapping[str, Any], readings: str | None = None, knowledge: Knowledge | None = None) -> int:
+        """tango-night/1, text of readings.csv, all unknowns → number of the entry; on disk when this returns.
+
+        Raises InputError for a record that is none, LinkError when the database does not take it.
+        """
+        if record.get("format") != FORMAT:
+            raise InputError(f"history: found a record of format {record.get('format')!r}; allowed: {FORMAT}")
+        try:
+            text = _chain.canonical(record)
+        except ValueError as error:
+            raise InputError(f"history: the record of a night has a number that is not finite ({error})") from None
+        numbers = None if knowledge is None else _packed(knowledge)
+        csv_hash = None if readings is None else _chain.sha256(readings)
+        residual, change, volume = record.get("residual") or {}, record.get("change") or {}, record.get("volume") or {}
+        row = {
+            **{key: record[key] for key in _NIGHT[:7]},
+            "alarms": len(record.get("alarms", ())),
+            "p_value": change.get("p_value"),
+            "touches": int(record.get("touches") or 0),
+            "rms_um": residual.get("rms_um"),
+            "volume_um": volume.get("worst_um"),
+            "duration_s": float(record.get("duration_s") or 0.0),
+        }
+        content = _chain.content_of_night(text, csv_hash, numbers)
+        with self._writing() as connection:
+            machine, entry = self._linked(
+                connection, record["machine"], record.get("cell", ""), "night", record["end_utc"], content
+            )
+            own = {"entry_id": entry, "machine_id": machine}
+            connection.execute(insert(t.night), {**own, **row})
+            connection.execute(insert(t.night_record), {"entry_id": entry, "json": text})
+            parameters = [
+                {**own, "name": name, "start_utc": record["start_utc"], **{key: p[key] for key in ("value", "std", "unit")}}
+                for name, p in (record.get("parameters") or {}).items()
+            ]
+            if parameters:
+                connection.execute(insert(t.night_parameter), parameters)
+            if readings is not None:
+                packed = zlib.compress(readings.encode(), 6)
+                rows = max(readings.count("\n") - 1, 0)
+                connection.execute(insert(t.night_readings), {"entry_id": entry, "rows": rows, "sha256": csv_hash, "csv": packed})
+            if knowledge is not None:
+                connection.execute(
+                    insert(t.night_estimate), {"entry_id": entry, "names": json.dumps(knowledge.names), "numbers": numbers}
+                )
+        return entry
+
+    def decide(self, machine: str, decision: Decision) -> int:
+        """machine, decision about an alarm → number of the entry. Raises InputError for what cannot be decided."""
+        if decision.action not in ACTIONS:
+            raise InputError(f"decision: found {decision.action!r}; allowed: {', '.join(ACTIONS)}")
+        if (decision.action == "ignore") != (decision.until is not None):
+            raise InputError(
+                f"decision: {decision.action} with until {decision.until!r}; allowed: a date with ignore, and only there"
+            )
+        if decision.until is not None:
+            _date(decision.until)
+        if not decision.owner.strip():
+            raise InputError("decision: found no owner; allowed: the name of who decides")
+        known = {alarm["id"] for stored in self.alarmed(machine) for alarm in stored.record["alarms"]}
+        if decision.alarm not in known:
+            raise InputError(
+                f"decision: found no alarm {decision.alarm!r} of {machine}; allowed: {', '.join(sorted(known)[-5:]) or 'none yet'}"
+            )
+        row = {key: getattr(decision, key) for key in ("alarm", "action", "until", "owner", "note")}
+        row["utc"] = decision.utc or _stamp(datetime.now(UTC))
+        with self._writing() as connection:
+            number, entry = self._linked(connection, machine, "", "decision", row["utc"], _chain.content_of_decision(row))
+            connection.execute(insert(t.decision), {"entry_id": entry, "machine_id": number, **row})
+        return entry
+
+    @contextmanager
+    def _writing(self) -> Iterator[Connection]:
+        try:
+            with self.engine.connect().execution_options(writes=True) as connection, connection.begin():
+                yield connection
+        except IntegrityError as error:
+            raise LinkError(f"history: another program added at the same moment ({_first(error)}); do it again") from None
+        except OperationalError as error:
+            raise LinkError(f"history: it could not be written ({_first(error)}); check the disk and the database") from None
+        except DBAPIError as error:
+            raise LinkError(f"history: the database refused ({_first(error)})") from None
+
+    def _linked(self, connection: Connection, name: str, cell: str, kind: str, utc: str, content: str) -> tuple[int, int]:
+        """→ (id of the machine, id of its new entry), linked to its last one."""
+        wanted = select(t.machine.c.id).where(t.machine.c.name == name).with_for_update()
+        machine = connection.execute(wanted).scalar()
+        if machine is None:
+            added = {"name": name, "cell": cell, "added_utc": utc}
+            try:
+                with connection.begin_nested():
+                    machine = connection.execute(insert(t.machine).returning(t.machine.c.id), added).scalar_one()
+            except IntegrityError:  # another program has added the machine since it was looked for
+                machine = connection.execute(wanted).scalar_one()
+        last = connection.execute(
+            select(t.entry.c.number, t.entry.c.hash)
+            .where(t.entry.c.machine_id == machine)
+            .order_by(t.entry.c.number.desc())
+            .limit(1)
+        ).first()
+        number, previous = (last.number + 1, last.hash) if last else (1, _chain.FIRST)
+        row = {
+            **{"machine_id": machine, "number": number, "kind": kind, "utc": utc, "content": content, "previous": previous},
+            "hash": _chain.link(name, number, kind, utc, content, previous),
+        }
+        return machine, connection.execute(insert(t.entry).returning(t.entry.c.id), row).scalar_one()
+
+    # Reading --------------------------------------------------------------------------------------------------------
+
+    def machines(self) -> tuple[str, ...]:
+        """→ names, in the order of the alphabet."""
+        return tuple(row.name for row in self._rows(select(t.machine.c.name).order_by(t.machine.c.name)))
+
+    def nights(
+        self, machine: str | None = None, last: int | None = None, since: str | None = None, before: str | None = None
+    ) -> tuple[Night, ...]:
+        """machine (None: all), how many, from and before which local date → nights, newest first."""
+        columns: tuple[Any, ...] = (t.night.c.entry_id, t.machine.c.name, *(t.night.c[key] for key in _NIGHT))
+        wanted = select(*columns).join(t.machine, t.machine.c.id == t.night.c.machine_id)
+        if machine is not None:
+            wanted = wanted.where(t.night.c.machine_id == self._machine(machine))
+        if since is not None:
+            wanted = wanted.where(t.night.c.night >= _date(since))
+        if before is not None:
+            wanted = wanted.where(t.night.c.night < _date(before))
+        wanted = wanted.order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
+        return tuple(Night(*tuple(row)) for row in self._rows(wanted if last is None else wanted.limit(last)))
+
+    def night(self, entry: int) -> Stored:
+        """number of an entry → that night whole. Raises InputError when there is none."""
+        found = self._rows(
+            select(t.machine.c.name, t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate)
+            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
+            .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
+            .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
+            .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
+            .where(t.night.c.entry_id == entry)
+        )
+        if not found:
+            raise InputError(f"history: found no night {entry}; 'tango history list' lists them")
+        row = found[0]
+        text = None if row.csv is None else zlib.decompress(row.csv).decode()
+        return Stored(_night(row), json.loads(row.json), text, None if row.names is None else _unpacked(row.names, row.numbers))
+
+    def last(self, machine: str) -> Stored | None:
+        """machine → its newest night, None when there is none."""
+        found = self.nights(machine, last=1) if machine in self.machines() else ()
+        return self.night(found[0].entry) if found else None
+
+    def latest_knowledge(self, machine: str) -> tuple[Night, Knowledge] | None:
+        """machine → its newest night that left an estimate, and that; None when there is none."""
+        if machine not in self.machines():
+            return None
+        row = self._rows(
+            select(t.machine.c.name, t.night, t.night_estimate)
+            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
+            .join(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
+            .where(t.night.c.machine_id == self._machine(machine))
+            .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
+            .limit(1)
+        )
+        return (_night(row[0]), _unpacked(row[0].names, row[0].numbers)) if row else None
+
+    def records(self, machine: str, last: int | None = None) -> tuple[Mapping[str, Any], ...]:
+        """machine, how many → tango-night/1 of its nights, newest first."""
+        wanted = (
+            select(t.night_record.c.json)
+            .join(t.night, t.night.c.entry_id == t.night_record.c.entry_id)
+            .where(t.night.c.machine_id == self._machine(machine))
+            .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
+        )
+        return tuple(json.loads(row.json) for row in self._rows(wanted if last is None else wanted.limit(last)))
+
+    def parameters(self, machine: str) -> tuple[str, ...]:
+        """machine → names of the parameters that any night estimated, in the order of the alphabet."""
+        own = t.night_parameter.c.machine_id == self._machine(machine)
+        return tuple(row.name for row in self._rows(select(t.night_parameter.c.name).where(own).distinct().order_by("name")))
+
+    def trend(self, machine: str, name: str, since: str | None = None) -> Trend:
+        """machine, parameter, from which local date → its values, oldest first. Raises InputError for a parameter never seen."""
+        c = t.night_parameter.c
+        wanted = select(c.entry_id, c.start_utc, c.value, c.std, c.unit)
+        wanted = wanted.where(c.machine_id == self._machine(machine), c.name == name)
+        if since is not None:
+            wanted = wanted.where(c.start_utc >= _date(since))
+        rows = self._rows(wanted.order_by(c.start_utc, c.entry_id))
+        if not rows and name not in (known := self.parameters(machine)):
+            raise InputError(f"history: {machine} has no parameter {name!r}; allowed: {', '.join(known) or 'none yet'}")
+        entries, when, value, std, unit = zip(*rows, strict=True) if rows else ((), (), (), (), ("",))
+        return Trend(machine, name, unit[0], tuple(entries), tuple(when), np.array(value, float), np.array(std, float))
+
+    def alarmed(self, machine: str, last: int | None = None) -> tuple[Stored, ...]:
+        """machine, how many → its nights with alarms, newest first; readings and unknowns are left out."""
+        wanted = (
+            select(t.machine.c.name, t.night, t.night_record.c.json)
+            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
+            .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
+            .where(t.night.c.machine_id == self._machine(machine), t.night.c.alarms > 0)
+            .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
+        )
+        rows = self._rows(wanted if last is None else wanted.limit(last))
+        return tuple(Stored(_night(row), json.loads(row.json), None, None) for row in rows)
+
+    def decisions(self, machine: str) -> tuple[Decision, ...]:
+        """machine → what was decided about its alarms, oldest first."""
+        c = t.decision.c
+        rows = self._rows(select(t.decision).where(c.machine_id == self._machine(machine)).order_by(c.utc, c.entry_id))
+        return tuple(Decision(r.alarm, r.action, r.owner, r.note, r.until, r.utc, machine) for r in rows)
+
+    def fleet(self, now_utc: str, late_hours: float = 36.0) -> tuple[Standing, ...]:
+        """moment, hours after which a machine is late → how every machine is doing, those that need somebody first."""
+        limit = _stamp(datetime.fromisoformat(now_utc) - timedelta(hours=late_hours))
+        newest = (
+            select(t.night.c.machine_id, func.max(t.night.c.start_utc).label("start"), func.count().label("nights"))
+            .group_by(t.night.c.machine_id)
+            .subquery()
+        )
+        counts = {
+            row.name: (row.nights, row.complete)
+            for row in self._rows(
+                select(
+                    t.machine.c.name,
+                    func.count().label("nights"),
+                    func.max(t.night.c.start_utc).filter(t.night.c.status == "complete").label("complete"),
+                )
+                .join(t.night, t.night.c.machine_id == t.machine.c.id)
+                .group_by(t.machine.c.name)
+            )
+        }
+        rows = self._rows(
+            select(t.machine.c.name, t.night)
+            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
+            .join(newest, (newest.c.machine_id == t.night.c.machine_id) & (newest.c.start == t.night.c.start_utc))
+            .order_by(t.night.c.entry_id)
+        )
+        last = {row.name: _night(row) for row in rows}
+        recent = _stamp(datetime.fromisoformat(now_utc) - timedelta(days=OPEN))
+        alarmed = self._rows(
+            select(t.machine.c.name, t.night_record.c.json)
+            .join(t.night, t.night.c.entry_id == t.night_record.c.entry_id)
+            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
+            .where(t.night.c.alarms > 0, t.night.c.start_utc >= recent)
+        )
+        answered = select(t.machine.c.name, t.decision.c.alarm).join(t.machine, t.machine.c.id == t.decision.c.machine_id)
+        decided = {(row.name, row.alarm) for row in self._rows(answered)}
+        waiting: Counter[str] = Counter()
+        for row in alarmed:
+            waiting[row.name] += sum((row.name, alarm["id"]) not in decided for alarm in json.loads(row.json)["alarms"])
+        found = []
+        for name in self.machines():
+            nights, complete = counts.get(name, (0, None))
+            found.append(Standing(name, last.get(name), nights, waiting[name], complete is None or complete < limit))
+        return tuple(sorted(found, key=lambda s: (not (s.alarms_open or s.late), s.machine)))
+
+    def open_alarms(self, machine: str, last: int = 30) -> tuple[Mapping[str, Any], ...]:
+        """machine, how many of its nights → their alarms that nobody has decided about, newest first."""
+        decided = {d.alarm for d in self.decisions(machine)}
+        alarms = (alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"])
+        return tuple(alarm for alarm in alarms if alarm["id"] not in decided)
+
+    # Trusting -------------------------------------------------------------------------------------------------------
+
+    def verify(self, machine: str | None = None) -> tuple[str, ...]:
+        """machine (None: all) → what is wrong with the chain, as sentences; empty when all is as it was added."""
+        return tuple(text for name in ((machine,) if machine else self.machines()) for text in self._verified(name))
+
+    def newest_hashes(self) -> dict[str, tuple[int, str]]:
+        """→ {machine: (number of entries, hash of the newest)}: kept elsewhere, it shows a history whose end was cut off."""
+        newest = select(t.entry.c.machine_id, func.max(t.entry.c.number).label("number")).group_by(t.entry.c.machine_id).subquery()
+        wanted = (
+            select(t.machine.c.name, t.entry.c.number, t.entry.c.hash)
+            .join(t.machine, t.machine.c.id == t.entry.c.machine_id)
+            .join(newest, (newest.c.machine_id == t.entry.c.machine_id) & (newest.c.number == t.entry.c.number))
+        )
+        return {row.name: (row.number, row.hash) for row in self._rows(wanted)}
+
+    def _verified(self, name: str) -> Iterator[str]:
+        machine = self._machine(name)
+        rows = self._rows(select(t.entry).where(t.entry.c.machine_id == machine).order_by(t.entry.c.number))
+        decisions = {r.entry_id: r for r in self._rows(select(t.decision).where(t.decision.c.machine_id == machine))}
+        previous = _chain.FIRST
+        for place, row in enumerate(rows, 1):
+            what = f"{name}: entry {row.number} ({row.kind}, {row.utc})"
+            if row.number != place:
+                yield f"{name}: entry {place} is missing before entry {row.number}"
+                return
+            if row.previous != previous or row.hash != _chain.link(name, row.number, row.kind, row.utc, row.content, row.previous):
+                yield f"{what} does not fit the entry before it: one of them was changed"
+            content = self._content(row.id) if row.kind == "night" else None
+            if row.kind == "decision" and row.id in decisions:
+                content = _chain.content_of_decision(decisions[row.id]._asdict())
+            if content != row.content:
+                yield f"{what} is not what was added"
+            previous = row.hash
+        of_machine = select(t.night.c.entry_id).where(t.night.c.machine_id == machine)
+        loose = {r.entry_id for r in self._rows(of_machine)} | set(decisions)
+        yield from (f"{name}: entry {i} is not in the chain" for i in sorted(loose - {row.id for row in rows}))
+
+    def _content(self, entry: int) -> str | None:
+        found = self._rows(
+            select(t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate.c.numbers)
+            .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
+            .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
+            .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
+            .where(t.night.c.entry_id == entry)
+        )
+        if not found:
+            return None
+        row, record = found[0], json.loads(found[0].json)
+        listed = {key: record[key] for key in _NIGHT[:7]} | {"alarms": len(record.get("alarms", ()))}
+        c = t.night_parameter.c
+        parameters = {p.name: p for p in self._rows(select(c.name, c.value, c.std).where(c.entry_id == entry))}
+        said = record.get("parameters") or {}
+        same = set(parameters) == set(said) and all(
+            p.value == said[n]["value"] and p.std == said[n]["std"] for n, p in parameters.items()
+        )
+        if not same or any(getattr(row, key) != value for key, value in listed.items()):
+            return None
+        try:
+            csv = None if row.csv is None else _chain.sha256(zlib.decompress(row.csv))
+        except zlib.error:
+            return None
+        return _chain.content_of_night(row.json, csv, row.numbers)
+
+    # ----------------------------------------------------------------------------------------------------------------
+
+    def _machine(self, name: str) -> int:
+        rows = self._rows(select(t.machine.c.id).where(t.machine.c.name == name))
+        if not rows:
+            raise InputError(f"history: found no machine {name!r}; allowed: {', '.join(self.machines()) or 'none yet'}")
+        return int(rows[0].id)
+
+    def _rows(self, wanted: Select[Any]) -> list[Row[Any]]:
+        try:
+            with self.engine.connect() as connection:
+                return list(connection.execute(wanted))
+        except DBAPIError as error:
+            raise LinkError(
+                f"history: it cannot be read ({_first(error)}); restore a backup with 'tango history restore'"
+            ) from None
+
+    def close(self) -> None:
+        """Lets go of the database."""
+        self.engine.dispose()
+
+
+@contextmanager
+def opened(where: str | Path, create: bool = True) -> Iterator[History]:
+    """file name or URL → history. Raises InputError for no such place, LinkError where the database does not answer."""
+    history = History(connect(where, create))
+    try:
+        yield history
+    finally:
+        history.close()
+
+
+def _night(row: Row[Any]) -> Night:
+    return Night(row.entry_id, row.name, *(getattr(row, key) for key in _NIGHT))
+
+
+def _packed(knowledge: Knowledge) -> bytes:
+    p = len(knowledge.names)
+    lower = np.asarray(knowledge.covariance)[np.tril_indices(p)]
+    return zlib.compress(np.concatenate([knowledge.values, lower]).astype("<f8").tobytes(), 1)
+
+
+def _unpacked(names: str, numbers: bytes) -> Knowledge:
+    known = tuple(json.loads(names))
+    p = len(known)
+    data = np.frombuffer(zlib.decompress(numbers), "<f8")
+    covariance = np.zeros((p, p))
+    covariance[np.tril_indices(p)] = data[p:]
+    return Knowledge(known, np.array(data[:p]), covariance + np.tril(covariance, -1).T)
+
+
+def _date(text: str) -> str:
+    try:
+        return datetime.strptime(text, "%Y-%m-%d").strftime("%Y-%m-%d")
+    except ValueError:
+        raise InputError(f"date: found {text!r}; allowed: year-month-day, e.g. 2026-11-23") from None
+
+
+def _stamp(moment: datetime) -> str:
+    return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _first(error: Exception) -> str:
+    return str(getattr(error, "orig", None) or error).strip().splitlines()[0]

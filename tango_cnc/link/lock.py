@@ -1,0 +1,169 @@
+"""One writer a cell: who measures in a folder holds it, and whoever comes second reads who that is.
+
+The lock is one that the system keeps (flock, on Windows a locked byte). It ends with its process, however that ends, so the
+file that a killed program leaves locks nothing. Its text names the holder. Where a file system keeps no locks, or does not show
+them to other computers, the text decides: a process of this computer that is gone holds nothing; of another computer only the
+person who knows can tell.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import secrets
+import socket
+import threading
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ..records import LinkError
+
+NAME = ".tango.lock"
+ME = secrets.token_hex(8)  # this process; the system gives its number to another one some day
+BEYOND = 1 << 30  # on Windows a locked byte cannot be read: one far beyond the text
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # a file system without locks
+LONGEST = 2000  # bytes that are read of a lock
+
+
+@dataclass(frozen=True)
+class Holder:
+    """Who holds a folder: the text of its lock."""
+
+    what: str
+    pid: int
+    host: str
+    since: str  # UTC
+    process: str
+    thread: int
+
+    def here(self) -> bool:
+        """→ whether it is this thread itself."""
+        return (self.process, self.pid, self.thread) == (ME, os.getpid(), threading.get_ident())
+
+    def named(self) -> str:
+        """→ for people."""
+        return f"{self.what!r} (process {self.pid} on {self.host}, since {self.since})"
+
+
+@contextlib.contextmanager
+def holding(folder: Path, what: str) -> Iterator[None]:
+    """folder of a cell, what is done there ('tango run') → until the block ends, nothing else that holds the folder can begin.
+
+    The thread that holds a folder may hold it again. Raises LinkError that names the holder, or says why the folder cannot be
+    locked; nothing has been changed then.
+    """
+    file = folder / NAME
+    try:
+        handle = _taken(file, what)
+    except OSError as error:
+        raise LinkError(f"{folder}: the folder cannot be locked ({error.strerror}); nothing was started") from None
+    try:
+        yield
+    finally:
+        if handle is not None:
+            _released(file, handle)
+
+
+def lock(handle: int) -> None:
+    """open file → locked until it is closed. Raises OSError: another program has locked it, or the file system has no locks."""
+    if os.name == "posix":
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    else:
+        import msvcrt
+
+        os.lseek(handle, BEYOND, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined, unused-ignore]
+        os.lseek(handle, 0, os.SEEK_SET)
+
+
+def _taken(file: Path, what: str) -> int | None:
+    """lock file → its handle, None where this thread holds it already. Raises LinkError where another one does, OSError."""
+    while True:
+        handle = os.open(file, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+        kept = False
+        try:
+            holder = _held(handle)
+            if holder is not None and holder.here():
+                return None
+            if holder is not None:
+                raise LinkError(
+                    f"{file.parent}: {holder.named()} is at work in this folder; wait until it has ended, or follow it with "
+                    f"'tango run --watch'. Only if it runs no more, delete {file}. Nothing was changed"
+                )
+            if _still(file, handle):  # else its last holder has deleted it between open and lock
+                _name(handle, what)
+                kept = True
+                return handle
+        finally:
+            if not kept:
+                os.close(handle)
+
+
+def _held(handle: int) -> Holder | None:
+    """open lock file → its holder; None: nobody else has it, and it is locked now. Raises OSError."""
+    locked = True
+    try:
+        lock(handle)
+    except OSError as error:
+        if error.errno not in NO_LOCKS:
+            return _holder(handle) or Holder("another program", 0, "this or another computer", "unknown", "", 0)
+        locked = False
+    holder = _holder(handle)
+    if holder is None or (holder.host == socket.gethostname() and (locked or not _alive(holder.pid))):
+        return None
+    return holder
+
+
+def _holder(handle: int) -> Holder | None:
+    """open lock file → whom its text names; None where a program stopped before it had written one."""
+    os.lseek(handle, 0, os.SEEK_SET)
+    try:
+        return Holder(**json.loads(os.read(handle, LONGEST)))
+    except (ValueError, TypeError):
+        return None
+
+
+def _name(handle: int, what: str) -> None:
+    since = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    holder = Holder(what, os.getpid(), socket.gethostname(), since, ME, threading.get_ident())
+    os.ftruncate(handle, 0)
+    os.lseek(handle, 0, os.SEEK_SET)
+    os.write(handle, json.dumps(asdict(holder)).encode())
+
+
+def _still(file: Path, handle: int) -> bool:
+    try:
+        return os.path.samestat(os.stat(file), os.fstat(handle))
+    except FileNotFoundError:
+        return False
+
+
+def _alive(pid: int) -> bool:
+    """process number → whether there is one on this computer; where nobody can say, there is."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _released(file: Path, handle: int) -> None:
+    """The file goes while it is locked; Windows deletes no open file, and deletes none that somebody has opened since."""
+    with contextlib.suppress(OSError):
+        if os.name == "posix":
+            file.unlink()
+    with contextlib.suppress(OSError):
+        os.close(handle)
+    with contextlib.suppress(OSError):
+        if os.name != "posix":
+            file.unlink()

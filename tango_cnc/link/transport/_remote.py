@@ -1,0 +1,128 @@
+"""A record file on the disk of a control, followed over the network; the program put there and read back."""
+
+from __future__ import annotations
+
+import hashlib
+import posixpath
+import re
+import time
+from urllib.parse import unquote, urlsplit
+
+from ...records import LinkError
+from .._address import Address
+from ._line import Lost, reason
+from ._stores import Store, store
+
+LOOK = 1.0  # s between two looks
+MOST = 1 << 20  # bytes in one look
+REMEMBERED = 64  # bytes before the place that was reached, by which the file is known again
+AGAIN = 60.0  # s for which a connection that broke is tried again: controls close idle ones
+BETWEEN = 2.0  # s between two tries
+BOM = b"\xef\xbb\xbf"
+START = b"TANGO START"
+OURS = re.compile(rb"PROGRAM [0-9A-F]{12} PLAN [0-9A-F]{12}")
+HEAD = 4000  # bytes within which a program of ours names itself
+BROKEN = (OSError, EOFError, LinkError)
+
+
+class Remote:
+    """The growing file: whole lines alone; from a NUL on it waits; a file that was replaced is read from its beginning."""
+
+    chunk = 1 << 16
+
+    def __init__(self, address: Address) -> None:
+        self._address, self._parts = address, urlsplit(f"//{address.target}")
+        self._path = unquote(self._parts.path)
+        self._program = address.options.get("program", "")
+        self._rest, self._answers, self._due = b"", b"", 0.0
+        self._store: Store | None = None
+        there = self._open()
+        self._at, self._before = 0, b""
+        size = there.size(self._path) or 0
+        old = size
+        if address.options.get("from", "now") == "last":
+            old = max(0, there.read(self._path, 0, size).rfind(START))
+        if old:
+            begin = max(0, old - REMEMBERED)
+            self._at, self._before = old, there.read(self._path, begin, old - begin)
+
+    def _open(self) -> Store:
+        self._store = store(self._address.scheme, self._parts, dict(self._address.options))
+        return self._store
+
+    def read(self, timeout: float) -> bytes:
+        """s → the whole lines that have been added. Raises Lost when the control cannot be reached for a minute."""
+        answers, self._answers = self._answers, b""
+        if answers:
+            return answers
+        wait = self._due - time.monotonic()
+        if wait > 0:
+            time.sleep(min(wait, timeout))
+            return b""
+        self._due = time.monotonic() + LOOK
+        until = time.monotonic() + AGAIN
+        while True:
+            try:
+                return self._new(self._store or self._open())
+            except BROKEN as error:
+                self._hang_up()
+                if time.monotonic() > until:
+                    raise Lost(f"the control cannot be reached any more: {_why(error)}") from None
+                time.sleep(BETWEEN)
+
+    def _new(self, there: Store) -> bytes:
+        data = there.read(self._path, self._at - len(self._before), MOST)
+        if not data.startswith(self._before):
+            if not data and there.size(self._path) is None:
+                return b""  # it is being replaced
+            self._at, self._before = 0, b""
+            data = there.read(self._path, 0, MOST)
+        added = data[len(self._before) :].partition(b"\0")[0]
+        whole = added[: added.rfind(b"\n") + 1]
+        first, self._at = self._at == 0, self._at + len(whole)
+        self._before = (self._before + whole)[-REMEMBERED:]
+        return whole.removeprefix(BOM) if first else whole
+
+    def write(self, data: bytes) -> int:
+        """bytes of a request → all taken; a whole one puts the program. Raises Lost."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            self._answers += self._put(bytes.fromhex(line.removeprefix(b"put ").decode("ascii")))
+        return len(data)
+
+    def _put(self, program: bytes) -> bytes:
+        """program → what was read back, by its hash."""
+        there = self._store or self._open()
+        name = self._program + (_name(program) if self._program.endswith("/") else "")
+        if posixpath.normpath(name) == posixpath.normpath(self._path):
+            raise Lost(f"program and records are one file, {name}; state two names")
+        try:
+            before = there.read(name, 0, HEAD)
+            if before and not OURS.search(before):
+                raise Lost(f"{name} is at the control already and is no program of 'tango plan'; it would be lost: another name")
+            there.write(name, program)
+            back = there.read(name, 0, len(program) + 1)
+        except (OSError, EOFError) as error:
+            raise Lost(f"{name} cannot be put at the control: {_why(error)}") from None
+        return b"PUT %s\n" % hashlib.sha256(back).hexdigest().encode()
+
+    def _hang_up(self) -> None:
+        if self._store is not None:
+            self._store.close()
+            self._store = None
+
+    def close(self) -> None:
+        """Hangs up."""
+        self._hang_up()
+
+
+def _name(program: bytes) -> str:
+    """program → the name under which it goes into a folder: its O number, else TANGO.NC."""
+    number = re.search(rb"^O(\d{4,5})", program, re.MULTILINE)
+    return f"O{number[1].decode()}" if number else "TANGO.NC"
+
+
+def _why(error: BaseException) -> str:
+    if isinstance(error, EOFError):
+        return "the connection was closed"
+    return reason(error) if isinstance(error, OSError) else str(error)

@@ -1,0 +1,177 @@
+"""Disks of controls that are reached over the network: four verbs whatever the protocol; libraries are imported at need."""
+
+from __future__ import annotations
+
+import contextlib
+import ftplib
+import ssl
+from io import BytesIO
+from typing import Any, Protocol
+from urllib.parse import SplitResult, unquote
+
+from ...records import InputError, LinkError
+
+PORTS = {"ftp": 21, "ftps": 21, "sftp": 22}
+PATIENCE = 10.0  # s for an answer
+
+
+class Store(Protocol):
+    """Files of another computer. Every error of the way there is an OSError or EOFError."""
+
+    def size(self, path: str) -> int | None:
+        """path → bytes of the file, None when there is none."""
+
+    def read(self, path: str, offset: int, most: int) -> bytes:
+        """path, from where, how many at most → bytes of the file."""
+
+    def write(self, path: str, data: bytes) -> None:
+        """path, bytes → the file has them."""
+
+    def close(self) -> None:
+        """Hangs up."""
+
+
+class Ftp:
+    """FTP, and FTP over TLS, by ftplib. A server without SIZE or REST is read from the beginning each time."""
+
+    def __init__(self, parts: SplitResult, options: dict[str, str], secure: bool) -> None:
+        user, password = unquote(parts.username or "anonymous"), options.get("password") or unquote(parts.password or "")
+        self._ftp = ftplib.FTP_TLS(context=_context(options), timeout=PATIENCE) if secure else ftplib.FTP(timeout=PATIENCE)
+        try:
+            self._ftp.connect(parts.hostname or "", parts.port or PORTS["ftp"])
+            self._ftp.login(user, password)
+            if isinstance(self._ftp, ftplib.FTP_TLS):
+                self._ftp.prot_p()
+            self._ftp.voidcmd("TYPE I")
+        except ftplib.Error as error:
+            self.close()
+            raise LinkError(f"the control refuses: {error}") from None
+
+    def size(self, path: str) -> int | None:
+        """path → bytes of the file, None when there is none."""
+        try:
+            return self._ftp.size(path)
+        except ftplib.error_perm as error:
+            if str(error).startswith("550"):
+                return None
+            return len(self._whole(path) or b"")
+
+    def _whole(self, path: str, offset: int = 0, most: int = 1 << 28) -> bytes | None:
+        pieces: list[bytes] = []
+        with self._ftp.transfercmd(f"RETR {path}", offset or None) as data:
+            while sum(map(len, pieces)) < most and (piece := data.recv(1 << 16)):
+                pieces.append(piece)
+            with contextlib.suppress(OSError):
+                if isinstance(data, ssl.SSLSocket):
+                    data.unwrap()
+        with contextlib.suppress(ftplib.Error):  # the rest of a file that was not read to its end
+            self._ftp.voidresp()
+        return b"".join(pieces)[:most]
+
+    def read(self, path: str, offset: int, most: int) -> bytes:
+        """path, from where, how many at most → bytes of the file."""
+        try:
+            return self._whole(path, offset, most) or b""
+        except ftplib.error_perm as error:
+            if str(error).startswith("550"):
+                return b""
+            return (self._whole(path) or b"")[offset : offset + most]  # no REST
+
+    def write(self, path: str, data: bytes) -> None:
+        """path, bytes → the file has them."""
+        try:
+            self._ftp.storbinary(f"STOR {path}", BytesIO(data))
+        except ftplib.Error as error:
+            raise LinkError(f"{path} cannot be written at the control: {error}") from None
+
+    def close(self) -> None:
+        """Hangs up."""
+        with contextlib.suppress(Exception):
+            self._ftp.close()
+
+
+def _context(options: dict[str, str]) -> ssl.SSLContext:
+    context = ssl.create_default_context()
+    if options.get("verify") == "no":
+        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    return context
+
+
+class Sftp:
+    """SFTP by paramiko. The control's key has to be known: in known_hosts, or by its hash."""
+
+    def __init__(self, parts: SplitResult, options: dict[str, str]) -> None:
+        paramiko = _needed("paramiko", "sftp")
+        self._client = paramiko.SSHClient()
+        self._client.load_system_host_keys()
+        hash_ = options.get("hostkey", "")
+
+        class Known(paramiko.MissingHostKeyPolicy):  # type: ignore[misc, name-defined, unused-ignore]
+            """A key that is not in known_hosts: taken when its hash was stated, never otherwise."""
+
+            def missing_host_key(self, client: Any, hostname: str, key: Any) -> None:
+                if key.fingerprint.rstrip("=") != hash_.rstrip("="):
+                    raise LinkError(
+                        f"the key of {hostname} is not known: {key.fingerprint}. Compare it at the control, then state "
+                        f"hostkey={key.fingerprint} in the port's URL, or add it to known_hosts"
+                    )
+
+        self._client.set_missing_host_key_policy(Known())
+        try:
+            self._client.connect(
+                parts.hostname or "",
+                parts.port or PORTS["sftp"],
+                unquote(parts.username or "") or None,
+                options.get("password") or unquote(parts.password or "") or None,
+                key_filename=options.get("key") or None,
+                passphrase=options.get("passphrase") or None,
+                timeout=PATIENCE,
+                banner_timeout=PATIENCE,
+                auth_timeout=PATIENCE,
+            )
+            self._sftp = self._client.open_sftp()
+        except paramiko.SSHException as error:
+            self.close()
+            raise LinkError(f"the control refuses: {error}") from None
+
+    def size(self, path: str) -> int | None:
+        """path → bytes of the file, None when there is none."""
+        try:
+            return int(self._sftp.stat(path).st_size)
+        except FileNotFoundError:
+            return None
+
+    def read(self, path: str, offset: int, most: int) -> bytes:
+        """path, from where, how many at most → bytes of the file."""
+        try:
+            with self._sftp.open(path, "rb") as file:
+                file.seek(offset)
+                return bytes(file.read(most))
+        except FileNotFoundError:
+            return b""
+
+    def write(self, path: str, data: bytes) -> None:
+        """path, bytes → the file has them."""
+        with self._sftp.open(path, "wb") as file:
+            file.write(data)
+
+    def close(self) -> None:
+        """Hangs up."""
+        with contextlib.suppress(Exception):
+            self._client.close()
+
+
+def _needed(module: str, extra: str) -> Any:
+    import importlib
+
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise InputError(f"{extra}:// needs the library {module}: pip install 'tango-cnc[{extra}]'") from None
+
+
+def store(scheme: str, parts: SplitResult, options: dict[str, str]) -> Store:
+    """ftp, ftps or sftp, host and user, settings → open store. Raises OSError, LinkError, InputError."""
+    if scheme == "sftp":
+        return Sftp(parts, options)
+    return Ftp(parts, options, scheme == "ftps")

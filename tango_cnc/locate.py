@@ -1,0 +1,204 @@
+"""Where the table really stands: a few touches with long slow searches → the artefact, moved and turned as one piece.
+
+Theory. The touches see the tip at the contact; the table is a rigid body, so every facet plane is moved by the same rotation R
+and translation t (about the origin of the table frame). Each touch says that the plane is one tip radius from the tip centre:
+
+    (R n) · (p_tip − R q − t) = r            n, q  normal and point of the facet as everybody thinks; six unknowns
+
+Solved by least squares from no displacement; six touches on facets of different normals are enough, more show a wrong one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from . import kinematics
+from .plan import plan as planned
+from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings
+
+TOUCHES = 9
+FARTHEST = 20.0  # mm by which the table may stand elsewhere
+TURNED = 3.0  # deg by which it may be turned
+FEED = 500.0  # mm/min: a search of centimetres at a measuring feed takes minutes
+CLEAR = 10.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
+AGREES = 0.1  # mm between a touch and the table that was found
+LEAST = 8  # touches that have to agree
+ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where the table stands: `moved` (3,) mm and `turned` (3,) rad (rotation vector) in the table frame, and how well it fits."""
+
+    moved: Array
+    turned: Array
+    residual: Array  # (n,) mm of every touch
+    left_out: tuple[str, ...]  # facets beside which something else was met
+    artefact: Artefact  # in its new place
+
+
+def strategy(cell: Cell, count: int = TOUCHES) -> Plan:
+    """cell → plan of the locating cycle: facets of one indexation that together tell all six freedoms, searched from far.
+
+    Raises InputError where no indexation has facets that tell them.
+    """
+    lever = max((math.hypot(*f.point) for f in cell.artefact.facets.values()), default=0.0)
+    off = min(FARTHEST + math.radians(TURNED) * lever, 60.0)
+    approach = Approach(off + CLEAR, off, FEED)
+    best: tuple[float, Indexation] | None = None
+    for indexation in _indexations(cell):
+        names = _chosen(cell.artefact, indexation.facets, count)
+        weight = _weakest(cell.artefact, names)
+        if weight > 1e-3 and (best is None or weight > best[0]):
+            best = weight, replace(indexation, facets=names)
+    if best is None:
+        raise InputError(
+            f"{cell.artefact.name}: no indexation of {cell.strategy.name} has facets that tell where the table stands; allowed: "
+            "six facets that face at least three ways at one indexation"
+        )
+    return _high(
+        planned(replace(cell, strategy=replace(cell.strategy, indexations=(best[1],), approach=approach)), "leave-out"), off
+    )
+
+
+def locate(plan: Plan, readings: Readings) -> Located:
+    """plan of the locating cycle, its readings → where the table stands. Raises InputError where they do not tell it."""
+    met = [row for row, status in enumerate(readings.status) if status in ("ok", "early")]
+    facets = [plan.artefact.facets[readings.facet[row]] for row in met]
+    if _weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
+        raise InputError(f"{len(met)} of {len(readings.status)} touches met something, which do not tell where the table stands")
+    tip = kinematics.tip(kinematics.chain(plan.machine), readings.position[met])
+    kept, found, residual = _agreeing(facets, tip, plan.machine.probe.tip_radius)
+    if kept is None:
+        worst = int(np.argmax(np.abs(residual)))
+        raise InputError(
+            f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from the table that the others tell; allowed: "
+            f"{AGREES:g} mm. Was another facet touched, or something that is not the table? Look at the machine, locate again"
+        )
+    left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
+    return Located(found[:3], found[3:], residual, left_out, moved(plan.artefact, found[:3], found[3:]))
+
+
+def _agreeing(facets: Sequence[Facet], tip: Array, radius: float) -> tuple[tuple[int, ...] | None, Array, Array]:
+    """facets, (n, 3) tips at their contacts → rows that agree, the six unknowns, (n,) mm of all rows; None where too few agree.
+
+    A displaced table may meet the ball beside the facet that is meant, so up to `ASTRAY` touches are left out, the fewest that
+    will do, as long as eight are left: six unknowns and two that could disagree.
+    """
+    every = tuple(range(len(facets)))
+    first: tuple[Array, Array] | None = None
+    for out in range(ASTRAY + 1):
+        fits = []
+        for left in combinations(every, out):
+            kept = tuple(row for row in every if row not in left)
+            if len(kept) < LEAST:
+                continue
+            found, residual = _solved(facets, tip, radius, kept)
+            first = first or (found, residual)
+            fits.append((float(np.abs(residual[list(kept)]).max()), kept, found, residual))
+        if fits and (best := min(fits, key=lambda fit: fit[0]))[0] <= AGREES:
+            return best[1], best[2], best[3]
+    if first is None:
+        return every, *_solved(facets, tip, radius, every)
+    return None, *first
+
+
+def _solved(facets: Sequence[Facet], tip: Array, radius: float, kept: Sequence[int]) -> tuple[Array, Array]:
+    """facets, their tips, rows that count → the six unknowns, (n,) mm of every touch."""
+    normal, point = (np.array(f) for f in ([x.normal for x in facets], [x.point for x in facets]))
+
+    def gap(x: Array) -> Array:
+        turned = Rotation.from_rotvec(x[3:])
+        gaps: Array = np.einsum("ni,ni->n", turned.apply(normal), tip - turned.apply(point) - x[:3]) - radius
+        return gaps
+
+    rows = list(kept)
+    found = least_squares(lambda x: gap(x)[rows], np.zeros(6), x_scale=[1, 1, 1, 0.01, 0.01, 0.01]).x
+    return found, gap(found)
+
+
+def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:
+    """artefact, mm (3,), rotation vector rad (3,) → the same with its facets and balls there; obstacles stay, they are declared."""
+    rotation = Rotation.from_rotvec(turn)
+
+    def there(facet: Facet) -> Facet:
+        x, y, z = (float(v) for v in rotation.apply(facet.point) + by)
+        i, j, k = (float(v) for v in rotation.apply(facet.normal))
+        return replace(facet, point=(x, y, z), normal=(i, j, k))
+
+    return replace(artefact, facets={key: there(facet) for key, facet in artefact.facets.items()})
+
+
+def _indexations(cell: Cell) -> Sequence[Indexation]:
+    """→ the indexations of the strategy with every flat facet of the artefact, the least turned ones first."""
+    flat = tuple(key for key, facet in cell.artefact.facets.items() if facet.surface is None and facet.ball is None)
+    seen: dict[tuple[tuple[str, float], ...], Indexation] = {}
+    for indexation in cell.strategy.indexations:
+        seen.setdefault(tuple(sorted(indexation.position.items())), indexation)
+    ordered = sorted(seen.values(), key=lambda i: sum(abs(v) for v in i.position.values()))
+    return [replace(i, facets=tuple(f for f in _touched(cell, i) if f in flat)) for i in ordered[:4]]
+
+
+def _touched(cell: Cell, indexation: Indexation) -> tuple[str, ...]:
+    """→ facets that the strategy touches at this position."""
+    same = (i.facets for i in cell.strategy.indexations if dict(i.position) == dict(indexation.position))
+    return tuple(dict.fromkeys(name for names in same for name in names))
+
+
+def _rows(artefact: Artefact, names: Sequence[str]) -> Array:
+    """→ (n, 6) what a facet's touch tells of translation and rotation, rotations by their lever of 100 mm."""
+    facets = [artefact.facets[name] for name in names]
+    normal = np.array([facet.normal for facet in facets]).reshape(-1, 3)
+    point = np.array([facet.point for facet in facets]).reshape(-1, 3)
+    return np.hstack([normal, np.cross(point - point.mean(axis=0) if len(point) else point, normal) / 100.0])
+
+
+def _weakest(artefact: Artefact, names: Sequence[str]) -> float:
+    """→ the smallest singular value of what the facets tell; 0 for fewer than six."""
+    return float(np.linalg.svd(_rows(artefact, names), compute_uv=False)[-1]) if len(names) >= 6 else 0.0
+
+
+def _chosen(artefact: Artefact, names: Sequence[str], count: int) -> tuple[str, ...]:
+    """facets → `count` of them, each the one that adds most to what the ones before tell (determinant)."""
+    rows, left, found = _rows(artefact, names), list(range(len(names))), list[int]()
+    information = 1e-6 * np.eye(6)
+    while left and len(found) < count:
+        best = max(left, key=lambda row: float(rows[row] @ np.linalg.solve(information, rows[row])))
+        information += np.outer(rows[best], rows[best])
+        found.append(best)
+        left.remove(best)
+    return tuple(names[row] for row in sorted(found))
+
+
+def _high(made: Plan, by: float) -> Plan:
+    """plan → the same with every way between two touches as much higher as the table may be, as far as the travels allow."""
+    first = made.touches[0]
+    linear = [made.machine.column(name) for name in made.machine.linear]
+    up = np.zeros(len(made.machine.names))
+    up[linear] = (np.array(first.over) - np.array(first.standoff))[linear]
+    up /= np.linalg.norm(up)
+    room = by
+    for touch in made.touches:
+        for column in linear:
+            travel = made.machine.axes[column].travel
+            if travel is not None and abs(up[column]) > 1e-9:
+                end = travel[1] if up[column] > 0 else travel[0]
+                room = min(room, (end - touch.over[column]) / up[column])
+    if room < by:
+        raise InputError(
+            f"{made.machine.name}: {room:.0f} mm of way are left above the clear level; allowed: {by:.0f} mm, as the table may be "
+            "that much higher than its file says"
+        )
+    higher = tuple(
+        replace(touch, over=tuple(float(v) for v in np.array(touch.over) + by * up), enter=None, leave=None)
+        for touch in made.touches
+    )
+    turns = made.turns
+    return replace(made, touches=higher, turns=turns)

@@ -1,0 +1,1 @@
+"""NC programs: read block by block, compensated, foretold (docs/compensate.md)."""

@@ -1,0 +1,213 @@
+"""What a program's deviations mean for a part: distances, squareness, circularity, positions, each with an interval.
+
+places:
+  A: N120                          # where block N120 ends
+  B: {X: 40, Y: 10, Z: -5, C: 90}  # programmed coordinates; axes that are not named are at 0
+checks:
+  - {name: pitch of the holes, kind: distance, of: [A, B]}
+  - {name: B, kind: position, of: B, datum: [A, C, D]}    # x, y, z against the best fit of the datum's places; without: the zero
+  - {name: sides, kind: squareness, of: [A, B, A, D]}     # line A B to line A D, over the length of the second one
+  - {name: bore, kind: circularity, of: N95}              # the points of an arc: largest less smallest radius
+point_um: 0.5     # standard uncertainty of one measured point of the part: of who measures it, and of cutting it
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..compensate.fit import Known
+from ..files.checked import Node, load
+from ..records import Array, InputError
+from .follow import Motion, Setup, positions
+from .predict import beyond, drawn, machinery, points_of
+
+KINDS = ("distance", "position", "squareness", "circularity")
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Check:
+    """One feature that somebody will measure."""
+
+    name: str
+    kind: str
+    of: tuple[str, ...]
+    datum: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A list of checks with the places that they name."""
+
+    places: Mapping[str, str | Mapping[str, float]]
+    checks: tuple[Check, ...]
+    point: float  # mm, standard uncertainty of a measured point
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """A feature: µm against the program, its 95 % interval, whether it lies where nothing was touched."""
+
+    name: str
+    kind: str
+    value: float
+    low: float
+    high: float
+    extrapolated: bool
+
+
+def read(file: Path) -> Wanted:
+    """YAML file → checks. Raises InputError for what is wrong, with file and line."""
+    fields = load(file).fields(["checks"], ["places", "point_um"])
+    places: dict[str, str | Mapping[str, float]] = {}
+    for name, node in fields["places"].items() if "places" in fields else ():
+        plain = node.plain()
+        places[name] = str(plain) if not isinstance(plain, dict) else {axis: child.position() for axis, child in node.items()}
+    checks = tuple(_check(node, places) for node in fields["checks"].list())
+    return Wanted(places, checks, fields["point_um"].number(0, 1000) * 1e-3 if "point_um" in fields else 0.0)
+
+
+def _check(node: Node, places: Mapping[str, object]) -> Check:
+    fields = node.fields(["kind", "of"], ["name", "datum"])
+    kind = fields["kind"].text(KINDS)
+    plain = fields["of"].plain()
+    of = tuple(str(item) for item in plain) if isinstance(plain, list) else (str(plain),)
+    wanted = {"distance": 2, "squareness": 4, "position": 1, "circularity": 1}[kind]
+    if len(of) != wanted:
+        raise fields["of"].wrong(f"{wanted} of the places for {kind}", f"{len(of)}")
+    datum = tuple(str(item) for item in fields["datum"].plain()) if "datum" in fields else ()
+    if datum and (kind != "position" or len(datum) < 3):
+        raise fields["datum"].wrong("three or more places, for a position", f"{len(datum)} for {kind}")
+    for name in (*(of if kind != "circularity" else ()), *datum):
+        if name not in places:
+            raise fields["of"].wrong(f"places that are listed under 'places': {', '.join(places)}", repr(name))
+    return Check(fields["name"].text() if "name" in fields else f"{kind} {' '.join(of)}", kind, of, datum)
+
+
+def foretell(
+    wanted: Wanted, setup: Setup, known: Known, labels: Mapping[str, Sequence[Motion]], touched: Mapping[str, tuple[float, float]]
+) -> list[Foretold]:
+    """checks, set-up, what is known, motions by label, touched ranges → every feature. Raises InputError for unknown blocks."""
+    result = []
+    for check in wanted.checks:
+        points, nominal, outside = _points(check, wanted, setup, known, labels, touched)
+        own = np.random.default_rng(5).normal(scale=wanted.point, size=(DRAWS, *points.shape[1:])) if wanted.point else 0.0
+        spread = points[1:] + own
+        for name, measure in _measures(check):
+            value = float(measure(nominal, points[:1])[0]) * 1e3
+            draws = measure(nominal, spread) * 1e3
+            low, middle, high = np.quantile(draws, [0.025, 0.5, 0.975])
+            if check.kind == "circularity":  # a range is never less than that of the scatter alone
+                value = float(middle)
+            result.append(Foretold(name, check.kind, value, float(low), float(high), outside))
+    return result
+
+
+def _points(
+    check: Check,
+    wanted: Wanted,
+    setup: Setup,
+    known: Known,
+    labels: Mapping[str, Sequence[Motion]],
+    touched: Mapping[str, tuple[float, float]],
+) -> tuple[Array, Array, bool]:
+    """→ (m + 1, n, 3) mm deviations of its points, (n, 3) mm where they are meant, whether one is extrapolated."""
+    places: list[tuple[dict[str, float], float, float]] = []
+    if check.kind == "circularity":
+        motion = _motion(check.of[0], labels)
+        if motion.block.arc is None:
+            raise InputError(f"features: {check.name}: found block {check.of[0]}, which is no arc; allowed: an arc")
+        points = points_of(motion)
+        places = [(point, motion.length, motion.added) for point in points[:: max(1, len(points) // 72)]]
+    else:
+        for name in (*check.of, *check.datum):
+            place = wanted.places[name]
+            if isinstance(place, str):
+                motion = _motion(place, labels)
+                places.append((motion.end, motion.length, motion.added))
+            else:
+                places.append((dict(place), setup.length, setup.length))
+    lengths = {length for _, length, _ in places}
+    if len(lengths) > 1:
+        raise InputError(f"features: {check.name}: found places cut with tools of several lengths; allowed: one tool a check")
+    mach = machinery(setup, known, lengths.pop())
+    at = positions(setup, [p for p, _, _ in places], [a for _, _, a in places])
+    return drawn(mach, at, DRAWS), mach.meant(at), bool(beyond(setup.machine, at, touched).any())
+
+
+def _motion(label: str, labels: Mapping[str, Sequence[Motion]]) -> Motion:
+    found = labels.get(label, ())
+    if len(found) != 1:
+        some = ", ".join(list(labels)[:5])
+        what = "no such block that moves" if not found else f"{len(found)} blocks of that number"
+        raise InputError(f"features: found {label!r}, {what}; allowed: a block of the program, e.g. {some}")
+    return found[0]
+
+
+Measure = Callable[[Array, Array], Array]
+
+
+def _measures(check: Check) -> list[tuple[str, Measure]]:
+    if check.kind == "distance":
+        return [(check.name, _distance)]
+    if check.kind == "squareness":
+        return [(check.name, _squareness)]
+    if check.kind == "circularity":
+        return [(check.name, _circularity)]
+
+    def component(i: int) -> Measure:
+        return lambda nominal, d: _position(nominal, d)[:, i]
+
+    return [(f"{check.name} {'xyz'[i]}", component(i)) for i in range(3)]
+
+
+def _distance(nominal: Array, d: Array) -> Array:
+    way = nominal[1] - nominal[0]
+    there = way + d[:, 1] - d[:, 0]
+    return np.asarray(np.linalg.norm(there, axis=1) - np.linalg.norm(way))
+
+
+def _squareness(nominal: Array, d: Array) -> Array:
+    """Deviation of the angle between two lines, over the length of the second: positive = the angle has grown (mm)."""
+    one, two = nominal[1] - nominal[0], nominal[3] - nominal[2]
+
+    def angle(a: Array, b: Array) -> Array:
+        cosine = np.sum(a * b, axis=-1) / np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)
+        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+
+    return np.asarray((angle(one + d[:, 1] - d[:, 0], two + d[:, 3] - d[:, 2]) - angle(one, two)) * np.linalg.norm(two))
+
+
+def _position(nominal: Array, d: Array) -> Array:
+    """→ (m, 3) mm of the first point, after the best rigid fit of the others to their nominal places, where there are any."""
+    if len(nominal) == 1:
+        return np.asarray(d[:, 0])
+    centre = nominal[1:].mean(axis=0)
+
+    def lever(points: Array) -> Array:
+        return np.stack([np.hstack([np.eye(3), np.stack([np.cross(e, p - centre) for e in np.eye(3)], axis=1)]) for p in points])
+
+    rigid = np.einsum("ij,mj->mi", np.linalg.pinv(lever(nominal[1:]).reshape(-1, 6), rcond=1e-9), d[:, 1:].reshape(len(d), -1))
+    return np.asarray(d[:, 0] - np.einsum("ij,mj->mi", lever(nominal[:1])[0], rigid))
+
+
+def _circularity(nominal: Array, d: Array) -> Array:
+    centre = _circle(nominal)
+    radial = (nominal - centre) / np.linalg.norm(nominal - centre, axis=1, keepdims=True)
+    columns = np.column_stack([np.ones(len(nominal)), radial])
+    change = np.einsum("mni,ni->mn", d, radial)
+    rest = change - np.einsum("ni,mi->mn", columns, np.einsum("in,mn->mi", np.linalg.pinv(columns, rcond=1e-9), change))
+    return np.asarray(np.ptp(rest, axis=1))
+
+
+def _circle(points: Array) -> Array:
+    """(n, 3) points of a circle → its centre: where the planes between its points meet."""
+    away = points - points[0]
+    _, _, axes = np.linalg.svd(away - away.mean(axis=0))
+    flat = away @ axes[:2].T
+    centre = np.linalg.lstsq(2 * flat, np.sum(flat**2, axis=1), rcond=None)[0]
+    return np.asarray(points[0] + centre @ axes[:2])

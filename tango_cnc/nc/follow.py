@@ -1,0 +1,141 @@
+"""Lines of a program → motions in axis positions, in order, a few thousand at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import ModuleType
+
+import numpy as np
+
+from ..records import Array, InputError, Machine
+from .blocks import Block, Modal, refused
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a program does not say: where its zero is, how long the tools are."""
+
+    machine: Machine
+    zero: Mapping[str, float]  # machine coordinates of the axes when the words are 0 and no tool length acts, mm and degrees
+    length: float  # mm, of every tool that `tools` does not name
+    tools: Mapping[int, float] = field(default_factory=dict)
+
+    def length_of(self, tool: int | None) -> float:
+        """number of a tool → its length, mm."""
+        return self.tools.get(tool, self.length) if tool is not None else self.length
+
+
+@dataclass(slots=True)
+class Motion:
+    """A block with where its motion begins and ends, programmed mm and degrees; `known`: whether every linear axis is."""
+
+    block: Block
+    start: dict[str, float]
+    end: dict[str, float]
+    length: float  # mm of the tool
+    added: float  # mm that the control adds to Z for it
+    known: bool
+
+
+def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator[Motion]:
+    """lines, language, set-up → every block with its motion. Raises InputError for what cannot be followed."""
+    machine = setup.machine
+    axes = "".join((*machine.linear, *machine.rotary))
+    modal = Modal()
+    at: dict[str, float] = dict.fromkeys(machine.rotary, 0.0)
+    tool: int | None = None
+    acts = bool(language.LENGTH)
+    for number, line in enumerate(lines, 1):
+        block = language.read(line, number, modal, axes)
+        if block.tool is not None:
+            tool = block.tool
+        if block.length is not None and not language.LENGTH:
+            acts = block.length
+        for axis in block.forgets:
+            if axis in machine.linear:
+                at.pop(axis, None)
+        start = dict(at)
+        if block.kind in ("rapid", "feed", "arc"):
+            at.update(block.target)
+        known = all(a in at for a in machine.linear)
+        if block.kind in ("feed", "arc") and not known:
+            lacking = ", ".join(a for a in machine.linear if a not in at)
+            raise refused(number, block.text.strip(), f"where {lacking} is, no block has said before: begin with a rapid to X Y Z")
+        length = setup.length_of(tool)
+        yield Motion(block, start, dict(at), length, length if acts else 0.0, known)
+
+
+def positions(setup: Setup, motions: list[dict[str, float]], added: list[float]) -> Array:
+    """set-up, programmed coordinates, what tool length adds → (n, k) mm rad of the axes; axes without a word at their zero."""
+    machine = setup.machine
+    result = np.zeros((len(motions), len(machine.names)))
+    for name in (*machine.linear, *machine.rotary):
+        scale = 1.0 if name in machine.linear else math.pi / 180
+        zero = setup.zero.get(name, 0.0)
+        column = np.array([m.get(name, 0.0) for m in motions]) + zero
+        if name == "Z":
+            column = column + np.array(added)
+        result[:, machine.column(name)] = column * scale
+    return result
+
+
+def words(setup: Setup, position: Array, added: float) -> dict[str, float]:
+    """set-up, (k,) mm rad, what tool length adds → programmed coordinates, mm and degrees."""
+    machine = setup.machine
+    result = {}
+    for name in (*machine.linear, *machine.rotary):
+        scale = 1.0 if name in machine.linear else 180 / math.pi
+        value = float(position[machine.column(name)]) * scale - setup.zero.get(name, 0.0)
+        result[name] = value - (added if name == "Z" else 0.0)
+    return result
+
+
+def arc_points(motion: Motion, chord: float) -> list[dict[str, float]]:
+    """motion on an arc, chord error mm → programmed coordinates of the ends of its parts, helix along the third axis."""
+    arc = motion.block.arc
+    assert arc is not None
+    a, b = arc.axes
+    start, end = (motion.start[a], motion.start[b]), (motion.end[a], motion.end[b])
+    radius = math.dist(start, arc.centre)
+    first = math.atan2(start[1] - arc.centre[1], start[0] - arc.centre[0])
+    last = math.atan2(end[1] - arc.centre[1], end[0] - arc.centre[0])
+    sweep = (first - last) % (2 * math.pi) if arc.clockwise else (last - first) % (2 * math.pi)
+    if math.dist(start, end) < 1e-9 or sweep < 1e-12:
+        sweep = 2 * math.pi
+    step = 2 * math.acos(max(-1.0, 1 - min(chord, radius) / radius))
+    count = max(2, math.ceil(sweep / step))
+    final = math.dist(end, arc.centre)
+    points = []
+    for i in range(1, count + 1):
+        share = i / count
+        angle = first + (-sweep if arc.clockwise else sweep) * share
+        r = radius + share * (final - radius)
+        point = {name: motion.start[name] + share * (value - motion.start[name]) for name, value in motion.end.items()}
+        point[a], point[b] = arc.centre[0] + r * math.cos(angle), arc.centre[1] + r * math.sin(angle)
+        points.append(point)
+    points[-1] = dict(motion.end)
+    return points
+
+
+def zero_of(text: str | None, machine: Machine, what: str = "--zero") -> dict[str, float]:
+    """'X=-120,Y=35.2,Z=-310' → machine coordinates of the zero. Raises InputError for anything else."""
+    result: dict[str, float] = {}
+    axes = (*machine.linear, *machine.rotary)
+    for part in text.split(",") if text else ():
+        name, _, value = part.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if name.strip() not in axes or not math.isfinite(number):
+            raise InputError(f"{what}: found {part!r}; allowed: AXIS=NUMBER,… in mm and degrees, axes {' '.join(axes)}")
+        result[name.strip()] = number
+    missing = [a for a in machine.linear if a not in result]
+    if missing:
+        raise InputError(
+            f"{what}: found no {', '.join(missing)}; allowed: the machine coordinates of the program's zero (its work offset), "
+            f"e.g. {what} X=0,Y=0,Z=-300"
+        )
+    return result

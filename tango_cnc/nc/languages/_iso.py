@@ -1,0 +1,243 @@
+"""Words of a letter and a number: what RS-274, Macro B and Siemens have in common."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..blocks import Block, Modal, Word, arc_of, refused
+
+NUMBER = r"[-+]?\s*(?:\d+\.?\d*|\.\d+)"
+AXES = "XYZABC"
+PLANES = {17: ("X", "Y", "Z"), 18: ("Z", "X", "Y"), 19: ("Y", "Z", "X")}
+AFTER = {0, 1, 2, 5, 9, 30, 60}  # M functions that act when the motion of their block is done
+FORGET = {28, 30, 30.1, 28.1}
+REFUSED = {
+    5: "splines are not followed",
+    5.1: "splines are not followed",
+    7: "diameters are not followed",
+    10: "it writes offsets that this program cannot know",
+    12.1: "polar and cylindrical interpolation is not followed",
+    15: "polar coordinates are not followed",
+    16: "polar coordinates are not followed",
+    20: "inches are not compensated: let the post-processor write millimetres",
+    33: "threads are not compensated",
+    38.2: "probing moves are not compensated: what is measured would be wrong by the correction",
+    38.3: "probing moves are not compensated",
+    38.4: "probing moves are not compensated",
+    38.5: "probing moves are not compensated",
+    31: "probing moves are not compensated",
+    41: "radius compensation changes the path after this program: let the CAM compute the path of the tool's centre",
+    42: "radius compensation changes the path after this program: let the CAM compute the path of the tool's centre",
+    41.1: "radius compensation changes the path after this program",
+    42.1: "radius compensation changes the path after this program",
+    43.4: "with tool centre point control on the control itself moves the axes: compensate the control instead",
+    43.5: "with tool centre point control on the control itself moves the axes: compensate the control instead",
+    51: "scaling is not followed",
+    50.1: "mirroring is not followed",
+    51.1: "mirroring is not followed",
+    52: "local coordinate systems are not followed",
+    54.1: "additional work offsets are not followed",
+    54.2: "fixture offsets that follow the table are not followed: compensate the control instead",
+    54.4: "workpiece error compensation is not followed",
+    65: "macros are not followed: expand them in the post-processor",
+    66: "macros are not followed: expand them in the post-processor",
+    68: "rotated coordinates are not followed",
+    68.2: "tilted planes are not followed",
+    91: "incremental coordinates would add up their rounding: let the post-processor write absolute ones",
+    92: "shifted coordinates are not followed",
+    93: "inverse time would change with every part of a block",
+    96: "constant cutting speed is for lathes",
+}
+CYCLES = {73, 74, 76, *range(81, 90)}
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a dialect writes: its words, comments, and what it refuses beyond `REFUSED`."""
+
+    word: re.Pattern[str]
+    comment: re.Pattern[str]
+    refused: Mapping[float, str]
+    harmless: frozenset[str] = frozenset()  # names that may stand in a block
+    inch: tuple[float, ...] = (20,)
+    metric: tuple[float, ...] = (21,)
+    cycles: bool = True
+    subprograms: tuple[int, ...] = (96, 97, 98, 198)
+    machine: tuple[float, ...] = (53,)
+    radius: str = "R"
+
+
+def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block:
+    """dialect, line, its number from 1, modal state (changed), axes of the machine → block. Raises InputError by name."""
+    bare = style.comment.sub(lambda m: " " * len(m[0]), line)
+    block = Block(number, line)
+    stripped = bare.strip()
+    if not stripped or stripped == "%":
+        return block
+    if stripped.startswith("/"):
+        raise refused(number, "a block that may be skipped (/)", "where the machine goes then is not known: make two programs")
+    words: list[Word] = []
+    at = 0
+    for match in style.word.finditer(bare):
+        gap = bare[at : match.start()].strip()
+        if gap:
+            _strange(style, gap, number)
+        letter, text = match["letter"].upper(), match["value"]
+        try:
+            value = float(text.replace(" ", ""))
+        except ValueError:
+            raise refused(number, match[0].strip(), "no number") from None
+        words.append(Word(letter, value, match.start(), match.end()))
+        at = match.end()
+    if gap := bare[at:].strip():
+        _strange(style, gap, number)
+    block.words = tuple(words)
+    return _meaning(style, block, modal, axes)
+
+
+def _strange(style: Style, text: str, number: int) -> None:
+    for item in text.split():
+        if item.upper() in style.harmless:
+            continue
+        if "#" in item or "[" in item or "=" in item or re.match(r"R\d", item):
+            raise refused(number, text, "variables and expressions are not followed: let the post-processor write numbers")
+        raise refused(number, text, "what this does to the path is not known")
+
+
+def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
+    number = block.number
+    codes = [w.value for w in block.words if w.letter == "G"]
+    for code in codes:
+        if code in style.refused:
+            raise refused(number, f"G{code:g}", style.refused[code])
+        if code in style.inch:
+            raise refused(number, f"G{code:g}", REFUSED[20])
+        if style.cycles and code in CYCLES:
+            raise refused(number, f"G{code:g}", "canned cycles are not expanded here: let the post-processor write their moves")
+    offsets: dict[str, float] = {}
+    target: dict[str, float] = {}
+    radius, change = None, False
+    for w in block.words:
+        if w.letter in AXES:
+            if w.letter not in axes:
+                raise refused(number, f"{w.letter}{w.value:g}", f"this machine has no axis {w.letter}")
+            if w.letter in target:
+                raise refused(number, f"{w.letter} twice", "which one is meant is not known")
+            target[w.letter] = w.value
+        elif w.letter in "IJK":
+            offsets[w.letter] = w.value
+        elif w.letter == style.radius:
+            radius = w.value
+        elif w.letter == "T":
+            modal.tool = int(w.value)
+        elif w.letter == "M":
+            if w.value == 6:
+                change = True
+            elif int(w.value) in style.subprograms:
+                raise refused(number, f"M{w.value:g}", "subprograms are not followed: write them out")
+            elif w.value == 128:
+                raise refused(number, "M128", REFUSED[43.4])
+        elif w.letter in "UVW":
+            raise refused(number, f"{w.letter}{w.value:g}", "incremental or further linear axes are not followed")
+        elif w.letter == "N":
+            block.label = f"N{w.value:g}"
+        elif w.letter in ("P", "L", "Q", "E") and not set(codes) & {4, 10, 64, 61, 5.1}:
+            raise refused(number, f"{w.letter}{w.value:g}", "what this does to the path is not known")
+    if change:
+        block.tool = modal.tool
+        block.forgets = "XYZ"
+    for code in codes:
+        if code in PLANES:
+            modal.plane = PLANES[int(code)]
+        elif code in (0, 1, 2, 3):
+            modal.motion = ("rapid", "feed", "cw", "ccw")[int(code)]
+        elif code in (43, 49):
+            block.length = code == 43
+        elif code == 43.1:
+            raise refused(number, "G43.1", "a tool length that is written into the program is not followed")
+        elif 54 <= code <= 59.3:
+            name = f"G{code:g}"
+            if modal.offset not in ("", name):
+                raise refused(
+                    number, f"{name} after {modal.offset}", "one work offset (--zero) is followed: make a program of each"
+                )
+            modal.offset = name
+        elif code == 90.1:
+            modal.absolute_centre = True
+        elif code == 91.1:
+            modal.absolute_centre = False
+        elif code == 80:
+            modal.motion = ""
+    forgetting = [c for c in codes if c in FORGET]
+    if forgetting:
+        block.forgets = "".join(target) or axes
+        _forget(modal, block.forgets)
+        return block
+    if any(c in style.machine for c in codes):
+        block.kind, block.forgets = "machine", "".join(target)
+        _forget(modal, block.forgets)
+        return block
+    if block.forgets:
+        _forget(modal, block.forgets)
+    if 4 in codes or not (target or (offsets and modal.motion in ("cw", "ccw"))):
+        return block
+    if not modal.motion:
+        raise refused(number, " ".join(f"{a}{v:g}" for a, v in target.items()), "no G0, G1, G2 or G3 says how to go there")
+    if modal.motion in ("cw", "ccw"):
+        if any(a in "ABC" for a in target):
+            raise refused(number, "an arc with a rotary axis", "its path is not known")
+        block.arc = arc_of(number, modal, target, offsets, radius, clockwise=modal.motion == "cw")
+        block.kind = "arc"
+    else:
+        block.kind = "rapid" if modal.motion == "rapid" else "feed"
+    block.target = target
+    modal.position.update(target)
+    return block
+
+
+def _forget(modal: Modal, axes: str) -> None:
+    for axis in axes:
+        modal.position.pop(axis, None)
+
+
+def write(block: Block, moves: Sequence[Mapping[str, float]], decimals: int, equals: str = "", first: str = "") -> list[str]:
+    """block, corrected coordinates of its parts, decimals → lines. Comments and other words stay with the first part."""
+    spans = [(w.begin, w.end, w) for w in block.words]
+    arc = block.kind == "arc"
+    drop = {"I", "J", "K", "R", "CR"} if arc else set()
+    several = len(moves) > 1
+    lines = []
+    late = [w for w in block.words if several and w.letter == "M" and int(w.value) in AFTER]
+    for i, move in enumerate(moves):
+        if i == 0:
+            text, at, done = "", 0, set()
+            for begin, end, w in spans:
+                text += block.text[at:begin]
+                at = end
+                if w.letter in move:
+                    text += _axis(w.letter, move[w.letter], decimals, equals)
+                    done.add(w.letter)
+                elif w.letter in drop or w in late:
+                    text = text.rstrip(" ") if text.endswith(" ") and block.text[at : at + 1] in (" ", "") else text
+                elif arc and w.letter == "G" and w.value in (2, 3):
+                    text += "G1"
+                else:
+                    text += block.text[begin:end]
+            more = [_axis(a, v, decimals, equals) for a, v in move.items() if a not in done]
+            if arc and not any(w.letter == "G" and w.value in (2, 3) for w in block.words):
+                more.insert(0, "G1")
+            rest = block.text[at:]
+            tail = rest.rstrip("\r\n")
+            text = text.rstrip() + (" " if more else "") + " ".join(more) + tail
+            lines.append(text)
+        else:
+            lines.append(" ".join(_axis(a, v, decimals, equals) for a, v in move.items()))
+    if late:
+        lines[-1] += "".join(f" M{int(w.value)}" for w in late)
+    return lines
+
+
+def _axis(letter: str, value: float, decimals: int, equals: str) -> str:
+    return f"{letter}{equals}{value + 0.0:.{decimals}f}" if round(value, decimals) else f"{letter}{equals}0."

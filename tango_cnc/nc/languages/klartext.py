@@ -1,0 +1,173 @@
+"""HEIDENHAIN Klartext: L, CC with C, CR; absolute, metric, R0, without cycles, planes and tool centre point control."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from ..blocks import Arc, Block, Modal, Word, arc_of, refused
+from ._iso import AFTER, NUMBER, REFUSED
+
+SAYS = "HEIDENHAIN Klartext"
+LENGTH = True
+HEAD = re.compile(r"\s*(\d+\s*)?(BEGIN PGM .*|;.*)?\s*")
+LINE = re.compile(r"\s*(?P<n>\d+)?\s*(?P<rest>.*?)\s*(?P<comment>;.*)?$", re.DOTALL)
+WORD = re.compile(rf"(?P<letter>[XYZABC]|F(?=[\s\d.])|FMAX|FAUTO|R0|RL|RR|DR[-+]|R|M)\s*(?P<value>{NUMBER})?")
+PASS = ("BEGIN PGM", "END PGM", "BLK FORM", "STOP", "LBL")
+WHY = {
+    "LN": "surface normals are corrected by the control itself",
+    "LP": "polar coordinates are not followed",
+    "CP": "polar coordinates are not followed",
+    "CT": "tangential arcs are not followed",
+    "CTP": "tangential arcs are not followed",
+    "RND": "roundings are not followed",
+    "CHF": "chamfers are not followed",
+    "CYCL": "cycles are not expanded here: let the post-processor write their moves",
+    "CALL": "subprograms are not followed: write them out",
+    "PLANE": "tilted planes are not followed",
+    "FUNCTION": REFUSED[43.4],
+    "TCH": "probing is not compensated",
+    "FN": "parameters and jumps are not followed",
+    "Q": "parameters are not followed",
+    "APPR": "approaches are not followed",
+    "DEP": "departures are not followed",
+    "FL": "free contours are not followed",
+    "FC": "free contours are not followed",
+    "SEL": "subprograms are not followed: write them out",
+    "PATTERN": "patterns are not followed",
+    "TRANS": "shifts are not followed",
+}
+
+
+def mark(text: str) -> str:
+    """text → a comment line."""
+    return f"; {text}"
+
+
+def read(line: str, number: int, modal: Modal, axes: str) -> Block:
+    """line, its number, modal state, axes → block. Raises InputError by name."""
+    block = Block(number, line)
+    parts = LINE.match(line.rstrip("\r\n"))
+    assert parts is not None
+    rest, begin = parts["rest"], parts.start("rest")
+    block.label = parts["n"] or ""
+    if not rest:
+        return block
+    upper = rest.upper()
+    if upper.startswith("BEGIN PGM") and "INCH" in upper.split():
+        raise refused(number, "INCH", REFUSED[20])
+    if upper.startswith(PASS):
+        if upper.startswith("LBL") and upper.split()[1:] != ["0"]:
+            return block
+        return block
+    head = upper.split()[0]
+    if upper.startswith("TOOL CALL"):
+        found = re.match(r"TOOL CALL\s+(\d+)", upper)
+        if re.search(r"\bD[LR]", upper):
+            raise refused(number, rest, "oversizes of the tool are not followed")
+        block.tool = int(found[1]) if found else None
+        block.forgets = "XYZ" if found else ""
+        for axis in block.forgets:
+            modal.position.pop(axis, None)
+        return block
+    if upper.startswith("TOOL DEF"):
+        return block
+    for word, why in WHY.items():
+        if head == word or (word == "Q" and re.match(r"Q[LRS]?\d", head)):
+            raise refused(number, rest, why)
+    kind = {"L": "L", "CC": "CC", "C": "C", "CR": "CR"}.get(head)
+    if kind is None:
+        if not (re.fullmatch(r"M\d+", head) and len(upper.split()) == 1):
+            raise refused(number, rest, "what this does to the path is not known")
+        if head in ("M128", "M91", "M130"):
+            raise refused(number, head, REFUSED[43.4])
+        return block
+    return _motion(block, kind, rest[len(head) :], begin + len(head), modal, axes)
+
+
+def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: str) -> Block:
+    number, words = block.number, []
+    target: dict[str, float] = {}
+    radius, clockwise, machine = None, None, False
+    at = 0
+    for match in WORD.finditer(text):
+        if gap := text[at : match.start()].strip():
+            why = "incremental coordinates would add up their rounding" if gap.startswith("I") else "it is not followed"
+            raise refused(number, gap, why)
+        at = match.end()
+        letter, value = match["letter"], match["value"]
+        number_of = float(value.replace(" ", "")) if value is not None else 0.0
+        words.append(Word(letter, number_of, shift + match.start(), shift + match.end()))
+        if letter in ("RL", "RR"):
+            raise refused(number, letter, REFUSED[41])
+        if letter in "XYZABC":
+            if letter not in axes:
+                raise refused(number, match[0], f"this machine has no axis {letter}")
+            if value is None:
+                raise refused(number, match[0].strip(), "no number follows: parameters are not followed")
+            target[letter] = number_of
+        elif letter == "R" and value is not None:
+            radius = number_of
+        elif letter.startswith("DR"):
+            clockwise = letter == "DR-"
+        elif letter == "M":
+            if number_of in (128, 130, 126, 144):
+                raise refused(number, match[0], REFUSED[43.4])
+            machine = machine or number_of in (91, 92)
+    if gap := text[at:].strip():
+        why = "radius compensation changes the path after this program" if gap in ("RL", "RR") else "it is not followed"
+        raise refused(number, gap, why)
+    block.words = tuple(words)
+    if kind == "CC":
+        modal.centre = target.get("X", modal.position.get("X", 0.0)), target.get("Y", modal.position.get("Y", 0.0))
+        if set(target) - {"X", "Y"}:
+            raise refused(number, "CC", "circles outside of the plane XY are not followed")
+        block.kind = "none"
+        block.label = "CC"
+        return block
+    if machine:
+        block.kind, block.forgets = "machine", "".join(target)
+        for axis in target:
+            modal.position.pop(axis, None)
+        return block
+    if kind in ("C", "CR"):
+        if clockwise is None:
+            raise refused(number, block.text.strip(), "no DR+ or DR- says which way it turns")
+        if kind == "CR":
+            block.arc = arc_of(number, modal, target, {}, radius, clockwise=clockwise)
+        else:
+            if modal.centre is None:
+                raise refused(number, "C", "no CC says where its centre is")
+            start = modal.position.get("X", 0.0), modal.position.get("Y", 0.0)
+            away = {"I": modal.centre[0] - start[0], "J": modal.centre[1] - start[1]}
+            block.arc = arc_of(number, modal, target, away, None, clockwise=clockwise)
+        block.arc = Arc(("X", "Y"), block.arc.centre, clockwise)
+        block.kind = "arc"
+    elif target:
+        block.kind = "rapid" if any(w.letter == "FMAX" for w in words) else "feed"
+    block.target = target
+    modal.position.update(target)
+    return block
+
+
+def write(block: Block, moves: Sequence[Mapping[str, float]], decimals: int) -> list[str]:
+    """block, corrected parts → lines; block numbers stay with the first part, which other parts repeat."""
+    parts = LINE.match(block.text.rstrip("\r\n"))
+    assert parts is not None
+    number = f"{parts['n']} " if parts["n"] else ""
+    kept = [w for w in block.words if w.letter not in "XYZABC" and not w.letter.startswith("DR") and w.letter != "R"]
+    lines = []
+    for i, move in enumerate(moves):
+        axes = " ".join(f"{a}{v + 0.0:+.{decimals}f}" for a, v in move.items())
+        more = [
+            block.text[w.begin : w.end].strip()
+            for w in kept
+            if (w.letter != "M" and (i == 0 or w.letter in ("FMAX",))) or (w.letter == "M" and _here(w, i, len(moves)))
+        ]
+        comment = f" {parts['comment']}" if i == 0 and parts["comment"] else ""
+        lines.append(f"{number}L {axes}{' ' if more else ''}{' '.join(more)}{comment}")
+    return lines
+
+
+def _here(word: Word, i: int, count: int) -> bool:
+    return i == (count - 1 if int(word.value) in AFTER else 0)

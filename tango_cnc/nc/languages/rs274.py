@@ -1,0 +1,33 @@
+"""RS-274/NGC as LinuxCNC, grbl and Mach understand it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from ..blocks import Block, Modal
+from . import _iso
+
+SAYS = "RS-274: LinuxCNC, grbl, Mach"
+LENGTH = False
+HEAD = re.compile(r"\s*(%|[oO]\d+\b.*|[;(].*)?\s*")
+STYLE = _iso.Style(
+    re.compile(rf"(?P<letter>[A-Za-z])\s*(?P<value>{_iso.NUMBER})(?![#\[])"),
+    re.compile(r"\([^)]*\)|;.*"),
+    _iso.REFUSED,
+)
+
+
+def mark(text: str) -> str:
+    """text → a comment line."""
+    return f"({text})"
+
+
+def read(line: str, number: int, modal: Modal, axes: str) -> Block:
+    """line, its number, modal state, axes → block. Raises InputError by name."""
+    return _iso.read(STYLE, line, number, modal, axes)
+
+
+def write(block: Block, moves: Sequence[Mapping[str, float]], decimals: int, modal_arc: str = "") -> list[str]:
+    """block, corrected parts → lines."""
+    return _iso.write(block, moves, decimals)

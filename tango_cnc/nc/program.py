@@ -1,0 +1,265 @@
+"""A program, compensated: words are moved so that the tip goes where the program meant; blocks come and go a batch at a time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import chain, islice
+from types import ModuleType
+
+import numpy as np
+
+from ..compensate.fit import Known
+from ..records import Array, InputError
+from .blocks import MARK, Block
+from .correct import Machinery, pieces
+from .follow import Motion, Setup, arc_points, follow, positions, words
+
+BATCH = 2000  # motions at a time: memory does not grow with the program
+HEAD = 40  # lines in which a mark is looked for
+MOST = 2000  # parts of a block
+
+
+@dataclass
+class Account:
+    """What was done; deviations of the tip in µm, largest and sums for the mean square."""
+
+    blocks: int = 0
+    lines: int = 0
+    compensated: int = 0
+    passed: int = 0  # motions before every axis was known, and in machine coordinates
+    arcs: int = 0
+    split: int = 0  # blocks that became several
+    marked: bool = False
+    before: float = 0.0
+    after: float = 0.0
+    squares_before: float = 0.0
+    squares_after: float = 0.0
+    count: int = 0
+    worst_block: int = 0
+    changes: list[tuple[str, list[str]]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How it is done: chord error of arcs and of parts of lines, mm; digits; whether rotary words move."""
+
+    chord: float = 0.001
+    decimals: int = 4
+    rotary: bool = True
+    keep: bool = False  # remember what changed, for a word-for-word difference
+
+
+@dataclass(slots=True)
+class _State:
+    """What goes on from batch to batch."""
+
+    turned: Array
+    out: dict[str, float] = field(default_factory=dict)  # what was written last, by axis
+
+
+def compensated(
+    lines: Iterable[str], language: ModuleType, setup: Setup, known: Known, settings: Settings, account: Account, mark: str
+) -> Iterator[str]:
+    """lines, language, set-up, what is known of the machine → lines without their ends.
+
+    A program with the mark comes out as it went in. Raises InputError by name for what cannot be followed.
+    """
+    source = iter(lines)
+    head = [line.rstrip("\r\n") for line in islice(source, HEAD)]
+    if any(MARK in line.upper() for line in head):
+        account.marked = True
+        for line in chain(head, (line.rstrip("\r\n") for line in source)):
+            account.blocks += 1
+            account.lines += 1
+            yield line
+        return
+    place = 0
+    while place < len(head) and language.HEAD.fullmatch(head[place]):
+        place += 1
+    stripped = (line.rstrip("\r\n") for line in source)
+    state = _State(np.zeros(len(setup.machine.rotary)))
+    machinery: dict[float, Machinery] = {}
+    motions = follow(chain(head, stripped), language, setup)
+    numbered = 0
+    renumber = getattr(language, "__name__", "").endswith("klartext")
+    pending: list[Motion] = []
+    first = True
+    while pending := list(islice(motions, BATCH)):
+        for text, block in _batch(pending, language, setup, known, settings, account, state, machinery):
+            if first and block.number > place:
+                first = False
+                yield from _numbered([language.mark(mark)], numbered, renumber)
+                numbered += 1
+                account.lines += 1
+            for line in text:
+                yield from _numbered([line], numbered, renumber)
+                numbered += 1
+            account.lines += len(text)
+    if first:
+        raise InputError("the program has no blocks; nothing was written")
+
+
+def _numbered(text: list[str], number: int, renumber: bool) -> list[str]:
+    """Klartext counts its lines: with more of them every number is a new one; a mark gets one, too."""
+    if not renumber:
+        return text
+    return [re.sub(r"^\s*\d+ ", "", text[0]) if not text[0] else f"{number} {re.sub(r'^ *[0-9]+ +', '', text[0])}"]
+
+
+def _batch(
+    motions: list[Motion],
+    language: ModuleType,
+    setup: Setup,
+    known: Known,
+    settings: Settings,
+    account: Account,
+    state: _State,
+    machinery: dict[float, Machinery],
+) -> Iterator[tuple[list[str], Block]]:
+    account.blocks += len(motions)
+    rotary = set(setup.machine.rotary) if settings.rotary else set()
+    chosen = [m for m in motions if m.block.kind in ("rapid", "feed", "arc") and (m.known or rotary & m.block.target.keys())]
+    written: dict[int, list[Array]] = {}
+    for length in {m.length for m in chosen}:
+        if length not in machinery:
+            zero = positions(setup, [{}], [length])[0]
+            machinery[length] = Machinery(setup.machine, known, length, zero)
+    begin = 0
+    while begin < len(chosen):  # runs of one tool
+        stop = begin
+        while stop < len(chosen) and chosen[stop].length == chosen[begin].length:
+            stop += 1
+        run = chosen[begin:stop]
+        _corrected(run, machinery[run[0].length], setup, settings, account, state, written)
+        begin = stop
+    for m in motions:
+        parts = written.get(m.block.number)
+        if parts is None:
+            if m.block.kind != "none":
+                account.passed += 1
+            if m.block.kind == "rapid":
+                state.out.update(m.block.target)
+            for axis in m.block.forgets:
+                state.out.pop(axis, None)
+            yield [m.block.text], m.block
+            continue
+        moves = []
+        for i, at in enumerate(parts):
+            value = words(setup, at, m.added)
+            last = i == len(parts) - 1
+            new: dict[str, float] = {}
+            for axis, v in value.items():
+                if not m.known and axis not in rotary:  # where the linear axes are, no block has said yet
+                    if axis in m.block.target:
+                        new[axis] = state.out[axis] = m.block.target[axis]
+                    continue
+                rounded = round(v, settings.decimals) + 0.0
+                named = axis in m.block.target and (last or m.block.kind == "arc" or axis in setup.machine.linear)
+                if (named and (i == 0 or last)) or (axis in state.out and state.out[axis] != rounded):
+                    new[axis] = rounded
+                    state.out[axis] = rounded
+                elif axis in m.block.target and axis not in state.out:
+                    new[axis] = state.out[axis] = rounded
+            moves.append(new)
+        moves = [move for i, move in enumerate(moves) if move or i == 0]
+        text = language.write(m.block, moves, settings.decimals)
+        account.compensated += 1
+        account.split += len(parts) > 1
+        account.arcs += m.block.kind == "arc"
+        if settings.keep and text != [m.block.text]:
+            account.changes.append((m.block.text, text))
+        yield text, m.block
+
+
+def _corrected(
+    run: list[Motion],
+    mach: Machinery,
+    setup: Setup,
+    settings: Settings,
+    account: Account,
+    state: _State,
+    written: dict[int, list[Array]],
+) -> None:
+    """Fills `written`: by block number the corrected positions (k,) of the ends of its parts."""
+    machine = setup.machine
+    added = [m.added for m in run]
+    end = positions(setup, [m.end for m in run], added)
+    start = positions(setup, [{**m.end, **m.start} for m in run], added)  # an axis comes from where it goes to, if unknown
+    turned_end = np.tile(state.turned, (len(run), 1))
+    turned_start = turned_end.copy()
+    if machine.rotary and settings.rotary:
+        named = np.array([[a in m.block.target for a in machine.rotary] for m in run])
+        wanted = np.zeros_like(turned_end)
+        rows = np.flatnonzero(named.any(axis=1))
+        if len(rows):
+            wanted[rows] = mach.turns(end[rows])
+        now = state.turned
+        for i in range(len(run)):
+            turned_start[i] = now
+            if named[i].any():
+                now = np.where(named[i], wanted[i], now)
+            turned_end[i] = now
+        state.turned = now
+    shares = (0.0, 0.25, 0.5, 0.75, 1.0)
+    looked = [i for i, m in enumerate(run) if m.block.kind == "feed"]
+    counts = np.ones(len(run), dtype=int)
+    if looked:
+        a, b = start[looked], end[looked]
+        ta, tb = turned_start[looked], turned_end[looked]
+        change = [mach.corrected(a + s * (b - a), ta + s * (tb - ta)) - (a + s * (b - a)) for s in shares]
+        columns = list(mach.chain.linear_columns)
+        flat = [c[:, columns] for c in change]
+        counts[looked] = np.minimum(MOST, pieces(flat[0], flat[-1], flat[1:4], settings.chord))
+    nominal: list[Array] = []
+    turned: list[Array] = []
+    owner: list[int] = []
+    for i, m in enumerate(run):
+        if m.block.kind == "arc":
+            points = arc_points(m, settings.chord)
+            nominal.append(positions(setup, points, [m.added] * len(points)))
+            share = np.arange(1, len(points) + 1)[:, None] / len(points)
+        else:
+            share = np.arange(1, counts[i] + 1)[:, None] / counts[i]
+            nominal.append(start[i] + share * (end[i] - start[i]))
+        turned.append(turned_start[i] + share * (turned_end[i] - turned_start[i]))
+        owner += [i] * len(share)
+    at = np.vstack(nominal)
+    found = mach.corrected(at, np.vstack(turned))
+    for j, i in enumerate(owner):
+        written.setdefault(run[i].block.number, []).append(found[j])
+    sure = np.array([run[i].known for i in owner])
+    if sure.any():
+        _judge(at[sure], found[sure], [i for i in owner if run[i].known], run, mach, setup, settings, account)
+
+
+def _judge(
+    at: Array,
+    found: Array,
+    owner: list[int],
+    run: list[Motion],
+    mach: Machinery,
+    setup: Setup,
+    settings: Settings,
+    account: Account,
+) -> None:
+    """Adds how far the tip is from where it is meant to be: as programmed, and with the words as they are written."""
+    step = np.array([10.0**-settings.decimals * (1.0 if axis.kind == "linear" else np.pi / 180) for axis in setup.machine.axes])
+    rounded = np.round(found / step) * step
+    meant = mach.meant(at)
+    before = np.linalg.norm(mach.true(at) - meant, axis=1) * 1e3
+    after = np.linalg.norm(mach.true(rounded) - meant, axis=1) * 1e3
+    if before.max() > account.before:
+        account.before = float(before.max())
+        account.worst_block = run[owner[int(before.argmax())]].block.number
+    account.after = max(account.after, float(after.max()))
+    account.squares_before += float(before @ before)
+    account.squares_after += float(after @ after)
+    account.count += len(at)
+
+
+def mark_text(digest: str, zero: Mapping[str, float]) -> str:
+    """hash of the errors, zero of the program → the text of the mark."""
+    place = " ".join(f"{a}{v:g}" for a, v in zero.items())
+    return f"{MARK} {digest} ZERO {place}"

@@ -1,0 +1,406 @@
+"""Readings of a night against what was known: the state, the one decision, its cause, limits, and what the next night does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import __version__
+from ..estimate import Estimate
+from ..files.nightly import Nightly
+from ..history import Knowledge
+from ..identify import Selection
+from ..model import Model
+from ..records import Array, Cell, Readings
+from ..report.units import shown
+from ..state import (
+    Frame,
+    Named,
+    Seen,
+    State,
+    Tonight,
+    choose,
+    hypotheses,
+    judge,
+    learn,
+    name_change,
+    predicted,
+    seen,
+    start,
+    updated,
+)
+from ..state.filter import as_numbers, matched, restored, sigma_of
+from ..state.volume import levers, over_volume
+from ..touches import from_readings
+from . import parts
+from .ports import Measured, Past
+from .words import CAUSES, value
+
+LEARNED_FROM = 60  # nights
+LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
+COVER = 1.959964  # standard deviations of 95 %
+SLOPE = 21  # nights that a rate is told from
+READ = Callable[[str], Readings]
+
+
+@dataclass(frozen=True)
+class Timed:
+    """What the touches of the strategy cost: their rows in the strategy's order, indexation of each, s of a touch and of a turn."""
+
+    numbers: NDArray[np.int64]  # (n,)
+    indexation: NDArray[np.int64]  # (n,)
+    touch: float
+    turn: float
+
+
+@dataclass(frozen=True)
+class Nights:
+    """The analysis of one cell; frozen, so what one night computes another may use."""
+
+    cell: Cell
+    settings: Nightly
+    followed: Frame
+    times: Timed
+    read: READ  # text of readings.csv → readings
+    check: Cell | None = None  # the cell with the strategy of check.yaml
+    judged: Callable[[Cell, Readings, Estimate], tuple[str, tuple[str, ...]]] | None = None
+    diagnosed: Callable[[Cell, Readings], Mapping[str, Any]] | None = None
+    written: Callable[[Estimate], Mapping[str, str]] | None = None
+
+    @cached_property
+    def lever(self) -> Array:
+        """→ (m, 3, p) of the volume that the strategy touches."""
+        return levers(self.followed)
+
+    @cached_property
+    def offered(self) -> Array:
+        """→ (n, p) what every touch of the strategy would tell."""
+        from ..model import linearise
+
+        model = self.followed.model
+        _, jacobian = linearise(model, np.zeros(len(model.names)))
+        rows = np.zeros((len(jacobian), len(self.followed.names)))
+        rows[:, : jacobian.shape[1]] = jacobian
+        return rows
+
+    # Before ---------------------------------------------------------------------------------------------------------
+
+    def state(self, past: Past) -> State | None:
+        """history → what was known after the last measured night; None when there is none, or a repair began anew."""
+        machine = self.cell.machine.name
+        found = past.latest_knowledge(machine)
+        if found is None:
+            return None
+        last, knowledge = found
+        record = past.night(last.entry).record
+        if "state" not in record:
+            return None
+        try:
+            state = restored(knowledge.names, knowledge.values, knowledge.covariance, record["state"])
+        except (ValueError, KeyError, np.linalg.LinAlgError):
+            return None
+        return matched(state, self.followed)
+
+    def choice(self, past: Past, day: float) -> tuple[str, str, tuple[int, ...]]:
+        """history, day → full or check, why, numbers of the touches (empty: all of that strategy)."""
+        state = self.state(past)
+        kind, why = self._due(past, state, day)
+        if kind == "full" or self.check is not None or state is None:
+            return kind, why, ()
+        ahead = predicted(state, day)
+        flat = self.lever.reshape(-1, self.lever.shape[2])
+        found = choose(
+            ahead,
+            self.offered,
+            self.times.indexation,
+            flat,
+            60 * self.settings.check_minutes,
+            self.times.touch,
+            self.times.turn,
+        )
+        return kind, why, tuple(int(self.times.numbers[row]) for row in found.rows)
+
+    def _due(self, past: Past, state: State | None, day: float) -> tuple[str, str]:
+        machine = self.cell.machine.name
+        if state is None:
+            return "full", "nothing is known of this machine yet"
+        nights = past.nights(machine, last=400)
+        full = next((n for n in nights if n.kind == "full" and n.status == "complete"), None)
+        if full is None:
+            return "full", "no full run is in the history"
+        age = day - datetime.fromisoformat(full.start_utc).timestamp() / 86_400
+        if age > self.settings.full_every_days - 0.5:
+            return "full", f"the last full run is {age:.0f} days old, {self.settings.full_every_days:g} are allowed"
+        measured = next((n for n in nights if n.status in ("complete", "partial") and n.touches), None)
+        if measured is not None and measured.kind != "full" and measured.verdict in ("changed", "doubtful"):
+            return "full", f"the night of {measured.night} asked for it: {measured.headline}"
+        repaired = [d for d in past.decisions(machine) if d.action == "repaired" and d.utc > full.start_utc]
+        if repaired:
+            return "full", f"repaired since the last full run: {repaired[-1].note or repaired[-1].alarm}"
+        std = over_volume(self.lever, state.mean, predicted(state, day).covariance).std * 1e3
+        if std > self.settings.volume_std_um:
+            return "full", f"the volume is only known to {std:.1f} µm, {self.settings.volume_std_um:g} are allowed"
+        return "check", "nothing is too uncertain"
+
+    # After ----------------------------------------------------------------------------------------------------------
+
+    def analysed(
+        self, past: Past, day: float, kind: str, measured: Measured
+    ) -> tuple[dict[str, Any], Knowledge | None, dict[str, str]]:
+        """history, day, kind, readings → members of the record, all unknowns, files of the night. Raises TangoError."""
+        readings = measured.readings
+        assert readings is not None
+        before = self.state(past)
+        warmth = parts.warmth(readings, self.settings.sensor)
+        first = before is None
+        ahead = start(self.followed, day, parts.mean(warmth)) if before is None else predicted(before, day)
+        if ahead.reference is None and warmth:
+            ahead = replace(ahead, reference=parts.mean(warmth))
+        what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
+        tonight = judge(ahead, what)
+        rate = 1 / self.settings.false_alarm_nights
+        alarm = not first and tonight.alarm(rate)
+        named, opened = None, ahead
+        if alarm and tonight.p_machine <= tonight.p_noise:
+            tried = hypotheses(self.followed, parts.warmer(ahead, warmth))
+            named = name_change(ahead, self.followed, tonight, tried)
+            opened = parts.opened(ahead, self.followed, named)
+        after = updated(opened, what, tonight, quiet=not alarm and not first)
+        for _ in range(2 if first else 0):  # the first night begins far from the truth: linearise where it ended
+            what = seen(self.followed, readings, after.mean, ahead.reference, self.settings.sensor)
+            tonight = judge(ahead, what)
+            after = updated(ahead, what, tonight, quiet=False)
+        after, learned = self._learned(past, after)
+        result = self._estimate(readings, after, tonight)
+        verdict, reasons = ("trustworthy", ()) if self.judged is None else self.judged(*self._judgeable(kind, measured), result)
+        doubtful = verdict == "implausible" or (verdict == "doubtful" and (first or not alarm))
+        alarms = [] if doubtful or not alarm else [self._alarm(past, ahead, tonight, named, day)]
+        alarms = [a for a in alarms if not self._ignored(past, a, day)]
+        chart = over_volume(self.lever, after.mean, after.covariance)
+        limits = self._limits(after, chart)
+        beyond = any(limit["passed"] is False for limit in limits)
+        told = {
+            "verdict": "doubtful" if doubtful else "changed" if alarms else "out_of_limits" if beyond else "good",
+            "change": None if first else parts.change(tonight, rate),
+            "alarms": alarms,
+            "parameters": self._parameters(past, ahead, after, what, first),
+            "volume": {"worst_um": chart.worst * 1e3, "rms_um": chart.rms * 1e3, "std_um": chart.std * 1e3},
+            "limits": limits,
+            "residual": parts.residual(result),
+            "outliers": list(tonight.outliers),
+            "plausible": {"verdict": verdict, "reasons": list(reasons)},
+            "temperatures": {name: parts.told(values) for name, values in warmth.items()},
+            "versions": {"tango_cnc": __version__},
+            "state": as_numbers(after) | {"learned": learned},
+        }
+        if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarms) and not doubtful:
+            told["diagnosis"] = dict(self.diagnosed(self._cell(kind), readings))
+        if doubtful:  # what is not believed must not teach the state anything
+            told.pop("parameters")
+            told.pop("state")
+            return told | {"next": {"kind": "full", "why": "tonight's readings are in doubt"}}, None, {}
+        files = {} if self.written is None else dict(self.written(result))
+        return told | {"next": self._next(past, after, day, bool(alarms), kind)}, parts.knowledge(after), files
+
+    def _cell(self, kind: str) -> Cell:
+        return self.check if kind == "check" and self.check is not None else self.cell
+
+    def _judgeable(self, kind: str, measured: Measured) -> tuple[Cell, Readings]:
+        """→ a cell whose strategy is what was asked for tonight, and the readings with its numbers."""
+        cell, readings = self._cell(kind), measured.readings
+        assert readings is not None
+        if not measured.asked:
+            return cell, readings
+        strategy, numbers = parts.part_of(cell.strategy, measured.asked)
+        new = {old: i for i, old in enumerate(numbers, 1)}
+        renumbered = replace(readings, touch=np.array([new.get(int(t), int(t)) for t in readings.touch], dtype=np.int64))
+        return replace(cell, strategy=strategy), renumbered
+
+    def _next(self, past: Past, after: State, day: float, alarmed: bool, kind: str) -> dict[str, str]:
+        if alarmed and kind != "full":
+            return {"kind": "full", "why": "tonight's check found a change"}
+        std = over_volume(self.lever, after.mean, predicted(after, day + self.settings.every_days).covariance).std * 1e3
+        if std > self.settings.volume_std_um:
+            return {"kind": "full", "why": f"the volume will only be known to {std:.1f} µm"}
+        return {"kind": "check", "why": "nothing is too uncertain"}
+
+    def _learned(self, past: Past, after: State) -> tuple[State, int]:
+        """state → the same with rates learned from its history, and how many nights they were learned from."""
+        machine = self.cell.machine.name
+        if machine not in past.machines():
+            return after, 0
+        nights = [n for n in past.nights(machine, last=LEARNED_FROM) if n.status == "complete" and n.touches]
+        records = {r["start_utc"]: r for r in past.records(machine, LEARNED_FROM)}
+        before = next((r["state"].get("learned", 0) for r in records.values() if "state" in r), 0)
+        if not nights or len(nights) < LEARNED_EVERY or len(nights) % LEARNED_EVERY:
+            return after, before
+        nights.reverse()
+        stored = [past.night(n.entry) for n in nights]
+        stored = [s for s in stored if s.readings is not None and s.knowledge is not None]
+        if len(stored) < LEARNED_EVERY:
+            return after, before
+        first = stored[0]
+        begin = matched(restored(*parts.three(first.knowledge), first.record["state"]), self.followed)
+        begin = replace(begin, sigma=sigma_of(after), noise=(0.0, 0.0), agreement=(0.0, 0.0), rates=self.followed.wander.copy())
+        seen_then: list[tuple[float, Seen]] = []
+        opened = []
+        for place, night in enumerate(stored[1:]):
+            what = seen(self.followed, self.read(night.readings), after.mean, after.reference, self.settings.sensor)
+            seen_then.append((night.record["state"]["day"], what.without(night.record.get("outliers", ()))))
+            if night.night.alarms:
+                opened.append(place)
+        return replace(after, rates=learn(self.followed, begin, seen_then, opened)), len(stored)
+
+    def _estimate(self, readings: Readings, after: State, tonight: Tonight) -> Estimate:
+        """→ what is known after tonight, as the estimate that every other stage reads."""
+        from ..model import known, linearise
+
+        whole = self.followed.model
+        touches = from_readings(whole.touches.machine, whole.touches.artefact, readings)
+        model = Model(touches, whole.coefficients)
+        places = [self.followed.place[name] for name in model.names]
+        values = after.mean[places]
+        gaps, jacobian = linearise(model, values)
+        offsets, rows, uncertainty = known(model, values)
+        sigma = float(np.sqrt(tonight.noise[0] / tonight.noise[1])) if tonight.noise[1] > 0 else sigma_of(after)
+        selection = Selection(model, self.followed.selection.unseen, self.followed.selection.mismatch)
+        return Estimate(
+            selection,
+            values,
+            after.covariance[np.ix_(places, places)],
+            gaps,
+            max(sigma, 1e-6),
+            max(int(tonight.noise[1]), 1),
+            0,
+            np.vstack([jacobian, rows]),
+            offsets,
+            np.asarray(max(sigma, 1e-6) / uncertainty),
+        )
+
+    def _parameters(self, past: Past, ahead: State, after: State, what: Seen, first: bool) -> dict[str, Any]:
+        std, before, gained = after.std, ahead.std, {}
+        slopes = {} if first else self._slopes(past)
+        for i in self.followed.machine:
+            name = self.followed.selection.label(self.followed.names[i])
+            mean = float(after.mean[i])
+            gained[name] = {
+                **{"value": mean, "unit": self.followed.units[i], "std": float(std[i])},
+                **{"low": mean - COVER * float(std[i]), "high": mean + COVER * float(std[i])},
+                "change": None if first else mean - float(ahead.mean[i]),
+                "rate_per_day": slopes.get(name),
+                "seen": bool(std[i] < 0.98 * before[i]),
+            }
+        return gained
+
+    def _slopes(self, past: Past) -> dict[str, float]:
+        """→ {parameter: its slope a day over the last nights}, where that is larger than chance."""
+        machine = self.cell.machine.name
+        records = [r for r in past.records(machine, SLOPE) if r.get("parameters") and r.get("state")]
+        recent = []
+        for r in records:  # newest first, as far as the last change
+            recent.append(r)
+            if r["alarms"]:
+                break
+        if len(recent) < 5:
+            return {}
+        day = np.array([r["state"]["day"] for r in recent])
+        centred = day - day.mean()
+        found = {}
+        for name in recent[0]["parameters"]:
+            if not all(name in r["parameters"] for r in recent):
+                continue
+            values = np.array([r["parameters"][name]["value"] for r in recent])
+            slope = float(centred @ values / (centred @ centred))
+            rest = values - values.mean() - slope * centred
+            spread = float(np.sqrt(rest @ rest / max(len(rest) - 2, 1) / (centred @ centred)))
+            # What wanders looks like a slope: only one that is far beyond its own scatter is told.
+            if abs(slope) > 6 * spread and abs(slope) * np.ptp(day) > 4 * recent[0]["parameters"][name]["std"]:
+                found[name] = slope
+        return found
+
+    def _limits(self, after: State, chart: Any) -> list[dict[str, Any]]:
+        found = []
+        for name, limit in self.settings.limits.items():
+            if name == "volume":
+                size, spread, unit = chart.worst * 1e3, chart.std * 1e3, "µm"
+            else:
+                places = {self.followed.selection.label(self.followed.names[i]): i for i in self.followed.machine}
+                if name not in places:
+                    continue
+                i = places[name]
+                factor, unit = shown(self.followed.units[i])
+                size, spread = abs(float(after.mean[i])) * factor, float(after.std[i]) * factor
+            low, high = size - COVER * spread, size + COVER * spread
+            passed = True if high <= limit else False if low > limit else None
+            found.append({"what": name, "value": size, "unit": unit, "low": low, "high": high, "limit": limit, "passed": passed})
+        return found
+
+    def _alarm(self, past: Past, ahead: State, tonight: Tonight, named: Named | None, day: float) -> dict[str, Any]:
+        nights = past.nights(self.cell.machine.name, last=10)
+        since = next((n.night for n in nights if n.status == "complete"), "")
+        alarm: dict[str, Any] = {"id": "", "since": since, "rate_per_day": None, "instead": []}
+        if named is None or (named.remains < 1e-6 and named.explained < 0.5 * tonight.statistic / tonight.scale):
+            if tonight.p_noise < tonight.p_machine:
+                seen_sigma = float(np.sqrt(tonight.noise[0] / max(tonight.noise[1], 1)))
+                sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
+                text = f"single touches scatter by {seen_sigma * 1e3:.2f} µm, {sigma_of(ahead) * 1e3:.2f} µm is usual"
+                cause, size, std, unit, parameter = "noise_level", seen_sigma, 0.0, "mm", "probe"
+            else:
+                sigmas = float(np.sqrt(max(tonight.statistic / tonight.scale - tonight.dof, 0.0)))
+                text = "the machine is not as it was, and no single cause explains it"
+                cause, size, std, unit, parameter = "unknown", 0.0, 0.0, "", "several"
+                if named is not None:
+                    alarm["instead"] = [named.hypothesis.parameter, *named.instead]
+        else:
+            h = named.hypothesis
+            cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
+            size, std, text = self._said(ahead, named)
+            alarm["instead"] = list(named.instead)
+        on_part, do = CAUSES[cause]
+        effect = abs(size) * 1e3 if unit == "mm" else self._on_part(ahead, named) if named is not None else 0.0
+        return alarm | {
+            **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
+            **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
+        }
+
+    def _said(self, ahead: State, named: Named) -> tuple[float, float, str]:
+        h = named.hypothesis
+        if h.cause == "temperature":
+            worst = self._on_part(ahead, named)
+            return worst / 1e3, 0.0, f"the machine has moved with its temperature: up to {worst:.1f} µm over the volume"
+        if len(h.axes) == 3 and h.cause in ("table", "stylus"):
+            size = named.length
+            towards = ", ".join(f"{a} {v * 1e3:+.1f}" for a, v in zip(h.axes, named.size, strict=True))
+            what = "the table has moved" if h.cause == "table" else "the tip of the stylus has moved"
+            finite = named.std[np.isfinite(named.std)]
+            return (
+                size,
+                float(finite.max()) if len(finite) else 0.0,
+                f"{what} by {size * 1e3:.1f} µm ({towards} µm) since last night",
+            )
+        size, std = float(named.size[0]), float(named.std[0])
+        what = {"facet": f"{h.parameter} is off its place", "pretravel": "the probe triggers later"}.get(
+            h.cause, f"{h.parameter} has changed"
+        )
+        return size, std, f"{what} by {value(size, h.unit, std)} since last night"
+
+    def _on_part(self, ahead: State, named: Named) -> float:
+        """→ µm, what the change does at the worst pose of the volume."""
+        moved = named.hypothesis.directions @ named.size
+        return float(np.linalg.norm(self.lever @ moved, axis=1).max()) * 1e3
+
+    def _ignored(self, past: Past, alarm: Mapping[str, Any], day: float) -> bool:
+        """→ whether somebody has decided to hear nothing of this cause and parameter until a later day."""
+        machine = self.cell.machine.name
+        today = (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).strftime("%Y-%m-%d")
+        wanted = {d.alarm for d in past.decisions(machine) if machine and d.action == "ignore" and (d.until or "") >= today}
+        if not wanted:
+            return False
+        earlier = [a for r in past.records(machine, 400) for a in r["alarms"] if a["id"] in wanted]
+        return any((a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"]) for a in earlier)

@@ -1,0 +1,106 @@
+"""A timer of the system rather than a scheduler of our own: units for systemd, a line for cron, a task for Windows."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+KINDS = ("systemd", "cron", "windows")
+
+
+def units(kind: str, cell: Path, at: str, machine: str, user: str = "") -> dict[str, str]:
+    """systemd, cron or windows, folder, time of day (02:00), machine → {name of file: text}."""
+    name = "tango-" + "".join(c if c.isalnum() else "-" for c in machine.lower()).strip("-")
+    command = [sys.executable, "-m", "tango_cnc", "nightly", "-C", str(cell)]
+    if kind == "cron":
+        hour, minute = at.split(":")
+        line = f"{int(minute)} {int(hour)} * * * {shlex.join(command)} >> {shlex.quote(str(cell / 'nights' / 'cron.log'))} 2>&1"
+        retell = f"@reboot {shlex.join([*command, '--tell'])}"
+        return {f"{name}.cron": f"# Nights of {machine}: append these lines with 'crontab -e'.\n{line}\n{retell}\n"}
+    if kind == "windows":
+        return {f"{name}.xml": _WINDOWS.format(at=at, command=escape(command[0]), arguments=escape(_quoted(command[1:])))}
+    run = " ".join(_systemd(part) for part in command)
+    service = _SERVICE.format(machine=machine, run=run, folder=cell, user=f"User={user}\n" if user else "")
+    return {f"{name}.service": service, f"{name}.timer": _TIMER.format(machine=machine, at=at)}
+
+
+def advice(kind: str, names: list[str], folder: Path) -> str:
+    """kind, names of the files, where they are → what to do with them."""
+    if kind == "cron":
+        return f"crontab -l 2>/dev/null | cat - {folder / names[0]} | crontab -"
+    if kind == "windows":
+        return f'schtasks /Create /TN "{Path(names[0]).stem}" /XML "{folder / names[0]}"'
+    timer = next(name for name in names if name.endswith(".timer"))
+    return (
+        f"sudo cp {' '.join(str(folder / name) for name in names)} /etc/systemd/system/ && sudo systemctl daemon-reload && "
+        f"sudo systemctl enable --now {timer}"
+    )
+
+
+def _systemd(part: str) -> str:
+    escaped = part.replace("%", "%%").replace("$", "$$").replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"' if any(c in escaped for c in " \t\"'\\;") else escaped
+
+
+def _quoted(parts: list[str]) -> str:
+    return " ".join(f'"{part}"' if " " in part else part for part in parts)
+
+
+_SERVICE = """\
+[Unit]
+Description=Night of {machine}
+Wants=network-online.target
+After=network-online.target
+
+[Service]
+Type=oneshot
+{user}WorkingDirectory={folder}
+ExecStart={run}
+# Whatever became of it, somebody hears of it: what could not be sent is sent again.
+ExecStopPost={run} --tell
+# A verdict (1) is no failure of the service.
+SuccessExitStatus=0 1
+TimeoutStartSec=6h
+KillSignal=SIGINT
+"""
+_TIMER = """\
+[Unit]
+Description=Nights of {machine}
+
+[Timer]
+OnCalendar=*-*-* {at}:00
+# After a computer that was off the night is made up for only by hand: nobody may be at the machine by then.
+Persistent=false
+AccuracySec=1min
+
+[Install]
+WantedBy=timers.target
+"""
+_WINDOWS = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<Task version="1.2" xmlns="http://schemas.microsoft.com/windows/2004/02/mit/task">
+  <Triggers>
+    <CalendarTrigger>
+      <StartBoundary>2026-01-01T{at}:00</StartBoundary>
+      <Enabled>true</Enabled>
+      <ScheduleByDay><DaysInterval>1</DaysInterval></ScheduleByDay>
+    </CalendarTrigger>
+  </Triggers>
+  <Settings>
+    <MultipleInstancesPolicy>IgnoreNew</MultipleInstancesPolicy>
+    <StartWhenAvailable>false</StartWhenAvailable>
+    <DisallowStartIfOnBatteries>false</DisallowStartIfOnBatteries>
+    <StopIfGoingOnBatteries>false</StopIfGoingOnBatteries>
+    <ExecutionTimeLimit>PT6H</ExecutionTimeLimit>
+    <WakeToRun>true</WakeToRun>
+  </Settings>
+  <Actions>
+    <Exec>
+      <Command>{command}</Command>
+      <Arguments>{arguments}</Arguments>
+    </Exec>
+  </Actions>
+</Task>
+"""

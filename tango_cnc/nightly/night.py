@@ -1,0 +1,192 @@
+"""One night from lock to message. Whatever fails on the way, it ends with a record and with words for somebody.
+
+    lock → what was left behind → preflight → measure → analyse → verdict → keep → tell
+
+Nothing moves before every point of the preflight has passed. What is kept is kept before anybody is told.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from ..files.nightly import Nightly
+from ..history import FORMAT, Knowledge
+from ..records import LinkError, TangoError
+from .ports import Disk, Finding, World
+from .words import headline, message
+
+MISSED = 7  # nights that were missed and are put on record one by one
+EXIT = {"good": 0, "changed": 1, "out_of_limits": 1, "doubtful": 1, "not_measured": 3}
+
+
+def stamp_of(moment: datetime) -> str:
+    """moment → 2026-11-23T02:00:00Z."""
+    return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def day_of(moment: datetime) -> float:
+    """moment → days since 1970-01-01 UTC."""
+    return moment.timestamp() / 86_400
+
+
+def night(machine: str, cell: str, settings: Nightly, world: World) -> dict[str, Any]:
+    """machine, folder of its cell, settings, the world → record of the night (tango-night/1), kept and told.
+
+    Raises nothing that a night can meet: what fails is in the record.
+    """
+    begun = world.clock.now()
+    stamp = begun.astimezone(UTC).strftime("%Y-%m-%dT%H%M%SZ")
+    base: dict[str, Any] = {
+        **{"format": FORMAT, "machine": machine, "cell": cell, "night": begun.strftime("%Y-%m-%d")},
+        **{"start_utc": stamp_of(begun), "kind": "none", "status": "failed", "why": "", "verdict": "not_measured"},
+        **{"preflight": [], "touches": 0, "planned": 0, "machine_time_s": 0.0, "alarms": [], "limits": []},
+        "artefacts": {"folder": f"nights/{stamp}"},
+    }
+    left: list[str] = []
+    try:
+        with world.lock:
+            left = _left_behind(machine, cell, settings, world, begun)
+            world.disk.begin(stamp, base["start_utc"])
+            found, knowledge, files, readings = _measured(settings, world, day_of(begun))
+            record = base | found
+            return _kept(record, knowledge, files, readings, settings, world, stamp, left)
+    except (TangoError, OSError) as error:
+        record = base | {"why": _sentence(error)}
+        return _kept(record, None, {}, None, settings, world, stamp, left)
+
+
+def _measured(settings: Nightly, world: World, day: float) -> tuple[dict[str, Any], Knowledge | None, dict[str, str], str | None]:
+    """→ members of the record, unknowns, files, text of the readings."""
+    kind, why_kind, touches = world.analysis.choice(world.past, day)
+    points = [room(world.disk, settings), *world.control.preflight(kind)]
+    found: dict[str, Any] = {"preflight": [vars(p) for p in points], "asked": {"kind": kind, "why": why_kind}}
+    failed = [p for p in points if not p.passed]
+    if failed:
+        return found | {"why": f"preflight: {failed[0].found}", "do": failed[0].do}, None, {}, None
+    try:
+        measured = world.control.measure(kind, touches)
+    except LinkError as error:
+        return found | {"why": _sentence(error), "kind": "none"}, None, {}, None
+    found |= {
+        **{"kind": kind, "planned": measured.planned, "machine_time_s": round(measured.seconds, 1)},
+        "hashes": dict(measured.hashes),
+    }
+    if measured.readings is None or not len(measured.readings):
+        return found | {"kind": "none", "why": measured.why or "no touch was made"}, None, {}, measured.text
+    found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
+    try:
+        more, knowledge, files = world.analysis.analysed(world.past, day, kind, measured)
+    except TangoError as error:
+        more, knowledge, files = {"verdict": "doubtful", "plausible": {"verdict": "implausible", "reasons": [str(error)]}}, None, {}
+    return found | more, knowledge, files, measured.text
+
+
+def room(disk: Disk, settings: Nightly) -> Finding:
+    """disk, settings → whether there is room for a night."""
+    free = disk.free_mb()
+    enough = free >= settings.free_mb
+    return Finding("disk", enough, f"{free:.0f} MB free", "" if enough else f"make room: {settings.free_mb:.0f} MB are needed")
+
+
+def _left_behind(machine: str, cell: str, settings: Nightly, world: World, now: datetime) -> list[str]:
+    """→ sentences on nights that were begun and never ended, and on those that never began; they are on record when it returns."""
+    said = []
+    known = {n.start_utc for n in world.past.nights(machine, last=30)} if machine in world.past.machines() else set()
+    for stamp, started in world.disk.unfinished():
+        if started not in known:
+            why = "the night was cut off: power, a killed program or a computer that was switched off"
+            record = _empty(machine, cell, started, started[:10], "failed", why, stamp)
+            world.past.add_night(record)
+            known.add(started)
+            said.append(f"{started[:10]}: {why}")
+        world.disk.ended(stamp)
+    if not known:
+        return said
+    last = datetime.fromisoformat(max(known))
+    period = timedelta(days=settings.every_days)
+    missed = int((now - last) / period + 0.5) - 1
+    for i in range(min(missed, MISSED)):
+        when = now - period * (min(missed, MISSED) - i)
+        why = "no night began" if missed <= MISSED or i else f"no night began; {missed} nights are missing since {max(known)[:10]}"
+        world.past.add_night(_empty(machine, cell, stamp_of(when), when.strftime("%Y-%m-%d"), "missed", why, ""))
+        said.append(f"{when:%Y-%m-%d}: {why}")
+    return said
+
+
+def _empty(machine: str, cell: str, start: str, date: str, status: str, why: str, stamp: str) -> dict[str, Any]:
+    record = {
+        **{"format": FORMAT, "machine": machine, "cell": cell, "night": date, "start_utc": start, "end_utc": start},
+        **{"duration_s": 0.0, "kind": "none", "status": status, "why": why, "verdict": "not_measured", "preflight": []},
+        **{"touches": 0, "planned": 0, "machine_time_s": 0.0, "alarms": [], "limits": []},
+    }
+    if stamp:
+        record["artefacts"] = {"folder": f"nights/{stamp}"}
+    return record | {"headline": headline(record)}
+
+
+def _kept(
+    record: dict[str, Any],
+    knowledge: Knowledge | None,
+    files: dict[str, str],
+    readings: str | None,
+    settings: Nightly,
+    world: World,
+    stamp: str,
+    left: list[str],
+) -> dict[str, Any]:
+    """→ the record as it was kept; whoever is to be told has been told, or the message waits on disk."""
+    ended = world.clock.now()
+    started = datetime.fromisoformat(record["start_utc"])
+    record |= {"end_utc": stamp_of(ended), "duration_s": round(max((ended - started).total_seconds(), 0.0), 1)}
+    for number, alarm in enumerate(record["alarms"], 1):
+        alarm |= {"id": f"{record['night']}-{started:%H%M%S}-{number}", "owner": settings.owner or None, "decision": None}
+    record["headline"] = headline(record)
+    trouble = []
+    if readings is not None:
+        files = {"readings.csv": readings, **files}
+    for name, text in files.items():
+        try:
+            world.disk.write(stamp, name, text)
+            record["artefacts"] = record["artefacts"] | {name.partition(".")[0]: name}
+        except OSError as error:
+            trouble.append(f"{name} could not be written ({error.strerror or error})")
+    try:
+        world.past.add_night(record, readings, knowledge)
+        kept = True
+    except (TangoError, OSError) as error:
+        kept = False
+        trouble.append(f"the night is not in the history: {_sentence(error)}")
+    _told(record, trouble, left, world, stamp)
+    if kept:
+        try:
+            world.disk.ended(stamp)
+        except OSError as error:
+            record["trouble"] = [*trouble, str(error)]
+    return record | ({"trouble": trouble} if trouble else {})
+
+
+def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: World, stamp: str) -> None:
+    subject, text = message(record, trouble, left)
+    waiting = True
+    try:
+        world.disk.post(stamp, f"{subject}\n{text}")
+    except OSError:
+        waiting = False  # then it is sent without having been kept
+    try:
+        unsent = [item for item in world.disk.unsent() if item[0] != stamp]
+    except OSError:
+        unsent = []
+    for old, words in [*unsent, (stamp, f"{subject}\n{text}")]:
+        title, _, body = words.partition("\n")
+        deliveries = world.mail.send(title, body)
+        if old == stamp:
+            record["notifications"] = [vars(d) for d in deliveries]
+        if all(d.sent for d in deliveries) and (waiting or old != stamp):
+            world.disk.sent(old)
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename or 'disk'}: {error.strerror}"
+    return str(error)

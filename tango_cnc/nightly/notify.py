@@ -1,0 +1,134 @@
+"""Whoever is to be told, each a URL in nightly.yaml. What cannot be sent says why, and stays on disk until it can.
+
+    mailto:ann@shop.example?smtp=mail.shop.example:587&user=machine&from=hu40t@shop.example&tls=yes
+    https://hooks.shop.example/machines        a POST of {"subject", "text"}
+    mqtt://broker:1883/machines/hu40t          {"subject", "text"}, kept by the broker
+    apprise:tgram://token/chat                 whatever apprise knows (pip install 'tango-cnc[notify]')
+    file:///srv/board/hu40t.txt                the last message, for a screen on the wall
+
+A password is never in nightly.yaml: ${NAME} in a URL is taken from the environment.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import smtplib
+import ssl
+import urllib.request
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from email.message import EmailMessage
+from pathlib import Path
+from urllib.parse import parse_qs, unquote, urlsplit
+
+from .ports import Delivery
+
+WAIT = 20.0  # s
+
+
+@dataclass(frozen=True)
+class Notifier:
+    """The receivers of a cell."""
+
+    urls: tuple[str, ...]
+
+    def send(self, subject: str, text: str) -> Sequence[Delivery]:
+        """subject, text → what was delivered, one a receiver; without receivers nothing, and stderr is all there is."""
+        return tuple(_one(url, subject, text) for url in self.urls)
+
+
+def _one(url: str, subject: str, text: str) -> Delivery:
+    to = shown(url)
+    try:
+        filled = _filled(url)
+        _SENDERS[url.split(":")[0]](filled, subject, text)
+    except Exception as error:  # whatever a library raises: one receiver that fails must not keep the others from hearing
+        return Delivery(to, False, f"{type(error).__name__}: {error}")
+    return Delivery(to, True)
+
+
+def shown(url: str) -> str:
+    """URL → the same without what may be secret."""
+    scheme, _, rest = url.partition(":")
+    if scheme == "mailto":
+        return f"mailto:{rest.split('?')[0]}"
+    if scheme == "apprise":
+        return f"apprise:{rest.split('://')[0]}://…"
+    return re.sub(r"//[^/@]*@", "//…@", url.split("?")[0])
+
+
+def _filled(url: str) -> str:
+    def value(match: re.Match[str]) -> str:
+        if match[1] not in os.environ:
+            raise ValueError(f"the environment has no {match[1]}")
+        return os.environ[match[1]]
+
+    return re.sub(r"\$\{(\w+)\}", value, url)
+
+
+def _mail(url: str, subject: str, text: str) -> None:
+    address, _, query = url.removeprefix("mailto:").partition("?")
+    options = {key: values[-1] for key, values in parse_qs(query).items()}
+    host, _, port = options.get("smtp", "localhost:25").partition(":")
+    mail = EmailMessage()
+    mail["Subject"], mail["To"], mail["From"] = subject, unquote(address), options.get("from", f"tango@{host}")
+    mail.set_content(text)
+    with smtplib.SMTP(host, int(port or 25), timeout=WAIT) as server:
+        if options.get("tls", "no") == "yes":
+            server.starttls(context=ssl.create_default_context())
+        if "user" in options:
+            server.login(options["user"], options.get("password", ""))
+        server.send_message(mail)
+
+
+def _hook(url: str, subject: str, text: str) -> None:
+    data = json.dumps({"subject": subject, "text": text}, ensure_ascii=False).encode()
+    asked = urllib.request.Request(url, data, {"Content-Type": "application/json; charset=utf-8"}, method="POST")
+    with urllib.request.urlopen(asked, timeout=WAIT) as answer:
+        answer.read()
+
+
+def _mqtt(url: str, subject: str, text: str) -> None:
+    try:
+        from paho.mqtt import publish
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError("pip install 'tango-cnc[notify]'") from None
+    parts = urlsplit(url)
+    secure = parts.scheme == "mqtts"
+    publish.single(
+        parts.path.lstrip("/") or "tango",
+        json.dumps({"subject": subject, "text": text}, ensure_ascii=False),
+        qos=1,
+        retain=True,
+        hostname=parts.hostname or "localhost",
+        port=parts.port or (8883 if secure else 1883),
+        auth={"username": unquote(parts.username), "password": unquote(parts.password or "")} if parts.username else None,
+        tls={"ca_certs": ssl.get_default_verify_paths().cafile or ""} if secure else None,
+    )
+
+
+def _apprise(url: str, subject: str, text: str) -> None:
+    try:
+        import apprise
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError("pip install 'tango-cnc[notify]'") from None
+    sender = apprise.Apprise()
+    if not sender.add(url.removeprefix("apprise:")):
+        raise ValueError("apprise does not know this URL")
+    if not sender.notify(body=text, title=subject):
+        raise ConnectionError("apprise could not deliver it")
+
+
+def _file(url: str, subject: str, text: str) -> None:
+    from ..files import write_text
+
+    path = unquote(urlsplit(url).path)
+    write_text(Path(path[1:] if os.name == "nt" else path), f"{subject}\n\n{text}")
+
+
+_SENDERS: dict[str, Callable[[str, str, str], None]] = {
+    **{"mailto": _mail, "http": _hook, "https": _hook, "mqtt": _mqtt, "mqtts": _mqtt},
+    **{"apprise": _apprise, "file": _file},
+}

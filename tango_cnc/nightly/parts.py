@@ -1,0 +1,87 @@
+"""Small steps of the analysis of a night: what is opened after a change, and numbers as a record has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..estimate import Estimate
+from ..history import Knowledge
+from ..records import Array, Indexation, Readings, Strategy
+from ..state import Frame, Named, State, Tonight, reopened
+
+
+def part_of(strategy: Strategy, touches: Sequence[int]) -> tuple[Strategy, list[int]]:
+    """strategy, numbers of touches (empty: all) → the strategy of these alone, and their numbers."""
+    wanted, number, kept, numbers = set(touches), 0, [], []
+    for indexation in strategy.indexations:
+        own = []
+        for facet in indexation.facets:
+            number += 1
+            if not wanted or number in wanted:
+                own.append(facet)
+                numbers.append(number)
+        if own:
+            kept.append(Indexation(indexation.position, tuple(own)))
+    return replace(strategy, indexations=tuple(kept)), numbers
+
+
+def opened(ahead: State, followed: Frame, named: Named | None) -> State:
+    """predicted state, what changed → the state that lets it."""
+    if named is None or named.remains < 1e-4:
+        wide = reopened(ahead, followed, None)
+        return reopened(wide, followed, None, True) if named is not None and named.hypothesis.cause == "temperature" else wide
+    if named.hypothesis.cause == "temperature":
+        return reopened(ahead, followed, None, True)
+    spread = np.maximum(np.abs(named.size), 3 * np.where(np.isfinite(named.std), named.std, 0.0))
+    return reopened(ahead, followed, named.hypothesis.directions * (3 * np.maximum(spread, 1e-9)))
+
+
+def change(tonight: Tonight, rate: float) -> dict[str, Any]:
+    """test of the night, rate → member `change` of the record."""
+    return {
+        **{"p_value": tonight.p_value, "statistic": tonight.statistic / tonight.scale, "dof": tonight.dof, "limit": rate},
+        **{"p_machine": tonight.p_machine, "p_noise": tonight.p_noise},
+        "text": f"one false alarm in {1 / rate:.0f} nights is expected",
+    }
+
+
+def residual(result: Estimate) -> dict[str, Any]:
+    """estimate → member `residual` of the record."""
+    rms = float(np.sqrt(np.mean(result.residuals**2))) * 1e3
+    return {"rms_um": rms, "std_um": result.sigma * 1e3, "dof": result.dof}
+
+
+def knowledge(state: State) -> Knowledge:
+    """state → what the history keeps of it."""
+    return Knowledge(state.names, state.mean, state.covariance)
+
+
+def three(knowledge: Knowledge) -> tuple[tuple[str, ...], Array, Array]:
+    """knowledge → names, values, covariance."""
+    return knowledge.names, knowledge.values, knowledge.covariance
+
+
+def warmth(readings: Readings, sensor: str | None) -> dict[str, Array]:
+    """readings, sensor → {sensor: (n,) °C} that count."""
+    found = {name: np.asarray(values) for name, values in readings.temperatures.items()}
+    return {sensor: found[sensor]} if sensor in found else found
+
+
+def mean(warmth: Mapping[str, Array]) -> float | None:
+    """{sensor: °C} → their mean, None without one."""
+    return float(np.mean([values.mean() for values in warmth.values()])) if warmth else None
+
+
+def warmer(ahead: State, warmth: Mapping[str, Array]) -> float | None:
+    """predicted state, {sensor: °C} → K above the reference."""
+    now = mean(warmth)
+    return None if now is None or ahead.reference is None else now - ahead.reference
+
+
+def told(values: Sequence[float] | Array) -> dict[str, float]:
+    """(n,) °C → mean, first and last."""
+    return {"mean": float(np.mean(values)), "first": float(values[0]), "last": float(values[-1])}

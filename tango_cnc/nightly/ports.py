@@ -1,0 +1,149 @@
+"""What a night needs of the world around it. Everything that can fail, wait or be cut off is one of these.
+
+`tango nightly` gives it a real clock, disk, control and mail; the tests give it simulated ones that follow one seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Protocol
+
+from ..history import Decision, Knowledge, Night
+from ..records import Readings
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One point of a preflight: what was found, and what to do about it."""
+
+    check: str
+    passed: bool
+    found: str
+    do: str = ""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What came of a run: readings, their text, how many touches were planned, s the machine moved, and why it stopped."""
+
+    readings: Readings | None
+    text: str | None
+    planned: int
+    seconds: float
+    why: str = ""  # empty: every touch was made
+    hashes: tuple[tuple[str, str], ...] = ()
+    asked: tuple[int, ...] = ()  # numbers of the touches that were asked for; empty: the whole strategy
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """One message that was sent, or why not."""
+
+    to: str
+    sent: bool
+    why: str = ""
+
+
+class Clock(Protocol):
+    """The time."""
+
+    def now(self) -> datetime:
+        """→ now, with the local zone."""
+
+
+class Disk(Protocol):
+    """The folder of the cell."""
+
+    def free_mb(self) -> float:
+        """→ room."""
+
+    def begin(self, stamp: str, text: str) -> None:
+        """Marks a night as begun, in a way that survives a power cut. Raises OSError."""
+
+    def unfinished(self) -> Sequence[tuple[str, str]]:
+        """→ (stamp, text) of nights that were begun and never ended."""
+
+    def ended(self, stamp: str) -> None:
+        """Takes the mark away."""
+
+    def write(self, stamp: str, name: str, text: str) -> None:
+        """A file of a night, whole or not at all. Raises OSError."""
+
+    def post(self, stamp: str, text: str) -> None:
+        """Puts a message where it stays until it is sent. Raises OSError."""
+
+    def unsent(self) -> Sequence[tuple[str, str]]:
+        """→ (stamp, text) of messages that were not sent, oldest first."""
+
+    def sent(self, stamp: str) -> None:
+        """Takes a message out that was sent."""
+
+
+class Control(Protocol):
+    """The machine."""
+
+    def preflight(self, kind: str) -> Sequence[Finding]:
+        """kind of night → control, probe, program, place, warmth. Nothing moves."""
+
+    def measure(self, kind: str, touches: Sequence[int]) -> Measured:
+        """kind of night, touches of the strategy (empty: all) → what came of it. Moves the machine. Raises LinkError."""
+
+
+class Mail(Protocol):
+    """Whoever is to be told."""
+
+    def send(self, subject: str, text: str) -> Sequence[Delivery]:
+        """subject, text → what was delivered, one a receiver. Raises nothing."""
+
+
+class Past(Protocol):
+    """The history, as far as a night needs it."""
+
+    def machines(self) -> tuple[str, ...]:
+        """→ names."""
+
+    def nights(self, machine: str | None = None, last: int | None = None) -> tuple[Night, ...]:
+        """machine, how many → newest first."""
+
+    def records(self, machine: str, last: int | None = None) -> tuple[Any, ...]:
+        """machine, how many → tango-night/1, newest first."""
+
+    def latest_knowledge(self, machine: str) -> tuple[Night, Knowledge] | None:
+        """machine → what was known after its last measured night."""
+
+    def decisions(self, machine: str) -> tuple[Decision, ...]:
+        """machine → what was decided, oldest first."""
+
+    def night(self, entry: int) -> Any:
+        """entry → the night whole."""
+
+    def add_night(self, record: Any, readings: str | None = None, knowledge: Knowledge | None = None) -> int:
+        """record, readings, unknowns → entry; on disk when it returns."""
+
+
+class Analysis(Protocol):
+    """Readings → what they say."""
+
+    def choice(self, past: Past, day: float) -> tuple[str, str, tuple[int, ...]]:
+        """history, day → kind of night, why, touches."""
+
+    def analysed(
+        self, past: Past, day: float, kind: str, measured: Measured
+    ) -> tuple[dict[str, Any], Knowledge | None, dict[str, str]]:
+        """history, day, kind, readings → members of the record, all unknowns, files. Raises TangoError."""
+
+
+@dataclass(frozen=True)
+class World:
+    """All of them, and the lock of the cell."""
+
+    clock: Clock
+    disk: Disk
+    control: Control
+    mail: Mail
+    past: Past
+    analysis: Analysis
+    lock: AbstractContextManager[None]

@@ -1,0 +1,125 @@
+"""A night in words: one sentence for a telephone, a message for a mailbox, and what each cause means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..report.units import shown
+
+SUBJECT = {
+    "good": "as it should be",
+    "changed": "HAS CHANGED",
+    "out_of_limits": "OUT OF LIMITS",
+    "doubtful": "readings in doubt",
+    "not_measured": "NOT MEASURED",
+}
+# cause → what it means for a part, what to do
+CAUSES = {
+    "axis_location": (
+        "parts machined at other positions of the rotary axes are off by this",
+        "ask who was at the machine; measure once more; then enter the new location in the control, or have the machine looked at",
+    ),
+    "scale": (
+        "lengths along this axis are off in proportion",
+        "check the scale and its temperature compensation; measure once more before anything is entered",
+    ),
+    "backlash": (
+        "positions reached from the two sides differ by twice this",
+        "check drive, coupling and guideway lubrication; measure once more before the reversal value is changed",
+    ),
+    "stylus": (
+        "a matter of the probe and of what is set up with it, not of parts by itself",
+        "look at the stylus, its seat and its screw; calibrate the probe; measure once more",
+    ),
+    "pretravel": (
+        "a matter of the probe: widths measured with it are off by twice this",
+        "look at stylus ball, battery and trigger force; calibrate the probe",
+    ),
+    "table": (
+        "work offsets on this table are off by this",
+        "look for a knock or a loose clamp of the table; set the work offsets up anew",
+    ),
+    "facet": ("nothing, unless the place is used for setting up", "clean the facet and look for a dent; leave it out if it stays"),
+    "temperature": (
+        "parts made warm and parts made cold differ by this",
+        "machine at the usual temperature, or let the compensation follow it; the next nights learn by how much",
+    ),
+    "noise_level": (
+        "every single touch is worth less; probed set-ups scatter by this",
+        "look at the probe: battery, stylus screw, chips; check the measuring feed",
+    ),
+    "unknown": (
+        "not known before a full run",
+        "run the full strategy and 'tango diagnose'; until then do not rely on the last values",
+    ),
+}
+
+
+def value(number: float, unit: str, std: float | None = None) -> str:
+    """number in mm, rad …, unit, standard deviation → '+19.8 ± 0.4 µm'."""
+    factor, name = shown(unit)
+    spread = "" if std is None else f" ± {std * factor:.1f}"
+    return f"{number * factor:+.1f}{spread} {name}"
+
+
+def headline(record: Mapping[str, Any]) -> str:
+    """record of a night → one sentence."""
+    if record["status"] == "missed":
+        return f"no measurement: {record['why']}"
+    if record["verdict"] == "not_measured":
+        return f"not measured: {record['why']}"
+    alarms = record["alarms"]
+    if record["verdict"] == "doubtful":
+        reasons = (record.get("plausible") or {}).get("reasons") or [record.get("why") or "see the report"]
+        return f"the readings are not to be relied on: {reasons[0]}"
+    if alarms:
+        return str(alarms[0]["text"])
+    beyond = [limit for limit in record["limits"] if limit["passed"] is False]
+    if beyond:
+        b = beyond[0]
+        return f"{b['what']} is {b['value']:.1f} {b['unit']}, {b['limit']:g} are allowed"
+    part = f" (stopped after {record['touches']} of {record['planned']} touches)" if record["status"] == "partial" else ""
+    open_ones = [limit for limit in record["limits"] if limit["passed"] is None]
+    if open_ones:
+        o = open_ones[0]
+        return f"nothing has changed{part}; whether {o['what']} is within {o['limit']:g} {o['unit']} is not certain"
+    volume = (record.get("volume") or {}).get("worst_um")
+    told = "" if volume is None else f"; the largest error over the volume is {volume:.1f} µm"
+    first = (record.get("change") or {}).get("p_value") is None
+    return f"{'measured for the first time' if first else 'nothing has changed'}{part}{told}"
+
+
+def message(record: Mapping[str, Any], trouble: Sequence[str], left: Sequence[str]) -> tuple[str, str]:
+    """record, what went wrong while keeping it, what was found of earlier nights → subject and text of a message."""
+    subject = f"{record['machine']}: {SUBJECT[record['verdict']]} ({record['night']})"
+    lines = [record["headline"][:1].upper() + record["headline"][1:].rstrip(".") + ".", ""]
+    for alarm in record["alarms"]:
+        lines += [f"* {alarm['text']}", f"  since {alarm['since']}, {alarm['sigmas']:.0f} standard deviations"]
+        if alarm.get("rate_per_day"):
+            lines.append(f"  at {value(alarm['rate_per_day'], alarm['unit'])} a day")
+        lines += [f"  on a part: {alarm['on_part']}", f"  what to do: {alarm['do']}"]
+        if alarm["instead"]:
+            lines.append(f"  fits nearly as well: {', '.join(alarm['instead'])}")
+        lines += [
+            f"  owner: {alarm['owner'] or 'none is stated in nightly.yaml'}",
+            f"  to answer: tango history decide {alarm['id']} --action … --owner …",
+            "",
+        ]
+    failed = [p for p in record["preflight"] if not p["passed"]]
+    lines += [f"* {p['check']}: {p['found'].rstrip('.')}{'; ' + p['do'] if p['do'] else ''}. Nothing was moved." for p in failed]
+    for limit in record["limits"]:
+        word = {True: "within", False: "BEYOND", None: "not certain to be within"}[limit["passed"]]
+        lines.append(f"* {limit['what']}: {limit['value']:.1f} {limit['unit']}, {word} {limit['limit']:g}")
+    if (change := record.get("change")) is not None and change.get("p_value") is not None:
+        lines.append(f"* {change['text']}; tonight's probability by chance: {change['p_value']:.2g}")
+    if (asked := record.get("next")) is not None:
+        lines.append(f"* next night: {asked['kind']} ({asked['why']})")
+    lines += [f"* {text}" for text in (*left, *trouble)]
+    kept = record["artefacts"]["folder"] if "artefacts" in record else ""
+    lines += [
+        "",
+        f"{record['kind']} night, {record['touches']} of {record['planned']} touches, {record['machine_time_s'] / 60:.0f} min",
+    ]
+    lines += [f"cell {record['cell']}, files in {kept}"]
+    return subject, "\n".join(lines) + "\n"

@@ -1,0 +1,287 @@
+"""Noise as the residuals show it → honest standard deviations: white, walk, seating, rough facets, outliers.
+
+A least-squares fit takes every touch for independent. A machine that warms up, clamps that seat anew at every indexation, a
+rough facet: each makes touches err together, and what they put into a parameter is then far beyond its standard deviation. Here
+the residuals tell how large each of these is (restricted maximum likelihood; Patterson and Thompson 1971), and parameters and
+covariance are those of generalised least squares with it, as Henderson's mixed model equations give them (1975).
+
+    gap = J δ + Z_walk u + Z_seat v + ε,   u ~ N(0, θ_w), v ~ N(0, θ_s), ε ~ N(0, σ² s_f²)
+
+The walk is a Wiener process in each direction of the machine frame, by its first Karhunen–Loève functions: smooth drifts lie
+in it. Touches that a robust fit with a high breakdown point cannot reach have no weight (least absolute deviations, then
+bisquare; Yohai 1987).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, optimize, special
+
+from .estimate import SIGMA_FLOOR, Estimate, Noise
+from .judgement import TableTolerances
+from .plausible.bounds import alone, is_backlash
+from .records import Array, Machine
+from .terms import Coefficient
+
+WAVES = 12  # functions of the walk in each direction
+MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
+WORTH = 4.0  # twice the gain in log likelihood that a component needs
+LAPLACE = 0.01  # mm: mean size of a touch's residual that the start takes for granted beside what was known before
+LARGEST = 1500  # touches of which the noise is taken apart
+FAINT = 1e-4  # share of the largest singular value below which touches tell nothing of a direction
+CUT = 4.5  # standard deviations beyond which a touch has no weight
+PRIOR = 4.0  # touches that the common scatter counts for in that of a facet
+ROUGH = 1e-3  # chance that a facet is called rough by mistake, all facets together
+FINEST = 1e-5  # mm: residuals below this are rounding, and are left alone
+
+
+@dataclass(frozen=True)
+class _System:
+    """Rows of the touches with weight, and the few known distances below them, at the solution of `estimate`."""
+
+    gaps: Array  # (n,)
+    jacobian: Array  # (n, p), columns scaled
+    known: Array  # (m, p), rows over their uncertainty, columns scaled
+    known_gaps: Array  # (m,)
+    scale: Array  # (p,)
+    values: Array  # (p,), over scale
+    prior: Array  # (p,) one over the variance of what was known of each before, times scale squared; 0 where nothing was
+    least: float  # mm: no touch is taken to be better than a fifth of the stated repeatability
+    walk: Array  # (n, a)
+    seats: Array  # (n, b)
+
+
+def honest(result: Estimate) -> Estimate:
+    """estimate → the same model with parameters, standard deviations and outliers by the noise that its residuals show."""
+    touches = result.model.touches
+    if result.sigma < FINEST or result.dof < 8:
+        return result
+    s = _system(result)
+    keep = _reachable(s)
+    rough = np.ones(len(touches))
+    fitted = _fitted(s, keep, rough)
+    for _ in range(2):
+        left = np.abs(fitted.left) / (fitted.sigma * rough)
+        again = left < CUT * max(1.0, -float(special.ndtri(0.25 / max(keep.sum(), 1))) / 3.5)
+        if again.sum() - len(result.values) < 4:
+            break
+        rough_now = _rough(result, fitted, again)
+        if np.array_equal(again, keep) and np.allclose(rough_now, rough):
+            break
+        keep, rough = again, rough_now
+        fitted = _fitted(s, keep, rough)
+    change = fitted.change
+    if fitted.white and keep.all() and np.all(rough == 1):
+        return replace(result, rejected=np.empty(0, dtype=np.int64), noise=Noise(result.sigma))
+    facets = {f: float(fitted.sigma * r) for f, r in zip(touches.facet, rough, strict=True) if r > 1}
+    noise = Noise(fitted.sigma, fitted.walk, fitted.seating, facets)
+    residuals = result.residuals + s.jacobian @ (change / s.scale)
+    dof = result.dof - int((~keep).sum())
+    thinned = _thinned(fitted.left / (fitted.sigma * rough))
+    return replace(
+        result,
+        values=result.values + change,
+        covariance=fitted.covariance * thinned**2,
+        residuals=residuals,
+        sigma=float(np.sqrt(residuals[keep] @ residuals[keep] / max(dof, 1))),
+        dof=dof,
+        rejected=touches.number[~keep],
+        noise=noise,
+    )
+
+
+def _thinned(left: Array) -> float:
+    """(n,) residuals over their scatter → factor of the standard deviations where heavy tails reach the cut.
+
+    The slope of the mean of ψ(r) = r for |r| < c is P(|r| < c) − 2 c f(c) (Huber and Ronchetti 2009, 3.2); gross errors far beyond
+    c leave it at P, tails that pass through c do not. The density at c is that of the touches within a fifth of it.
+    """
+    size = np.abs(left)
+    inside = float(np.mean(size < CUT))
+    near = float(np.mean(np.abs(size / CUT - 1) < 0.2)) / 0.4
+    return inside / max(inside - near, 0.5)
+
+
+def _system(result: Estimate) -> _System:
+    touches = result.model.touches
+    n = len(touches)
+    scale = 1 / np.maximum(np.linalg.norm(result.jacobian, axis=0), 1e-300)
+    known = result.jacobian[n:] * scale * (result.known_weights / result.sigma)[:, None]
+    normal = touches.machine_normal
+    count = int(touches.indexation.max(initial=0)) + 1
+    days = np.unique(touches.day)
+    walk, seats = np.empty((n, 0)), np.empty((n, 0))
+    if 3 * (count + WAVES * len(days)) <= MOST:
+        place = np.eye(count)[touches.indexation] if count > 2 else np.empty((n, 0))
+        seats = (place[:, :, None] * normal[:, None, :]).reshape(n, -1)
+        walk = np.hstack([_waves(touches.time, touches.day == day, normal) for day in days])
+    known_gaps = result.known_residuals * result.known_weights / result.sigma
+    prior = (scale / _before(result)) ** 2
+    jacobian, values = result.jacobian[:n] * scale, result.values / scale
+    least = max(touches.machine.probe.repeatability / 5, SIGMA_FLOOR)
+    return _System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, walk, seats)
+
+
+def _before(result: Estimate) -> Array:
+    """→ (p,) one standard deviation of each unknown before it was measured: a quarter of its tolerance, infinite without one."""
+    model = result.model
+    table = model.touches.artefact.tolerances
+    known = [_known(c, model.touches.machine, table) for c in model.coefficients]
+    known += [table.facet] * len(model.touches.facets)
+    known += [table.ball] * (len(model.names) - len(known))
+    return np.array(known) / 4
+
+
+def _known(c: Coefficient, machine: Machine, table: TableTolerances) -> float:
+    if is_backlash(c) or (c.slot.stage in ("stylus", "table", "inter") and c.slot.axis):
+        return alone(c, machine, table)[0]
+    return machine.tolerances.scale if c.name in ("EXX1", "EYY1", "EZZ1") else np.inf
+
+
+def _waves(time: Array, rows: NDArray[np.bool_], normal: Array) -> Array:
+    """→ (n, 3 WAVES) Karhunen–Loève functions of a Wiener process of variance 1 at the end, along x y z."""
+    span = np.ptp(time[rows]) or 1.0
+    t = (time - time[rows].min()) / span
+    rate = (np.arange(WAVES) + 0.5) * np.pi
+    wave = np.sqrt(2) * np.sin(t[:, None] * rate) / rate * rows[:, None]
+    return np.asarray((wave[:, :, None] * normal[:, None, :]).reshape(len(time), -1))
+
+
+def _solved(jacobian: Array, right: Array, weight: Array, s: _System, sigma: float) -> Array:
+    """weighted least squares → unknowns (scaled)."""
+    normal = (jacobian.T * weight) @ jacobian + sigma**2 * s.known.T @ s.known
+    normal[np.diag_indices_from(normal)] += 1e-12
+    pull = jacobian.T @ (weight * right) + sigma**2 * s.known.T @ s.known_gaps
+    return np.asarray(linalg.solve(normal, pull, assume_a="pos", check_finite=False))
+
+
+def _reachable(s: _System) -> NDArray[np.bool_]:
+    """→ (n,) touches that a robust fit reaches: least absolute deviations by reweighting, then bisquare with that scale."""
+    n, p = s.jacobian.shape
+    left = s.gaps
+    size = float(np.median(np.abs(left))) + SIGMA_FLOOR
+    for k in range(30):
+        weight = 1 / np.maximum(np.abs(left), max(size * 0.5 ** min(k, 12), SIGMA_FLOOR)) / LAPLACE
+        normal = (s.jacobian.T * weight) @ s.jacobian + s.known.T @ s.known
+        normal[np.diag_indices_from(normal)] += s.prior + 1e-9
+        pull = s.jacobian.T @ (weight * s.gaps) + s.known.T @ s.known_gaps + s.prior * s.values
+        left = s.gaps - s.jacobian @ linalg.solve(normal, pull, assume_a="pos", check_finite=False)
+    # A fit of p unknowns passes through p touches: the median is taken over what is left of the others.
+    scale = max(1.4826 * float(np.median(np.sort(np.abs(left))[p // 2 :])), SIGMA_FLOOR)
+    for _ in range(10):
+        weight = np.clip(1 - (left / (4.685 * scale)) ** 2, 0.0, None) ** 2
+        if (weight > 0).sum() <= p:
+            return np.ones(n, dtype=np.bool_)
+        left = s.gaps - s.jacobian @ _solved(s.jacobian, s.gaps, weight, s, scale)
+        inside = np.abs(left) < 4.685 * scale
+        scale = max(float(np.sqrt(np.sum(weight * left**2) / max(np.sum(weight) * (1 - p / n), 1.0))) * 1.2, SIGMA_FLOOR)
+    return np.asarray(inside)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    change: Array  # (p,) of the unknowns
+    covariance: Array  # (p, p)
+    left: Array  # (n,) mm, white part of every touch's residual
+    sigma: float  # mm, white
+    walk: float  # mm, root mean square over the touches
+    seating: float
+    white: bool
+
+
+def _fitted(s: _System, keep: NDArray[np.bool_], rough: Array) -> _Fitted:
+    """rows with weight, scatter of each against the common one → generalised least squares."""
+    parts = [part for part in (s.walk, s.seats) if part.shape[1]]
+    weight = 1 / rough[keep]
+    j, gaps = s.jacobian[keep] * weight[:, None], s.gaps[keep] * weight
+    # Without the touches that fix it, the scale is a combination of columns as small as the residuals, and equal to them: it
+    # would explain them all. Such directions are left to what was known before.
+    p = j.shape[1]
+    whole = len(j) <= LARGEST
+    basis, singular, _ = np.linalg.svd(j, full_matrices=whole)
+    rank = int((singular > FAINT * singular[0]).sum())
+    left = gaps - basis[:, :rank] @ (basis[:, :rank].T @ gaps)
+    sigma = max(float(np.sqrt(left @ left / max(len(j) - rank, 1))), s.least)
+    if whole and parts and len(j) > p + 8:
+        rest = basis[:, rank:]
+        e = rest.T @ gaps
+        seen = [rest.T @ (part[keep] * weight[:, None]) for part in parts]
+        sigma, ratios = _components(e, seen)
+        sigma = max(sigma, s.least)
+    else:
+        ratios = [0.0] * len(parts)
+    used = [(part, ratio) for part, ratio in zip(parts, ratios, strict=True) if ratio > 0]
+    z = np.hstack([part * np.sqrt(ratio) for part, ratio in used]) if used else np.empty((len(s.gaps), 0))
+    both = np.hstack([j, z[keep] * weight[:, None]])
+    known = np.hstack([s.known, np.zeros((len(s.known), z.shape[1]))])
+    normal = both.T @ both + sigma**2 * known.T @ known
+    q = np.arange(p, both.shape[1])
+    normal[q, q] += 1.0
+    # What was known before decides nothing but for what lost all its touches: a facet, a ball, and with it the scale.
+    normal[np.arange(p), np.arange(p)] += sigma**2 * s.prior
+    pull = both.T @ gaps + sigma**2 * known.T @ s.known_gaps
+    pull[:p] += sigma**2 * s.prior * s.values
+    inverse = linalg.inv(normal)
+    found = inverse @ pull
+    change = -found[:p] * s.scale
+    covariance = sigma**2 * inverse[:p, :p] * np.outer(s.scale, s.scale)
+    left = s.gaps - np.hstack([s.jacobian, z]) @ found
+    size = {id(part): float(sigma * np.sqrt(ratio * np.mean(np.sum(part**2, axis=1)))) for part, ratio in used}
+    return _Fitted(change, covariance, left, sigma, size.get(id(s.walk), 0.0), size.get(id(s.seats), 0.0), not used)
+
+
+def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
+    """(N,) residuals free of the unknowns, Z of each component there → white σ, variance of each over σ²; 0 where not worth it."""
+    n = len(e)
+    gram, right, total = np.hstack(seen).T @ np.hstack(seen), np.hstack(seen).T @ e, float(e @ e)
+    count = [part.shape[1] for part in seen]
+    which = np.repeat(np.arange(len(seen)), count)
+
+    def deviance(ratios: Array) -> tuple[float, float]:
+        d = np.sqrt(ratios)[which]
+        rows = d > 0
+        if not rows.any():
+            return n * np.log(total / n), total / n
+        inner = gram[np.ix_(rows, rows)] * np.outer(d[rows], d[rows])
+        inner[np.diag_indices_from(inner)] += 1.0
+        root = linalg.cholesky(inner, lower=True, check_finite=False)
+        y = linalg.solve_triangular(root, d[rows] * right[rows], lower=True, check_finite=False)
+        variance = max((total - float(y @ y)) / n, SIGMA_FLOOR**2)
+        return n * np.log(variance) + 2 * float(np.log(np.diag(root)).sum()), variance
+
+    def best(active: tuple[int, ...]) -> tuple[float, Array]:
+        def of(x: Array) -> float:
+            ratios = np.zeros(len(seen))
+            ratios[list(active)] = np.exp(x)
+            return deviance(ratios)[0]
+
+        start = min(([g] * len(active) for g in (-2.0, 1.0, 4.0)), key=lambda x: of(np.array(x)))
+        found = optimize.minimize(of, start, method="Nelder-Mead", options={"xatol": 0.05, "fatol": 0.05, "maxiter": 120})
+        ratios = np.zeros(len(seen))
+        ratios[list(active)] = np.exp(np.clip(np.atleast_1d(found.x), -20, 25))
+        return float(found.fun), ratios
+
+    none = np.zeros(len(seen))
+    tried = [(deviance(none)[0], none, 0)]
+    tried += [(*best((k,)), 1) for k in range(len(seen))]
+    if len(seen) > 1 and any(d < tried[0][0] - WORTH for d, _, k in tried if k == 1):
+        tried.append((*best(tuple(range(len(seen)))), len(seen)))
+    _, ratios, _ = min(tried, key=lambda item: item[0] + WORTH * item[2])
+    return float(np.sqrt(deviance(ratios)[1])), ratios.tolist()
+
+
+def _rough(result: Estimate, fitted: _Fitted, keep: NDArray[np.bool_]) -> Array:
+    """→ (n,) scatter of each touch's facet against the common one, 1 where nothing speaks for more."""
+    facets = np.array(result.model.touches.facet)
+    names, place, count = np.unique(facets[keep], return_inverse=True, return_counts=True)
+    share = keep.sum() / max(keep.sum() - len(result.values), 1)  # what the unknowns took out of the residuals
+    square = np.bincount(place, (fitted.left[keep]) ** 2) * share
+    common = float(np.median(square / count)) / 0.9
+    ratio = square / (count * max(common, SIGMA_FLOOR**2))
+    chance = special.chdtrc(np.maximum(count / share, 1.0), ratio * np.maximum(count / share, 1.0))
+    wild = (chance < ROUGH / len(names)) & (count >= 4) & (ratio > 2)
+    size = dict(zip(names, np.where(wild, np.sqrt((ratio * count + PRIOR) / (count + PRIOR)), 1.0), strict=True))
+    return np.array([size.get(f, 1.0) for f in facets])

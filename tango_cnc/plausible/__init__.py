@@ -1,0 +1,151 @@
+"""Whether a result may be believed: what came out is compared with what was known before, and a mistake is looked for.
+
+The verdict is the worst of four: the fit (parameters, facets and scatter against their tolerances), the readings (what is
+missing, copied, rounded), touches that were made elsewhere, and outliers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..estimate import Estimate
+from ..judgement import Judgement, Suspicion, Verdict
+from ..records import Cell, Readings
+from ..touches import FAR, from_readings, misnamed
+from .bounds import Bound, bounds
+from .data import Remark, listed, remarks
+from .search import suspects
+from .words import beyond_text
+
+ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
+MANY = 0.1  # share of outliers that makes a result doubtful
+EXPLAINED = 0.1  # mm: a mistake that leaves less explains the readings
+MOST = 0.35  # share of outliers beyond which nobody knows which touches are right
+NOISY = 8.0  # times the stated repeatability that a touch may scatter before the result is doubtful
+DIRECT = ("another_program", "copied_positions", "constant_column")  # seen in the readings without any fit
+STRUCTURED = 3.0  # times the white scatter that a walk or seating may have before the result is doubtful
+SWAMPED = 3.0  # times what white noise would make of it that the standard deviation of a trusted parameter may be
+NAMED = 6  # quantities beyond their tolerance that are named one by one
+
+
+def worst(verdicts: Sequence[Verdict]) -> Verdict:
+    """verdicts → the worst of them; none is trustworthy."""
+    return ORDER[max((ORDER.index(v) for v in verdicts), default=0)]
+
+
+def judge(cell: Cell, readings: Readings, result: Estimate | None, *, search: bool = True) -> Judgement:
+    """cell, readings, their estimate (None: there is no fit) → whether it may be believed, and what most likely went wrong.
+
+    `search`: look for the mistake where the verdict is not trustworthy.
+    """
+    found = list(remarks(cell, readings))
+    untrusted: list[str] = []
+    if result is None:
+        found.append(Remark("implausible", "there is no fit"))
+    else:
+        told = list(bounds(result))
+        found += _fit(cell, result, told)
+        labels = [result.selection.label(c.name) for c in result.model.coefficients]
+        bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
+        untrusted = [label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in bad]
+    found += _elsewhere(cell, readings)
+    verdict = worst([r.verdict for r in found])
+    suspicions: tuple[Suspicion, ...] = ()
+    if search and verdict != "trustworthy":
+        suspicions = _suspicions(cell, readings, found)
+    return Judgement(
+        verdict,
+        tuple(r.text for r in found if r.verdict != "trustworthy"),
+        tuple(r.text for r in found if r.verdict == "trustworthy"),
+        suspicions,
+        tuple(untrusted),
+    )
+
+
+def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tuple[Suspicion, ...]:
+    """→ mistakes with the readings and mistakes of the cell: first what explains the fit where the fit is bad."""
+    own = tuple(
+        Suspicion(r.kind, r.text, "readings.csv", r.key, r.change, touches=r.touches)
+        for r in found
+        if r.kind and r.verdict != "trustworthy"
+    )
+    tried = suspects(cell, readings)
+    direct = [s for s in own if s.kind in DIRECT and (not s.touches or len(s.touches) > len(readings) / 2)]
+    if not tried or (direct and tried[0].after > EXPLAINED):
+        return (*direct, *tried, *(s for s in own if s not in direct))
+    return (*tried, *own)
+
+
+def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
+    found: list[Remark] = []
+    beyond = sorted((b for b in told if b.beyond), key=lambda b: -abs(b.value) / b.tolerance)
+    found += [Remark("implausible", beyond_text(b)) for b in beyond[:NAMED]]
+    if len(beyond) > NAMED:
+        found.append(Remark("implausible", f"{len(beyond) - NAMED} more quantities are beyond what is plausible"))
+    stated, allowed = cell.machine.probe.repeatability, cell.machine.tolerances.scatter
+    scatter = f"one touch scatters by {result.sigma * 1e3:.4g} µm"
+    if result.sigma > allowed:
+        found.append(
+            Remark("implausible", f"{scatter}; at most {allowed * 1e3:g} µm is plausible (machine.yaml: tolerances.scatter)")
+        )
+    elif result.sigma > NOISY * max(stated, 1e-4):
+        found.append(
+            Remark(
+                "doubtful",
+                f"{scatter}, machine.yaml states {stated * 1e3:.4g} µm: 'tango diagnose' looks for what the rest is made of",
+            )
+        )
+    found += _noise(result)
+    share = len(result.outliers) / len(result.residuals)
+    if share > MANY:
+        text = f"{len(result.outliers)} of {len(result.residuals)} touches do not fit ({listed(result.outliers.tolist())})"
+        found.append(Remark("implausible" if share > MOST else "doubtful", text))
+    return found
+
+
+def _noise(result: Estimate) -> list[Remark]:
+    noise = result.noise
+    if noise is None:
+        return []
+    found = []
+    for size, what in (
+        (noise.walk, "the machine wandered during the run (warm-up, surroundings)"),
+        (noise.seating, "every indexation sits elsewhere (clamps, or errors of the rotary axes that the terms lack)"),
+    ):
+        if size:
+            text = f"{what}: {size * 1e3:.2g} µm beside {noise.white * 1e3:.2g} µm of scatter; the standard deviations contain it"
+            far = size > STRUCTURED * noise.white
+            hint = ". 'tango diagnose' looks for the cause" if far else ""
+            found.append(Remark("doubtful" if far else "trustworthy", text + hint))
+    if noise.facets:
+        listed_facets = ", ".join(f"{f} ({size * 1e3:.2g} µm)" for f, size in noise.facets.items())
+        found.append(Remark("trustworthy", f"facets that scatter more than the others count for less: {listed_facets}"))
+    return found
+
+
+def swamped(result: Estimate) -> tuple[str, ...]:
+    """estimate with its noise → names of coefficients whose standard deviation is mostly what drift and seating may have made."""
+    noise = result.noise
+    if noise is None or not (noise.walk or noise.seating):
+        return ()
+    weights = np.concatenate([np.ones(len(result.residuals)), result.known_weights])
+    weighted = result.jacobian * weights[:, None]
+    scale = np.linalg.norm(weighted, axis=0)
+    root = np.linalg.qr(weighted / scale, mode="r")
+    white = noise.white * np.linalg.norm(np.linalg.inv(root), axis=1) / scale
+    return tuple(n for n, s, w in zip(result.model.names, result.std, white, strict=True) if s > SWAMPED * w)
+
+
+def _elsewhere(cell: Cell, readings: Readings) -> list[Remark]:
+    away = misnamed(from_readings(cell.machine, cell.artefact, readings))
+    if not away:
+        return []
+    m = away[0]
+    text = (
+        f"{len(away)} touch{'es were' if len(away) > 1 else ' was'} made more than {FAR:g} mm from the facet that the readings "
+        f"name: touch {m.number} is called facet {m.facet}, but was made {m.away:.0f} mm away, {m.beside:.1f} mm from where facet "
+        f"{m.near} is touched"
+    )
+    return [Remark("implausible", text, tuple(m.number for m in away))]

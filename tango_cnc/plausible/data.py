@@ -1,0 +1,217 @@
+"""What the readings themselves give away: touches that are missing, made twice, made elsewhere or all alike, clocks, roundings."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ..judgement import Verdict
+from ..kinematics import chain, spindle_axis, tip
+from ..records import Array, Cell, Readings
+
+NEEDED = 0.9  # share of the planned touches without which a result is doubtful
+HALF = 0.5  # share below which a machine is hardly measured
+AWAY = -0.02  # least cosine between normal and spindle: other facets face away, and plans leave them out
+TURNED = 0.1  # degrees between the rotary positions of strategy and readings that are the same position
+FEW = 8  # numbers that a sentence names
+EXACT = 2e-5  # mm from the nominal contact: nearer than any probe repeats
+COARSE = 0.01  # mm: positions that are all whole multiples of it were rounded, or come from a display
+
+
+class Remark(NamedTuple):
+    """A sentence on the readings, and the best verdict that it leaves."""
+
+    verdict: Verdict
+    text: str
+    touches: tuple[int, ...] = ()
+    kind: str = ""  # of a mistake with the readings; empty: a symptom, for which the mistake has to be looked for
+    key: str = ""  # column of the readings
+    change: str = ""
+
+
+def remarks(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    """cell, readings → what is wrong with the readings themselves."""
+    yield from _missing(cell, readings)
+    yield from _twice(readings)
+    yield from _clock(readings)
+    yield from _rounded(readings)
+    yield from _alike(readings)
+    yield from _nominal(cell, readings)
+    yield from _another_strategy(cell, readings)
+
+
+def listed(numbers: tuple[int, ...] | list[int]) -> str:
+    """touch numbers → the first of them for a sentence."""
+    return ", ".join(map(str, numbers[:FEW])) + (f" and {len(numbers) - FEW} more" if len(numbers) > FEW else "")
+
+
+def planned(cell: Cell) -> tuple[list[str], Array, Array]:
+    """cell → facet of every touch of its strategy, rotary positions (n, k) rad, whether a straight stylus can make it (n,)."""
+    machine = cell.machine
+    facets = [f for i in cell.strategy.indexations for f in i.facets]
+    at = [[i.position.get(name, 0.0) for name in machine.names] for i in cell.strategy.indexations for _ in i.facets]
+    position = np.array(at).reshape(-1, len(machine.names))
+    normal = np.array([cell.artefact.facets[f].normal for f in facets])
+    up = spindle_axis(chain(machine), position)
+    return facets, position, np.einsum("ij,ij->i", normal, up) >= AWAY
+
+
+def _missing(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    facets, _, possible = planned(cell)
+    everything = set((np.flatnonzero(possible) + 1).tolist())
+    passes = sorted(set(zip(readings.day.tolist(), readings.cycle.tolist(), strict=True)))
+    made = set(
+        zip(
+            readings.day[readings.ok].tolist(),
+            readings.cycle[readings.ok].tolist(),
+            readings.touch[readings.ok].tolist(),
+            strict=True,
+        )
+    )
+    lacking = [(d, c, t) for d, c in passes for t in sorted(everything) if (d, c, t) not in made]
+    expected = len(everything) * len(passes)
+    share = 1 - len(lacking) / expected if expected else 1.0
+    if lacking:
+        numbers = tuple(t for _, _, t in lacking)
+        gone = len({t for t in numbers} - set(readings.touch.tolist()))
+        text = (
+            f"{len(lacking)} of {expected} planned touches are missing or made no proper contact ({listed(numbers)}"
+            f"{f'; {gone} of them are not in the file' if gone else ''})"
+        )
+        if share < NEEDED:
+            hint = "go on with 'tango run --resume', or measure again" if gone else "look for what kept them from contact"
+            verdict: Verdict = "implausible" if share < HALF / 2 else "doubtful"
+            yield Remark(verdict, f"{text}: {hint}", numbers, "missing_touches", "touch", hint)
+        else:
+            yield Remark("trustworthy", text, numbers)
+    if beyond := sorted({int(t) for t in readings.touch if not 1 <= t <= len(facets)}):
+        yield Remark(
+            "doubtful",
+            f"touches {listed(beyond)} are in the readings and not in the strategy, which has {len(facets)}: the readings are of "
+            "another program, or strategy.yaml was changed after it",
+            tuple(beyond),
+            "another_program",
+            "touch",
+            "take the strategy.yaml that the program was made from",
+        )
+
+
+def _twice(readings: Readings) -> Iterator[Remark]:
+    keys = zip(readings.touch.tolist(), readings.cycle.tolist(), readings.day.tolist(), strict=True)
+    many = sorted({key[0] for key, n in Counter(keys).items() if n > 1})
+    if many:
+        yield Remark(
+            "doubtful",
+            f"touches {listed(many)} are in the readings more than once with the same cycle and day: keep one row of each, or "
+            "number the repetitions in the column 'cycle'",
+            tuple(many),
+            "repeated_touches",
+            "touch",
+            "keep one row of each",
+        )
+    rows, count = np.unique(readings.position[readings.ok], axis=0, return_counts=True)
+    if len(rows) and not _whole(readings) and count.max() > 2 and count.sum() - len(rows) > 0.05 * count.sum():
+        yield Remark(
+            "doubtful",
+            f"{int(count[count > 1].sum())} touches have exactly the position of another one: no machine repeats every digit; the "
+            "readings were copied, or the control reports where it was sent and not where the probe tripped",
+            (),
+            "copied_positions",
+            "X, Y, Z",
+            "record the position that the control latches at the trigger",
+        )
+
+
+def _clock(readings: Readings) -> Iterator[Remark]:
+    back = [
+        int(readings.touch[i + 1]) for i in np.flatnonzero(np.diff(readings.time) < 0) if readings.day[i + 1] == readings.day[i]
+    ]
+    if back:
+        yield Remark(
+            "doubtful",
+            f"time runs backward at touch {listed(back)}: rows stand in another order than they were measured, or a clock was set; "
+            "drift and backlash are then taken for something else",
+            tuple(back),
+            "time_order",
+            "time_s",
+            "put the rows into the order of measurement",
+        )
+
+
+def _whole(readings: Readings) -> bool:
+    """→ whether every position is a whole multiple of what displays show."""
+    values = readings.position[readings.ok][:, [i for i, name in enumerate(readings.axes) if name in "XYZ"]]
+    return len(values) >= 10 and bool(np.all(np.abs(values / COARSE - np.round(values / COARSE)) < 1e-6))
+
+
+def _rounded(readings: Readings) -> Iterator[Remark]:
+    if _whole(readings):
+        yield Remark(
+            "doubtful",
+            f"every position is a whole multiple of {COARSE:g} mm: the readings were rounded, or come from a display; record "
+            "all digits that the control has",
+            (),
+            "rounded_positions",
+            "X, Y, Z",
+            "record all digits that the control has",
+        )
+
+
+def _alike(readings: Readings) -> Iterator[Remark]:
+    used = readings.position[readings.ok]
+    if len(used) < 4:
+        return
+    for i, name in enumerate(readings.axes):
+        if name in "XYZ" and np.ptp(used[:, i]) < 1e-9:
+            text = f"{name} is the same in all touches: the column {name} of readings.csv holds no measured position"
+            yield Remark("implausible", text, (), "constant_column", name, f"see what the control writes for {name}")
+
+
+def _another_strategy(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    facets, position, _ = planned(cell)
+    machine = cell.machine
+    inside = (readings.touch >= 1) & (readings.touch <= len(facets))
+    rows = np.flatnonzero(inside)
+    place = readings.touch[rows] - 1
+    turning = [machine.column(name) for name in (*machine.rotary, "S")]
+    off = np.abs(readings.position[rows][:, turning] - position[place][:, turning])
+    off = np.abs((off + np.pi) % (2 * np.pi) - np.pi).max(axis=1, initial=0.0)
+    elsewhere = [int(readings.touch[r]) for r, o in zip(rows, off, strict=True) if o > np.radians(TURNED)]
+    other = [int(readings.touch[r]) for r, p in zip(rows, place, strict=True) if readings.facet[r] != facets[p]]
+    for wrong, what in (
+        (other, "name another facet than strategy.yaml has"),
+        (elsewhere, "have other rotary positions than strategy.yaml"),
+    ):
+        if wrong:
+            yield Remark(
+                "doubtful",
+                f"{len(wrong)} of {len(readings)} touches {what} ({listed(wrong)}): the readings are of another program, or "
+                "strategy.yaml was changed after it",
+                tuple(wrong),
+                "another_program",
+                "facet" if wrong is other else ", ".join(machine.rotary),
+                "take the strategy.yaml that the program was made from",
+            )
+
+
+def _nominal(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    """No machine trips its probe where the drawing says: then the control reports where it was sent."""
+    used = readings.rows(readings.ok)
+    if len(used) < 4:
+        return
+    facets = [cell.artefact.facets[f] for f in used.facet]
+    radius = cell.machine.probe.tip_radius
+    contact = np.array([np.array(f.point) + radius * np.array(f.normal) for f in facets])
+    away = np.linalg.norm(tip(chain(cell.machine), used.position) - contact, axis=1)
+    if np.median(away) < EXACT:
+        yield Remark(
+            "implausible",
+            "the touches were made exactly where the drawing says: the control reports where it was sent",
+            (),
+            "copied_positions",
+            ", ".join(cell.machine.linear),
+            "record the position that the control latches at the trigger (docs/link.md)",
+        )

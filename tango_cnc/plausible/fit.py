@@ -1,0 +1,226 @@
+"""How well a cell explains readings when everything keeps to what was known before: a robust fit with priors.
+
+Each unknown (axis locations, scales, backlashes, stylus, facets, balls) has a normal prior of a quarter of its tolerance; each gap
+and each distance beside the nominal contact counts with a Cauchy loss, so that a mistake in one facet or one indexation costs what
+its touches cost and spoils nothing else (Student's t with one degree of freedom; Lange, Little, Taylor 1989). The start is the
+cell as it is stated, where a right cell leaves less than its tolerances: no subset of touches has to be drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+
+from .. import kinematics
+from ..kinematics import Slot
+from ..model import gap
+from ..records import Array, Artefact, Machine, Readings
+from ..touches import Touches, from_readings
+
+STAGES = (0.5, 0.1, 0.03)  # mm: scales of the loss on the way to the final one
+BESIDE = 2.0  # mm: scale of the loss for touches beside their nominal contact
+FREE = 1e4  # mm or rad: prior of an unknown that is given up
+PRIOR = 4.0  # standard deviations of the prior that make a tolerance
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One column: where it acts, with which regressor, and what is known of it before."""
+
+    name: str
+    prior: float  # one standard deviation, mm, rad or mm/mm
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What a cell leaves unexplained; `cost` is minus the logarithm of its likelihood but for a constant."""
+
+    cost: float
+    before: Array  # (n,) mm, gaps as the cell is stated
+    gaps: Array  # (n,) mm, gaps after the fit
+    beside: Array  # (n,) mm, how far beside the nominal contact the tip is, after the fit
+    values: Mapping[str, float]
+
+    @cached_property
+    def size(self) -> float:
+        """→ mm, root mean square of gap and way beside it, each at most 1000 mm."""
+        return float(np.sqrt(np.mean(np.clip(self.gaps**2, 0, 1e6))))
+
+
+def unknowns(machine: Machine, touches: Touches, free: Sequence[str]) -> list[Unknown]:
+    """machine, touches, names that are given up → unknowns with their priors."""
+    known, table = machine.tolerances, touches.artefact.tolerances
+    found = []
+    for name in machine.rotary:
+        own = kinematics.axis_frame(name, machine.axis(name).direction)[1] + 3
+        found += [Unknown(f"E{c}0{name}", known.location / PRIOR) for c in "XYZ"]
+        found += [Unknown(f"E{'ABC'[i]}0{name}", known.angle / PRIOR) for i in range(3) if i + 3 != own]
+        found.append(Unknown(f"E{name}{name}b", known.backlash_angle / PRIOR))
+    found += [Unknown(f"E{c}0{name}", known.angle / PRIOR) for name in machine.linear for c in "ABC"]
+    found += [Unknown(f"E{name}{name}1", known.scale / PRIOR) for name in machine.linear]
+    found += [Unknown(f"E{name}{name}b", known.backlash / PRIOR) for name in machine.linear]
+    found += [Unknown(name, known.location / PRIOR) for name in ("EX0S", "EY0S")]
+    found += [Unknown(name, known.angle / PRIOR) for name in ("EA0S", "EB0S")]
+    found += [Unknown(name, known.stylus / PRIOR) for name in ("EXt", "EYt", "EZt")]
+    found += [Unknown(f"EZf{facet}", table.facet / PRIOR) for facet in touches.facets]
+    found += [Unknown(f"E{c}ball{ball}", table.ball / PRIOR) for ball in touches.balls for c in "XYZ"]
+    names = {u.name for u in found}
+    found = [Unknown(u.name, FREE) if u.name in free else u for u in found]
+    return found + [Unknown(name, FREE) for name in free if name not in names]
+
+
+def _slot(name: str, machine: Machine) -> Slot | None:
+    if name.endswith("t") and len(name) == 3:
+        return Slot("t", "stylus", "XYZ".index(name[1]))
+    if len(name) == 4 and name[2] == "0":
+        return Slot(name[3], "inter", "XYZABC".index(name[1]))
+    if len(name) == 4 and name[1] == name[2] and name[1] in machine.names:
+        return Slot(name[1], "motion")
+    return None
+
+
+def _regressor(name: str, touches: Touches) -> Array:
+    axis, kind = name[1], name[3:]
+    if len(name) == 4 and axis == name[2]:
+        if kind == "b":
+            return touches.sign(axis)
+        if kind == "1":
+            return touches.axis(axis)
+    return np.ones(len(touches))
+
+
+def explain(
+    machine: Machine, artefact: Artefact, readings: Readings, free: Sequence[str] = (), scale: float | None = None
+) -> Explained:
+    """cell, readings of which rows with status ok count, unknowns given up → what they leave.
+
+    Names in `free` are those of unknowns, `EXw` (placement), `E_zero_X` and `E_zero_B@7` (zero of an axis, mm or rad, always or at
+    one indexation, counted from 0), `E_point_BX` (point of an axis, in its frame), `radius` (tip), `ballradius@1` and `bar`.
+    """
+    touches = from_readings(machine, artefact, readings)
+    columns = unknowns(machine, touches, free)
+    final = scale or max(3 * machine.probe.repeatability, 0.004)
+    prior = np.array([u.prior for u in columns])
+    values = np.zeros(len(columns))
+    before = None
+    rounds = 4 if any(_turns(name, machine) for name in free) else 2
+    for again in range(rounds):
+        acting = _acting(columns, values, touches)
+        run = kinematics.trace(touches.chain, touches.position, acting)
+        gaps, jacobian = _linear(columns, values, touches, run)
+        before = gaps if before is None else before
+        values = _robust(gaps, jacobian, values, prior, (*STAGES, final, final) if not again else (final,) * 3)
+    tip = kinematics.tip(touches.chain, touches.position, _acting(columns, values, touches))
+    gaps, beside = _left(columns, values, touches, tip)
+    assert before is not None
+    bar = _bar(columns, values, touches)
+    cost = float(np.log1p((gaps / final) ** 2).sum() + np.log1p((beside / BESIDE) ** 2).sum() / 2 + np.log1p((bar / 0.05) ** 2))
+    cost += float(np.sum((values / prior) ** 2) / 2)
+    return Explained(cost, before, gaps, beside, {u.name: float(v) for u, v in zip(columns, values, strict=True)})
+
+
+def _turns(name: str, machine: Machine) -> bool:
+    return name.startswith("E_zero_") and name[7] in machine.rotary
+
+
+def _acting(columns: Sequence[Unknown], values: Array, touches: Touches) -> dict[Slot, Array]:
+    acting: dict[Slot, Array] = {}
+    for unknown, value in zip(columns, values, strict=True):
+        for slot, sign in _places(unknown.name, touches.machine) if value else ():
+            acting[slot] = acting.get(slot, 0.0) + sign * value * _pattern(unknown.name, touches)
+    return acting
+
+
+def _places(name: str, machine: Machine) -> list[tuple[Slot, float]]:
+    """name of an unknown → where it acts and with which sign. A point that moves shifts what is before and after the motion."""
+    if name.startswith("E_point_"):
+        axis, component = name[8], "XYZ".index(name[9])
+        return [(Slot(axis, "inter", component), 1.0), (Slot(axis, "intra", component), -1.0)]
+    slot = _place(name, machine)
+    return [] if slot is None else [(slot, 1.0)]
+
+
+def _place(name: str, machine: Machine) -> Slot | None:
+    if name.endswith("w") and len(name) == 3:
+        return Slot("w", "table", "XYZABC".index(name[1]))
+    return Slot(name[7:8], "motion") if name.startswith("E_zero_") else _slot(name, machine)
+
+
+def _pattern(name: str, touches: Touches) -> Array:
+    if name.startswith("E_zero_"):
+        _, _, at = name[7:].partition("@")
+        return np.ones(len(touches)) if not at else (touches.indexation == int(at)).astype(float)
+    return _regressor(name, touches)
+
+
+def _offsets(columns: Sequence[Unknown], values: Array, touches: Touches) -> tuple[Array, Array, Array]:
+    own = {u.name: float(v) for u, v in zip(columns, values, strict=True)}
+    offsets = np.array([own[f"EZf{facet}"] for facet in touches.facets])
+    shifts = np.array([[own[f"E{c}ball{ball}"] for c in "XYZ"] for ball in touches.balls]).reshape(-1, 3)
+    less = np.full(len(touches), own.get("radius", 0.0))
+    for i, ball in enumerate(touches.balls):
+        less[touches.ball_index == i] += own.get(f"ballradius@{ball}", 0.0)
+    return offsets, shifts, less
+
+
+def _linear(columns: Sequence[Unknown], values: Array, touches: Touches, run: kinematics.Trace) -> tuple[Array, Array]:
+    offsets, shifts, radius = _offsets(columns, values, touches)
+    value, gradient = gap(touches, run.tip, offsets, shifts)
+    levers = kinematics.sensitivity(touches.chain, run, gradient).slots
+    jacobian = np.zeros((len(touches), len(columns)), order="F")
+    along = -np.sum(gradient * touches.normal, axis=1)
+    place = {facet: i for i, facet in enumerate(touches.facets)}
+    balls = {ball: i for i, ball in enumerate(touches.balls)}
+    for j, unknown in enumerate(columns):
+        name = unknown.name
+        places = _places(name, touches.machine)
+        if places:
+            jacobian[:, j] = sum(sign * levers[slot] for slot, sign in places) * _pattern(name, touches)
+        elif name == "radius":
+            jacobian[:, j] = -1.0
+        elif name.startswith("ballradius@"):
+            jacobian[:, j] = np.where(touches.ball_index == balls[name[11:]], -1.0, 0.0)
+        elif name.startswith("EZf"):
+            jacobian[:, j] = np.where(touches.facet_index == place[name[3:]], along, 0.0)
+        elif name[2:6] == "ball":
+            own = touches.ball_index == balls[name[6:]]
+            jacobian[:, j] = np.where(own, -gradient[:, "XYZ".index(name[1])], 0.0)
+    return value - radius, jacobian
+
+
+def _left(columns: Sequence[Unknown], values: Array, touches: Touches, tip: Array) -> tuple[Array, Array]:
+    offsets, shifts, radius = _offsets(columns, values, touches)
+    gaps, _ = gap(touches, tip, offsets, shifts)
+    away = tip - touches.point - touches.machine.probe.tip_radius * touches.normal
+    across = away - np.sum(away * touches.normal, axis=1)[:, None] * touches.normal
+    return gaps - radius, np.linalg.norm(across, axis=1)
+
+
+def _bar(columns: Sequence[Unknown], values: Array, touches: Touches) -> float:
+    """→ mm by which the scale bar disagrees; 0 without one, or when its length is given up."""
+    bar = touches.artefact.scale_bar
+    if bar is None or not set(bar.balls) <= set(touches.balls) or any(u.name == "bar" for u in columns):
+        return 0.0
+    _, shifts, _ = _offsets(columns, values, touches)
+    place = {ball: i for i, ball in enumerate(touches.balls)}
+    one, two = (np.array(touches.artefact.balls[b].centre) + shifts[place[b]] for b in bar.balls)
+    return float(np.linalg.norm(one - two)) - bar.length
+
+
+def _robust(gaps: Array, jacobian: Array, start: Array, prior: Array, stages: Sequence[float]) -> Array:
+    """gaps at `start`, Jacobian, priors, scales of the loss in turn → unknowns."""
+    values, left = start, gaps
+    scaled = jacobian * prior
+    for scale in stages:
+        weight = 1 / (1 + (left / scale) ** 2) * 2 / scale**2
+        normal = (scaled.T * weight) @ scaled
+        normal[np.diag_indices_from(normal)] += 1.0
+        right = scaled.T @ (weight * left) + values / prior
+        change = linalg.cho_solve(linalg.cho_factor(normal, check_finite=False), right, check_finite=False) * prior
+        values = values - change
+        left = left - jacobian @ change
+    return values

@@ -1,0 +1,91 @@
+"""One facet is elsewhere than artefact.yaml says, or its normal points into the material or along another axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ...kinematics import chain, tip
+from ...records import Array, Artefact, Facet, Id, Vector
+from ._case import Case, Hypothesis
+
+WORST = 4  # facets that are looked at
+DECIMALS = 2
+
+
+def hypotheses(case: Case) -> Iterator[Hypothesis]:
+    """case → the facets that fit worst, each with the slips that a line of artefact.yaml invites; then all normals at once."""
+    inward = {key: replace(f, normal=_minus(f.normal)) for key, f in case.artefact.facets.items()}
+    yield Hypothesis(
+        "the readings fit if all normals point into the material",
+        "artefact",
+        "facets",
+        "turn every normal round: they point out of the material",
+        artefact=replace(case.artefact, facets=inward),
+    )
+    place = tip(chain(case.machine), case.readings.position)
+    facets = np.array(case.readings.facet)
+    away = np.abs(case.stated.gaps) + case.stated.beside
+    loss = {f: float(np.median(np.log1p((away[facets == f] / 0.01) ** 2))) for f in dict.fromkeys(case.readings.facet)}
+    for key in sorted(loss, key=lambda f: -loss[f])[:WORST]:
+        yield from _facet(case, case.artefact.facets[key], place[facets == key])
+
+
+def _facet(case: Case, facet: Facet, place: Array) -> Iterator[Hypothesis]:
+    def changed(text: str, key: str, change: str, price: float, **fields: object) -> Hypothesis:
+        return Hypothesis(
+            text, "artefact", f"facets.{facet.id}.{key}", change, artefact=_with(case.artefact, facet.id, fields), price=price
+        )
+
+    minus = _minus(facet.normal)
+    yield changed(
+        f"the readings fit if the normal of facet {facet.id} points the other way",
+        "normal",
+        f"write {_shown(minus)}: normals point out of the material",
+        0.0,
+        normal=minus,
+    )
+    for base in (*np.eye(3), *-np.eye(3)):
+        other = tuple(float(c) + 0.0 for c in base)
+        if abs(float(base @ np.array(facet.normal))) < 0.99:
+            yield changed(
+                f"the readings fit if the normal of facet {facet.id} is {_shown(other)}",
+                "normal",
+                f"write {_shown(other)}",
+                1.5,
+                normal=other,
+            )
+    for i, letter in enumerate("xyz"):
+        if facet.point[i]:
+            other = tuple(-c if k == i else c for k, c in enumerate(facet.point))
+            text = f"the readings fit if {letter} of facet {facet.id} has the other sign"
+            yield changed(text, "point", f"write {_shown(other)}", 0.5, point=other)
+    found = np.median(place, axis=0) - case.machine.probe.tip_radius * np.array(facet.normal)
+    for i, letter in enumerate("xyz"):
+        value = round(float(found[i]), DECIMALS)
+        other = tuple(value if k == i else c for k, c in enumerate(facet.point))
+        text = f"the readings fit if {letter} of facet {facet.id} is {value:g} and not {facet.point[i]:g}"
+        yield changed(text, "point", f"write {_shown(other)}", 3.0, point=other)
+    x, y, z = (round(float(c), DECIMALS) for c in found)
+    yield changed(
+        f"the readings fit if facet {facet.id} is at {_shown((x, y, z))}",
+        "point",
+        f"write {_shown((x, y, z))}",
+        6.0,
+        point=(x, y, z),
+    )
+
+
+def _with(artefact: Artefact, key: Id, fields: dict[str, object]) -> Artefact:
+    facet = replace(artefact.facets[key], **fields)  # type: ignore[arg-type]
+    return replace(artefact, facets={**artefact.facets, key: facet})
+
+
+def _minus(v: Vector) -> Vector:
+    return 0.0 - v[0], 0.0 - v[1], 0.0 - v[2]
+
+
+def _shown(v: tuple[float, ...]) -> str:
+    return "[" + ", ".join(f"{c:g}" for c in v) + "]"

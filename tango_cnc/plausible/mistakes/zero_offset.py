@@ -1,0 +1,58 @@
+"""An axis counts from another zero: work coordinates, a tool length still active, a rotary axis that was referenced elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
+
+from ...records import Machine
+from ._case import Case, Hypothesis, moved_column
+
+NEAR = 1.0  # mm
+LEAST = math.radians(0.1)
+
+
+def hypotheses(case: Case) -> Iterator[Hypothesis]:
+    """case → each axis, and all linear axes together, from another zero."""
+    machine, readings = case.machine, case.readings
+    least = machine.tolerances.location
+    for name in machine.linear:
+        yield Hypothesis("", "readings", name, "", free=[f"E_zero_{name}"], words=partial(_linear, machine), price=3.0,
+                         least={f"E_zero_{name}": least})  # fmt: skip
+    names = [f"E_zero_{name}" for name in machine.linear]
+    yield Hypothesis("", "readings", ", ".join(machine.linear), "", free=names, words=partial(_linear, machine), price=5.5,
+                     least=dict.fromkeys(names, least))  # fmt: skip
+    for name in machine.rotary:
+        column = machine.column(name)
+        for turn in (0.0, 90.0, 180.0, 270.0):
+            yield Hypothesis(
+                "",
+                "readings",
+                name,
+                "",
+                readings=moved_column(readings, column, readings.position[:, column] + math.radians(turn)),
+                free=[f"E_zero_{name}"],
+                words=partial(_rotary, name, turn),
+                price=2.5,
+                least={} if turn else {f"E_zero_{name}": LEAST},
+            )
+
+
+def _linear(machine: Machine, values: Mapping[str, float]) -> tuple[str, str]:
+    own = {name: values[f"E_zero_{name}"] for name in machine.linear if f"E_zero_{name}" in values}
+    said = ", ".join(f"{name} by {value:.2f} mm" for name, value in own.items())
+    length = machine.probe.length
+    if any(abs(abs(value) - length) < NEAR for value in own.values()):
+        why = "the tool length is still active: record machine coordinates (G53, tool length off)"
+    else:
+        why = "record machine coordinates: no work offset, no tool offset; then see what the zero of the axis is"
+    return f"the readings fit if they count from another zero: {said} more", why
+
+
+def _rotary(name: str, turn: float, values: Mapping[str, float]) -> tuple[str, str]:
+    value = (turn + math.degrees(values[f"E_zero_{name}"]) + 180) % 360 - 180
+    return (
+        f"the readings fit if {name} counts from another zero: by {value:.3f}° more",
+        f"record {name} in machine coordinates, and see whether its reference has been set anew or the table was turned",
+    )

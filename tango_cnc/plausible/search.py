@@ -1,0 +1,144 @@
+"""Single mistakes tried one after the other: the one after which least is left, and most is plausible, comes first.
+
+Two steps, so that the search takes seconds: every hypothesis that changes the cell or the readings is looked at without a fit;
+the best of them, and those that give an unknown up or name touches, are fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .. import kinematics
+from ..files.checked import Node, load
+from ..judgement import Suspicion
+from ..model import gap
+from ..records import Array, Artefact, Cell, InputError, Machine, Readings
+from ..touches import from_readings
+from .fit import BESIDE, Explained, explain
+from .mistakes import kinds
+from .mistakes._case import Case, Hypothesis
+
+FITTED = 28  # hypotheses of those without freed unknowns that are fitted
+ROUGH = 0.5  # mm: scale of the loss of the first look
+SURE = 3.0  # by how much the logarithm of the likelihood has to grow before a mistake is suspected
+EQUAL = 2.0  # difference of that below which two mistakes explain the readings equally well
+TOLD = 6  # suspicions that are handed back
+
+
+@dataclass(frozen=True)
+class _Tried:
+    kind: str
+    hypothesis: Hypothesis
+    explained: Explained
+    cost: float
+
+
+def suspects(cell: Cell, readings: Readings) -> tuple[Suspicion, ...]:
+    """cell, readings → mistakes that would explain the readings, most likely first; none where none is better than the cell."""
+    used = readings.rows(readings.ok)
+    if len(used) < 4:
+        return ()
+    case = Case(cell, used, explain(cell.machine, cell.artefact, used))
+    plain: list[tuple[float, str, Hypothesis]] = []
+    freed: list[tuple[str, Hypothesis]] = []
+    for kind, module in kinds().items():
+        for h in module.hypotheses(case):
+            if h.free or h.touches:
+                freed.append((kind, h))
+            else:
+                cost = _first_look(h.machine or cell.machine, h.artefact or cell.artefact, h.readings or used)
+                plain.append((cost + h.price, kind, h))
+    plain.sort(key=lambda item: item[0])
+    tried = [_tried(case, kind, h) for kind, h in [*((k, h) for _, k, h in plain[:FITTED]), *freed]]
+    good = sorted((t for t in tried if t.cost < case.stated.cost - SURE and _is_one(t)), key=lambda t: t.cost)
+    if not good:
+        return ()
+    floor = good[0].cost
+    near = [t for t in good if t.cost < floor + 0.5 * (case.stated.cost - floor)]
+    return _told(cell, case, near)
+
+
+def _first_look(machine: Machine, artefact: Artefact, readings: Readings) -> float:
+    touches = from_readings(machine, artefact, readings)
+    tip = kinematics.tip(touches.chain, touches.position)
+    gaps, _ = gap(touches, tip, np.zeros(len(touches.facets)), np.zeros((len(touches.balls), 3)))
+    away = tip - touches.point
+    across = away - np.sum(away * touches.normal, axis=1)[:, None] * touches.normal
+    beside = np.linalg.norm(across, axis=1)
+    return float(np.log1p((gaps / ROUGH) ** 2).sum() + np.log1p((beside / BESIDE) ** 2).sum() / 2)
+
+
+def _tried(case: Case, kind: str, h: Hypothesis) -> _Tried:
+    found = explain(h.machine or case.machine, h.artefact or case.artefact, h.readings or case.readings, h.free)
+    return _Tried(kind, h, found, found.cost + h.price)
+
+
+def _is_one(tried: _Tried) -> bool:
+    """→ whether a freed unknown is large enough to be a mistake at all."""
+    least = tried.hypothesis.least
+    return not least or any(abs(tried.explained.values[name]) > size for name, size in least.items())
+
+
+def _told(cell: Cell, case: Case, tried: Sequence[_Tried]) -> tuple[Suspicion, ...]:
+    found: list[Suspicion] = []
+    groups: list[list[_Tried]] = []
+    for t in tried:
+        with_it = next(
+            (g for g in groups if t.explained.cost - g[0].explained.cost < EQUAL and _alike(t.explained, g[0].explained)), None
+        )
+        if with_it is None:
+            groups.append([t])
+        else:
+            with_it.append(t)
+    for g in groups:  # what nothing in the readings can tell apart: the commonest first
+        g.sort(key=lambda t: t.hypothesis.price)
+    flat = [(t, g) for g in groups for t in g]
+    for t, group in flat[:TOLD]:
+        others = [o for o in flat if o[0] is not t]
+        odds = (others[0][0].cost if others else case.stated.cost) - t.cost
+        h = t.hypothesis
+        text, change = h.words(t.explained.values) if h.words else (h.text, h.change)
+        equally = tuple(_text(o) for o in group if o is not t) if t is group[0] else ()
+        file, line = _place(cell.folder, h.file, h.key)
+        found.append(
+            Suspicion(t.kind, text, file, h.key, change, line, h.touches, case.stated.size, t.explained.size, odds, equally)
+        )
+    return tuple(found)
+
+
+def _text(tried: _Tried) -> str:
+    h = tried.hypothesis
+    return (h.words(tried.explained.values)[0] if h.words else h.text).removeprefix("the readings fit ")
+
+
+def _alike(one: Explained, other: Explained) -> bool:
+    """→ whether two mistakes leave the same of every touch: nothing in the readings can tell them apart."""
+    if len(one.gaps) != len(other.gaps):
+        return False
+    difference: Array = np.abs(one.gaps - other.gaps)
+    return bool(np.median(difference) < 0.002)
+
+
+def _place(folder: Path, file: str, key: str) -> tuple[str, int | None]:
+    """folder of a cell, what kind of file, key → its name and the line of the key, or of the nearest key above it."""
+    if file == "readings":
+        return "readings.csv", None
+    name, node = f"{file}.yaml", None
+    with suppress(InputError, KeyError):
+        name = dict(load(folder / "tango.yaml").items())[file].text()
+        node = _down(load(folder / name), key.split("."))
+    return name, None if node is None else node.line
+
+
+def _down(node: Node, keys: Sequence[str]) -> Node:
+    for key in keys:
+        try:
+            node = dict(node.items())[key]
+        except (InputError, KeyError):
+            break
+    return node

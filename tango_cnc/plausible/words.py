@@ -1,0 +1,14 @@
+"""Findings of the judgement → sentences."""
+
+from __future__ import annotations
+
+from .bounds import Bound
+
+SHOWN = {"mm": (1.0, "mm"), "rad": (180 / 3.141592653589793, "°"), "mm/mm": (1e6, "µm/m")}
+
+
+def beyond_text(bound: Bound) -> str:
+    """quantity beyond its tolerance → what it is, what would be plausible, and where that is stated."""
+    factor, unit = SHOWN[bound.unit]
+    most = f"at most {bound.tolerance * factor:.4g} {unit} is plausible"
+    return f"{bound.name} is {bound.value * factor:.4g} {unit}; {most} ({bound.key})"

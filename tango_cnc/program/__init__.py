@@ -1,0 +1,7 @@
+"""Plan → written programs: post, then read back, then compare with what the folder of programs already holds."""
+
+from .folder import REST, stale
+from .record import Program
+from .write import from_file, programs, proven
+
+__all__ = ["REST", "Program", "from_file", "programs", "proven", "stale"]

@@ -1,0 +1,289 @@
+"""Programs of the Macro-B family: G31 that says nothing of what it met, so the text itself has to look and to stop.
+
+Facts: what stands behind M30 is not read into the memory; arguments of G65 and system variables #5021 (machine), #5041 (work),
+#5061 (skip position, work) by axis number;
+#4008 the word in force of G43 G44 G49;
+local variables #1 … #33 of a called program are its own; a statement behind THEN is carried out when the condition is not 0.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from ...records import InputError, Plan
+from ..expressions import Value
+from ..language import Companions, Language
+from ..reading import MARK_IN_BRACKETS, axes_by_number, read_through, stated_words
+from ..rehearsal import NUMBER, Rehearsal, World, numbered
+
+ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
+ARGUED = max(ARGUMENTS.values())
+LOCAL, COMMON = range(1, 34), range(100, 150)
+WORD = rf"(?:#\d+|{NUMBER}|\[[^ ]+\])"
+COMMENT = re.compile(r"\([^()]*\)")
+FEED = re.compile(rf"(G31(?:\.[1-4])?(?: P[1-9]\d?)?|G1) ((?:[XYZ]{WORD} )+)F(#\d+|{NUMBER})")
+TURN = re.compile(rf"G90 G53 G0 ([ABC])({NUMBER})")
+ASSIGN = re.compile(r"#(\d+)=(.+)")
+IF = re.compile(r"IF\[(.+)\]THEN(#\d+=.+)")
+CALL = re.compile(rf"G65 P(\d+)((?: [A-Z]{NUMBER})+)")
+START = re.compile(r"DPRNT\[TANGO\*START\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
+END = re.compile(r"DPRNT\[TANGO\*END\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
+RECORD = re.compile(r"DPRNT\[P(#\d+)\[60\]\*H(#\d+)\[10\]((?:\*[A-Z]#\d+\[(?:44|43|53)\])+)\]")
+LENGTH = re.compile(r"IF\[#4008NE49\]THEN#3000=\d{1,3}")
+MODE = re.compile(r"IF\[#(40[012]\d)EQ(\d{1,3}(?:\.\d)?)\]THEN#3000=\d{1,3}")
+DWELL = re.compile(r"G4 [PX]\d{1,2}\.")
+STOP = 3000
+WANTED = 121  # number of the set of macros that the program was written for
+BLANKS = 2  # one is read while the motion before it is carried out, the next one when that is done
+ENDS = ("M30", "M2")
+PASSIVE = {"POPEN", "PCLOS", ""}
+OTHERS = ("M880(", "M115 /", "M121 ", "M125 /")  # Mach4 and Centroid have the same variables
+
+
+def reads(head: list[str]) -> bool:
+    """first lines of a program → whether it is of this family."""
+    if any(line.startswith(OTHERS) for line in head):
+        return False
+    return any(re.match(r"O\d{4,5}\(", line) for line in head[:2]) or any("DPRNT[" in line or "#5041" in line for line in head)
+
+
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
+    read_through(lines, lambda: _Program(plan, options, _macros(lines())), tail=True)
+
+
+LANGUAGE = Language(reads, rehearse)
+
+
+def _macros(lines: Iterable[str]) -> dict[int, list[str]]:
+    """lines → {program number: lines up to M99} of the programs before the main one: a control reads no further than its end."""
+    found: dict[int, list[str]] = {}
+    current: list[str] = []
+    for _, line in numbered(lines):
+        code = COMMENT.sub("", line)
+        if match := re.fullmatch(r"O(\d{4,5})", code):
+            if int(match[1]) in found:
+                raise InputError(f"O{match[1]} stands twice")
+            current = found.setdefault(int(match[1]), [])
+        else:
+            current.append(line)
+        if code in ENDS:
+            break
+    return {number: text for number, text in found.items() if any(COMMENT.sub("", line) == "M99" for line in text)}
+
+
+class _Program:
+    """Line by line."""
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any], macros: Mapping[int, list[str]]) -> None:
+        self._axis = axes_by_number(plan, options)
+        self._machine = Rehearsal(plan, options, self._read)
+        self._macros, self._mark = macros, ""
+        self._aside = False  # within the text of a macro
+        self._words = stated_words(options)
+        self._reset, self._orient = options.get("reset", ""), options.get("orient", "")
+        self._signed = options.get("rollover") == "signed"
+        self._moving = True  # since the last motion nothing has waited for the axes
+        self._depth = 0
+        self._skip, self._wait = options.get("skip", "G31"), options.get("wait", "G53")
+        self._ahead = self._wait.startswith("G103")  # macro statements are carried out ahead of motion
+        self._limited, self._blank = False, 0  # whether reading ahead is down to one block; empty blocks since the last motion
+        self._ask, self._asked = bool(options.get("length_check")), False  # whether no tool length is on
+        self._unasked = {(int(number), float(code)) for number, code in (options.get("must_be_off") or {}).items()}
+        self._state, self._free = int(options.get("probe_state") or 0), False  # variable of the probe; whether it has been asked
+        self._machine.base.shared[self._state] = 0.0
+        self._begun = self._opened = self._closed = False
+        self.over = False
+
+    def finish(self) -> None:
+        """Raises InputError when the program has stopped too soon."""
+        if not (self.over and self._machine.ended and self._closed):
+            raise InputError("the program ends without end mark, PCLOS or end of program")
+
+    def line(self, line: str) -> None:
+        """One line of the tape. Raises InputError when it must not reach a machine."""
+        if match := MARK_IN_BRACKETS.fullmatch(line):
+            self._mark = match[1]
+        code = COMMENT.sub("", line)
+        if not self._depth and (self._aside or (re.fullmatch(r"O\d{4,5}", code) and int(code[1:]) in self._macros)):
+            self._aside = code != "M99"  # the text of a macro, which is carried out where it is called
+            return
+        if re.fullmatch(r"N\d{1,5}", code) or (not self._begun and re.fullmatch(r"%|O\d{4,5}", code)):
+            return
+        self._begun |= code != ""
+        if code in PASSIVE:
+            if (code == "POPEN" and self._opened) or (code == "PCLOS" and self._closed):
+                raise InputError(f"a second {code}")
+            self._opened |= code == "POPEN"
+            self._closed |= code == "PCLOS"
+        elif LENGTH.fullmatch(code) and not self._opened:
+            self._asked = True
+        elif (match := MODE.fullmatch(code)) and not self._opened:
+            self._unasked.discard((int(match[1]), float(match[2])))
+        elif code == "G21" and not self._opened:
+            self._machine.reset(code)
+        elif DWELL.fullmatch(code):
+            self._machine.rests(float(code.split()[1][1:]))
+        elif code == self._reset:
+            if self._ask and not self._asked and "G49" in code.split():
+                raise InputError("G49 by itself may move Z by a tool length: IF[#4008NE49]THEN#3000=… has to stand before it")
+            self._machine.reset(code)
+        elif code in self._words:
+            self._machine.walk.switch(code)
+        elif code == self._wait:
+            self._limited = True
+            self._moving = self._moving and self._ahead
+        elif code == ";" and self._ahead:
+            self._blank += 1
+            self._moving = self._moving and not (self._limited and self._blank >= BLANKS)
+        elif code in ENDS and self._depth == 0:
+            self._machine.watched()
+            self.over = True
+        elif match := re.fullmatch(re.escape(self._orient) + f"({NUMBER})", code) if self._orient else None:
+            self._machine.turns("S", float(match[1]), False)
+        elif match := TURN.fullmatch(code):
+            self._machine.turns(match[1], self._angle(match[1], float(match[2])), True)
+            self._moving, self._blank = True, 0
+        elif match := FEED.fullmatch(code):
+            self._feed(match[1], match[2].split(), match[3])
+        elif match := IF.fullmatch(code):
+            self._probe(match[1])
+            self._machine.does(self._assignment(match[2], match[1]))
+        elif ASSIGN.fullmatch(code):
+            self._machine.does(self._assignment(code, None))
+        elif match := CALL.fullmatch(code):
+            self._call(int(match[1]), match[2].split())
+        else:
+            self._print(code)
+
+    def _probe(self, condition: str) -> None:
+        """The probe is asked: beside the machine there is one on which it is deflected."""
+        if self._state and condition == f"#{self._state}NE0":
+            if self._moving:
+                raise InputError(f"#{self._state} is read before anything has waited for the axes to stand ({self._wait})")
+            twin = self._machine.base.twin("stop", "the probe is deflected")
+            twin.shared[self._state] = 1.0
+            self._machine.doubts([twin])
+            self._free = True
+
+    def _angle(self, name: str, value: float) -> float:
+        """axis letter, deg as written → deg meant: for endless axes of such controls the sign is the sense of the turn."""
+        travel = self._machine.plan.machine.axis(name).travel
+        endless = travel is None or travel[1] - travel[0] > math.radians(800)
+        return abs(value) if self._signed and endless else value
+
+    def _print(self, code: str) -> None:
+        if not self._opened or self._closed:
+            raise InputError("no line that a program of this kind may have here")
+        if match := START.fullmatch(code):
+            self._machine.start(match[1], self._machine.same(match[2]), self._mark)
+        elif match := END.fullmatch(code):
+            self._machine.end(match[1], self._machine.same(match[2]))
+        elif match := RECORD.fullmatch(code):
+            items = match[3].split("*")[1:]
+            places = {item[0]: item[1:].split("[")[0] for item in items}
+            if len(places) < len(items):
+                raise InputError("a letter stands twice in the record")
+            self._machine.record(match[1], match[2], places)
+        else:
+            raise InputError("no line that a program of this kind may have here")
+
+    def _feed(self, word: str, words: list[str], feed: str) -> None:
+        letters = [item[0] for item in words]
+        if letters != sorted(set(letters)):
+            raise InputError(f"found {' '.join(letters)}; allowed: X Y Z, each once")
+        if self._unasked:
+            number, asked = min(self._unasked)
+            raise InputError(f"something moves before IF[#{number}EQ{asked:g}]THEN#3000=… has asked, see controller.must_be_off")
+        speed = self._machine.same(feed)
+        if word not in ("G1", self._skip):
+            raise InputError(f"found {word}; allowed: {self._skip}, the word of the profile")
+        if word == "G1":
+            self._machine.off({item[0]: item[1:] for item in words}, speed, work=True)
+            self._moving, self._blank = True, 0
+            return
+        named = {item[0]: self._machine.same(item[1:]) + self._machine.base.offset[item[0]] for item in words}
+        target = {name: self._machine.base.position[name] for name in "XYZ"} | named
+        if self._state and not self._free:
+            raise InputError("moves without having asked whether the probe is deflected")
+        self._free = False
+        if self._machine.walk.measures:
+            self._machine.measures(target, speed)
+        else:
+            self._machine.guarded(target, speed)
+        self._moving = self._ahead  # nothing is read ahead of the end of a G31, but by controls that want empty blocks
+        self._blank = 0
+
+    def _assignment(self, text: str, condition: str | None) -> Callable[[World], None]:
+        match = ASSIGN.fullmatch(text)
+        assert match is not None
+        number, value = int(match[1]), match[2]
+        if number == STOP:
+            if not re.fullmatch(r"\d{1,3}", value):
+                raise InputError(f"found the alarm {value}; allowed: a number")
+        elif number not in LOCAL and number not in COMMON:
+            raise InputError(f"found #{number} given a value; allowed: #1 … #33, #100 … #149")
+
+        def does(world: World) -> None:
+            if condition is not None and not self._machine.value(world, condition):
+                return
+            if number == STOP:
+                world.stopped = True
+                return
+            store = world.local[-1] if number in LOCAL else world.shared
+            store[number] = self._machine.value(world, value)
+
+        return does
+
+    def _call(self, number: int, words: list[str]) -> None:
+        if number not in self._macros or self._depth:
+            raise InputError(f"found a call of O{number}, which is not in this program")
+        arguments: dict[int | str, Value] = {}
+        for word in words:
+            if word[0] not in ARGUMENTS:
+                raise InputError(f"found the argument {word[0]}; allowed: {' '.join(ARGUMENTS)}")
+            arguments[ARGUMENTS[word[0]]] = float(word[1:])
+        foreign = self._machine.base.twin("stop", f"somebody else's O{number} has run")
+        other = self._machine.base.twin("stop", f"O{number} belongs to another program")
+        if WANTED in other.shared:
+            other.shared[WANTED] = (other.shared[WANTED] or 0.0) + 1
+        self._machine.doubts([other])
+        self._depth += 1
+        for world in self._machine.worlds:
+            world.local.append(dict(arguments))
+        for line in self._macros[number]:
+            if COMMENT.sub("", line) == "M99":
+                break
+            try:
+                self.line(line)
+            except InputError as error:
+                raise InputError(f"in O{number}, {line!r}: {error}") from None
+        else:
+            raise InputError(f"O{number} has no M99")
+        for world in self._machine.worlds:
+            world.local.pop()
+        self._depth -= 1
+        self._machine.doubts([foreign])
+
+    def _read(self, world: World, key: int | str) -> Value:
+        assert isinstance(key, int)
+        if key == 0:
+            return None
+        if key in LOCAL and (key <= ARGUED or key in world.local[-1]):
+            return world.local[-1].get(key)
+        kind, axis = divmod(key - 5000, 20) if 5020 < key < 5080 else (0, 0)
+        if kind and axis in self._axis:
+            name = self._axis[axis]
+            if kind == 3 and self._moving and self._ahead:
+                raise InputError(f"#{key} is read before two empty blocks behind G103 P1 have waited for the axes to stand")
+            if kind == 3:
+                return world.skip[name] - world.offset[name]
+            if self._moving:
+                raise InputError(f"#{key} is read before anything has waited for the axes to stand ({self._wait})")
+            return world.position[name] - (world.offset[name] if kind == 2 else 0.0)
+        if key not in world.shared:
+            raise InputError(f"#{key} is read before it has a value")
+        return world.shared[key]

@@ -1,0 +1,274 @@
+"""Programs for Siemens 840D: MEAS stops a move at a contact and says nothing, so the text itself has to look and to stop.
+
+Facts: SUPA and D0 make targets machine positions; $AA_IM is where an axis stands, read behind STOPRE only; $AA_MM where the
+probe was met, $AC_MEA[1] whether it was; DC(…) turns the short way, AC(…) to the position as it stands.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache
+from typing import Any
+
+from ...records import InputError, Plan
+from ..expressions import Value
+from ..language import Companions, Language
+from ..reading import MARK_BEHIND_SEMICOLON, REST, read_through, stated_words
+from ..rehearsal import NUMBER, SPOILT, Rehearsal, Statement, World, numbered
+
+FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
+OFF = re.compile(rf"SUPA D0 G1((?: [XYZ](?:{NUMBER}|=[^ ]+))+) F({NUMBER})")
+INPUT = re.compile(r"(?:MEAS=|\$A_PROBE\[|\$AC_MEA\[)(\d+)")
+TURN = re.compile(rf"SUPA D0 G0 ([ABC])=(?:AC|DC)\(({NUMBER})\)")
+ORIENT = re.compile(rf"SPOS=({NUMBER})")
+ASSIGN = re.compile(r"(TG_[A-Z]+)=([^\"]+)")
+JUMP = re.compile(r"IF (.+) GOTOF (TG_STOP_\d)")
+IF = re.compile(r"IF (.+)")
+DEFINE = re.compile(r"DEF (INT|REAL|STRING\[200\]) TG_[A-Z]+(,TG_[A-Z]+)*")
+WRITE = re.compile(r'WRITE\(TG_ERROR,"[^"]+",(.+)<<"\'H0A\'"\)')
+FILE = re.compile(r'WRITE\(TG_ERROR,"_N_[A-Z0-9_]+",([^<]+)\)')  # a file of the control is open all the time
+OPEN = re.compile(r'EXTOPEN\(TG_ERROR,"[^"]+","SYN","EXCL"\)')
+CLOSE = re.compile(r'EXTCLOSE\(TG_ERROR,"[^"]+"\)')
+TEXT = re.compile(r'TG_TEXT=SPRINT\("P(\d+) H%D((?: [A-Z]%\.4F)+) S(-?\d+\.\d*) K%\.4F",(.+)\)')
+START = re.compile(r'"TANGO START ([0-9A-F]{12}) (\d+)"')
+END = re.compile(r'"TANGO END ([0-9A-F]{12}) (\d+)"')
+SHOWN = re.compile(r'MSG\("[A-Z0-9 .-]+"\)')
+STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"\)|SETAL\(\d+\)|M0')
+SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
+SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
+SYSTEM = re.compile(r"\$(A[ACX]?_[A-Z]+)\[([A-Z1-9])\]")
+SAME_AS = {"G71": "G21", "G710": "G21"}  # what is millimetres here; G710 for feeds and system variables too
+MADE_SURE = ("G49", "G80")  # D0 stands in every move; the control has no modal drilling but what G0 and G1 end
+
+
+def reads(head: list[str]) -> bool:
+    """first lines of a program → whether it is of this family."""
+    return any("TG_ERROR" in line for line in head)
+
+
+def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
+    read_through(lines, lambda: _Program(plan, options, _stops(lines())), tail=True)
+
+
+LANGUAGE = Language(reads, rehearse)
+
+
+def _stops(lines: Iterable[str]) -> set[str]:
+    """lines → labels behind the end of the program from which it never goes on."""
+    found: set[str] = set()
+    label, held, behind = "", False, False
+    for _, line in numbered(lines):
+        if behind and line.endswith(":"):
+            label, held = line[:-1], False
+        elif behind and label:
+            if line == "M30" and held:
+                found.add(label)
+            held = line == "M0" or (held and bool(STOPS.fullmatch(line)))
+            label = label if STOPS.fullmatch(line) else ""
+        behind = behind or line == "M30"
+    return found
+
+
+class _Program:
+    """Line by line."""
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any], stops: set[str]) -> None:
+        self._machine = Rehearsal(plan, options, self._read, latches=True)
+        self._words = stated_words(options) | {"D0"}
+        self._words |= {"TRAFOOF", "CYCLE800()"}
+        self._head = {word for option, word in (("trafoof", "TRAFOOF"), ("cycle800", "CYCLE800()")) if options.get(option)}
+        self._input = str(options.get("probe_input", 1))
+        self._stops, self._options = stops, options
+        self._text: tuple[str, str, dict[str, str]] | None = None  # of the record that is next
+        self._shown: list[str] = []  # what its text shows, as expressions
+        self._moving, self._asked, self._within = True, False, False
+        self._opened = self._closed = self.over = False
+        self._mark = ""
+
+    def finish(self) -> None:
+        """Raises InputError when the program has stopped too soon."""
+        if not (self.over and self._machine.ended and self._closed == self._opened):
+            raise InputError("the program ends without end mark, EXTCLOSE or M30")
+
+    def line(self, line: str) -> None:
+        """One line of the file. Raises InputError when it must not reach a machine."""
+        if (asked := INPUT.search(line)) and asked[1] != self._input:
+            raise InputError(f"found {asked[0]}; the probe is at input {self._input}")
+        if line.startswith(";"):
+            self._mark = match[1] if (match := MARK_BEHIND_SEMICOLON.fullmatch(line)) else self._mark
+        elif match := JUMP.fullmatch(line):
+            self._jump(match[1], match[2])
+        elif line == "ENDIF" and self._within:
+            self._within = False
+            self._machine.does(_every_branch)
+        elif match := IF.fullmatch(line):
+            self._if(match[1])
+        elif match := TEXT.fullmatch(line):
+            self._record(match)
+        elif match := ASSIGN.fullmatch(line):
+            self._machine.does(self._assignment(match[1], match[2]))
+        elif self._within:
+            raise InputError("no line that an IF may have")
+        elif match := REST.fullmatch(line):
+            self._machine.rests(float(match[1]))
+        elif SHOWN.fullmatch(line):
+            pass
+        elif line == "STOPRE":
+            self._moving = False
+        elif line in self._words or DEFINE.fullmatch(line):
+            self._machine.walk.switch(line)
+            self._head.discard(line)
+        elif line == self._options.get("reset"):
+            self._machine.reset(" ".join([*(SAME_AS.get(word, word) for word in line.split()), *MADE_SURE]))
+        elif line == "M30":
+            self._machine.watched()
+            self.over = True
+        elif match := TURN.fullmatch(line):
+            self._machine.turns(match[1], float(match[2]), True)
+            self._moving, self._asked = True, False
+        elif match := ORIENT.fullmatch(line):
+            self._machine.turns("S", float(match[1]), False)
+        elif match := FEED.fullmatch(line):
+            self._feed(match[1].split(), float(match[2]))
+        elif match := OFF.fullmatch(line):
+            self._free(match[1].split(), float(match[2]))
+        else:
+            self._print(line)
+
+    def _free(self, words: list[str], feed: float) -> None:
+        self._machine.off({name: _spelt(word[1:].removeprefix("=")) for name, word in _once(words).items()}, feed)
+        self._moving, self._asked = True, False
+
+    def _feed(self, words: list[str], feed: float) -> None:
+        machine = self._machine
+        target = {name: machine.base.position[name] for name in "XYZ"} | {n: float(word[1:]) for n, word in _once(words).items()}
+        if self._head:
+            raise InputError(f"something moves before {' '.join(sorted(self._head))}")
+        if self._options.get("probe_state") and not self._asked:
+            raise InputError("moves without having asked whether the probe is deflected")
+        if machine.walk.measures:
+            machine.measures(target, feed)
+        else:
+            machine.guarded(target, feed)
+        self._moving, self._asked = True, False
+
+    def _jump(self, condition: str, label: str) -> None:
+        if label not in self._stops or self._within:
+            raise InputError(f"{label} is no place where this program stops for good")
+        if "$A_PROBE" in condition:
+            self._asked = True
+            twin = self._machine.base.twin("stop", "the probe is deflected")
+            twin.shared["A_PROBE"] = 1.0
+            self._machine.doubts([twin])
+
+        def does(world: World) -> None:
+            world.stopped = bool(self._machine.value(world, _spelt(condition)))
+
+        self._machine.does(does)
+
+    def _if(self, condition: str) -> None:
+        if self._within:
+            raise InputError("an IF within an IF")
+        self._within = True
+
+        def does(world: World) -> None:
+            world.branch = bool(self._machine.value(world, _spelt(condition)))
+
+        self._machine.does(does)
+
+    def _assignment(self, name: str, text: str) -> Statement:
+        expression = _spelt(text)
+
+        def does(world: World) -> None:
+            if world.branch:
+                world.shared[name] = self._machine.value(world, expression)
+
+        return does
+
+    def _record(self, match: re.Match[str]) -> None:
+        letters, values = re.findall(r" ([A-Z])%", match[2]), match[4].split(",")
+        if len(values) != len(letters) + 2:
+            raise InputError(f"{len(values)} values for {len(letters) + 2} places")
+        places = dict(zip(letters, map(_spelt, values[1:-1]), strict=True)) | {"S": match[3], "K": _spelt(values[-1])}
+        self._text, self._shown = (match[1], _spelt(values[0]), places), [_spelt(value) for value in values]
+
+        def does(world: World) -> None:
+            world.shared.update({f"TEXT {i}": self._machine.value(world, shown) for i, shown in enumerate(self._shown)})
+
+        self._machine.does(does)
+
+    def _print(self, line: str) -> None:
+        if OPEN.fullmatch(line) and not self._opened:
+            self._opened = True
+        elif CLOSE.fullmatch(line) and self._opened:
+            self._closed = True
+            return
+        elif ((match := WRITE.fullmatch(line)) and self._opened and not self._closed) or (
+            (match := FILE.fullmatch(line)) and not self._opened
+        ):
+            self._write(match[1])
+        else:
+            raise InputError("no line that a program of this kind may have here")
+        for world in self._machine.worlds:
+            world.shared["TG_ERROR"] = 0.0
+        twin = self._machine.base.twin("stop", "nothing can be written")
+        twin.shared["TG_ERROR"] = 1.0
+        self._machine.doubts([twin])
+
+    def _write(self, text: str) -> None:
+        if text == "TG_TEXT" and self._text is not None:
+            for world in self._machine.worlds:
+                if any(self._machine.value(world, shown) != world.shared[f"TEXT {i}"] for i, shown in enumerate(self._shown)):
+                    raise InputError("TG_TEXT was put together before its values were there")
+            self._machine.record(*self._text)
+            self._text = None
+        elif match := START.fullmatch(text):
+            self._machine.start(match[1], float(match[2]), self._mark)
+        elif match := END.fullmatch(text):
+            self._machine.end(match[1], float(match[2]))
+        else:
+            raise InputError(f"nobody knows what {text} is")
+
+    def _read(self, world: World, key: int | str) -> Value:
+        name, _, axis = str(key).partition("__")
+        if name in ("AA_IM", "AA_MM") and axis in world.position:
+            if self._moving:
+                raise InputError(f"${name}[{axis}] is read before anything has waited for the axes to stand (STOPRE)")
+            if name == "AA_MM" and not world.hit:
+                return SPOILT  # what was met before
+            return (world.position if name == "AA_IM" else world.skip)[axis]
+        if name == "AC_MEA":
+            return float(world.hit)
+        if name == "A_PROBE":
+            if self._moving:
+                raise InputError("$A_PROBE is read before anything has waited for the axes to stand (STOPRE)")
+            return world.shared.get(name, 0.0)
+        if key not in world.shared:
+            raise InputError(f"{key} is read before it has a value")
+        return world.shared[key]
+
+
+def _once(words: list[str]) -> dict[str, str]:
+    """words of axes → {axis: its word}. Raises InputError for an axis that stands twice."""
+    named = {word[0]: word for word in words}
+    if len(named) < len(words):
+        raise InputError(f"found {' '.join(words)}; allowed: every axis once")
+    return named
+
+
+@lru_cache(maxsize=4096)
+def _spelt(text: str) -> str:
+    """expression as this control spells it → as the reader of expressions does."""
+    text = SYSTEM.sub(r"#<\1__\2>", text)
+    text = re.sub(r"\bTG_[A-Z]+\b", lambda match: f"#<{match[0]}>", text)
+    held = re.split(r"(#<\w+>)", text)
+    for i in range(0, len(held), 2):
+        for theirs, ours in SPELT:
+            held[i] = held[i].replace(theirs, ours)
+    return "".join(held)
+
+
+def _every_branch(world: World) -> None:
+    world.branch = True

@@ -1,0 +1,277 @@
+"""Cell and readings → everything that the report states, computed once; nothing is drawn and no file is read here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from ..diagnose import Diagnosis, diagnose
+from ..estimate import Estimate, fit
+from ..identify import select
+from ..iso230 import Figure, figures
+from ..judgement import Judgement
+from ..model import linearise
+from ..records import Array, Cell, Readings, TangoError, TermItem
+from ..uncertainty.analysis import prepare
+from ..uncertainty.inputs import Line
+from ..uncertainty.study import study
+from ..verify import held_out, volume
+from ..verify.held_out import HeldOut
+from ..verify.volume import VolumeMap
+from . import slices
+from .units import Units
+from .verdict import MISSING, OUTLIERS, PREDICTED, RATIO, Check, Level, Verdict, graded, worst_of
+
+COVERAGE = 0.95
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What a report says of its own making; `files` are name, bytes and SHA-256 of all that was read."""
+
+    made: datetime
+    version: str
+    versions: Mapping[str, str] = field(default_factory=dict)
+    operator: str = ""
+    owner: str = ""
+    files: tuple[tuple[str, int, str], ...] = ()
+    origin: Mapping[str, Any] | None = None  # readings.json
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the person asked for; `limit` is mm of the tool tip within what was touched."""
+
+    terms: tuple[TermItem, ...]
+    degree: int = 3
+    limit: float | None = None
+    units: Units = field(default_factory=Units)
+    budget: tuple[Line, ...] | None = None
+    diagnosis: bool = True
+    pictures: bool = True
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Everything that goes on the page."""
+
+    cell: Cell
+    readings: Readings
+    wishes: Wishes
+    paper: Paper
+    result: Estimate
+    before: Array  # (n,) mm, what remains when only stylus and facets are adjusted
+    std: Array  # (p,) standard uncertainties of the unknowns: of the budget where there is one
+    factor: float  # of the intervals
+    iso: tuple[Figure, ...]
+    chart: VolumeMap | None
+    cuts: tuple[slices.Slice, ...]
+    held: HeldOut | None
+    why_not_held: str
+    diagnosis: Diagnosis | None
+    why_no_diagnosis: str
+    judgement: Judgement
+    trend: Mapping[str, Any] | None
+    compensations: tuple[Mapping[str, Any], ...]
+
+    @property
+    def used(self) -> int:
+        """→ touches that the estimate used."""
+        return len(self.result.residuals)
+
+    @property
+    def planned(self) -> int:
+        """→ touches of the strategy less those that the plan left out."""
+        left = len((self.paper.origin or {}).get("left_out", ()))
+        cycles = max(1, len({*zip(self.readings.cycle.tolist(), self.readings.day.tolist(), strict=True)}))
+        return (sum(len(i.facets) for i in self.cell.strategy.indexations) - left) * cycles
+
+    @property
+    def ratio(self) -> float | None:
+        """→ scatter of a touch over what the probe repeats to; None where that is not stated."""
+        stated = self.cell.machine.probe.repeatability
+        return self.result.sigma / stated if stated else None
+
+    @property
+    def worst(self) -> tuple[float, float] | None:
+        """→ mm, largest error of the tool tip within what was touched and its standard deviation; None: nothing is known."""
+        if self.chart is None:
+            return None
+        inside = ~self.chart.extrapolated
+        i = self.chart.worst(inside if inside.any() else np.ones_like(inside))
+        assert i is not None
+        return float(self.chart.size[i]), float(self.chart.std[i])
+
+
+def gather(
+    cell: Cell,
+    readings: Readings,
+    wishes: Wishes,
+    paper: Paper,
+    result: Estimate,
+    judgement: Judgement,
+    *,
+    trend: Mapping[str, Any] | None = None,
+    compensations: Sequence[Mapping[str, Any]] = (),
+) -> Facts:
+    """cell, readings, wishes, what is on record, estimate and what is thought of it → facts."""
+    chart, cuts = _volume(cell, result)
+    held, why = None, ""
+    try:
+        groups = held_out.leave_one_out(held_out.indexations(readings, cell.machine))
+        held = held_out.held_out(cell.machine, cell.artefact, readings, wishes.terms, groups, wishes.degree)
+    except TangoError as error:
+        why = str(error)
+    found, why_none = None, " (it was left out on request)"
+    if judgement.verdict == "implausible":
+        why_none = ": the result is implausible; what is wrong there comes first"
+    elif wishes.diagnosis:
+        try:
+            found, why_none = diagnose(cell.machine, cell.artefact, readings, wishes.terms), ""
+        except TangoError as error:
+            why_none = f": {error}"
+    std, factor = _uncertainty(cell, readings, wishes, result)
+    return Facts(
+        cell,
+        readings,
+        wishes,
+        paper,
+        result,
+        fit(select(result.model.touches, ("S1",))).residuals,
+        std,
+        factor,
+        figures(result),
+        chart,
+        cuts,
+        held,
+        why,
+        found,
+        why_none,
+        judgement,
+        trend,
+        tuple(compensations),
+    )
+
+
+def _volume(cell: Cell, result: Estimate) -> tuple[VolumeMap | None, tuple[slices.Slice, ...]]:
+    if not result.parameters:
+        return None, ()
+    touches = result.model.touches
+    own = np.array(touches.position)
+    own[:, cell.machine.column("S")] = 0.0
+    body = np.vstack([volume.grid(cell.machine, touches), own])
+    chart = volume.volume(result, np.vstack([body, slices.poses(cell.machine, touches)]))
+    return chart, tuple(slices.cut(chart, cell.machine, len(body)))
+
+
+def _uncertainty(cell: Cell, readings: Readings, wishes: Wishes, result: Estimate) -> tuple[Array, float]:
+    """→ (p,) standard uncertainties and the factor of the intervals."""
+    if wishes.budget is None:
+        return result.std, float(special.stdtrit(result.dof, 0.5 + COVERAGE / 2))
+    found, parts = prepare(cell.machine, cell.artefact, readings, wishes.terms, wishes.degree, wishes.budget)
+    return study(found.model, found.values, found.sigma, parts).std, float(special.ndtri(0.5 + COVERAGE / 2))
+
+
+def effects(result: Estimate) -> dict[str, float]:
+    """estimate → µm, root mean square of what each parameter does to the touches; reported names, largest first."""
+    _, jacobian = linearise(result.model, result.values)
+    size = np.sqrt(np.mean((jacobian * result.values) ** 2, axis=0)) * 1e3
+    own = result.parameters
+    found = {
+        result.selection.label(name): float(s)
+        for name, s in zip(result.model.names, size, strict=True)
+        if result.selection.label(name) in own
+    }
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def verdict(f: Facts, t: Callable[..., str]) -> Verdict:
+    """facts, texts → the checks and the worst of them."""
+    return worst_of([_plausible(f, t), _complete(f, t), _fit(f, t), _predicts(f, t), _diagnosis(f, t), _limit(f, t)])
+
+
+def _plausible(f: Facts, t: Callable[..., str]) -> Check:
+    j = f.judgement
+    level: Level = "good" if j.verdict == "trustworthy" else "look" if j.verdict == "doubtful" else "stop"
+    todo = t("todo.plausible")
+    if j.suspicions:
+        s = j.suspicions[0]
+        line = f", line {s.line}" if s.line else ""
+        todo = t("todo.plausible_likely", text=s.text, where=f"{s.file}{line}", change=s.change)
+    return Check("plausible", level, str(j.verdict), t(f"check.plausible_{level}", why="; ".join(j.reasons)), todo)
+
+
+def _complete(f: Facts, t: Callable[..., str]) -> Check:
+    planned = max(f.planned, f.used)
+    missing = planned - f.used
+    level: Level = "good" if not missing else "look" if missing <= MISSING * planned else "stop"
+    text = t(f"check.complete_{level}", planned=planned, missing=missing)
+    return Check("complete", level, f"{f.used} / {planned}", text, t("todo.complete"))
+
+
+def _fit(f: Facts, t: Callable[..., str]) -> Check:
+    u = f.wishes.units
+    sigma, out = f"{f.result.sigma * 1e3 * u.per_micron:.2f}", len(f.result.outliers)
+    flagged = t("check.fit_outliers", outliers=out, touches=f.used) if out else ""
+    stated = f"{f.cell.machine.probe.repeatability * 1e3 * u.per_micron:.2f}"
+    ratio = f.ratio
+    level: Level = "look" if ratio is None else graded(ratio, RATIO)
+    if out > OUTLIERS * f.used:
+        level = "stop"
+    elif out and level == "good":
+        level = "look"
+        return Check("fit", level, f"{out}", flagged, t("todo.fit_outliers"))
+    todo = t("todo.fit_outliers") if out and ratio is not None and ratio < RATIO[0] else t("todo.fit")
+    text = (
+        t("check.fit_unstated", sigma=sigma, unit=u.small)
+        if ratio is None
+        else t(f"check.fit_{level}", sigma=sigma, stated=stated, ratio=f"{ratio:.1f}", unit=u.small)
+    )
+    value = f"{ratio:.1f} ×" if ratio is not None else f"{sigma} {u.small}"
+    return Check("fit", level, value, "; ".join(x for x in (text, flagged) if x), todo)
+
+
+def _predicts(f: Facts, t: Callable[..., str]) -> Check:
+    if f.held is None:
+        return Check("predicts", "look", "–", t("check.predicts_none", why=f.why_not_held), t("todo.predicts_none"))
+    level = graded(f.held.ratio, PREDICTED)
+    ratio = f"{f.held.ratio:.2f}"
+    return Check("predicts", level, f"{ratio} ×", t(f"check.predicts_{level}", ratio=ratio), t("todo.predicts"))
+
+
+def _diagnosis(f: Facts, t: Callable[..., str]) -> Check:
+    d = f.diagnosis
+    if d is None:
+        return Check("diagnosis", "look", "–", t("check.diagnosis_none", why=f.why_no_diagnosis), t("todo.diagnosis_none"))
+    if d.verdict == "adequate":
+        return Check("diagnosis", "good", str(d.verdict), t("check.diagnosis_good"))
+    if d.findings:
+        from ..diagnose.sentences import advice
+
+        causes = ", ".join(dict.fromkeys(x.cause.replace("_", " ") for x in d.findings))
+        text = advice(d.findings[0])
+        todo = t("todo.diagnosis", advice=f"{text[0].upper()}{text[1:]}.")
+        return Check("diagnosis", "look", str(d.verdict), t("check.diagnosis_look", causes=causes), todo)
+    names = ", ".join(r.covariate for r in d.unexplained)
+    todo = t("todo.diagnosis_unexplained")
+    return Check("diagnosis", "look", str(d.verdict), t("check.diagnosis_unexplained", causes=names), todo)
+
+
+def _limit(f: Facts, t: Callable[..., str]) -> Check:
+    u, worst = f.wishes.units, f.worst
+    if worst is None:
+        return Check("limit", "look", "–", t("check.limit_unknown"), t("todo.limit_unknown"), trust=False)
+    size = f"{worst[0] * 1e3 * u.per_micron:.0f}"
+    value = f"{size} {u.small}"
+    if f.wishes.limit is None:
+        return Check("limit", "good", value, t("check.limit_none"), t("todo.limit_none"), trust=False, open=True)
+    level: Level = "good" if worst[0] <= f.wishes.limit else "look"
+    limit = f"{f.wishes.limit * 1e3 * u.per_micron:.0f}"
+    return Check(
+        "limit", level, value, t(f"check.limit_{level}", worst=size, limit=limit, unit=u.small), t("todo.limit"), trust=False
+    )

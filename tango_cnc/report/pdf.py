@@ -1,0 +1,68 @@
+"""Facts → the report as PDF, by typst (the optional extra `pdf`): the same numbers, pictures and sentences as the HTML page."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from ..records import InputError
+from .facts import Facts
+from .page import context, environment, rendered
+from .texts import texts_of
+
+TONES = {"good": "#00694c", "look": "#9a5b00", "stop": "#b3261e"}
+
+
+def available() -> bool:
+    """→ whether typst is installed."""
+    try:
+        import typst  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def quoted(value: object) -> str:
+    """anything → string literal of typst: nothing in it is read as markup."""
+    text = str(value).replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + text.replace("\n", " ").replace("\r", " ") + '"'
+
+
+def render(f: Facts, folder: Path | None = None) -> bytes:
+    """facts, folder of a shop's templates or None → PDF. Raises InputError when typst is not installed or the template is wrong."""
+    try:
+        import typst
+    except ImportError:
+        raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'") from None
+    env = environment(folder)
+    with tempfile.TemporaryDirectory() as place:
+        root = Path(place)
+        count = 0
+
+        def image(svg: object, width: str = "100%") -> str:
+            nonlocal count
+            if not svg:
+                return "[]"
+            count += 1
+            (root / f"{count}.svg").write_text(_plain(str(svg)), encoding="utf-8")
+            return f'image("{count}.svg", width: {width})'
+
+        env.filters["q"] = lambda value: Markup(quoted(value))
+        env.filters["image"] = lambda value, width="100%": Markup(image(value, width))
+        values: dict[str, Any] = context(f, texts_of(folder)) | {"tones": TONES}
+        source = root / "report.typ"
+        source.write_text(rendered(env, "report.typ", values), encoding="utf-8")
+        try:
+            return bytes(typst.compile(str(source), root=place))
+        except (typst.TypstError, RuntimeError) as error:
+            raise InputError(f"report.typ: {error}; correct the template") from None
+
+
+def _plain(svg: str) -> str:
+    """SVG for browsers → for typst: its fonts are those that typst brings or finds."""
+    return svg.replace(
+        "system-ui, -apple-system, &#x27;Segoe UI&#x27;, Helvetica, Arial, sans-serif", "Liberation Sans, DejaVu Sans"
+    )

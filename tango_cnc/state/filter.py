@@ -1,0 +1,251 @@
+"""The state from night to night, in square-root form, and the one test of the night.
+
+Covariances are carried as P = S Sᵀ. With x = m + S u the state is u ~ N(0, 1) before the touches, whatever the units are, and
+one QR decomposition of [1; H S / σ] gives what is known after them (Bierman 1977; Kaminski, Bryson & Schmidt 1971).
+The test asks whether the touches agree with what was predicted: νᵀ (H P Hᵀ + σ²)⁻¹ ν, one number for the whole machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, special
+
+from ..records import Array
+from ._root import rooted, triangle, widened
+from .frame import CLOSED, WARM, WIDE, Frame, Seen
+
+FALSE_ALARMS = 1 / 730  # a night: once in two years
+TRUST = 60.0  # nights' worth of numbers that the stated repeatability counts for, and the first idea of how much wanders
+FREE = 30.0  # standard deviations that the machine may have moved, when single touches are judged
+FAINT = 0.05  # standard deviations of a touch that one of the state makes: less says next to nothing
+SMALLEST = 1e-5  # mm, of the standard deviation of a touch
+
+
+@dataclass(frozen=True)
+class State:
+    """What is known of p unknowns at a moment: mean and root S of the covariance S Sᵀ."""
+
+    names: tuple[str, ...]
+    mean: Array  # (p,)
+    root: Array  # (p, p) lower triangle
+    day: float  # days since 1970-01-01 UTC
+    rates: Array  # (p,) variance a day
+    sigma: float  # mm, of a touch
+    reference: float | None = None  # °C at which temperature counts as zero
+    noise: tuple[float, float] = (0.0, 0.0)  # sum of squares mm², degrees of freedom: what σ is learned from
+    agreement: tuple[float, float] = (0.0, 0.0)  # sum of the statistics of quiet nights, their degrees of freedom
+
+    @property
+    def covariance(self) -> Array:
+        """→ (p, p)."""
+        return self.root @ self.root.T
+
+    @property
+    def std(self) -> Array:
+        """→ (p,) standard deviations."""
+        return np.sqrt(np.sum(self.root**2, axis=1))
+
+
+@dataclass(frozen=True)
+class Tonight:
+    """What the touches of a night say against what was predicted, before they are believed."""
+
+    statistic: float
+    dof: int
+    p_value: float  # of the whole night: both tests together
+    p_machine: float  # that the machine is as predicted
+    p_noise: float  # that touches scatter no more than they did
+    outliers: tuple[int, ...]  # numbers of single touches that fit nothing
+    touches: int
+    scale: float  # by which the statistic is divided, learned from quiet nights
+    reduced: Array = field(repr=False)  # (k, p) of u
+    innovation: Array = field(repr=False)  # (k,) standard deviations of a touch
+    noise: tuple[float, float] = (0.0, 0.0)  # sum of squares mm², degrees of freedom
+
+    def alarm(self, rate: float = FALSE_ALARMS) -> bool:
+        """false alarms a night → whether tonight is one."""
+        return self.p_value < rate
+
+
+def start(followed: Frame, day: float, temperature: float | None = None) -> State:
+    """frame, day, °C → a state that knows nothing but certificates."""
+    std = np.array([WIDE[f] for f in followed.families])
+    fixed = std == 0
+    std[fixed] = CLOSED
+    for name, uncertainty in followed.certificates.items():
+        std[followed.place[name]] = uncertainty
+    sigma = max(followed.model.touches.machine.probe.repeatability, SMALLEST)
+    return State(followed.names, np.zeros(len(std)), np.diag(std), day, followed.wander, sigma, temperature)
+
+
+def predicted(state: State, day: float) -> State:
+    """state, later day → what is known then without a touch. Days that run backwards count as none."""
+    return replace(
+        state, root=widened(state.root, np.diag(np.sqrt(state.rates * max(day - state.day, 0.0)))), day=max(day, state.day)
+    )
+
+
+def sigma_of(state: State) -> float:
+    """state → mm, standard deviation of a touch: the stated one, more and more what was seen."""
+    squares, dof = state.noise
+    return float(np.sqrt((squares + TRUST * state.sigma**2) / (dof + TRUST)))
+
+
+def judge(state: State, what: Seen) -> Tonight:
+    """predicted state, what the touches say → the one test of the night. Single touches that fit nothing are set apart."""
+    sigma = sigma_of(state)
+    outliers = _outliers(state, what, sigma)
+    used = what.without(outliers)
+    reduced, innovation, left, dof = _reduced(state, used, sigma)
+    k = len(innovation)
+    spread = np.eye(k) + reduced @ reduced.T
+    white = linalg.solve_triangular(np.linalg.cholesky(spread), innovation, lower=True)
+    statistic = float(white @ white)
+    total, nights = state.agreement
+    scale = max((total + TRUST) / (nights + TRUST), 0.5)
+    p_machine = float(special.fdtrc(k, nights + TRUST, statistic / k / scale)) if k else 1.0
+    seen_dof = state.noise[1] + TRUST
+    p_noise = float(special.fdtrc(dof, seen_dof, left / dof)) if dof > 0 else 1.0
+    least = min(p_machine, p_noise)
+    both = float(-np.expm1(2 * np.log1p(-least))) if least < 1 else 1.0
+    squares = left * sigma**2
+    return Tonight(
+        statistic, k, both, p_machine, p_noise, outliers, len(what.value), scale, reduced, innovation, (squares, float(dof))
+    )
+
+
+def _whitened(state: State, what: Seen, sigma: float) -> tuple[Array, Array]:
+    """→ (n, p) rows of u, (n,) innovations, both in standard deviations of a touch."""
+    return what.rows @ state.root / sigma, (what.value - what.rows @ state.mean) / sigma
+
+
+def _reduced(state: State, what: Seen, sigma: float) -> tuple[Array, Array, float, int]:
+    """→ (k, p) rows of u, (k,) innovations along the k directions that the touches tell; sum of squares of the others, its dof.
+
+    What a plan cannot see exactly it sees faintly at the places that were really touched, by the scatter of these very touches:
+    such a direction would take the scatter for knowledge. It says next to nothing beside what was known before, and is left out.
+    """
+    own, ahead = _whitened(state, what, sigma)
+    n, p = own.shape
+    left = 0.0
+    if n > p:
+        both = triangle(np.column_stack([own, ahead]))
+        own, ahead, left = both[:p, :p], both[:p, p], float(both[p, p] ** 2)
+    basis, size, turned = np.linalg.svd(own, full_matrices=False)
+    told = size > FAINT
+    innovation = basis[:, told].T @ ahead
+    left += max(float(ahead @ ahead - innovation @ innovation), 0.0)
+    return size[told, None] * turned[told], innovation, left, n - int(told.sum())
+
+
+def _outliers(state: State, what: Seen, sigma: float) -> tuple[int, ...]:
+    """→ numbers of touches that lie too far from all others even when the machine may have moved, the worst first.
+
+    At most one in 25: more than that is a change and no slip.
+    """
+    found: list[int] = []
+    most = max(1, len(what.value) // 25)
+    n, p = what.rows.shape
+    limit = float(-special.ndtri(5e-5 / max(n, 1)))
+    while True:
+        left = what.without(found)
+        wide = np.vstack([np.eye(p), left.rows @ (FREE * state.root) / sigma])
+        right = np.concatenate([np.zeros(p), (left.value - left.rows @ state.mean) / sigma])
+        basis = np.linalg.qr(wide)[0]
+        rest = (right - basis @ (basis.T @ right))[p:]
+        share = 1 - np.sum(basis[p:] ** 2, axis=1)
+        size = np.where((share > 0.05) & (left.touch > 0), np.abs(rest) / np.sqrt(np.clip(share, 0.05, None)), 0.0)
+        typical = max(1.0, 1.4826 * float(np.median(size[size > 0]))) if np.any(size > 0) else 1.0
+        worst = int(np.argmax(size)) if len(size) else -1
+        if worst < 0 or size[worst] / typical < limit:
+            return tuple(found)
+        if len(found) >= most:
+            return ()  # so many that they are no slips
+        found.append(int(left.touch[worst]))
+
+
+def updated(state: State, what: Seen, tonight: Tonight, quiet: bool = True) -> State:
+    """predicted state, what the touches say, their judgement, whether the night was no alarm → what is known after them."""
+    sigma = sigma_of(state)
+    used = what.without(tonight.outliers)
+    own, ahead = _whitened(state, used, sigma)
+    p = len(state.names)
+    stacked = np.vstack([np.column_stack([np.eye(p), np.zeros(p)]), np.column_stack([own, ahead])])
+    both = triangle(stacked)
+    change = linalg.solve_triangular(both[:p, :p], both[:p, p])
+    root = triangle(np.asarray(linalg.solve_triangular(both[:p, :p], state.root.T, trans="T"))).T
+    noise, agreement = state.noise, state.agreement
+    if quiet:
+        noise = (noise[0] + tonight.noise[0], noise[1] + tonight.noise[1])
+        agreement = (agreement[0] + tonight.statistic, agreement[1] + tonight.dof)
+    return replace(state, mean=state.mean + state.root @ change, root=root, noise=noise, agreement=agreement)
+
+
+def reopened(state: State, followed: Frame, directions: Array | None, temperature: bool = False) -> State:
+    """predicted state, (p, m) directions that changed (None: whatever), whether with temperature → a state that lets them.
+
+    Without it the filter would take nights to believe in a step.
+    """
+    if temperature:
+        base = len(followed.model.names)
+        columns = np.zeros((len(state.names), len(followed.warm)))
+        for j, i in enumerate(followed.warm):
+            columns[base + j, j] = WARM.get(followed.units[i], WARM[""])
+        return replace(state, root=widened(state.root, columns))
+    if directions is None:
+        free = {"location": 0.1, "angle": 3e-4, "gain": 1e-4, "backlash": 0.02, "stylus": 0.1, "table": 0.1, "fixed": 0.0}
+        directions = np.diag([free[f] for f in followed.families])
+    return replace(state, root=widened(state.root, directions))
+
+
+def as_numbers(state: State) -> dict[str, object]:
+    """state → plain numbers beside mean and covariance, for the record of a night."""
+    return {
+        "day": state.day,
+        "sigma": state.sigma,
+        "reference": state.reference,
+        "noise": list(state.noise),
+        "agreement": list(state.agreement),
+        "rates": [float(r) for r in state.rates],
+    }
+
+
+def restored(names: tuple[str, ...], mean: Array, covariance: Array, numbers: Mapping[str, object]) -> State:
+    """names, mean, covariance and the numbers of `as_numbers` → the state that was stored. Raises ValueError for other shapes."""
+    rates = np.array(numbers["rates"], dtype=float)
+    if not len(names) == len(mean) == len(covariance) == len(rates):
+        raise ValueError("names, mean, covariance and rates are of different lengths")
+    root = rooted(covariance)
+    a, b = (numbers["noise"], numbers["agreement"])
+    assert isinstance(a, (list, tuple)) and isinstance(b, (list, tuple))
+    reference = numbers["reference"]
+    return State(
+        names,
+        np.array(mean),
+        root,
+        float(numbers["day"]),  # type: ignore[arg-type]
+        rates,
+        float(numbers["sigma"]),  # type: ignore[arg-type]
+        None if reference is None else float(reference),  # type: ignore[arg-type]
+        (float(a[0]), float(a[1])),
+        (float(b[0]), float(b[1])),
+    )
+
+
+def matched(state: State, followed: Frame) -> State:
+    """stored state, frame of tonight → the state over the unknowns of the frame; what is new is unknown, what is gone is gone."""
+    if state.names == followed.names:
+        return state
+    fresh = start(followed, state.day, state.reference)
+    old = {name: i for i, name in enumerate(state.names)}
+    rows: NDArray[np.int64] = np.array([old[n] for n in followed.names if n in old], dtype=np.int64)
+    here = np.array([i for i, n in enumerate(followed.names) if n in old], dtype=np.int64)
+    mean, covariance, rates = fresh.mean.copy(), fresh.covariance, fresh.rates.copy()
+    mean[here], rates[here] = state.mean[rows], state.rates[rows]
+    covariance[np.ix_(here, here)] = state.covariance[np.ix_(rows, rows)]
+    root = rooted(covariance)
+    return replace(fresh, mean=mean, root=root, rates=rates, noise=state.noise, agreement=state.agreement)

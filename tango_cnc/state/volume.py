@@ -1,0 +1,51 @@
+"""Unknowns → errors of the tool tip over the working volume, after the best set-up of workpiece and tool length."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import kinematics
+from ..iso230.poses import at_poses
+from ..records import Array
+from ..verify.volume import grid, set_up, setup_lever
+from .frame import Frame
+
+LEVELS = 3  # points an axis
+
+
+class Volume(NamedTuple):
+    """Errors over the volume, mm: at the worst pose, root mean square, and the standard deviation of one direction of one pose."""
+
+    worst: float
+    rms: float
+    std: float
+
+
+def levers(followed: Frame, over: str = "probed") -> Array:
+    """frame, `travel` or `probed` → (m, 3, p) mm by unknown: the tip relative to the table at m poses."""
+    model = followed.model
+    machine = model.touches.machine
+    position = grid(machine, model.touches, LEVELS, over)
+    poses = at_poses(machine, position, np.zeros_like(position))
+    run = kinematics.trace(poses.chain, position, {})
+    found = np.zeros((len(position), 3, len(followed.names)))
+    own = [model.coefficients[i] for i in followed.machine]
+    regressors = [c.regressor(poses) for c in own]
+    for axis in range(3):
+        slots = kinematics.sensitivity(poses.chain, run, np.tile(np.eye(3)[axis], (len(poses), 1))).slots
+        for i, c, regressor in zip(followed.machine, own, regressors, strict=True):
+            found[:, axis, i] = slots[c.slot] * regressor
+    tip = kinematics.tip(poses.chain, position)
+    return set_up(found, setup_lever(poses, tip), np.ones(len(position), dtype=np.bool_))
+
+
+def over_volume(lever: Array, mean: Array, covariance: Array) -> Volume:
+    """(m, 3, p) of `levers`, (p,) unknowns, (p, p) covariance → errors over the volume."""
+    error = lever @ mean
+    size = np.linalg.norm(error, axis=1)
+    flat = lever.reshape(-1, lever.shape[2])
+    own = np.flatnonzero(np.any(flat != 0, axis=0))
+    variance = np.sum((flat[:, own] @ covariance[np.ix_(own, own)]) * flat[:, own], axis=1)
+    return Volume(float(size.max()), float(np.sqrt(np.mean(size**2))), float(np.sqrt(np.mean(variance))))

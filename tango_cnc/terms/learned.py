@@ -1,0 +1,63 @@
+"""A shape that a diagnosis found in the touches of this machine and kept in `learned/<name>.yaml` of its cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..records import Array, InputError, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, early
+from ._shape import form_of
+from ._world import Effects
+
+TEXT = "a shape without a name that was learned from an earlier measurement of this machine"
+SOURCE = "Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, chapter 2"
+FRAME = "machine, table, spindle or axis"
+MISTAKEN = ("indexation_seating",)
+SAYS = "the shape {name} that was learned before is back, {times} times as large; the touch that feels it most is off by {size}"
+MEANING = "parts are off by this as they were when it was learned"
+ADVICE = "keep the term, and look for what was the same on both occasions"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → nothing: the shapes of a cell are handed to a diagnosis with their numbers."""
+    yield from ()
+
+
+def cause(
+    machine: Machine,
+    name: str,
+    factors: Sequence[Mapping[str, Any]] = (),
+    weight: str = "none",
+    values: Sequence[float] = (),
+) -> list[Coefficient]:
+    """machine, name and numbers of a shape → one coefficient: how many times as large as it was when it was learned.
+
+    Raises InputError where its numbers are missing or do not fit together.
+    """
+    if not values or not factors:
+        raise InputError(
+            f"terms: learned: found the name {name!r} without its numbers; allowed: the name of a file learned/<name>.yaml of the "
+            "cell, as tango diagnose --learn writes it"
+        )
+    form = form_of({"factors": factors, "weight": weight})
+    size = np.array(values, dtype=float)
+
+    def pattern(t: Touches) -> Array:
+        columns = form.columns(t)
+        if columns.shape[1] != len(size):
+            raise InputError(f"terms: learned {name}: found {len(size)} values; allowed: {columns.shape[1]}, one a function")
+        return np.asarray(columns @ size)
+
+    return [early(f"learned[{name}]", pattern, "1")]
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the same shape, so many times as large (world.yaml)."""
+    kept = {k: setting[k] for k in ("name", "factors", "weight", "values") if k in setting}
+    return [{"cause": "learned", **kept, "amplitude": float(values[0])}]

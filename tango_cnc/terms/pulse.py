@@ -1,0 +1,55 @@
+"""Something that belongs to one moment or one pose: a clamp that held elsewhere, an open door, a hand on the table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import Array, Machine
+from ..touches import Touches
+from . import Coefficient
+from ._cause import Variants, displaced, label, need
+from ._world import Effects, vector
+
+TEXT = "some touches in a row were made while something was elsewhere (one clamping, an open door, a knock that went back)"
+SOURCE = "change-point model; thesis section 7.3 (dismount and remount)"
+FRAME = "machine"
+MISTAKEN = ("step", "indexation_seating")
+SAYS = "touches {at} to {until} are off by {size} {towards}"
+MEANING = "these touches say nothing about the machine as it usually is; they would pull the estimate"
+ADVICE = "find out what happened then, and measure these touches again"
+REFINE: dict[str, str] = {}
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → nothing: what belongs to one moment is set aside before names are looked for."""
+    yield from ()
+
+
+def cause(
+    machine: Machine, at: float, until: float, axis: str | None = None, direction: Sequence[float] | None = None
+) -> list[Coefficient]:
+    """machine, first and last touch (1 = first touch used) → displacement x y z in mm, machine frame; or an angle."""
+    first, last = int(at), int(until)
+
+    def inside(t: Touches) -> Array:
+        number = np.arange(1, len(t) + 1)
+        return ((number >= first) & (number <= last)).astype(float)
+
+    if axis is not None:
+        need("pulse", "axis", axis, machine.rotary)
+        return [Coefficient(label("pulse", first, last, axis), "rad", Slot(axis, "motion"), inside)]
+    return displaced(label("pulse", first, last), "machine", inside, direction)
+
+
+def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
+    """machine, setting, values → the same touches displaced, or an axis turned (world.yaml)."""
+    base = {"cause": "pulse", "at": int(setting["at"]), "until": int(setting["until"])}
+    if setting.get("axis") is not None:
+        return [base | {"axis": setting["axis"], "amplitude": float(values[0])}]
+    if len(values) == 1:
+        return [base | {"amplitude": float(values[0]), "direction": [float(x) for x in setting["direction"]]}]
+    return [base | vector(values)]

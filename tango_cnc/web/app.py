@@ -1,0 +1,239 @@
+"""Settings → the web application: pages by their files, the guard around them, and one way to make a page."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import logging
+import pkgutil
+import threading
+import time
+from collections import Counter, defaultdict
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from typing import Any
+from urllib.parse import parse_qsl
+
+import jinja2
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.routing import BaseRoute, Route
+
+from ..records import TangoError
+from ..report.page import environment
+from ..report.texts import Texts, texts_of
+from ..report.units import Units
+from . import pages
+from .guard import COOKIE, Buckets, Guard, same
+from .live import Journals
+from .places import Machine, Places
+from .settings import Role, Settings, may
+from .users import Session, Sessions
+
+LOG = logging.getLogger("tango.serve")
+
+
+@dataclass
+class State:
+    """What the pages share."""
+
+    settings: Settings
+    places: Places
+    sessions: Sessions
+    journals: Journals
+    texts: Texts
+    templates: jinja2.Environment
+    attempts: Buckets  # sign-ins that failed, by address and by name
+    requests: Counter[tuple[str, int]] = field(default_factory=Counter)
+    seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    started: float = field(default_factory=time.time)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    units: Units = field(default_factory=Units)
+
+
+def create(settings: Settings) -> Starlette:
+    """settings → application. Raises InputError for a users file or templates that cannot be used."""
+    if settings.users is not None:
+        from .users import read_users
+
+        read_users(settings.users)
+    env = environment(settings.templates)
+    assert isinstance(env.loader, jinja2.ChoiceLoader)
+    env.loader = jinja2.ChoiceLoader([*env.loader.loaders, jinja2.PackageLoader("tango_cnc.web", "templates")])
+    state = State(
+        settings,
+        Places(settings),
+        Sessions(),
+        Journals(),
+        texts_of(settings.templates),
+        env,
+        Buckets(rate=1 / 60, most=5),
+    )
+
+    @contextlib.asynccontextmanager
+    async def life(app: Starlette) -> AsyncIterator[None]:
+        yield
+        state.places.close()
+
+    app = Starlette(routes=[*_routes(), *_static()], exception_handlers={HTTPException: _refused}, lifespan=life)
+    app.state.tango = state
+    app.add_middleware(Guard, settings=settings)
+    return app
+
+
+def _routes() -> list[BaseRoute]:
+    found: list[BaseRoute] = []
+    for module in pkgutil.iter_modules(pages.__path__):
+        for route in importlib.import_module(f"{pages.__name__}.{module.name}").ROUTES:
+            found.append(counted(route))
+    return found
+
+
+def counted(route: Route) -> Route:
+    """route → the same; what fails becomes a page, and its answers and seconds are counted for /metrics."""
+    call = route.endpoint
+
+    def noted(request: Request, status: int, began: float) -> None:
+        state = state_of(request)
+        with state.lock:
+            state.requests[route.path, status] += 1
+            state.seconds[route.path] += time.perf_counter() - began
+
+    def timed(request: Request) -> Response:
+        began, status = time.perf_counter(), 500
+        try:
+            answer = _answered(call, request)
+            status = answer.status_code
+            return answer
+        except HTTPException as error:
+            status = error.status_code
+            raise
+        finally:
+            noted(request, status, began)
+
+    async def posted(request: Request) -> Response:
+        fields = await form_of(request)
+        request.state.form = fields
+        return await run_in_threadpool(timed, request)
+
+    methods = list(route.methods or ["GET"])
+    return Route(route.path, posted if "POST" in methods else timed, methods=methods, name=route.name)
+
+
+def _answered(call: Callable[[Request], Response], request: Request) -> Response:
+    try:
+        return call(request)
+    except HTTPException:
+        raise
+    except TangoError as error:
+        LOG.warning("%s: %s", request.url.path, error)
+        return page(request, "told.html", 503, said=str(error))
+    except Exception:
+        LOG.exception("%s", request.url.path)
+        return page(request, "told.html", 500, said=state_of(request).texts("web.failed"))
+
+
+async def form_of(request: Request) -> dict[str, str]:
+    """request with a form → its fields, the last of equal names. Raises HTTPException for what is no form."""
+    body = await request.body()
+    try:
+        pairs = parse_qsl(
+            body.decode("ascii"), keep_blank_values=True, strict_parsing=bool(body), max_num_fields=20, errors="strict"
+        )
+    except ValueError:
+        raise HTTPException(400, state_of(request).texts("web.csrf")) from None
+    return dict(pairs)
+
+
+def _static() -> list[Route]:
+    """Two files without a folder behind them: no path can lead out of it."""
+    style = "".join(
+        resources.files(package).joinpath(name).read_text(encoding="utf-8")
+        for package, name in (("tango_cnc.report", "templates/style.css"), ("tango_cnc.web", "static/app.css"))
+    )
+    script = resources.files("tango_cnc.web").joinpath("static/live.js").read_text(encoding="utf-8")
+
+    def css(request: Request) -> Response:
+        return Response(style, media_type="text/css", headers={"cache-control": "max-age=3600"})
+
+    def js(request: Request) -> Response:
+        return Response(script, media_type="text/javascript", headers={"cache-control": "max-age=3600"})
+
+    return [Route("/static/app.css", css), Route("/static/live.js", js)]
+
+
+def state_of(request: Request) -> State:
+    """request → what the pages share."""
+    found = request.app.state.tango
+    assert isinstance(found, State)
+    return found
+
+
+def session_of(request: Request) -> Session | None:
+    """request → who is signed in, None for nobody."""
+    return state_of(request).sessions.of(request.cookies.get(COOKIE))
+
+
+def role_of(request: Request) -> Role | None:
+    """request → its role: that of its session; without users everybody may view."""
+    if state_of(request).settings.users is None:
+        return "view"
+    session = session_of(request)
+    return None if session is None else session.user.role
+
+
+def needs(request: Request, wanted: Role) -> None:
+    """request, role → nothing. Raises HTTPException: 401 (the sign-in page) without a session, 403 where the role is not enough."""
+    role = role_of(request)
+    if role is None:
+        raise HTTPException(401)
+    if not may(role, wanted):
+        raise HTTPException(403, state_of(request).texts("web.forbidden", role=wanted))
+
+
+def proven(request: Request, form: Mapping[str, Any]) -> Session:
+    """request, its form → the session. Raises HTTPException for a form without the token of that session."""
+    session = session_of(request)
+    if session is None:
+        raise HTTPException(401)
+    if not same(str(form.get("csrf", "")), session.csrf):
+        raise HTTPException(403, state_of(request).texts("web.csrf"))
+    return session
+
+
+def machine_of(request: Request) -> Machine:
+    """request → the machine of its address. Raises HTTPException 404."""
+    found = state_of(request).places.machines().get(str(request.path_params["slug"]))
+    if found is None:
+        raise HTTPException(404)
+    return found
+
+
+def page(request: Request, template: str, status: int = 200, **values: Any) -> HTMLResponse:
+    """request, template, values → the page."""
+    state, session = state_of(request), session_of(request)
+    context = {
+        "t": state.texts,
+        "units": state.units,
+        "here": request.url.path,
+        "session": session,
+        "csrf": session.csrf if session else "",
+        "role": role_of(request),
+        "with_users": state.settings.users is not None,
+        "may_operate": may(role_of(request), "operate"),
+        **values,
+    }
+    return HTMLResponse(state.templates.get_template(template).render(**context), status)
+
+
+def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    if error.status_code == 401:
+        return RedirectResponse("/sign-in", 303)
+    t = state_of(request).texts
+    said = t("web.not_found") if error.status_code == 404 else str(error.detail)
+    return page(request, "told.html", error.status_code, said=said)

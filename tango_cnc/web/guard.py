@@ -1,0 +1,169 @@
+"""What every request passes: name of the server, size, rate, session, forged forms; and what every answer carries.
+
+OWASP's secure headers; cookies HttpOnly and SameSite=Strict; a form needs the token of its session and comes from our own page.
+"""
+
+from __future__ import annotations
+
+import hmac
+import re
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from .settings import Settings
+
+LARGEST = 16 * 1024  # bytes of a body
+LONGEST = 2048  # of an address
+COOKIE = "tango_session"
+HOST = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([A-Za-z0-9._-]+))(?::\d{1,5})?")
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; form-action 'self'; "
+    "frame-ancestors 'none'; base-uri 'none'"
+)
+HEADERS = {
+    "content-security-policy": POLICY,
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "same-origin",  # with no-referrer browsers send "Origin: null" with our own forms
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), microphone=(), geolocation=(), usb=(), serial=()",
+    "cache-control": "no-store",
+}
+
+
+@dataclass
+class Buckets:
+    """Tokens by key: `rate` come a second, `most` are kept; one is taken at a time. Old keys are forgotten."""
+
+    rate: float
+    most: float
+    keys: int = 4096
+    clock: Callable[[], float] = time.monotonic
+    _left: OrderedDict[str, tuple[float, float]] = field(default_factory=OrderedDict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def take(self, key: str) -> float:
+        """key → 0 when there was a token, else s until there is one."""
+        now = self.clock()
+        with self._lock:
+            left, at = self._left.pop(key, (self.most, now))
+            left = min(self.most, left + (now - at) * self.rate)
+            enough = left >= 1.0
+            self._left[key] = (left - 1.0 if enough else left, now)
+            while len(self._left) > self.keys:
+                self._left.popitem(last=False)
+        return 0.0 if enough else (1.0 - left) / self.rate
+
+    def give_back(self, key: str) -> None:
+        """key → its last token is there again: a sign-in that succeeded does not count."""
+        with self._lock:
+            if key in self._left:
+                left, at = self._left[key]
+                self._left[key] = (min(self.most, left + 1.0), at)
+
+
+class Guard:
+    """ASGI middleware: refuses before anything is read or computed."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app, self._settings = app, settings
+        self._buckets = Buckets(settings.rate, 2 * settings.rate)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request → an answer of the application, or a refusal."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+
+        async def dressed(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                answer = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    if name not in answer:
+                        answer[name] = value
+                if self._settings.https:
+                    answer["strict-transport-security"] = "max-age=31536000"
+                if "server" in answer:
+                    del answer["server"]
+            await send(message)
+
+        refused = self._refused(scope, headers)
+        if refused is not None:
+            await refused(scope, receive, dressed)
+            return
+        taken = 0
+
+        async def measured() -> Message:
+            nonlocal taken
+            message = await receive()
+            taken += len(message.get("body", b""))
+            if taken > LARGEST:
+                raise TooLarge
+            return message
+
+        try:
+            await self._app(scope, measured, dressed)
+        except TooLarge:
+            await _told(413, f"The body is larger than {LARGEST} bytes.")(scope, receive, dressed)
+
+    def _refused(self, scope: Scope, headers: Headers) -> PlainTextResponse | None:
+        host = headers.get("host", "")
+        name = host_of(host)
+        if name is None or name not in self._settings.names:
+            return _told(421, "This server is not called by that name. Start it with --name for the names it is called by.")
+        if len(scope.get("raw_path", b"")) + len(scope.get("query_string", b"")) > LONGEST:
+            return _told(414, f"The address is longer than {LONGEST} characters.")
+        client = scope["client"][0] if scope.get("client") else ""
+        if (wait := self._buckets.take(client)) > 0:
+            answer = _told(429, "Too many requests. Wait a moment.")
+            answer.headers["retry-after"] = str(max(1, round(wait)))
+            return answer
+        length = headers.get("content-length", "0")
+        if not length.isascii() or not length.isdigit() or len(length) > 12:
+            return _told(400, "The length of the body is no number.")
+        if int(length) > LARGEST:
+            return _told(413, f"The body is larger than {LARGEST} bytes.")
+        if scope["method"] not in ("GET", "HEAD", "POST"):
+            return _told(405, "Only GET, HEAD and POST.")
+        if scope["method"] == "POST":
+            return _foreign(scope, headers, host)
+        return None
+
+
+class TooLarge(Exception):
+    """A body that goes on beyond what is allowed."""
+
+
+def _foreign(scope: Scope, headers: Headers, host: str) -> PlainTextResponse | None:
+    """A form that another site sends in the name of a user is refused before it is read (Fetch Metadata, Origin)."""
+    site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+    if site not in (None, "same-origin", "none") or (origin is not None and origin.partition("://")[2] != host):
+        return _told(403, "This form came from another site.")
+    kind = headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != "application/x-www-form-urlencoded":
+        return _told(415, "Allowed: application/x-www-form-urlencoded.")
+    return None
+
+
+def host_of(host: str) -> str | None:
+    """header Host → the name in it, without a port; None for what is no such header."""
+    match = HOST.fullmatch(host)
+    return None if match is None else (match[1] or match[2]).lower()
+
+
+def same(one: str, other: str) -> bool:
+    """two tokens → whether they are the same, in a time that does not tell where they differ."""
+    return hmac.compare_digest(one.encode(), other.encode())
+
+
+def _told(status: int, text: str) -> PlainTextResponse:
+    return PlainTextResponse(text + "\n", status)

@@ -1,0 +1,101 @@
+"""The journal of a run → what the page of the run shows while it goes on: progress, deviations, drift, what is still to come."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+from ..link.entries import Again, Begun, Doubted, End, Entry, Reading, Segment
+from ..link.journal import read_journal
+from ..records import Cell
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run as its journal has it at this moment."""
+
+    file: Path
+    version: str  # changes with every entry
+    state: str  # waiting, running, complete, stopped
+    why: str
+    started: str  # UTC, of the first segment
+    head: Segment | None  # the last program that went out
+    total: int
+    readings: tuple[Reading, ...]
+    refused: tuple[str, ...]
+    left: Mapping[str, int]  # facet: touches still to come
+    seconds: float  # since the start mark, of the last entry
+    remaining: float | None  # s, at the pace so far
+
+
+@dataclass
+class Journals:
+    """Journals that were read, by file: a file that has not grown is not read again."""
+
+    _read: dict[Path, tuple[tuple[int, int], Run]] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def run(self, file: Path, cell: Cell | None) -> Run | None:
+        """journal, its cell → the run, None when there is none. Raises InputError for a damaged journal."""
+        try:
+            stat = file.stat()
+        except OSError:
+            return None
+        key = (stat.st_size, stat.st_mtime_ns)
+        with self._lock:
+            known = self._read.get(file)
+            if known is not None and known[0] == key:
+                return known[1]
+            entries, good = read_journal(file)
+            run = run_of(file, f"{good:x}", entries, cell)
+            self._read[file] = (key, run)
+            if len(self._read) > 200:
+                self._read.pop(next(iter(self._read)))
+            return run
+
+
+def journals(folder: Path) -> list[Path]:
+    """cell → its journals, the present one first, then those set aside, newest first."""
+    old = sorted(folder.glob("readings.*.journal"), reverse=True)
+    return [f for f in (folder / "readings.journal", *old) if f.is_file()]
+
+
+def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None) -> Run:
+    """journal, its entries, its cell → the run."""
+    segments = [e for e in entries if isinstance(e, Segment)]
+    readings = tuple(e for e in entries if isinstance(e, Reading))
+    done = {e.touch for e in readings}
+    wanted = list(dict.fromkeys(n for s in segments for n in s.touches))
+    last = entries[-1] if entries else None
+    part = segments[-1].part if segments else (1, 1)
+    state, why = ("running", "") if any(isinstance(e, Begun) for e in entries) else ("waiting", "")
+    if isinstance(last, End) and not (last.complete and part[0] < part[1]):
+        state, why = ("complete" if last.complete else "stopped"), last.why
+    facets = _facets(cell)
+    left = Counter(facets[n] for n in wanted if n not in done and n in facets)
+    seconds = max((e.time_s for e in entries if isinstance(e, Begun | Reading | Again | Doubted)), default=0.0)
+    pace = seconds / len(readings) if readings else None
+    remaining = pace * (len(wanted) - len(done)) if pace is not None and state == "running" else None
+    refused = tuple(f"{e.record!r}: {e.why}" for e in entries if isinstance(e, Doubted))[-5:]
+    head = segments[-1] if segments else None
+    started = segments[0].utc if segments else ""
+    return Run(file, version, state, why, started, head, len(wanted), readings, refused, dict(left), seconds, remaining)
+
+
+def _facets(cell: Cell | None) -> dict[int, str]:
+    if cell is None:
+        return {}
+    every = (facet for i in cell.strategy.indexations for facet in i.facets)
+    return dict(enumerate(every, 1))
+
+
+def title(run: Run) -> str:
+    """run → its date and time for people."""
+    try:
+        return datetime.fromisoformat(run.started).strftime("%Y-%m-%d %H:%M UTC")
+    except ValueError:
+        return run.file.name

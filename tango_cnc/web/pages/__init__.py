@@ -1,0 +1,1 @@
+"""One file a page: each has `ROUTES`, and appears in the server by being there."""

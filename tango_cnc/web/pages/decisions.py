@@ -1,0 +1,76 @@
+"""Alarms: those that nobody has decided about, with a form for who may, and what was decided so far."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import Route
+
+from ...history import ACTIONS, Decision
+from ...records import InputError
+from ...report.morning import context
+from ..app import machine_of, needs, page, proven, state_of
+
+NOTE = 500  # characters
+DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+
+
+def decisions(request: Request) -> Response:
+    """request → all open alarms of all machines."""
+    needs(request, "view")
+    return page(request, "decisions.html", said="", **_values(request))
+
+
+def _values(request: Request) -> dict[str, Any]:
+    state = state_of(request)
+    waiting: list[dict[str, Any]] = []
+    past: list[dict[str, Any]] = []
+    for row in state.places.fleet():
+        history, name = row.machine.history, row.machine.name
+        if history is None or row.standing is None:
+            continue
+        if row.standing.alarms_open:
+            record = {"alarms": history.open_alarms(name)}
+            shown = context(record, (), state.units, state.texts)["alarms"]
+            waiting += [{"machine": row.machine, **a} for a in shown]
+        past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]
+    past.sort(key=lambda p: p["d"].utc, reverse=True)
+    return {"waiting": waiting, "past": past[:50], "actions": ACTIONS}
+
+
+def decide(request: Request) -> Response:
+    """request with a form → the decision is in the history. Its owner is who is signed in unless another one is named."""
+    form = request.state.form
+    state = state_of(request)
+    if state.settings.users is None:
+        return page(request, "decisions.html", 403, said=state.texts("decision.read_only"), **_values(request))
+    session = proven(request, form)
+    needs(request, "operate")
+    found = machine_of(request)
+    owner = " ".join(form.get("owner", "").split())[:80] or session.user.name
+    note = form.get("note", "").strip()[:NOTE]
+    until = form.get("until", "").strip() or None
+    action = form.get("action", "")
+    try:
+        if found.history is None:
+            raise InputError("this machine has no history")
+        if until is not None and not DATE.fullmatch(until):
+            raise InputError(f"until: found {until[:20]!r}; allowed: a date like 2026-12-01")
+        signed = note if owner == session.user.name else f"{note} ({session.user.name})".strip()
+        found.history.decide(
+            found.name, Decision(form.get("alarm", "")[:80], action, owner, signed, until if action == "ignore" else None)
+        )
+    except InputError as error:
+        said = state.texts("decision.wrong", why=str(error))
+        return page(request, "decisions.html", 400, said=said, **_values(request))
+    state.places.forget()
+    return RedirectResponse("/alarms", 303)
+
+
+ROUTES = [
+    Route("/alarms", decisions, name="decisions"),
+    Route("/machine/{slug}/decide", decide, methods=["POST"], name="decide"),
+]

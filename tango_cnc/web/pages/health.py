@@ -1,0 +1,82 @@
+"""For other programs: /healthz says that the server answers, /metrics is for Prometheus (text format 0.0.4)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
+
+from ..app import needs, state_of
+from ..places import Row
+from ..settings import LOOPBACK
+
+VERDICTS = ("good", "changed", "out_of_limits", "doubtful", "not_measured")
+
+
+def healthz(request: Request) -> Response:
+    """request → ok; nothing is told of machines."""
+    return PlainTextResponse("ok\n")
+
+
+def metrics(request: Request) -> Response:
+    """request from this computer, or of who may view → counters and the state of every machine."""
+    if request.client is None or request.client.host not in LOOPBACK:
+        try:
+            needs(request, "view")
+        except HTTPException:
+            raise HTTPException(403, "metrics: from this computer, or signed in") from None
+    return PlainTextResponse("\n".join(_lines(request)) + "\n", media_type="text/plain; version=0.0.4")
+
+
+def _lines(request: Request) -> Iterator[str]:
+    state = state_of(request)
+    yield "# TYPE tango_http_requests_total counter"
+    with state.lock:
+        counts, seconds = dict(state.requests), dict(state.seconds)
+    yield from (f'tango_http_requests_total{{path="{path}",status="{status}"}} {n}' for (path, status), n in sorted(counts.items()))
+    yield "# TYPE tango_http_seconds_total counter"
+    yield from (f'tango_http_seconds_total{{path="{path}"}} {s:.6f}' for path, s in sorted(seconds.items()))
+    yield "# TYPE tango_sessions gauge"
+    yield f"tango_sessions {len(state.sessions)}"
+    yield "# TYPE tango_uptime_seconds gauge"
+    yield f"tango_uptime_seconds {time.time() - state.started:.0f}"
+    rows = state.places.fleet()
+    for name, values in (("alarms_open", _alarms), ("late", _late), ("volume_um", _volume), ("nights", _nights)):
+        yield f"# TYPE tango_machine_{name} gauge"
+        for row in rows:
+            value = values(row)
+            if value is not None:
+                yield f'tango_machine_{name}{{machine="{_escaped(row.machine.name)}"}} {value:g}'
+    yield "# TYPE tango_machine_verdict gauge"
+    for row in rows:
+        if row.standing is not None and row.standing.last is not None:
+            for verdict in VERDICTS:
+                told = int(row.standing.last.verdict == verdict)
+                yield f'tango_machine_verdict{{machine="{_escaped(row.machine.name)}",verdict="{verdict}"}} {told}'
+
+
+def _alarms(row: Row) -> float | None:
+    return None if row.standing is None else row.standing.alarms_open
+
+
+def _late(row: Row) -> float | None:
+    return None if row.standing is None else float(row.standing.late)
+
+
+def _volume(row: Row) -> float | None:
+    return None if row.standing is None or row.standing.last is None else row.standing.last.volume_um
+
+
+def _nights(row: Row) -> float | None:
+    return None if row.standing is None else row.standing.nights
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+
+
+ROUTES = [Route("/healthz", healthz, name="healthz"), Route("/metrics", metrics, name="metrics")]

@@ -1,0 +1,42 @@
+"""One night: the morning page, the engineer's part, and what is decided about its alarms."""
+
+from __future__ import annotations
+
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from ...records import InputError
+from ...report.morning import context
+from ..app import machine_of, needs, page, state_of
+from ..places import Machine
+from .report import NAMES, file_of_night
+
+
+def night(request: Request) -> Response:
+    """request → the page of the night."""
+    needs(request, "view")
+    state, found = state_of(request), machine_of(request)
+    entry = int(request.path_params["entry"])
+    record = record_of(found, entry)
+    assert found.history is not None
+    values = context(record, found.history.decisions(found.name), state.units, state.texts)
+    written = [name for name in NAMES if file_of_night(found, record, name) is not None]
+    return page(request, "night.html", machine=found, entry=entry, written=written, **values)
+
+
+def record_of(machine: Machine, entry: int) -> dict[str, object]:
+    """machine, number of an entry → its record. Raises HTTPException 404 for one that is not of this machine."""
+    if machine.history is None or entry > 2**53:
+        raise HTTPException(404)
+    try:
+        stored = machine.history.night(entry)
+    except InputError:
+        raise HTTPException(404) from None
+    if stored.night.machine != machine.name:
+        raise HTTPException(404)
+    return dict(stored.record)
+
+
+ROUTES = [Route("/machine/{slug}/night/{entry:int}", night, name="night")]

@@ -1,0 +1,165 @@
+"""A run: live while it goes on, from its journal; progress, deviations, drift, and what is still to come."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup, escape
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from ...link.entries import Reading
+from ...records import Cell
+from ...report.svg import BLUE, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
+from ..app import machine_of, needs, page, state_of
+from ..live import Run, journals, title
+from ..places import Machine
+
+STEP = 2.0  # s that a finished step is kept for all who follow it
+LATEST = 8
+
+
+def run(request: Request) -> Response:
+    """request → the page of a run: the present one, or the one whose number is asked for."""
+    needs(request, "view")
+    found, chosen, cell = _chosen(request)
+    state = state_of(request)
+    listed = []
+    for i, file in enumerate(journals(found.folder) if found.folder else ()):
+        listed.append((i, file.name))
+    step = _step(request, found, chosen, cell) if chosen else ""
+    return page(
+        request,
+        "run.html",
+        machine=found,
+        run=chosen,
+        step=Markup(step),
+        listed=listed,
+        heading=title(chosen) if chosen else "",
+        texts=state.texts,
+    )
+
+
+def step(request: Request) -> Response:
+    """request → what changes on that page, for those who follow it; 304 where nothing has."""
+    needs(request, "view")
+    found, chosen, cell = _chosen(request)
+    if chosen is None:
+        raise HTTPException(404)
+    tag = f'"{chosen.version}-{chosen.state}"'
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"etag": tag, "cache-control": "no-cache"})
+    text = _step(request, found, chosen, cell)
+    headers = {"etag": tag, "cache-control": "no-cache", "x-run-state": chosen.state}
+    return Response(text, media_type="text/html; charset=utf-8", headers=headers)
+
+
+def _chosen(request: Request) -> tuple[Machine, Run | None, Cell | None]:
+    found, state = machine_of(request), state_of(request)
+    if found.folder is None:
+        return found, None, None
+    files = journals(found.folder)
+    text = request.query_params.get("run", "0")
+    if not (text.isascii() and text.isdigit() and len(text) < 6):
+        raise HTTPException(404)
+    if not files:
+        return found, None, None
+    if int(text) >= len(files):
+        raise HTTPException(404)
+    cell = state.places.cell(found.folder)
+    usable = None if isinstance(cell, str) else cell
+    return found, state.journals.run(files[int(text)], usable), usable
+
+
+def _step(request: Request, machine: Machine, run: Run, cell: Cell | None) -> str:
+    state = state_of(request)
+    key = f"step {machine.slug} {run.file.name} {run.version} {run.state}"
+    return state.places.kept(key, lambda: _drawn(request, run, cell), 60)
+
+
+def _drawn(request: Request, run: Run, cell: Cell | None) -> str:
+    state = state_of(request)
+    t, k, unit = state.texts, state.units.per_micron, state.units.small
+    values: dict[str, Any] = {
+        "t": t,
+        "run": run,
+        "done": len(run.readings),
+        "left": "" if run.remaining is None else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
+        "deviations": Markup(_deviations(run, t("web.deviation"), t("table.touch"), unit, k)),
+        "drift": Markup(_drift(run, t("web.drift"), unit, k)),
+        "map": Markup(_map(run, cell, t("web.map"))) if cell is not None else "",
+        "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
+        "unit": unit,
+    }
+    return state.templates.get_template("_step.html").render(**values)
+
+
+def _row(e: Reading, k: float) -> dict[str, Any]:
+    return {
+        "touch": e.touch,
+        "facet": e.facet,
+        "status": e.status,
+        "deviation": "–" if e.deviation_um is None else f"{e.deviation_um * k:+.1f}".replace("-", "−"),
+        "drift": "" if e.drift_um is None else f"{e.drift_um * k:+.1f}".replace("-", "−"),
+    }
+
+
+def _deviations(run: Run, heading: str, label: str, unit: str, k: float) -> str:
+    good = [(e.touch, e.deviation_um * k) for e in run.readings if e.status == "ok" and e.deviation_um is not None]
+    bad = [e.touch for e in run.readings if e.status != "ok"]
+    x, y = (np.array(v, dtype=float) for v in (zip(*good, strict=True) if good else ((), ())))
+    most = max(run.head.touches if run.head is not None else (), default=1)
+    level = float(np.median(y)) if len(y) else 0.0
+    crosses = Series(np.array(bad, dtype=float), np.full(len(bad), level), "crosses", RED, size=4)
+    series = [s for s in (Series(x, y, "dots", BLUE, size=2.2), crosses) if len(s.x)]
+    return chart(series, Frame(860, 230, heading, label, unit, x_range=(0.0, float(most) + 1)))
+
+
+def _drift(run: Run, heading: str, unit: str, k: float) -> str:
+    rows = [(e.time_s / 60, e.drift_um * k) for e in run.readings if e.drift_um is not None]
+    if not rows:
+        return ""
+    x, y = (np.array(v, dtype=float) for v in zip(*rows, strict=True))
+    return chart([Series(x, y, "squares", GREEN, size=2.6)], Frame(860, 180, heading, "min", unit))
+
+
+def _map(run: Run, cell: Cell, heading: str) -> str:
+    """Facets from above; those on top of each other are moved apart by their height, so that each can be seen."""
+    made = Counter(e.facet for e in run.readings)
+    facets = [f for f in cell.artefact.facets.values() if f.id in made or f.id in run.left]
+    if not facets:
+        return ""
+    points = np.array([f.point for f in facets])
+    low, high = points.min(axis=0), points.max(axis=0)
+    span = max(float((high - low)[:2].max()), 1.0)
+    wide, high_px = 420.0, 400.0
+    taken: list[tuple[float, float]] = []
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high_px:g}" width="{wide:g}" height="{high_px:g}" '
+        f'role="img" aria-label="{escape(heading)}" font-family="sans-serif" font-size="10">'
+    ]
+    centre = (low + high) / 2
+    for f, p in zip(facets, points, strict=True):
+        x = wide / 2 + (p[0] - centre[0]) / span * (wide - 60)
+        y = high_px / 2 - (p[1] - centre[1]) / span * (high_px - 60)
+        while any(abs(x - a) < 17 and abs(y - b) < 17 for a, b in taken):
+            x, y = (x + 18, y) if x + 18 < wide - 10 else (12, y + 18)
+        taken.append((x, y))
+        left = run.left.get(f.id, 0)
+        share = made[str(f.id)] / (made[str(f.id)] + left) if made[str(f.id)] + left else 0.0
+        ink = "#fff" if not left else INK
+        stroke = f'stroke="{SOFT}" stroke-dasharray="3 2"' if left else f'stroke="{LINE}"'
+        tip = f"<title>{escape(str(f.id))}: {left}</title>"
+        parts.append(f'<g>{tip}<rect x="{x - 8:.1f}" y="{y - 8:.1f}" width="16" height="16" fill="#fff" {stroke}/>')
+        full = "#00694c" if not left else "#9fd0bf"
+        parts.append(f'<rect x="{x - 8:.1f}" y="{y + 8 - 16 * share:.1f}" width="16" height="{16 * share:.1f}" fill="{full}"/>')
+        parts.append(f'<text x="{x:.1f}" y="{y + 3.6:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
+    return "".join([*parts, "</svg>"])
+
+
+ROUTES = [Route("/machine/{slug}/run", run, name="run"), Route("/machine/{slug}/run/step", step, name="step")]

@@ -1,0 +1,87 @@
+"""Trends of a machine: every parameter by night with its interval, the nights with alarms and decisions marked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from ...history import Trend
+from ...report.charts import trend as drawn
+from ...report.words import spoken
+from ..app import machine_of, needs, page, state_of
+from ..places import Machine
+
+FIRST = 12  # parameters that are drawn when none is chosen
+LAST = 365  # nights
+INTERVAL = 1.96
+
+
+def trends(request: Request) -> Response:
+    """request → charts of the chosen parameter, or of those that moved most for their uncertainty."""
+    needs(request, "view")
+    state, found = state_of(request), machine_of(request)
+    wanted = request.query_params.get("parameter", "")
+    every = state.places.kept(f"trends {found.slug}", lambda: _all(found), 30)
+    if wanted not in every:
+        wanted = ""
+    names = [wanted] if wanted else list(every)[:FIRST]
+    marks = _marks(found)
+    cell = None if found.folder is None else state.places.cell(found.folder)
+    charts = []
+    for name in names:
+        series = every[name]
+        factor, unit = state.units.coefficient(series.unit)
+        days = _days(series.start_utc)
+        alarm = [utc[:10] in marks for utc in series.start_utc]
+        what = spoken(name, cell.machine, state.texts) if cell is not None and not isinstance(cell, str) else ""
+        points = {
+            "title": f"{name}: {what}" if what and what != name else name,
+            "days": days,
+            "value": series.value * factor,
+            "half": INTERVAL * series.std * abs(factor),
+            "alarm": alarm,
+            "x_label": f"{series.start_utc[0][:10]} … {series.start_utc[-1][:10]}",
+        }
+        wide, high = (880, 340) if wanted else (425, 210)
+        charts.append((name, Markup(drawn(points, unit, wide, high))))
+    return page(request, "trend.html", machine=found, charts=charts, names=list(every), wanted=wanted)
+
+
+def _all(machine: Machine) -> Mapping[str, Trend]:
+    """→ {parameter: trend}, those that moved most for their uncertainty first."""
+    if machine.history is None or machine.name not in machine.history.machines():
+        return {}
+    history = machine.history
+    found = {name: history.trend(machine.name, name) for name in history.parameters(machine.name)}
+    found = {name: _last(s) for name, s in found.items() if len(s.value) > 1}
+    return dict(sorted(found.items(), key=lambda item: -_moved(item[1])))
+
+
+def _last(s: Trend) -> Trend:
+    n = LAST
+    return Trend(s.machine, s.name, s.unit, s.entries[-n:], s.start_utc[-n:], s.value[-n:], s.std[-n:])
+
+
+def _moved(s: Trend) -> float:
+    return float(np.ptp(s.value) / (np.median(s.std) or 1.0))
+
+
+def _days(stamps: tuple[str, ...]) -> Any:
+    moments = [datetime.fromisoformat(s).timestamp() / 86400 for s in stamps]
+    return np.array(moments) - moments[0]
+
+
+def _marks(machine: Machine) -> set[str]:
+    if machine.history is None or machine.name not in machine.history.machines():
+        return set()
+    return {stored.night.start_utc[:10] for stored in machine.history.alarmed(machine.name, LAST)}
+
+
+ROUTES = [Route("/machine/{slug}/trend", trends, name="trend")]

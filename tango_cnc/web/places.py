@@ -1,0 +1,172 @@
+"""Cells and histories → the machines that are shown, with what is known of each; kept for a few seconds."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ..files import read_cell
+from ..history import History, Night, Standing, opened
+from ..records import Cell, TangoError
+from .settings import Settings
+
+FRESH = 5.0  # s that what was read of a history is taken for new
+STRIP = 30  # nights of the strip beside a machine
+MOST = 500  # things that are kept
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """One machine: its place in addresses, its name, its cell where it is on this computer, its history where it has one."""
+
+    slug: str
+    name: str
+    folder: Path | None
+    history: History | None
+    trouble: str = ""  # why its cell cannot be read
+
+
+@dataclass(frozen=True)
+class Row:
+    """A machine in the list of the fleet."""
+
+    machine: Machine
+    standing: Standing | None
+    nights: tuple[Night, ...]  # of the strip, newest first
+
+
+def slug_of(name: str) -> str:
+    """name of a machine → its part of an address: letters, digits, - and _; with a mark of its own where letters were lost."""
+    plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:60]
+    return plain if plain == name else f"{plain or 'machine'}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
+
+
+@dataclass
+class Places:
+    """All machines of a server."""
+
+    settings: Settings
+    clock: Callable[[], float] = time.monotonic
+    _stack: ExitStack = field(default_factory=ExitStack)
+    _histories: dict[str, History] = field(default_factory=dict)
+    _kept: dict[str, tuple[float, Any]] = field(default_factory=dict)
+    _lock: threading.RLock = field(default_factory=threading.RLock)
+    _locks: dict[str, threading.RLock] = field(default_factory=dict)
+    _cells: dict[Path, tuple[float, Cell | str]] = field(default_factory=dict)
+
+    def close(self) -> None:
+        """Lets go of the databases."""
+        self._stack.close()
+
+    def kept(self, key: str, make: Callable[[], T], fresh: float = FRESH) -> T:
+        """key, how to compute → the value of at most `fresh` seconds ago; one thread computes it, the others wait for it."""
+        with self._lock:
+            own = self._locks.setdefault(key, threading.RLock())
+        with own:
+            at, value = self._kept.get(key, (-1e9, None))
+            if self.clock() - at <= fresh:
+                return value
+            value = make()
+            with self._lock:
+                self._kept[key] = (self.clock(), value)
+                for old in list(self._kept)[: max(0, len(self._kept) - MOST)]:
+                    self._kept.pop(old)
+                    self._locks.pop(old, None)
+            return value
+
+    def forget(self) -> None:
+        """What was read is read anew: something was decided."""
+        with self._lock:
+            self._kept.clear()
+
+    def machines(self) -> Mapping[str, Machine]:
+        """→ {slug: machine}, those of the cells first, then those that only the history knows."""
+        return self.kept("machines", self._machines)
+
+    def _machines(self) -> dict[str, Machine]:
+        shared = self._history(self.settings.history) if self.settings.history else None
+        found: dict[str, Machine] = {}
+        for folder in self.settings.cells:
+            cell = self.cell(folder)
+            name = cell.machine.name if isinstance(cell, Cell) else folder.name
+            own = shared or self._history(str(folder / "history.db"), must=False)
+            slug = slug_of(name)
+            if slug in found:
+                slug = slug_of(f"{name} {folder.name}")
+            found[slug] = Machine(slug, name, folder, own, cell if isinstance(cell, str) else "")
+        if shared is not None:
+            for name in shared.machines():
+                found.setdefault(slug_of(name), Machine(slug_of(name), name, None, shared))
+        return found
+
+    def cell(self, folder: Path) -> Cell | str:
+        """folder → its cell, or why it cannot be read; read again when its files have changed."""
+        names = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
+        stamp = sum(f.stat().st_mtime for f in (folder / n for n in names) if f.exists())
+        known = self._cells.get(folder)
+        if known is not None and known[0] == stamp:
+            return known[1]
+        try:
+            cell: Cell | str = read_cell(folder)
+        except TangoError as error:
+            cell = str(error)
+        self._cells[folder] = (stamp, cell)
+        return cell
+
+    def _history(self, where: str, must: bool = True) -> History | None:
+        if where in self._histories:
+            return self._histories[where]
+        if not must and not Path(where).exists():
+            return None
+        history = self._stack.enter_context(opened(where, create=False))
+        self._histories[where] = history
+        return history
+
+    def fleet(self) -> Sequence[Row]:
+        """→ every machine with its last nights; those that need somebody first."""
+        return self.kept("fleet", self._fleet)
+
+    def _fleet(self) -> list[Row]:
+        machines = self.machines()
+        now = datetime.now(UTC).isoformat()
+        standings: dict[tuple[int, str], Standing] = {}
+        nights: dict[tuple[int, str], list[Night]] = {}
+        histories = {id(m.history): m.history for m in machines.values() if m.history is not None}
+        for key, history in histories.items():
+            for standing in history.fleet(now, self.settings.late_hours):
+                standings[key, standing.machine] = standing
+            for night in history.nights(last=STRIP * max(len(standings), 1)):
+                listed = nights.setdefault((key, night.machine), [])
+                if len(listed) < STRIP:
+                    listed.append(night)
+        rows = [
+            Row(m, standings.get((id(m.history), m.name)), tuple(nights.get((id(m.history), m.name), ())))
+            for m in machines.values()
+        ]
+        return sorted(rows, key=_urgent)
+
+    def nights(self, machine: Machine, last: int) -> tuple[Night, ...]:
+        """machine, how many → its nights, newest first; none where it has no history."""
+        if machine.history is None:
+            return ()
+        history, name = machine.history, machine.name
+        return self.kept(
+            f"nights {machine.slug} {last}", lambda: history.nights(name, last=last) if name in history.machines() else ()
+        )
+
+
+def _urgent(row: Row) -> tuple[int, str]:
+    s = row.standing
+    if s is None or s.last is None:
+        return 3, row.machine.name
+    bad = s.alarms_open > 0 or s.last.verdict in ("changed", "out_of_limits", "doubtful")
+    return (0 if bad else 1 if s.late or s.last.verdict == "not_measured" else 2), row.machine.name

@@ -1,0 +1,20 @@
+(function(){
+"use strict";
+var box=document.getElementById("step"),where=box&&box.dataset.follow;
+if(!where)return;
+var tag="",pause=2000;
+function again(){setTimeout(look,pause);}
+function look(){
+ fetch(where+location.search,{headers:tag?{"If-None-Match":tag}:{},cache:"no-store",credentials:"same-origin"}).then(function(answer){
+  if(answer.status===304){pause=2000;again();return;}
+  if(!answer.ok)throw answer.status;
+  tag=answer.headers.get("etag")||"";
+  var state=answer.headers.get("x-run-state");
+  return answer.text().then(function(text){
+   box.innerHTML=text;pause=2000;
+   if(state==="running"||state==="waiting")again();
+  });
+ }).catch(function(){pause=Math.min(pause*2,30000);again();});
+}
+again();
+})();

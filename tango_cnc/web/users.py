@@ -1,0 +1,139 @@
+"""Users of the server: a JSON file of names, roles and argon2 hashes, and the sessions of those who are signed in."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import secrets
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import argon2
+
+from ..files import write_text
+from ..records import InputError
+from .settings import ROLES, Role
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
+SHORTEST = 10  # characters of a password
+LONGEST = 256
+IDLE, WHOLE = 2 * 3600.0, 12 * 3600.0  # s: without a request, and in all
+MOST = 1000  # sessions
+FORMAT = "tango-users/1"
+_HASHER = argon2.PasswordHasher(time_cost=2, memory_cost=19 * 1024, parallelism=1)  # OWASP's second choice for argon2id
+_NOBODY = _HASHER.hash(secrets.token_hex(16))
+_ONE_AT_A_TIME = threading.Semaphore(2)  # hashing is meant to be slow; a flood of it must not take the machine
+
+
+@dataclass(frozen=True)
+class User:
+    """Who is signed in."""
+
+    name: str
+    role: Role
+
+
+def read_users(file: Path) -> dict[str, tuple[str, Role]]:
+    """users file → {name: (hash, role)}. Raises InputError for a file that is none, or that others may read."""
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{file}: {error.strerror}; make it with 'tango serve --users {file} --add-user NAME'") from None
+    except ValueError:
+        raise InputError(f"{file}: no JSON; allowed: what 'tango serve --add-user' writes") from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT or not isinstance(data.get("users"), dict):
+        raise InputError(f"{file}: found no {FORMAT}; allowed: what 'tango serve --add-user' writes")
+    if os.name == "posix" and file.stat().st_mode & 0o077:
+        raise InputError(f"{file}: others may read it; allowed: its owner alone (chmod 600 {file})")
+    found: dict[str, tuple[str, Role]] = {}
+    for name, row in data["users"].items():
+        if not NAME.fullmatch(name) or not isinstance(row, dict) or row.get("role") not in ROLES:
+            raise InputError(f"{file}: {name}: found {row!r:.80}; allowed: hash and role, one of {', '.join(ROLES)}")
+        found[name] = (str(row.get("hash")), row["role"])
+    return found
+
+
+def add_user(file: Path, name: str, password: str, role: Role) -> None:
+    """users file, who, password, role → the user is in it, in the place of one with that name. Raises InputError."""
+    if not NAME.fullmatch(name):
+        raise InputError(f"--add-user: found {name!r}; allowed: letters, digits, . _ @ -, at most 64")
+    if not SHORTEST <= len(password) <= LONGEST:
+        raise InputError(f"password: found {len(password)} characters; allowed: {SHORTEST} to {LONGEST}")
+    users = read_users(file) if file.exists() else {}
+    users[name] = (_HASHER.hash(password), role)
+    rows = {n: {"hash": h, "role": r} for n, (h, r) in sorted(users.items())}
+    write_text(file, json.dumps({"format": FORMAT, "users": rows}, indent=1) + "\n")
+    os.chmod(file, 0o600)
+
+
+def verified(file: Path, name: str, password: str) -> User | None:
+    """users file, name, password → the user, or None; it takes as long for a name that is not there."""
+    users = read_users(file)
+    known, role = users.get(name, (_NOBODY, "view"))
+    with _ONE_AT_A_TIME:
+        try:
+            _HASHER.verify(known, password[:LONGEST])
+        except (argon2.exceptions.VerificationError, argon2.exceptions.InvalidHashError):
+            return None
+    return User(name, role) if name in users else None
+
+
+@dataclass
+class Session:
+    """One who is signed in: until when, and the token that every form has to bring along."""
+
+    user: User
+    csrf: str
+    born: float
+    seen: float
+
+
+@dataclass
+class Sessions:
+    """Sessions in memory: they end with the server. Only hashes of their keys are kept."""
+
+    clock: Callable[[], float] = time.monotonic
+    _open: OrderedDict[str, Session] = field(default_factory=OrderedDict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def begin(self, user: User) -> str:
+        """user → key for the cookie."""
+        key, now = secrets.token_urlsafe(32), self.clock()
+        with self._lock:
+            self._open[_digest(key)] = Session(user, secrets.token_urlsafe(32), now, now)
+            while len(self._open) > MOST:
+                self._open.popitem(last=False)
+        return key
+
+    def of(self, key: str | None) -> Session | None:
+        """key of a cookie → its session while it lasts."""
+        if not key or len(key) > 100:
+            return None
+        now = self.clock()
+        with self._lock:
+            found = self._open.get(_digest(key))
+            if found is None:
+                return None
+            if now - found.seen > IDLE or now - found.born > WHOLE:
+                del self._open[_digest(key)]
+                return None
+            found.seen = now
+            return found
+
+    def end(self, key: str | None) -> None:
+        """key of a cookie → its session is over."""
+        with self._lock:
+            self._open.pop(_digest(key or ""), None)
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+
+def _digest(key: str) -> str:
+    return hashlib.sha256(key.encode()).hexdigest()

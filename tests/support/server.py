@@ -1,0 +1,51 @@
+"""A server for tests: a folder of cells with thirty invented nights, and an application that is called without a network."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from support.nights import into, thirty
+from tango_cnc.history import opened
+from tango_cnc.link.entries import Begun, End, Reading, Segment
+from tango_cnc.link.journal import Journal
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "hu40t"
+PASSWORD = "correct horse battery"
+
+
+def cell(folder: Path, name: str = "HU40T-like", records: Sequence[dict[str, Any]] | None = None) -> Path:
+    """folder, name of the machine, nights (default: thirty) → a cell with a history."""
+    folder.mkdir(parents=True)
+    for file in EXAMPLE.glob("*.yaml"):
+        shutil.copy(file, folder / file.name)
+    text = (folder / "machine.yaml").read_text(encoding="utf-8")
+    quoted = name.replace("'", "''")
+    (folder / "machine.yaml").write_text(text.replace("name: HU40T-like", f"name: '{quoted}'"), encoding="utf-8")
+    with opened(folder / "history.db") as history:
+        into(history, thirty(name) if records is None else records)
+    return folder
+
+
+class Recorded:
+    """A run that writes its journal while it is looked at."""
+
+    def __init__(self, folder: Path, touches: int = 393) -> None:
+        self.journal = Journal(folder / "readings.journal")
+        numbers = tuple(range(1, touches + 1))
+        controller = {"post": "fanuc", "port": "x"}
+        self.journal.add(Segment("2026-11-23T06:00:00.000+00:00", "0", "M", controller, "p", "3F02A91C77D0", numbers))
+        self.made = 0
+
+    def begin(self) -> None:
+        self.journal.add(Begun("2026-11-23T06:00:01.000+00:00", 0.0))
+
+    def touch(self, facet: str = "3", status: str = "ok", deviation: float | None = 12.5, drift: float | None = None) -> None:
+        self.made += 1
+        zero, still = (0.0,) * 6, (0,) * 6
+        self.journal.add(Reading(self.made, facet, zero, 4.0 * self.made, status, deviation, drift, still, "P"))
+
+    def end(self, complete: bool = True, why: str = "end mark") -> None:
+        self.journal.add(End(complete, why, "2026-11-23T06:30:00.000+00:00"))

@@ -1,0 +1,148 @@
+"""`tango compensate` as a person uses it: proposal, cap, files, undo, check, loop, history."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from support.compensated import ROOT
+
+from tango_cnc.cli import guarded, tango
+from tango_cnc.compensate import loop, targets
+from tango_cnc.records import InputError, TangoError
+
+
+def run(*arguments: object) -> Result:
+    from tango_cnc.cli import tango as command
+
+    return CliRunner().invoke(command, [str(a) for a in arguments])
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cells") / "mill"
+    shutil.copytree(ROOT / "examples" / "three_axis_calibrated", folder)
+    assert run("simulate", "-C", folder).exit_code == 0
+    return folder
+
+
+def copied(cell: Path, to: Path) -> Path:
+    shutil.copytree(cell, to)
+    return to
+
+
+def test_it_writes_files_undo_steps_and_a_record(cell: Path, tmp_path: Path) -> None:
+    mill = copied(cell, tmp_path / "mill")
+    done = run("compensate", "-C", mill, "--target", "linuxcnc")
+    assert done.exit_code == 0, done.output
+    folder = mill / "compensations" / "001-linuxcnc"
+    written = {f.name for f in folder.iterdir()}
+    assert {"joint_0.comp", "compensation.hal", "compensation.ini", "undo", "steps.txt", "compensation.json"} <= written
+    undo = (folder / "undo" / "joint_0.comp").read_text().split()
+    assert all(up == down == nominal for nominal, up, down in zip(undo[::3], undo[1::3], undo[2::3], strict=True))
+    assert run("compensate", "--check", folder).exit_code == 0
+    assert [e["event"] for e in loop.history(mill)] == ["proposed"]
+
+
+def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> None:
+    mill = copied(cell, tmp_path / "mill")
+    done = run("compensate", "-C", mill, "--target", "linuxcnc", "--cap-mm", "0.0001")
+    assert isinstance(done.exception, TangoError) and done.exception.exit_code == 1
+    assert "allowed: 0.0001 mm" in str(done.exception) and "--cap-mm" in str(done.exception)
+    assert not (mill / "compensations").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--target", "linuxnc"], "Did you mean 'linuxcnc'"),
+        (["--target", "linuxcnc", "--set", "point=3"], "Did you mean 'points'"),
+        (["--target", "linuxcnc", "--set", "points=300"], "2 to 256"),
+        (["--target", "linuxcnc", "--set", "points=some"], "int"),
+        (["--target", "linuxcnc", "--set", "kinematics=xyzac-trt-kins"], "not for wXYfZ(S)t"),
+        (["--target", "linuxcnc", "--volume", "X=10:-10"], "AXIS=LOW:HIGH"),
+        (["--target", "linuxcnc", "--volume", "X=-9000:0"], "within its travel"),
+        (["--target", "linuxcnc", "--terms", "S1"], "no error of the machine"),
+        ([], "allowed: "),
+        (["--measured", "7"], "no compensation 7"),
+    ],
+)
+def test_wrong_input_is_answered(cell: Path, arguments: list[str], said: str) -> None:
+    done = run("compensate", "-C", cell, "--dry-run", *arguments)
+    assert isinstance(done.exception, TangoError) and said in str(done.exception), done.output
+    assert not (cell / "compensations").exists()
+
+
+def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
+    mill = copied(cell, tmp_path / "mill")
+    assert run("compensate", "-C", mill, "--target", "siemens").exit_code == 0
+    folder = mill / "compensations" / "001-siemens"
+    early = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "readings.csv")
+    assert isinstance(early.exception, InputError) and "noted as proposed" in str(early.exception)
+    assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
+    blind = run("compensate", "-C", mill, "--target", "siemens")
+    assert isinstance(blind.exception, InputError) and "--present" in str(blind.exception)
+    assert run("simulate", "-C", mill, "--compensation", folder, "-o", mill / "after.csv", "--seed", 99).exit_code == 0
+    done = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "after.csv", "--json", "-")
+    assert done.exit_code == 0 and json.loads(done.output)["verdict"] == "kept"
+    # A second one on top: what is in the control stays, and hardly anything changes.
+    again = run(
+        "compensate", "-C", mill, "--target", "siemens", "--present", folder, "--readings", mill / "after.csv", "--dry-run",
+        "--json", "-", *("--volume", _volume(folder)),
+    )  # fmt: skip
+    assert again.exit_code == 0, again.exception
+    values = json.loads(again.output)["values"]
+    assert max(abs(v["new"] - v["present"]) for v in values) < 0.2 * max(abs(v["present"]) for v in values)
+    assert [e["event"] for e in loop.history(mill)] == ["proposed", "written", "kept"]
+
+
+def _volume(folder: Path) -> str:
+    return ",".join(
+        f"{n}={low}:{high}" for n, (low, high) in json.loads((folder / "compensation.json").read_text())["volume"].items()
+    )
+
+
+def test_a_wrong_sign_is_rolled_back(cell: Path, tmp_path: Path) -> None:
+    """The control adds where the file was made for one that takes away: the second measurement says so."""
+    mill = copied(cell, tmp_path / "mill")
+    assert run("compensate", "-C", mill, "--target", "siemens", "--set", "sign_cec=1", "--set", "sign_enc=-1").exit_code == 0
+    folder = mill / "compensations" / "001-siemens"
+    assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
+    assert run("simulate", "-C", mill, "--compensation", folder, "-o", mill / "after.csv").exit_code == 0
+    done = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "after.csv")
+    assert done.exit_code == 0 and "rolled back" in done.output and "undo" in done.output
+    assert guarded(tango.main, ["compensate", "-C", str(mill), "--measured", "1"], standalone_mode=False) == 2
+    assert loop.history(mill)[-1]["event"] == "rolled back"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("sign", "said", "code"), [(-1, "as assumed", 0), (1, "turned round", 1)])
+def test_a_sign_trial_decides_by_touches(cell: Path, tmp_path: Path, sign: int, said: str, code: int) -> None:
+    """The simulated control adds CEC to the command: a file made for that is right, the other one is found out."""
+    mill = copied(cell, tmp_path / "mill")
+    trial = tmp_path / "trial"
+    common = ["compensate", "-C", mill, "--target", "siemens", "--set", f"sign_cec={sign}"]
+    done = run(*common, "--sign-trial", "CEC X to Y", "-o", trial)
+    assert done.exit_code == 0 and "1. Load" in done.output, done.exception
+    assert run("simulate", "-C", mill, "--compensation", trial, "-o", mill / "after.csv", "--seed", 5).exit_code == 0
+    rest = ["--sign-of", trial, "--readings", mill / "readings.csv", "--after", mill / "after.csv"]
+    judged = CliRunner().invoke(tango, [str(a) for a in ["compensate", "-C", mill, *rest, "--json", "-"]], standalone_mode=False)
+    assert json.loads(judged.output)["verdict"] == said and judged.return_value == code
+    same = run("compensate", "-C", mill, "--sign-of", trial, "--readings", mill / "readings.csv", "--after", mill / "readings.csv")
+    assert "does not use this place" in same.output
+    wrong = run(*common, "--sign-trial", "CEC X to U")
+    assert isinstance(wrong.exception, InputError) and "CEC X to Y" in str(wrong.exception)
+
+
+def test_the_list_and_the_facts_are_complete() -> None:
+    listed = run("compensate", "--list").output
+    for name in targets.names():
+        assert name in listed
+        facts = run("compensate", "--facts", name).output
+        module = targets.load(name)
+        assert all(fact.text in facts and fact.source for fact in module.FACTS) and all(
+            option in facts for option in module.OPTIONS
+        )

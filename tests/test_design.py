@@ -1,0 +1,184 @@
+"""A plan is chosen for a goal and a time: the arithmetic against plain recomputation, the bound against every plan there is."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tango_cnc.cli import guarded, tango
+from tango_cnc.design import goals, order
+from tango_cnc.design.criterion import Criterion, State, swaps, value
+from tango_cnc.design.exchange import whole
+from tango_cnc.design.relaxed import Costs, efficiency, relax
+from tango_cnc.files import read_artefact, read_cell
+from tango_cnc.plan import plan
+from tango_cnc.records import InputError
+
+RNG = np.random.default_rng(5)
+P = 9
+TOUCHES = RNG.normal(size=(40, P))
+HELD = 0.05 * np.eye(P)
+SPREAD = RNG.normal(size=(P, P))
+CRITERIA = [Criterion("trace", SPREAD @ SPREAD.T), Criterion("determinant")]
+
+
+def information(rows: np.ndarray) -> np.ndarray:
+    return HELD + rows.T @ rows
+
+
+@pytest.mark.parametrize("criterion", CRITERIA, ids=lambda c: c.name)
+def test_what_a_touch_is_worth_is_what_the_criterion_changes_by(criterion: Criterion) -> None:
+    inside, outside = TOUCHES[:25], TOUCHES[25:]
+    now, state = value(criterion, information(inside)), State.of(criterion, information(inside))
+    for i in range(len(inside)):
+        without = value(criterion, information(np.delete(inside, i, axis=0))) - now
+        assert state.loss(*state.seen(inside))[i] == pytest.approx(without)
+    for i in range(len(outside)):
+        more = now - value(criterion, information(np.vstack([inside, outside[i]])))
+        assert state.benefit(*state.seen(outside))[i] == pytest.approx(more)
+    assert state.block_loss(inside[3:8]) == pytest.approx(
+        value(criterion, information(np.delete(inside, range(3, 8), axis=0))) - now
+    )
+    assert state.block_benefit(outside[:4]) == pytest.approx(now - value(criterion, information(np.vstack([inside, outside[:4]]))))
+    exchanged = swaps(state, inside, outside)
+    for i, k in [(0, 0), (7, 3), (24, 14)]:
+        other = np.vstack([np.delete(inside, i, axis=0), outside[k]])
+        assert exchanged[i, k] == pytest.approx(now - value(criterion, information(other)))
+
+
+@pytest.mark.parametrize("criterion", CRITERIA, ids=lambda c: c.name)
+def test_a_hundred_updates_leave_what_a_new_beginning_gives(criterion: Criterion) -> None:
+    chosen = np.arange(40) < 20
+    state = State.of(criterion, information(TOUCHES[chosen]))
+    for row in np.random.default_rng(1).integers(0, 40, 100):
+        state.change(TOUCHES[row], -1 if chosen[row] else 1)
+        chosen[row] = not chosen[row]
+    fresh = State.of(criterion, information(TOUCHES[chosen]))
+    assert np.allclose(state.covariance, fresh.covariance, rtol=1e-8, atol=1e-10)
+    assert np.allclose(state.gain, fresh.gain, rtol=1e-7, atol=1e-9)
+
+
+def test_the_relaxed_design_of_a_parabola_is_that_of_the_textbooks() -> None:
+    # Quadratic regression on [-1, 1]: a third each at both ends and in the middle is D-optimal (Kiefer and Wolfowitz 1959).
+    x = np.linspace(-1, 1, 41)
+    rows = np.vander(x, 3, increasing=True)
+    found = relax(
+        rows, [np.array([i]) for i in range(41)], 1e-12 * np.eye(3), Costs(np.ones(41), np.zeros(41)), 3.0, Criterion("D")
+    )
+    weight = found.weights / found.weights.sum()
+    assert [weight[:3].sum(), weight[15:26].sum(), weight[38:].sum()] == pytest.approx([1 / 3] * 3, abs=0.02)
+    best = value(Criterion("D"), rows[[0, 20, 40]].T @ rows[[0, 20, 40]])
+    assert found.bound <= best and efficiency(Criterion("D"), best, found.bound, 3) > 0.99
+
+
+@pytest.mark.parametrize("criterion", [*CRITERIA, Criterion("worst", None, SPREAD[:4])], ids=lambda c: c.name)
+def test_no_plan_there_is_gets_below_the_bound_and_the_chosen_one_is_near_the_best(criterion: Criterion) -> None:
+    # Four indexations of three touches: all plans of the same time are looked at.
+    rows, pose = TOUCHES[:12], np.repeat(np.arange(4), 3)
+    of_pose = [np.flatnonzero(pose == j) for j in range(4)]
+    costs, seconds = Costs(np.linspace(1.0, 1.6, 12), np.array([2.0, 2.5, 3.0, 1.5])), 17.0
+    best = np.inf
+    for mask in itertools.product([False, True], repeat=12):
+        chosen = np.array(mask)
+        time = costs.touch[chosen].sum() + costs.visit[np.unique(pose[chosen])].sum()
+        if time <= seconds:
+            best = min(best, value(criterion, information(rows[chosen])))
+    relaxed = relax(rows, of_pose, HELD, costs, seconds, criterion)
+    chosen = whole(rows, pose, of_pose, HELD, costs, seconds, relaxed, 120)
+    assert costs.touch[chosen].sum() + costs.visit[np.unique(pose[chosen])].sum() <= seconds
+    assert relaxed.bound <= best + 1e-9
+    assert efficiency(criterion, value(criterion, information(rows[chosen])), best, P) > 0.9
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("kind", "printed"), [("D", 3.675919), ("I", 8.096772)])
+def test_exact_designs_are_as_good_as_those_that_algdesign_prints(kind: str, printed: float) -> None:
+    # Vignette of R's AlgDesign: quadratic model of three factors at five levels, 15 trials.
+    x = np.array(list(itertools.product([-2.0, -1, 0, 1, 2], repeat=3)))
+    pairs = [x[:, i] * x[:, k] for i, k in itertools.combinations(range(3), 2)]
+    rows = np.column_stack([np.ones(125), x, x**2, *pairs])
+    of_pose, costs, held = [np.array([i]) for i in range(125)], Costs(np.ones(125), np.zeros(125)), 1e-9 * np.eye(10)
+    criterion = Criterion("D") if kind == "D" else Criterion("I", rows.T @ rows / 125)
+    relaxed = relax(rows, of_pose, held, costs, 15.0, criterion)
+    chosen = whole(rows, np.arange(125), of_pose, held, costs, 15.0, relaxed)
+    moment = rows[chosen].T @ rows[chosen] / 15
+    if kind == "D":
+        assert np.linalg.det(moment) ** 0.1 > printed * (1 - 1e-6)
+        assert np.exp(-relaxed.bound / 10) / 15 == pytest.approx(3.8, abs=0.05)  # "the optimum approximate theory D is 3.8"
+    else:
+        assert np.trace(np.linalg.solve(moment, rows.T @ rows / 125)) < printed * (1 + 1e-6)
+        assert relaxed.bound * 15 == pytest.approx(7.57, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("body", "count"), [("box:-200:200,-150:150,-80:0", 25), ("table:400,300", 25), ("cylinder:125,-60:0", 16)]
+)
+def test_facets_are_proposed_on_every_side_that_does_not_look_down(body: str, count: int, tmp_path: Path) -> None:
+    file = tmp_path / "artefact.yaml"
+    assert guarded(tango.main, ["design", "--facets", body, "-o", str(file)], standalone_mode=False) == 0
+    found = read_artefact(file)
+    normals = np.array([facet.normal for facet in found.facets.values()])
+    points = np.array([facet.point for facet in found.facets.values()])
+    assert len(normals) >= count and normals[:, 2].min() > -0.1
+    assert {tuple(np.sign(np.round(n, 3)).astype(int)) for n in normals} >= {
+        (1, 0, 0),
+        (-1, 0, 0),
+        (0, 1, 0),
+        (0, -1, 0),
+        (0, 0, 1),
+    }
+    assert np.sum(points * normals, axis=1).max() < 201 and len({tuple(p) for p in points}) == len(points)
+
+
+@pytest.mark.parametrize("body", ["box:1:0,0:1,0:1", "ball:3", "cylinder:5,0:1", "table:4", "table:nan,4", "table:10,10"])
+def test_a_body_that_is_none_is_refused(body: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert guarded(tango.main, ["design", "--facets", body, "-o", str(tmp_path / "a.yaml")], standalone_mode=False) == 2
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("count", [2, 3, 6, 9])
+def test_one_tour_makes_every_turn(count: int) -> None:
+    tour = order._tour(count)
+    made = {frozenset(pair) for pair in itertools.pairwise(tour)}
+    assert {frozenset(pair) for pair in itertools.combinations(range(count), 2)} <= made
+
+
+def test_the_way_through_places_on_a_line_goes_along_the_line() -> None:
+    place = np.array([3.0, 0.0, 5.0, 1.0, 4.0, 2.0])
+    way = order.path(np.abs(place[:, None] - place))
+    assert sorted([way, way[::-1]])[0] == [1, 3, 5, 0, 4, 2]
+
+
+@pytest.mark.parametrize("text", ["volum", "EX0C", "EX0C=", "EX0C=-1", "EX0C=1,EA0C=x", "EX0C=inf", "EX0C=nan"])
+def test_a_goal_that_is_none_is_refused_with_what_is_allowed(text: str) -> None:
+    with pytest.raises(InputError, match=r"--goal: found .*allowed: volume"):
+        goals.read(text)
+
+
+def test_help_of_the_command_is_asked_for_often(capsys: pytest.CaptureFixture[str]) -> None:
+    assert guarded(tango.main, ["design", "--help"], standalone_mode=False) == 0
+    assert "--minutes" in capsys.readouterr().out
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("goal", ["locations", "check"])
+def test_the_strategy_that_is_written_is_one_that_check_and_plan_take(goal: str, tmp_path: Path) -> None:
+    folder = tmp_path / "cell"
+    assert guarded(tango.main, ["init", str(folder), "--example", "trunnion"], standalone_mode=False) == 0
+    told = tmp_path / "told.json"
+    asked = ["design", "-C", str(folder), "--goal", goal, "--minutes", "5", "--within", "0.3", "-o", str(folder / "chosen.yaml")]
+    assert guarded(tango.main, [*asked, "--json", str(told)], standalone_mode=False) == 0
+    data = json.loads(told.read_text(encoding="utf-8"))
+    assert data["time_s"] <= 300 and 0 < data["certificate"]["efficiency"] <= 1
+    (folder / "tango.yaml").write_text(
+        (folder / "tango.yaml").read_text().replace("strategy.yaml", "chosen.yaml"), encoding="utf-8"
+    )
+    made = plan(read_cell(folder))
+    assert len(made.touches) == data["touches"] and not made.left_out
+    first, last = made.strategy.indexations[0], made.strategy.indexations[-1]
+    assert first.position == last.position and set(last.facets) <= set(first.facets)
+    assert guarded(tango.main, ["check", "-C", str(folder)], standalone_mode=False) == 0

@@ -1,0 +1,77 @@
+"""Causes that no catalogue holds, and noise as it is: a sample of the trials of `support.trials`; `make blind` runs all of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import blind, trials
+from support.outside import KINDS, NULLS
+
+from tango_cnc.diagnose import Diagnosis, as_term, diagnose
+from tango_cnc.diagnose.words import as_text
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_terms
+from tango_cnc.files.learned import learned, learned_text
+from tango_cnc.records import InputError
+
+
+def told(kind: str, peak: float, seed: int, **options: object) -> Diagnosis:
+    s = trials.stage()
+    _, early = trials.hidden(kind, peak, seed)
+    cell = s.bench.cell
+    return diagnose(cell.machine, cell.artefact, s.readings(early), cell.terms, **options)  # type: ignore[arg-type]
+
+
+def test_there_are_thirty_kinds_and_eleven_noises() -> None:
+    assert (len(KINDS), len(NULLS)) == (30, 11)
+
+
+@pytest.mark.long
+def test_what_no_name_explains_is_a_shape_of_its_two_covariates_that_comes_back(tmp_path: Path) -> None:
+    d = told("leaning_ram", 0.005, 1)
+    assert d.verdict == "unexplained" and not d.findings
+    first = d.unexplained[0]
+    assert first.covariate == "Y × B" and first.std < first.amplitude / 2 and first.heldout_r2 > 0.3
+    assert "position of Y together with position of B" in as_text(d)
+    folder = tmp_path / "learned"
+    folder.mkdir()
+    (folder / "ram.yaml").write_text(learned_text(as_term(first)), encoding="utf-8")
+    shape = learned(tmp_path)[0]
+    s = trials.stage()
+    # Another night: other noise, half as large.
+    pattern, _ = trials.hidden("leaning_ram", 0.005, 1)
+    early = 0.5 * pattern + blind.NOISE * np.random.default_rng(5).normal(size=len(pattern))
+    cell, again = s.bench.cell, s.readings(early)
+    back = diagnose(cell.machine, cell.artefact, again, cell.terms, learned=[shape])
+    assert [f.cause for f in back.findings] == ["learned"] and back.verdict == "explained"
+    assert abs(back.findings[0].size.values[0] - 0.5) < 0.1
+    item = {"cause": "learned", **{key: shape[key] for key in ("name", "factors", "weight", "values")}}
+    with_it = estimate(cell.machine, cell.artefact, again, (*cell.terms, item))
+    without = estimate(cell.machine, cell.artefact, again, cell.terms)
+    assert with_it.sigma < 0.9 * without.sigma
+
+
+@pytest.mark.long
+def test_an_indexation_that_was_clamped_elsewhere_is_set_aside_and_feeds_no_name() -> None:
+    d = told("moved_clamp", 0.005, 2)
+    assert [m.kind for m in d.events] == ["indexation"] and not d.findings
+    assert d.verdict == "explained" and "pulse" in d.terms_text
+    assert np.sqrt(np.mean(d.after.residuals**2)) < 1.1 * blind.NOISE
+
+
+def test_a_learned_shape_that_has_no_file_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="tango diagnose --learn"):
+        read_terms("[S3, {cause: learned, name: ram}]", tmp_path)
+
+
+@pytest.mark.campaign
+def test_hundreds_of_causes_from_outside_keep_to_the_table(tmp_path: Path) -> None:
+    trials.run([*trials.outside_trials(760_000), *trials.null_trials(770_000, 20)], tmp_path / "trials.jsonl")
+    results = trials.recorded(tmp_path / "trials.jsonl")
+    print("\n".join(trials.table(results)))
+    causes = [r for r in results if r.kind in KINDS]
+    assert np.mean([r.verdict == "explained" and (bool(r.found) or not trials.right(r)) for r in causes]) <= 0.05
+    assert np.mean([bool(r.found) for r in causes]) <= 0.15
+    assert np.mean([trials.right(r) for r in causes]) >= 0.80

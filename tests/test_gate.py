@@ -1,0 +1,147 @@
+"""Every program proves the probe alive before the first descent: a dead, a forgotten and a wrongly wired one touch nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.controls import Ran, golden
+from test_dialects import EVERY
+
+from postprocessors._base import companions, load, program, unverified
+from postprocessors._base import settings as settings_of
+from sim_controller.languages import Alarm
+from sim_controller.motion import Motion
+from sim_controller.probing import rig
+from sim_controller.session import language
+from tango_cnc import readback
+from tango_cnc.gate import ALIVE_TIME, TOUCH, gate
+from tango_cnc.link._client import Asked, Begun, Ended, Failed, Job, Touched
+from tango_cnc.link.grbl import Client
+from tango_cnc.plan import plan_hash
+from tango_cnc.records import InputError, Plan, World
+
+NEAR = ("contact", "collision")  # what must not happen where nobody has proven the probe alive
+
+
+def ran(name: str, made: Plan, options: Mapping[str, Any] | None = None, **who: Any) -> Ran:
+    """dialect, plan, options of its profile, who is there and how the probe is wired → what came of the program."""
+    spoken, found = EVERY[name], Ran()
+    family = language(spoken.family)
+    lines = list(program(load(name), made, options or {}, plan_hash(made))[2]())
+    lines = lines[spoken.frame : len(lines) - spoken.frame]
+    library = [line for file, text in companions(load(name), made, options or {}).items() for line in (file, *text)]
+    motion = Motion(rig(made.machine, made.artefact, World()), lambda event, **data: found.events.append((event, data)), **who)
+    profile = replace(family.default_profile(made.machine), **spoken.settings)
+    control = family.Control(
+        motion,
+        profile,
+        lambda data: setattr(found, "out", found.out + data),
+        lambda event, **data: found.events.append((event, data)),
+        spoken.library if name in ("brother", "heidenhain") else library,
+    )
+    if name == "grbl":
+        numbers = tuple(touch.number for touch in made.touches)
+        job = Job(made, "\n".join(lines), "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
+        client = Client(job, {"orient": "m19"})
+        while not client._over:
+            asked = client.bytes_to_send(1 << 16).decode("ascii")
+            answer = control.report() if asked == "?" else control.line(asked.strip())
+            for event in client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii")):
+                if isinstance(event, Begun):
+                    found.out += b"TANGO START \n"
+                if isinstance(event, Touched):
+                    found.out += f"{event.text}\n".encode()
+                if isinstance(event, Ended):
+                    found.out += b"TANGO END \n"
+                if isinstance(event, Failed):
+                    found.alarm = Alarm("driver", event.why)
+                if isinstance(event, Asked):
+                    found.events.append(("message", {"text": event.text}))
+        return found
+    try:
+        control.run(lines, False)
+    except Alarm as alarm:
+        found.alarm = alarm
+    return found
+
+
+def events(found: Ran) -> list[str]:
+    return [event for event, _ in found.events]
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+def test_a_finger_opens_the_way_to_the_table(name: str) -> None:
+    found = ran(name, golden())
+    assert not found.why and not found.stops
+    assert events(found).index("finger") < events(found).index("contact")
+    assert events(found).count("contact") == len(golden().touches)
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("who", [{"probe": "dead"}, {"probe": "other"}, {"probe": "inverted"}, {"person": False}], ids=str)
+def test_without_it_nothing_comes_near_the_table(name: str, who: Mapping[str, Any]) -> None:
+    found = ran(name, golden(), **who)
+    assert found.why or found.stops
+    assert not set(NEAR) & set(events(found))
+    height = [place["Z"] for place in found.places]
+    assert not height or min(height) >= gate(golden()).start[golden().machine.column("Z")] - 1e-6
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+def test_what_a_dead_probe_does_where_nobody_asks_for_a_finger_is_said_before(name: str) -> None:
+    found = ran(name, golden(), {"gate": "none"}, probe="dead")
+    assert "collision" in events(found)
+    assert any("nothing proves the probe alive" in doubt for doubt in unverified(load(name), {"gate": "none"}))
+    assert not any("nothing proves the probe alive" in doubt for doubt in unverified(load(name), {}))
+
+
+def refused(name: str, made: Plan, lines: list[str]) -> bool:
+    options = settings_of(load(name), {})
+    try:
+        readback.check(lambda: iter(lines), made, options, companions(load(name), made, {}))
+    except InputError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("name", sorted(set(EVERY) - {"heidenhain"}))  # whose blocks count: a line less is refused by its number
+def test_the_read_back_refuses_a_program_without_it(name: str) -> None:
+    made = golden()
+    lines = list(program(load(name), made, {}, plan_hash(made))[2]())
+    at = next(i for i, line in enumerate(lines) if TOUCH in line)
+    end = next(i for i, line in enumerate(lines) if "TOUCH 1 FACET" in line)
+    assert refused(name, made, lines[:at] + lines[end:])
+    without = list(program(load(name), made, {"gate": "none"}, plan_hash(made))[2]())
+    assert refused(name, made, without)
+    stops = [i for i in range(at, end) if "THEN#3000=88" in lines[i] or "NS8" in lines[i] or "GOTO 9006" in lines[i]]
+    for i in stops:
+        assert refused(name, made, lines[:i] + lines[i + 1 :]), lines[i]
+
+
+def test_the_slow_move_is_one_for_a_person() -> None:
+    up = gate(golden())
+    assert math.dist(up.start, up.end) / up.feed * 60 == pytest.approx(ALIVE_TIME, rel=0.01)
+    assert up.start == (golden().touches[0].enter or golden().touches[0].over)
+
+
+@settings(max_examples=50)
+@given(st.floats(-1, 60))
+def test_it_goes_where_there_is_room(room: float) -> None:
+    """Up where the axis has way left, sideways at the clear level where it has none; never down."""
+    made = golden()
+    z = made.machine.column("Z")
+    top = max(gate(made).start[z] + max(room, 0.0), gate(made).start[z])
+    axes = tuple(replace(a, travel=(a.travel[0], top)) if a.name == "Z" and a.travel else a for a in made.machine.axes)
+    up = gate(replace(made, machine=replace(made.machine, axes=axes)))
+    way = np.array(up.end) - np.array(up.start)
+    assert way[z] >= 0 and np.linalg.norm(way) == pytest.approx(10)
+    assert (way[z] == pytest.approx(10)) == (room >= 10)
+    for axis, value in zip(axes, up.end, strict=True):
+        assert axis.travel is None or axis.travel[0] - 1e-9 <= value <= axis.travel[1] + 1e-9

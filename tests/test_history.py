@@ -1,0 +1,137 @@
+"""A history keeps what was added, whole and in order, refuses changes, and says when somebody has changed it all the same."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tango_cnc.history import Decision, History, Knowledge, opened
+from tango_cnc.records import InputError, LinkError
+
+
+def record(day: int, machine: str = "M", **more: Any) -> dict[str, Any]:
+    night = f"2026-10-{day:02d}"
+    return {
+        **{"format": "tango-night/1", "machine": machine, "cell": "/cells/m", "night": night},
+        **{"start_utc": f"{night}T02:00:00Z", "end_utc": f"{night}T02:04:00Z", "duration_s": 240.0, "kind": "check"},
+        **{"status": "complete", "verdict": "good", "headline": "nothing has changed", "alarms": [], "touches": 74},
+        "parameters": {"EX0C": {"value": 0.001 * day, "std": 0.0002, "unit": "mm"}},
+        **more,
+    }
+
+
+def knowledge(day: int) -> Knowledge:
+    root = np.tril(np.random.default_rng(day).normal(size=(4, 4)))
+    return Knowledge(("EX0C", "EA0B", "EXt", "EZf3"), np.arange(4.0) * day, root @ root.T)
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> Any:
+    with opened(tmp_path / "history.db") as found:
+        for day in (1, 2, 3):
+            found.add_night(record(day), f"touch,time_s\n1,{day}\n", knowledge(day))
+        yield found
+
+
+def test_what_was_added_comes_back_whole(history: History) -> None:
+    assert [n.night for n in history.nights("M")] == ["2026-10-03", "2026-10-02", "2026-10-01"]
+    stored = history.night(history.nights("M", last=1)[0].entry)
+    assert stored.record == record(3)
+    assert stored.readings == "touch,time_s\n1,3\n"
+    assert stored.knowledge is not None and stored.knowledge.names == knowledge(3).names
+    assert np.array_equal(stored.knowledge.values, knowledge(3).values)
+    assert np.allclose(stored.knowledge.covariance, knowledge(3).covariance, rtol=0, atol=1e-15)
+    assert np.allclose(history.trend("M", "EX0C").value, [0.001, 0.002, 0.003])
+    assert history.verify() == ()
+
+
+def test_rows_cannot_be_changed_through_the_database(history: History, tmp_path: Path) -> None:
+    plain = sqlite3.connect(tmp_path / "history.db")
+    for table in ("entry", "night", "night_record", "night_parameter", "night_readings", "night_estimate"):
+        column = "id" if table == "entry" else "entry_id"
+        for change in (f"UPDATE {table} SET {column} = 9", f"DELETE FROM {table}"):
+            with pytest.raises(sqlite3.Error, match="append-only"):
+                plain.execute(change)
+    plain.close()
+    assert history.verify() == ()
+
+
+SPOILT = {
+    "a number of a night": "UPDATE night SET rms_um = 0.1, verdict = 'good ' WHERE entry_id = 2",
+    "a parameter": "UPDATE night_parameter SET value = 0 WHERE entry_id = 2",
+    "the readings": "UPDATE night_readings SET csv = (SELECT csv FROM night_readings WHERE entry_id = 1)",
+    "the covariance": "UPDATE night_estimate SET numbers = (SELECT numbers FROM night_estimate WHERE entry_id = 1)",
+    "the record": "UPDATE night_record SET json = replace(json, 'nothing has', 'much has') WHERE entry_id = 2",
+    "a decision": "UPDATE decision SET owner = 'somebody else'",
+    "a link": "UPDATE entry SET previous = hash WHERE id = 2",
+    "an entry that is gone": "DELETE FROM entry WHERE id = 2",
+    "the moment of an entry": "UPDATE entry SET utc = '2026-10-02T03:00:00Z' WHERE id = 2",
+}
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_who_removes_the_triggers_and_changes_something_is_found(tmp_path: Path, what: str) -> None:
+    file = tmp_path / "history.db"
+    with opened(file) as history:
+        for day in (1, 2, 3):
+            alarms = [{"id": f"2026-10-{day:02d}-1"}]
+            history.add_night(record(day, alarms=alarms), f"touch\n{day}\n", knowledge(day))
+        history.decide("M", Decision("2026-10-03-1", "accept", "Ann"))
+        assert history.verify() == ()
+    plain = sqlite3.connect(file)
+    for (name,) in plain.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+        plain.execute(f"DROP TRIGGER {name}")
+    plain.execute(SPOILT[what])
+    plain.commit()
+    plain.close()
+    with opened(file) as history:
+        assert history.verify()
+
+
+def test_a_decision_needs_an_alarm_an_owner_and_a_known_action(history: History) -> None:
+    history.add_night(record(4, alarms=[{"id": "2026-10-04-1", "cause": "step"}], verdict="changed"))
+    assert [a["id"] for a in history.open_alarms("M")] == ["2026-10-04-1"]
+    for wrong, word in (
+        (Decision("2026-10-05-1", "accept", "Ann"), "no alarm"),
+        (Decision("2026-10-04-1", "approve", "Ann"), "'approve'"),
+        (Decision("2026-10-04-1", "accept", " "), "owner"),
+        (Decision("2026-10-04-1", "ignore", "Ann"), "until"),
+        (Decision("2026-10-04-1", "accept", "Ann", until="2026-11-01"), "until"),
+        (Decision("2026-10-04-1", "ignore", "Ann", until="soon"), "date"),
+    ):
+        with pytest.raises(InputError, match=word):
+            history.decide("M", wrong)
+    history.decide("M", Decision("2026-10-04-1", "repaired", "Ann", "new clamp", utc="2026-10-04T08:00:00Z"))
+    assert history.open_alarms("M") == ()
+    assert history.decisions("M") == (Decision("2026-10-04-1", "repaired", "Ann", "new clamp", None, "2026-10-04T08:00:00Z", "M"),)
+
+
+def test_a_fleet_says_who_is_late_and_who_alarms(history: History) -> None:
+    history.add_night(record(3, "late", start_utc="2026-10-01T02:00:00Z"))
+    history.add_night(record(3, "alarmed", alarms=[{"id": "2026-10-03-1"}]))
+    history.add_night(record(3, "fails", status="failed"))
+    fleet = {s.machine: (s.alarms_open, s.late, s.nights) for s in history.fleet("2026-10-03T06:00:00+00:00")}
+    assert fleet == {"M": (0, False, 3), "late": (0, True, 1), "alarmed": (1, False, 1), "fails": (0, True, 1)}
+
+
+def test_what_is_no_history_is_refused_and_left_alone(tmp_path: Path) -> None:
+    other = tmp_path / "notes.db"
+    other.write_bytes(b"these are notes, and no database at all" * 30)
+    with pytest.raises((InputError, LinkError), match=r"notes\.db"), opened(other):
+        pass
+    assert other.read_bytes().startswith(b"these are notes")
+    with pytest.raises(InputError, match="no such history"), opened(tmp_path / "none.db", create=False):
+        pass
+    with pytest.raises(InputError, match="allowed"), opened("mysql://host/name"):
+        pass
+    assert not (tmp_path / "none.db").exists()
+
+
+def test_a_night_with_a_number_that_is_not_finite_is_refused_whole(history: History) -> None:
+    with pytest.raises(InputError, match="finite"):
+        history.add_night(record(4, residual={"rms_um": float("nan")}))
+    assert len(history.nights("M")) == 3

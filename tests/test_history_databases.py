@@ -1,0 +1,155 @@
+"""SQLite and PostgreSQL keep the same history: the same tests on both, two writers at once, and a process killed at any commit."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sqlalchemy import text
+from sqlalchemy.exc import DBAPIError
+from support import postgres
+from test_history import knowledge, record
+
+from tango_cnc.history import Decision, opened
+from tango_cnc.history.copy import copied
+from tango_cnc.records import InputError
+
+Place = Callable[[], str | Path]
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[str]:
+    with postgres.server() as url:
+        yield url
+
+
+@pytest.fixture(params=["sqlite", pytest.param("postgres", marks=[pytest.mark.long, pytest.mark.system("pg_lsclusters")])])
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
+    """→ a new, empty place for a history at every call."""
+    count = iter(range(100))
+    if request.param == "sqlite":
+        return lambda: tmp_path / f"history{next(count)}.db"
+    url = request.getfixturevalue("server")
+    return lambda: postgres.database(url)
+
+
+def test_nights_decisions_trends_and_the_chain(place: Place) -> None:
+    with opened(place()) as history:
+        for day in range(1, 8):
+            alarms = [{"id": f"2026-10-{day:02d}-1", "cause": "step"}] if day == 5 else []
+            history.add_night(record(day, alarms=alarms, headline=f"µm, “{day}”"), f"touch\n{day}\n", knowledge(day))
+        history.decide("M", Decision("2026-10-05-1", "ignore", "Ann", until="2026-11-01", utc="2026-10-05T08:00:00Z"))
+        assert [n.night for n in history.nights("M", since="2026-10-03", before="2026-10-06")] == [
+            "2026-10-05",
+            "2026-10-04",
+            "2026-10-03",
+        ]
+        assert np.allclose(history.trend("M", "EX0C", since="2026-10-06").value, [0.006, 0.007])
+        stored = history.night(history.nights("M", last=1)[0].entry)
+        assert stored.night.headline == "µm, “7”" and stored.readings == "touch\n7\n"
+        assert stored.knowledge is not None and np.allclose(stored.knowledge.covariance, knowledge(7).covariance)
+        assert history.decisions("M")[0].until == "2026-11-01"
+        assert history.verify() == ()
+        with pytest.raises(DBAPIError, match="append-only"), history.engine.begin() as connection:
+            connection.execute(text("UPDATE night SET verdict = 'good'"))
+        with pytest.raises(InputError, match="finite"):
+            history.add_night(record(8, residual={"rms_um": float("inf")}))
+        assert len(history.nights("M")) == 7
+
+
+def test_a_backup_is_the_same_and_comes_back(place: Place, tmp_path: Path) -> None:
+    first, second = place(), place()
+    with opened(first) as history:
+        for day in (1, 2, 3):
+            history.add_night(record(day), f"touch\n{day}\n", knowledge(day))
+        newest = history.newest_hashes()
+        assert copied(history, tmp_path / "copy.db") == 3
+        with pytest.raises(InputError, match="not empty"):
+            copied(history, first if not isinstance(first, Path) else tmp_path / "copy.db")
+    with opened(tmp_path / "copy.db", create=False) as copy:
+        assert copied(copy, second) == 3
+    with opened(second) as history:
+        assert history.newest_hashes() == newest and history.verify() == ()
+        history.add_night(record(4))
+        assert history.verify() == ()
+
+
+WRITER = """
+import sys
+sys.path.insert(0, {tests!r})
+from test_history import knowledge, record
+from tango_cnc.history import opened
+with opened({place!r}) as history:
+    print("ready", flush=True)
+    for day in range({first}, {last}):
+        history.add_night(record(1 + day % 27, {machine!r}), "touch\\n" * 40, knowledge(day))
+        print(day, flush=True)
+"""
+
+
+def writer(place: str | Path, first: int, last: int, machine: str = "M") -> subprocess.Popen[str]:
+    source = WRITER.format(tests=str(Path(__file__).parent), place=str(place), first=first, last=last, machine=machine)
+    return subprocess.Popen([sys.executable, "-c", source], stdout=subprocess.PIPE, text=True)
+
+
+@pytest.mark.long
+def test_two_nights_at_once_make_one_chain(place: Place) -> None:
+    where = place()
+    both = [writer(where, 0, 15), writer(where, 100, 115)]
+    assert [p.wait(120) for p in both] == [0, 0]
+    with opened(where) as history:
+        assert len(history.nights("M")) == 30
+        assert history.verify() == ()
+
+
+@pytest.mark.long
+def test_what_was_acknowledged_survives_a_kill_and_nothing_is_half(place: Place) -> None:
+    """Killed after a random time, again and again: every night that the writer has reported is there, whole."""
+    where = place()
+    rng = np.random.default_rng(7)
+    done = 0
+    for _ in range(int(os.environ.get("TANGO_KILLS", "6"))):
+        process = writer(where, done, done + 1000)
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+        time.sleep(float(rng.uniform(0.0, 0.4)))
+        process.send_signal(signal.SIGKILL)
+        reported = process.stdout.read().split()
+        process.wait()
+        with opened(where) as history:
+            there = len(history.nights("M")) if "M" in history.machines() else 0
+            assert done + len(reported) <= there <= done + len(reported) + 1
+            assert history.verify() == ()
+        done = there
+
+
+FIRST = Path(__file__).parent / "reference" / "history_0001.sql"
+
+
+def test_a_history_of_the_first_schema_is_read_and_goes_on(tmp_path: Path) -> None:
+    import sqlite3
+
+    file = tmp_path / "old.db"
+    plain = sqlite3.connect(file)
+    plain.executescript(FIRST.read_text(encoding="utf-8"))
+    plain.close()
+    with opened(file, create=False) as history:
+        assert [n.night for n in history.nights("M")] == ["2026-10-02", "2026-10-01"]
+        assert history.open_alarms("M") == () and history.decisions("M")[0].owner == "Ann"
+        assert history.verify() == ()
+        history.add_night(record(3), "touch\n3\n", knowledge(3))
+        assert history.verify() == ()
+
+
+def test_a_history_of_a_newer_version_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "newer.db"
+    with opened(file) as history, history.engine.connect().execution_options(writes=True) as connection, connection.begin():
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(InputError, match="newer version"), opened(file):
+        pass

@@ -1,0 +1,130 @@
+"""One writer a cell: the second one is refused before it touches anything, and what a killed one leaves locks nothing."""
+
+import contextlib
+import errno
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+
+import pytest
+from test_run import STRATEGY, Control, Result
+
+from tango_cnc.commands.init import write_example
+from tango_cnc.link import lock
+from tango_cnc.link.lock import NAME, holding
+from tango_cnc.records import LinkError
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from tango_cnc.link.lock import holding
+with holding(Path(sys.argv[1]), "tango run"):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+@contextlib.contextmanager
+def held(folder):
+    """→ a process of its own that holds the folder."""
+    with subprocess.Popen([sys.executable, "-c", HOLD, folder], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"held\n"
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_the_second_one_is_refused_and_reads_who_the_first_one_is(tmp_path):
+    with held(tmp_path) as process:
+        with pytest.raises(LinkError) as error, holding(tmp_path, "tango plan"):
+            pass
+        assert f"'tango run' (process {process.pid} on {socket.gethostname()}, since " in str(error.value)
+        assert "Nothing was changed" in str(error.value)
+
+
+def test_a_killed_holder_holds_nothing(tmp_path):
+    with held(tmp_path) as process:
+        process.kill()
+        process.wait()
+        assert (tmp_path / NAME).exists()
+        with holding(tmp_path, "tango run"):
+            pass
+
+
+def test_nothing_is_left_and_it_can_be_held_again(tmp_path):
+    for _ in range(2):
+        with holding(tmp_path, "tango run"), holding(tmp_path, "tango nightly"):
+            assert (tmp_path / NAME).exists()
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_another_thread_of_the_same_program_is_another_one(tmp_path):
+    said = []
+
+    def second():
+        try:
+            with holding(tmp_path, "tango run"):
+                said.append("held")
+        except LinkError as error:
+            said.append(str(error))
+
+    with holding(tmp_path, "tango serve"):
+        thread = threading.Thread(target=second)
+        thread.start()
+        thread.join()
+    assert "'tango serve'" in said[0]
+
+
+def test_a_lock_of_another_computer_is_left_to_who_knows(tmp_path):
+    """A share may show its files and not its locks."""
+    holder = {"what": "tango run", "pid": 7, "host": "cell-3", "since": "2026-01-01", "process": "x", "thread": 1}
+    (tmp_path / NAME).write_text(json.dumps(holder))
+    with pytest.raises(LinkError, match=r"cell-3.*Only if it runs no more, delete"), holding(tmp_path, "tango run"):
+        pass
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_where_the_file_system_has_no_locks_the_process_decides(tmp_path, monkeypatch, free):
+    pid = 2**22 + 1 if free else os.getpid()  # above the highest number a process can have
+
+    def none(handle):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(lock, "lock", none)
+    holder = {"what": "tango run", "pid": pid, "host": socket.gethostname(), "since": "2026", "process": "x", "thread": 1}
+    (tmp_path / NAME).write_text(json.dumps(holder))
+    with contextlib.nullcontext() if free else pytest.raises(LinkError), holding(tmp_path, "tango run"):
+        pass
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(LinkError, match="cannot be locked"), holding(tmp_path / "none", "tango run"):
+        pass
+
+
+def test_a_second_run_leaves_the_first_ones_journal_alone(tmp_path):
+    cell = tmp_path / "cell"
+    write_example(cell, "hu40t")
+    (cell / "strategy.yaml").write_text(STRATEGY)
+    (cell / "readings.journal").write_text("of the run that is going on")
+    before = sorted(cell.rglob("*"))
+    with held(cell):
+        result = Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "5", "--yes")
+    assert (result.code, "'tango run' (process" in result.err) == (3, True), result.err
+    assert (cell / "readings.journal").read_text() == "of the run that is going on"
+    assert sorted(set(cell.rglob("*")) - {cell / NAME}) == before
+
+
+def test_one_folder_of_readings_is_written_by_one_run(tmp_path):
+    """Two cells whose readings go to one folder: the folder is held as well."""
+    cell, out = tmp_path / "cell", tmp_path / "out"
+    write_example(cell, "hu40t")
+    (cell / "strategy.yaml").write_text(STRATEGY)
+    out.mkdir()
+    with held(out):
+        result = Result("run", "-C", cell, "--port", Control(cell).url, "--yes", "--readings", out / "readings.csv")
+    assert (result.code, "'tango run' (process" in result.err) == (3, True), result.err

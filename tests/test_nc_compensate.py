@@ -1,0 +1,202 @@
+"""NC programs compensated: the tip goes where the program meant, nothing is invented, what cannot be followed is refused."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.compensated import ROOT, example, measured
+from support.ncprograms import ends, rs274
+
+from sim_controller.world import nominal_machine, tip_in_table, true_machine
+from tango_cnc.cli import tango
+from tango_cnc.compensate.fit import Known, known
+from tango_cnc.compensate.space import limits_of, sample
+from tango_cnc.nc.blocks import language, languages
+from tango_cnc.nc.follow import Setup
+from tango_cnc.nc.program import Account, Settings, compensated, mark_text
+from tango_cnc.records import Array, InputError, Machine, World
+
+LENGTH, ZERO = 150.0, {"X": 3.0, "Y": -4.0, "Z": 60.0, "A": 0.0, "C": 0.0}
+CHORD, DECIMALS = 0.001, 4
+
+
+@pytest.fixture(scope="module")
+def knowledge() -> Known:
+    """Errors of the trunnion as they truly are: without scatter, and without reversal, which no word can hold."""
+    cell, world = example("trunnion")
+    quiet = replace(world, noise=0.0, errors={k: v for k, v in world.errors.items() if not k.endswith("b")})
+    found = measured(cell, quiet)
+    touches = found.model.touches
+    return known(found, sample(cell.machine, limits_of(cell.machine, touches, "probed", {}), 40))
+
+
+def rewritten(text: str, found: Known, name: str = "rs274", **more: object) -> tuple[list[str], Account]:
+    setup, account = Setup(example("trunnion")[0].machine, ZERO, LENGTH), Account()
+    settings = Settings(**({"chord": CHORD, "decimals": DECIMALS} | more))  # type: ignore[arg-type]
+    lines = list(compensated(io.StringIO(text), language(name), setup, found, settings, account, mark_text("0123", ZERO)))
+    return lines, account
+
+
+def away(machine: Machine, world: World, positions: Array, meant: Array) -> Array:
+    """(n, k) where axes go, (n, k) where the program meant them → (n,) mm, by the simulator alone; zero as it was found."""
+    tool = replace(machine, probe=replace(machine.probe, length=LENGTH))
+    zero = np.zeros((1, len(machine.names)))
+    for name, value in ZERO.items():
+        zero[0, machine.column(name)] = (value + (LENGTH if name == "Z" else 0.0)) * (1 if name in machine.linear else np.pi / 180)
+    still = np.zeros_like(positions)
+    nominal, true = nominal_machine(tool), true_machine(tool, replace(world, stylus={}))
+    shift = tip_in_table(true, zero, zero * 0) - tip_in_table(nominal, zero, zero * 0)
+    return np.linalg.norm(tip_in_table(true, positions, still) - tip_in_table(nominal, meant, still) - shift, axis=1)
+
+
+def judged(seed: int, found: Known) -> tuple[float, float]:
+    """Seed → largest mm away of the ends of all blocks, before and after, as the simulator sees it."""
+    cell, world = example("trunnion")
+    text = rs274(seed)
+    lines, _ = rewritten(text, found)
+    out = "\n".join(lines)
+    assert "nan" not in out.lower() and "inf" not in out.lower()
+    twice, account = rewritten(out + "\n", found)
+    assert twice == lines and account.marked
+    meant, rows = ends(text, cell.machine, ZERO, LENGTH)
+    got, _ = ends(out, cell.machine, ZERO, LENGTH)
+    # The end of every block is the end of its last part: found by counting the parts that follow each block's own line.
+    keep, line = [], 0
+    sources = text.splitlines()
+    first = next(i for i, t in enumerate(lines) if "TANGO" in t)
+    rest = lines[:first] + lines[first + 1 :]
+    counts = []
+    for i in range(len(sources)):
+        begin, line = line, line + 1
+        following = sources[i + 1] if i + 1 < len(sources) else None
+        while line < len(rest) and following is not None and not _same(rest[line], following):
+            line += 1
+        counts.append(line - begin)
+    numbers = np.cumsum(counts)
+    _, got_rows = ends("\n".join(rest), cell.machine, ZERO, LENGTH)
+    got, _ = ends("\n".join(rest), cell.machine, ZERO, LENGTH)
+    index = {row: i for i, row in enumerate(got_rows)}
+    for row in rows:
+        keep.append(index[int(numbers[row - 1])])
+    before, after = away(cell.machine, world, meant, meant), away(cell.machine, world, got[keep], meant)
+    return float(before.max()), float(after.max())
+
+
+def _same(line: str, source: str) -> bool:
+    """Whether a line of the result is the beginning of this source block: all but its coordinates is there."""
+    bare = re.sub(r"[XYZABCIJ]-?[\d.]+", "", source).replace("G2", "G1").replace("G3", "G1").split()
+    there = re.sub(r"[XYZABCIJ]-?[\d.]+", "", line).replace("G2", "G1").replace("G3", "G1").split()
+    return bare == there and bool(bare)
+
+
+LIMIT = CHORD + 3**0.5 * 0.5 * 10**-DECIMALS + 0.15 * np.radians(0.5 * 10**-DECIMALS) * 1e3
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_programs_go_where_they_mean_to(seed: int, knowledge: Known) -> None:
+    before, after = judged(seed, knowledge)
+    assert after < LIMIT < before
+
+
+@pytest.mark.campaign
+def test_a_thousand_random_programs(knowledge: Known) -> None:
+    worst = [judged(seed, knowledge) for seed in range(1000)]
+    print(f"largest {1e3 * max(b for b, _ in worst):.1f} µm before, {1e3 * max(a for _, a in worst):.3f} µm after")
+    assert max(a for _, a in worst) < LIMIT
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "said"),
+    [
+        ("rs274", "G41 D1", "radius compensation"),
+        ("rs274", "G91", "incremental"),
+        ("rs274", "G20", "inches"),
+        ("rs274", "G81 X1 Y1 Z-5 R2", "canned cycles"),
+        ("rs274", "G93", "inverse time"),
+        ("rs274", "G1 X#3", "variables"),
+        ("rs274", "G1 X[1+2]", "variables"),
+        ("rs274", "o100 call", "not known"),
+        ("rs274", "/G1 X5", "skipped"),
+        ("rs274", "G55", "one work offset"),
+        ("rs274", "G92 X0", "shifted"),
+        ("rs274", "G2 X10. Y0. I1. J0.", "from its centre"),
+        ("rs274", "G1 B5.", "no axis B"),
+        ("rs274", "G1 X5,3", "not known"),
+        ("rs274", "G38.2 Z-5 F100", "probing"),
+        ("macro_b", "G43.4 H1", "tool centre point"),
+        ("macro_b", "G68.2 X0. Y0.", "tilted"),
+        ("macro_b", "M98 P100", "subprograms"),
+        ("macro_b", "G1 X5", "decimal point"),
+        ("macro_b", "G65 P9810", "macros"),
+        ("siemens", "TRAORI", "tool centre point"),
+        ("siemens", "CYCLE81(1,2,3)", "cycles"),
+        ("siemens", "TRANS X=5", "frames"),
+        ("siemens", "X=IC(5)", "AC( ) and IC( )"),
+        ("siemens", "R1=5", "variables"),
+        ("klartext", "5 L X+5 Y+3 RL F500", "radius compensation"),
+        ("klartext", "5 L IX+5", "incremental"),
+        ("klartext", "5 FUNCTION TCPM", "tool centre point"),
+        ("klartext", "5 PLANE SPATIAL SPA+0", "tilted"),
+        ("klartext", "5 CYCL DEF 200 DRILLING", "cycles"),
+        ("klartext", "5 L X+Q1", "not followed"),
+        ("klartext", "5 M128", "tool centre point"),
+    ],
+)
+def test_what_cannot_be_followed_is_refused_by_its_name(name: str, line: str, said: str, knowledge: Known) -> None:
+    head = {"klartext": "0 BEGIN PGM A MM\n1 L X+0 Y+0 Z+5 R0 FMAX\n", "siemens": "G90 G71 G54\nG0 X=0 Y=0 Z=5\n"}
+    text = head.get(name, "G21 G90 G17 G54\nG0 X0. Y0. Z5.\n") + line + "\n"
+    with pytest.raises(InputError, match="line 3: found") as error:
+        rewritten(text, knowledge, name)
+    assert said in str(error.value)
+
+
+SAME = {
+    "rs274": "G21 G90 G17 G54\nG0 X0. Y0. Z5.\nN10 G1 X40. Y10. F500 (cut)\nG3 X50. Y20. I0. J10.\nG0 Z50. M9\nM30\n",
+    "macro_b": "%\nO7\nG21 G90 G17 G54\nG0 X0. Y0. Z5.\nN10 G1 X40. Y10. F500 (CUT)\nG3 X50. Y20. R10.\nG0 Z50. M9\nM30\n%\n",
+    "siemens": "G90 G71 G17 G54\nG0 X0 Y0 Z5\nN10 G1 X=40 Y10 F500 ; cut\nG3 X50 Y20 CR=10\nG0 Z50 M9\nM30\n",
+    "klartext": "0 BEGIN PGM A MM\n1 L X+0 Y+0 Z+5 R0 FMAX\n2 L X+40 Y+10 R0 F500 ; cut\n3 CC X+40 Y+20\n4 C X+50 Y+20 DR+\n"
+    "5 L Z+50 R0 FMAX M9\n6 END PGM A MM\n",
+}
+
+
+@pytest.mark.parametrize("name", languages())
+def test_every_language_leads_to_the_same_places(name: str, knowledge: Known) -> None:
+    lines, account = rewritten(SAME[name], knowledge, name)
+    text = "\n".join(lines)
+    last = [line for line in lines if re.search(r"X[+=]?\+?5\d\.", line)][-1]
+    x, y = (float(re.search(rf"{a}=?([-+]?[\d.]+)", last)[1]) for a in "XY")  # type: ignore[index]
+    assert (x, y) == pytest.approx((50, 20), abs=0.1) and (x, y) != (50, 20)
+    assert "cut" in text.lower() and account.arcs == 1 and "TANGO COMPENSATED" in text
+    assert rewritten(text + "\n", knowledge, name)[0] == lines
+    numbers = [int(line.split()[0]) for line in lines] if name == "klartext" else []
+    assert numbers == list(range(len(numbers)))
+
+
+def test_the_command_says_what_it_did_and_keeps_the_source(tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    import shutil
+
+    shutil.copytree(ROOT / "examples" / "three_axis_calibrated", cell)
+    assert CliRunner().invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
+    source, target = tmp_path / "part.nc", tmp_path / "out.nc"
+    source.write_bytes(SAME["rs274"].replace("\n", "\r\n").encode())
+    common = ["compensate", str(source), "-C", str(cell), "-o", str(target)]
+    lacking = CliRunner().invoke(tango, common)
+    assert isinstance(lacking.exception, InputError) and "--zero" in str(lacking.exception) and not target.exists()
+    done = CliRunner().invoke(tango, [*common, "--zero", "X=0,Y=0,Z=-50", "--diff", str(tmp_path / "diff.txt")])
+    assert done.exit_code == 0, done.exception
+    assert "µm after" in done.output and source.read_bytes() == SAME["rs274"].replace("\n", "\r\n").encode()
+    assert b"\r\n" in target.read_bytes() and "- N10 G1 X40." in (tmp_path / "diff.txt").read_text()
+    itself = CliRunner().invoke(tango, [*common[:-1], str(source), "--zero", "X=0,Y=0,Z=0"])
+    assert isinstance(itself.exception, InputError)
+    source.write_text("G21 G90\nG0 X0. Y0. Z5.\nG41 D1\n")
+    before = target.read_bytes()
+    refused = CliRunner().invoke(tango, [*common, "--zero", "X=0,Y=0,Z=-50"])
+    assert isinstance(refused.exception, InputError) and "part.nc: line 3" in str(refused.exception)
+    assert target.read_bytes() == before and not list(tmp_path.glob(".out*"))

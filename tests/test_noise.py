@@ -1,0 +1,118 @@
+"""Standard deviations that hold when the machine drifts, clamps seat anew, facets are rough and touches go wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import Estimate, estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.kinematics import chain, inverse, tip
+from tango_cnc.noise import honest
+from tango_cnc.plausible import judge, swamped
+from tango_cnc.records import Array, Cell, Readings, World
+
+
+@pytest.fixture(scope="module")
+def cell(root: Path) -> Cell:
+    return read_cell(root / "examples" / "hu40t")
+
+
+@pytest.fixture(scope="module")
+def world(root: Path) -> World:
+    return read_world(root / "examples" / "hu40t" / "world.yaml")
+
+
+def read(cell: Cell, world: World, seed: int, *effects: Mapping[str, Any]) -> Readings:
+    return simulate(cell.machine, cell.artefact, cell.strategy, replace(world, effects=effects), seed=seed)
+
+
+def off(result: Estimate, world: World) -> dict[str, float]:
+    """Deviation of every machine parameter from the truth, in its standard deviations."""
+    return {name: (p.value - world.errors.get(name, 0.0)) / p.std for name, p in result.parameters.items()}
+
+
+def warm_up(size: float, *direction: float) -> dict[str, Any]:
+    return {"cause": "thermal_drift", "amplitude": size, "direction": list(direction), "tau": 1500}
+
+
+def pushed(cell: Cell, readings: Readings, way: Array) -> Readings:
+    """Readings as they would be with each touch `way` mm farther out along its normal."""
+    c = chain(cell.machine)
+    normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
+    return replace(readings, position=inverse(c, readings.position, tip(c, readings.position) + way[:, None] * normal))
+
+
+def test_white_noise_is_left_as_it_was(cell: Cell, world: World) -> None:
+    plain = estimate(cell.machine, cell.artefact, read(cell, world, 3), cell.terms)
+    found = honest(plain)
+    assert np.array_equal(found.values, plain.values) and np.array_equal(found.covariance, plain.covariance)
+    assert found.noise is not None and (found.noise.walk, found.noise.seating) == (0, 0)
+    assert len(found.outliers) == 0
+
+
+def test_a_warm_up_is_no_backlash(cell: Cell, world: World) -> None:
+    readings = read(cell, world, 5, warm_up(0.03, 0.0, 1.0, 0.0))
+    plain = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    found = honest(plain)
+    assert max(map(abs, off(plain, world).values())) > 8
+    assert max(map(abs, off(found, world).values())) < 4
+    assert found.noise is not None and found.noise.walk > 0.001
+    assert judge(cell, readings, found, search=False).verdict == "doubtful"
+
+
+def test_a_third_of_wrong_touches_moves_nothing(cell: Cell, world: World) -> None:
+    readings = read(cell, world, 7)
+    wrong = np.random.default_rng(1).random(len(readings)) < 0.3
+    spoilt = pushed(cell, readings, 0.5 * wrong)
+    found = honest(estimate(cell.machine, cell.artefact, spoilt, cell.terms))
+    assert max(map(abs, off(found, world).values())) < 3
+    flagged = np.isin(readings.touch, found.outliers)
+    assert np.mean(flagged[wrong]) > 0.7  # on a facet where most touches are wrong nobody can tell which
+    assert np.mean(flagged[~wrong]) < 0.1
+
+
+def test_one_wrong_touch_does_not_accuse_its_facet(cell: Cell, world: World) -> None:
+    readings = read(cell, world, 8)
+    way = np.zeros(len(readings))
+    way[100] = 0.5
+    found = honest(estimate(cell.machine, cell.artefact, pushed(cell, readings, way), cell.terms))
+    assert found.outliers.tolist() == [101]
+    assert abs(found.facets[readings.facet[100]].value - world.facets.get(readings.facet[100], 0.0)) < 0.003
+
+
+def test_what_is_mostly_drift_is_not_trusted(cell: Cell, world: World) -> None:
+    wandering = read(cell, world, 9, {"cause": "random_walk", "amplitude": 0.1})
+    wild = honest(estimate(cell.machine, cell.artefact, wandering, cell.terms))
+    calm = honest(estimate(cell.machine, cell.artefact, read(cell, world, 9, warm_up(0.005, 1.0, 0.0, 0.0)), cell.terms))
+    assert swamped(wild)
+    assert len(set(swamped(calm)) & set(calm.parameters)) <= len(calm.parameters) / 2
+
+
+HIDDEN: dict[str, tuple[dict[str, Any], ...]] = {
+    "nothing": (),
+    "warm-up of 5 µm": (warm_up(0.005, 0.5, -0.6, 0.62),),
+    "warm-up of 15 µm": (warm_up(0.015, 0.5, -0.6, 0.62),),
+    "warm-up of 30 µm": (warm_up(0.03, 0.5, -0.6, 0.62),),
+    "walk": ({"cause": "random_walk", "amplitude": 0.008},),
+    "seating": ({"cause": "indexation_seating", "amplitude": 0.002},),
+    "rough facets": ({"cause": "surface_form", "amplitude": 0.004, "facets": [4, 7, 9, 12, 16]},),
+    "outliers": ({"cause": "outliers", "amplitude": 0.05, "rate": 0.05},),
+}
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("what", HIDDEN)
+def test_intervals_hold(what: str, cell: Cell, world: World) -> None:
+    inside: list[list[bool]] = []
+    for seed in range(1000):
+        found = honest(estimate(cell.machine, cell.artefact, read(cell, world, seed, *HIDDEN[what]), cell.terms))
+        inside.append([abs(z) < 1.96 for z in off(found, world).values()])
+    share = np.mean(inside, axis=0)
+    assert np.all((share > 0.93) & (share < 0.98)), dict(zip(cell.terms, share, strict=False))

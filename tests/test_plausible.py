@@ -1,0 +1,133 @@
+"""A result that must not be believed says so: in words, as JSON, by its exit status, and in every command that shows numbers."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from tango_cnc.cli import guarded, tango
+from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
+
+
+def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    code = guarded(tango.main, [str(a) for a in arguments], standalone_mode=False)
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example cell with its readings; nobody changes it."""
+    folder = tmp_path_factory.mktemp("plausible") / "cell"
+    runner = CliRunner()
+    assert runner.invoke(tango, ["init", str(folder)]).exit_code == 0
+    result = runner.invoke(tango, ["simulate", "-C", str(folder)])
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+@pytest.fixture
+def cell(measured: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(measured, tmp_path / "cell"))
+
+
+def change(file: Path, old: str, new: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def turned_round(cell: Path) -> None:
+    change(cell / "machine.yaml", "B: {kind: rotary, direction: [0, 1, 0]", "B: {kind: rotary, direction: [0, -1, 0]")
+
+
+def readings_of(cell: Path) -> Path:
+    return next(f for f in (cell / "readings.csv", cell / "simulated.csv") if f.exists())
+
+
+def estimated(capsys: pytest.CaptureFixture[str], cell: Path, *more: str) -> tuple[int, dict[str, Any]]:
+    code, out, _ = called(capsys, "estimate", "-C", cell, "--readings", readings_of(cell), "--json", "-", *more)
+    return code, json.loads(out)
+
+
+def test_a_sound_cell_is_trustworthy(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, data = estimated(capsys, cell)
+    assert code == 0
+    assert (data["verdict"], data["suspicions"], data["untrusted"]) == ("trustworthy", [], [])
+
+
+def test_an_axis_that_turns_the_other_way_is_implausible(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    turned_round(cell)
+    code, data = estimated(capsys, cell)
+    assert (code, data["verdict"]) == (1, "implausible")
+    assert any("is plausible" in reason for reason in data["reasons"])
+    first = data["suspicions"][0]
+    assert (first["text"], first["file"], first["line"]) == ("the readings fit if B turns the other way", "machine.yaml", 7)
+
+
+def test_nothing_is_made_of_an_implausible_estimate(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    turned_round(cell)
+    part = tmp_path / "part.ngc"
+    part.write_text("G21 G90 G94\nG1 X0 Y0 Z100 F500\nG1 X10\nM2\n", encoding="utf-8")
+    for command in (["compensate", "--target", "iso230"], ["compensate", part], ["predict", part]):
+        code, _, err = called(capsys, *command, "-C", cell, "--readings", readings_of(cell))
+        assert code == 1 and "the estimate is implausible and is not used" in err
+    assert not (cell / "compensations").exists()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", ["estimate", "verify", "iso230", "report", "uncertainty"])
+def test_every_command_that_shows_numbers_says_so(command: str, cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    turned_round(cell)
+    more = {"report": ["--no-pictures"], "uncertainty": ["--trials", "1000"], "verify": ["--groups", "14"]}.get(command, [])
+    code, out, _ = called(capsys, command, "-C", cell, "--readings", readings_of(cell), *more)
+    assert code == 1 and "IMPLAUSIBLE: do not act on these numbers" in out
+    if command == "report":
+        page = (cell / "report.html").read_text(encoding="utf-8")
+        assert "Do not use these numbers" in page and 'class="check good"' not in page
+    if command == "estimate":
+        assert called(capsys, command, "-C", cell, "--readings", readings_of(cell), "--despite")[0] == 0
+
+
+def test_half_of_the_readings_is_doubtful(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = readings_of(cell)
+    head, *rows = file.read_text(encoding="utf-8").splitlines()
+    file.write_text("\n".join([head, *rows[::2]]) + "\n", encoding="utf-8")
+    code, data = estimated(capsys, cell)
+    assert (code, data["verdict"]) == (0, "doubtful")
+    assert any(reason.startswith("196 of 393 planned touches are missing") for reason in data["reasons"])
+
+
+def test_who_knows_less_of_a_machine_states_it(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    change(cell / "world.yaml", "EX0C: -0.1138", "EX0C: -1.4")
+    assert called(capsys, "simulate", "-C", cell, "-o", readings_of(cell))[0] == 0
+    assert estimated(capsys, cell)[1]["verdict"] == "implausible"
+    with (cell / "machine.yaml").open("a", encoding="utf-8") as file:
+        file.write("tolerances: {location: 2}\n")
+    code, data = estimated(capsys, cell)
+    assert (code, data["verdict"]) == (0, "trustworthy")
+
+
+def test_tolerances_survive_being_written(cell: Path) -> None:
+    with (cell / "machine.yaml").open("a", encoding="utf-8") as file:
+        file.write("tolerances: {angle: 0.2, scale: 900, stylus: 3}\n")
+    with (cell / "artefact.yaml").open("a", encoding="utf-8") as file:
+        file.write("tolerances: {facet: 4, placement_angle: 2}\n")
+    known = read_cell(cell)
+    assert known.machine.tolerances.scale == pytest.approx(9e-4)
+    (cell / "machine.yaml").write_text(machine_text(known.machine), encoding="utf-8")
+    (cell / "artefact.yaml").write_text(artefact_text(known.artefact), encoding="utf-8")
+    assert read_machine(cell / "machine.yaml").tolerances == known.machine.tolerances
+    assert read_artefact(cell / "artefact.yaml").tolerances == known.artefact.tolerances
+
+
+def test_a_tolerance_that_nobody_knows_is_refused(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with (cell / "machine.yaml").open("a", encoding="utf-8") as file:
+        file.write("tolerances: {pivot: 2}\n")
+    code, _, err = called(capsys, "estimate", "-C", cell)
+    assert code == 2 and "tolerances.pivot: found the unknown key 'pivot'" in err

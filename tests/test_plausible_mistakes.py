@@ -1,0 +1,93 @@
+"""Mistakes that people make are never trusted, and named: a catalogue written without reading how the program looks for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.slips import SLIPS
+
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.judgement import Judgement
+from tango_cnc.plausible import judge
+from tango_cnc.records import Cell, Readings, TangoError
+
+FIVE_AXES = ("hu40t", "trunnion", "huron", "split", "fork_head")
+CELLS = (*FIVE_AXES, "three_axis", "three_axis_calibrated")
+
+
+@dataclass(frozen=True)
+class Case:
+    slip: str
+    judgement: Judgement
+    rank: int  # of the right answer among the suspicions, 0: not there
+
+
+def measured(root: Path, example: str, seed: int) -> tuple[Cell, Readings]:
+    folder = root / "examples" / example
+    cell = read_cell(folder)
+    return cell, simulate(cell.machine, cell.artefact, cell.strategy, read_world(folder / "world.yaml"), seed=seed)
+
+
+def judged(cell: Cell, readings: Readings) -> Judgement:
+    try:
+        return judge(cell, readings, estimate(cell.machine, cell.artefact, readings, cell.terms))
+    except TangoError:
+        return judge(cell, readings, None)
+
+
+def case(cell: Cell, readings: Readings, slip: str, seed: int) -> Case | None:
+    spoilt = SLIPS[slip](cell, readings, np.random.default_rng([seed, sum(map(ord, slip))]))
+    if spoilt is None:
+        return None
+    changed, given, answer = spoilt
+    judgement = judged(changed, given)
+    right = (s.kind in answer.kinds and (answer.word in s.text or answer.word in s.key) for s in judgement.suspicions)
+    return Case(slip, judgement, next((i + 1 for i, fits in enumerate(right) if fits), 0))
+
+
+def test_the_catalogue_is_large_enough() -> None:
+    assert len(SLIPS) >= 40
+
+
+@pytest.mark.parametrize("slip", ["one_normal_inward", "half_of_the_rows_missing"])
+def test_a_slip_is_named(slip: str, root: Path) -> None:
+    found = case(*measured(root, "trunnion", 101), slip, 1)
+    assert found is not None and found.judgement.verdict != "trustworthy" and found.rank == 1
+
+
+def test_a_suspicion_says_where_and_what_to_change(root: Path) -> None:
+    found = case(*measured(root, "trunnion", 101), "sense of first rotary axis", 1)
+    assert found is not None
+    first = found.judgement.suspicions[0]
+    assert first.text == "the readings fit if A turns the other way"
+    assert (first.file, first.key, first.line) == ("machine.yaml", "axes.A.direction", 8)
+    assert first.change.startswith("write [1, 0, 0]") and first.after < 1e-3 < 1 < first.before
+
+
+@pytest.mark.long
+def test_the_whole_catalogue_on_one_machine(root: Path) -> None:
+    found = [c for slip in SLIPS if (c := case(*measured(root, "trunnion", 102), slip, 2)) is not None]
+    assert len(found) >= 40
+    assert not [c.slip for c in found if c.judgement.verdict == "trustworthy"]
+    assert np.mean([c.rank == 1 for c in found]) >= 0.9
+    assert np.mean([1 <= c.rank <= 3 for c in found]) >= 0.95
+
+
+@pytest.mark.campaign
+def test_the_whole_catalogue_on_all_machines(root: Path) -> None:
+    rows = [
+        (e, c) for e in CELLS for seed in range(20) for s in SLIPS if (c := case(*measured(root, e, seed), s, seed)) is not None
+    ]
+    assert not [(e, c.slip) for e, c in rows if c.judgement.verdict == "trustworthy"]
+    assert np.mean([c.rank == 1 for _, c in rows]) >= 0.9
+    assert np.mean([1 <= c.rank <= 3 for _, c in rows]) >= 0.98
+
+
+@pytest.mark.parametrize("example", CELLS)
+def test_unspoilt_cells_are_trusted(example: str, root: Path) -> None:
+    assert judged(*measured(root, example, 7)).verdict == "trustworthy"

@@ -1,0 +1,224 @@
+"""Pages for a browser, asked for without a network: what they show, who may do what, and a run that is followed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from support.nights import knock, night
+from support.server import PASSWORD, Recorded, cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.cli import tango
+from tango_cnc.history import opened
+from tango_cnc.report import morning
+from tango_cnc.report.units import Units
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+from tango_cnc.web.users import IDLE, WHOLE, Sessions, User, add_user
+
+PAGES = ("", "/run", "/trend", "/nights", "/files", "/night/1", "/night/13")
+HOST = "http://127.0.0.1"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return cell(tmp_path_factory.mktemp("serve") / "hu40t")
+
+
+@pytest.fixture(scope="module")
+def site(folder: Path) -> Iterator[TestClient]:
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
+        yield client
+
+
+def signed_in(app_folder: Path, users: Path, role: str = "operate") -> TestClient:
+    add_user(users, "ann", PASSWORD, role)  # type: ignore[arg-type]
+    client = TestClient(create(Settings((app_folder,), users=users)), base_url=HOST, client=("127.0.0.1", 5000))
+    answer = client.post("/sign-in", data={"user": "ann", "password": PASSWORD}, follow_redirects=False)
+    assert answer.status_code == 303, answer.text
+    return client
+
+
+def test_the_fleet_shows_every_machine_with_its_verdict(site: TestClient) -> None:
+    text = site.get("/").text
+    assert "1 machines: 0 good, 1 need somebody" in text or "need somebody" in text
+    assert 'href="/machine/HU40T-like"' in text and ">Good<" in text
+    assert text.count("<title>2026-") == 30  # a sign a night
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_every_page_of_a_machine_answers(path: str, site: TestClient) -> None:
+    answer = site.get(f"/machine/HU40T-like{path}")
+    assert answer.status_code == 200, answer.text
+    assert "HU40T-like" in answer.text
+    assert not re.findall(r'(?:src|href|action)="(?:https?:)?//', answer.text)
+
+
+def test_the_morning_page_answers_the_six_questions(site: TestClient) -> None:
+    text = site.get("/machine/HU40T-like/night/13").text
+    for wanted in (
+        *("Changed", "EX0C moved by +19.8 ± 0.4 µm since last night", "The axis of C moved along X, all at once"),
+        *("after 2026-11-04", "39.6 µm apart", "Look for a collision", "nobody yet"),
+    ):
+        assert wanted in text, wanted
+    assert text.index("Who has it") < text.index("For the engineer")
+
+
+def test_a_night_that_was_not_measured_says_why_and_what_to_do(site: TestClient) -> None:
+    text = site.get("/machine/HU40T-like/night/6").text
+    assert "Not measured" in text and "Change the battery of the probe." in text
+
+
+def test_the_morning_page_stands_alone_in_inch_too() -> None:
+    record = night("M <b>", 12, "changed", alarms=[knock("2026-11-05")])
+    text = morning.render(record, units=Units("inch"))
+    assert "M &lt;b&gt;" in text and "µin" in text and "+779.5" in text
+    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_without_a_report_the_page_says_how_to_write_one(site: TestClient, folder: Path) -> None:
+    assert "tango report -C hu40t" in site.get("/machine/HU40T-like/report").text
+    (folder / "report.html").write_text("<p>mine</p>", encoding="utf-8")
+    answer = site.get("/machine/HU40T-like/report")
+    assert answer.text == "<p>mine</p>"
+    assert answer.headers["content-security-policy"].startswith("sandbox allow-scripts;")
+
+
+def test_files_are_offered_and_nothing_else(site: TestClient, folder: Path) -> None:
+    (folder / "program").mkdir(exist_ok=True)
+    (folder / "program" / "O0001.nc").write_text("%\n", encoding="utf-8")
+    assert "program/O0001.nc" in site.get("/machine/HU40T-like/files").text
+    answer = site.get("/machine/HU40T-like/files/program/O0001.nc")
+    assert answer.text == "%\n" and answer.headers["content-disposition"].startswith("attachment")
+    for name in ("machine.yaml", "history.db", "../hu40t/report.html", "program", "program/", "program/../machine.yaml"):
+        assert site.get(f"/machine/HU40T-like/files/{name}").status_code == 404, name
+
+
+def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    with TestClient(create(Settings((folder,))), base_url=HOST) as site:
+        assert "There is no run" in site.get("/machine/HU40T-like/run").text
+        run = Recorded(folder, 20)
+        assert "Waiting for the control to start" in site.get("/machine/HU40T-like/run").text
+        run.begin()
+        for _ in range(5):
+            run.touch()
+        first = site.get("/machine/HU40T-like/run/step")
+        assert "5 of 20 touches, about 1 min to go" in first.text and first.headers["x-run-state"] == "running"
+        same = site.get("/machine/HU40T-like/run/step", headers={"if-none-match": first.headers["etag"]})
+        assert same.status_code == 304 and not same.content
+        run.touch(status="miss", deviation=None)
+        run.touch(drift=3.25)
+        text = site.get("/machine/HU40T-like/run/step").text
+        assert "7 of 20" in text and "miss" in text and "+3.2" in text and "Drift of facets" in text
+        run.end(False, "the line was lost")
+        last = site.get("/machine/HU40T-like/run/step")
+        assert last.headers["x-run-state"] == "stopped" and "tango run --resume" in last.text and "the line was lost" in last.text
+
+
+def test_without_users_nothing_can_be_changed(site: TestClient, folder: Path) -> None:
+    answer = site.post("/machine/HU40T-like/decide", data={"alarm": "2026-11-05-1", "action": "accept"})
+    assert answer.status_code == 403 and "read-only" in answer.text
+    with opened(folder / "history.db") as history:
+        assert not history.decisions("HU40T-like")
+
+
+@pytest.mark.long
+def test_an_alarm_is_acknowledged_and_has_an_owner(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one")
+    site = signed_in(folder, tmp_path / "users.json")
+    page = site.get("/alarms").text
+    csrf = re.findall(r'name="csrf" value="([^"]+)"', page)[0]
+    form = {
+        "csrf": csrf,
+        "alarm": "2026-11-05-1",
+        "action": "acknowledge",
+        "owner": "Bob",
+        "note": "looking <into> it",
+        "until": "",
+    }
+    answer = site.post("/machine/HU40T-like/decide", data=form)
+    assert "No alarm is open." in answer.text and "looking &lt;into&gt; it (ann)" in answer.text
+    assert "Bob (acknowledged)" in site.get("/machine/HU40T-like/night/13").text
+    with opened(folder / "history.db") as history:
+        assert [d.owner for d in history.decisions("HU40T-like")] == ["Bob"]
+        assert not history.verify()
+
+
+@pytest.mark.long
+def test_roles_are_kept(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one")
+    (folder / "compensations").mkdir()
+    (folder / "compensations" / "pivot.txt").write_text("19700", encoding="utf-8")
+    users = tmp_path / "users.json"
+    site = signed_in(folder, users, "view")
+    assert "Only users with the role operate" in site.get("/alarms").text
+    csrf = re.findall(r'name="csrf" value="([^"]+)"', site.get("/").text)[0]
+    form = {"csrf": csrf, "alarm": "2026-11-05-1", "action": "accept"}
+    assert site.post("/machine/HU40T-like/decide", data=form).status_code == 403
+    assert site.get("/machine/HU40T-like/files/compensations/pivot.txt").status_code == 403
+    assert signed_in(folder, users, "write-back").get("/machine/HU40T-like/files/compensations/pivot.txt").text == "19700"
+
+
+@pytest.mark.long
+def test_signing_out_ends_the_session(tmp_path: Path) -> None:
+    site = signed_in(cell(tmp_path / "one", records=[]), tmp_path / "users.json")
+    csrf = re.findall(r'name="csrf" value="([^"]+)"', site.get("/").text)[0]
+    key = site.cookies["tango_session"]
+    assert site.post("/sign-out", data={"csrf": csrf}, follow_redirects=False).status_code == 303
+    site.cookies.set("tango_session", key)
+    assert site.get("/", follow_redirects=False).headers["location"] == "/sign-in"
+
+
+def test_sessions_end_by_themselves() -> None:
+    now = [0.0]
+    sessions = Sessions(clock=lambda: now[0])
+    key = sessions.begin(User("ann", "view"))
+    assert sessions.of(key) is not None and sessions.of(key + "x") is None and sessions.of("") is None
+    for _ in range(int(WHOLE / IDLE * 2) - 1):
+        now[0] += IDLE / 2
+        assert sessions.of(key) is not None
+    now[0] += IDLE / 2 + 1
+    assert sessions.of(key) is None
+    key = sessions.begin(User("ann", "view"))
+    now[0] += IDLE + 1
+    assert sessions.of(key) is None
+
+
+def test_metrics_and_health(site: TestClient) -> None:
+    assert site.get("/healthz").text == "ok\n"
+    text = site.get("/metrics").text
+    assert 'tango_machine_alarms_open{machine="HU40T-like"} 1' in text
+    assert 'tango_machine_verdict{machine="HU40T-like",verdict="good"} 1' in text
+    for line in text.splitlines():
+        assert line.startswith("# TYPE ") or re.fullmatch(r'[a-z_]+(\{([a-z]+="(\\.|[^"\\])*",?)+\})? [0-9.e+-]+', line), line
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--host", "0.0.0.0"], "no --users"),
+        (["--host", "0.0.0.0", "--users", "u.json"], "without TLS"),
+        (["--certificate", "c.pem"], "--certificate and --key"),
+        (["-C", "nowhere"], "found no cell"),
+        (["--add-user", "ann"], "found no --users"),
+    ],
+)
+def test_what_the_command_refuses(options: list[str], said: str, folder: Path) -> None:
+    found = CliRunner().invoke(tango, ["serve", *(["-C", str(folder)] if "-C" not in options else []), *options])
+    assert said in str(found.exception)
+
+
+def test_a_cell_that_cannot_be_read_is_told_and_hides_no_other(tmp_path: Path) -> None:
+    good, bad = cell(tmp_path / "good", records=[]), cell(tmp_path / "bad", records=[])
+    (bad / "machine.yaml").write_text("name: [", encoding="utf-8")
+    with TestClient(create(Settings((good, bad))), base_url=HOST) as site:
+        text = site.get("/").text
+        assert "HU40T-like" in text and "machine.yaml" in text
+        assert site.get("/machine/bad").status_code == 200

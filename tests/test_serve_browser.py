@@ -1,0 +1,202 @@
+"""A real Chromium on every page: a run that is followed, an alarm that is acknowledged, a report without a network."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.server import PASSWORD, Recorded, cell
+
+pytest.importorskip("selenium")
+import uvicorn
+from click.testing import CliRunner
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from tango_cnc.cli import tango
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+from tango_cnc.web.users import add_user
+
+pytestmark = [pytest.mark.long, pytest.mark.system("chromium", "chromedriver"), pytest.mark.xdist_group("browser")]
+PHONE, DESK = (390, 844), (1200, 900)
+PAGES = ("/", "/alarms", *(f"/machine/HU40T-like{p}" for p in ("", "/run", "/trend", "/nights", "/files", "/night/13", "/night/6")))
+
+
+class Site:
+    """A server in a thread, with a user ann who may operate."""
+
+    def __init__(self, folder: Path, users: Path) -> None:
+        self.folder = cell(folder)
+        add_user(users, "ann", PASSWORD, "operate")
+        with socket.socket() as found:
+            found.bind(("127.0.0.1", 0))
+            self.port = found.getsockname()[1]
+        app = create(Settings((self.folder,), users=users))
+        self.server = uvicorn.Server(uvicorn.Config(app, port=self.port, log_level="warning"))
+        threading.Thread(target=self.server.run, daemon=True).start()
+        wait(lambda: self.server.started)
+        self.base = f"http://127.0.0.1:{self.port}"
+
+
+def wait(true: Callable[[], Any], seconds: float = 30.0) -> None:
+    until = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < until, "it did not happen"
+        time.sleep(0.1)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[webdriver.Chrome]:
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+    driver.set_page_load_timeout(60)
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory, browser: webdriver.Chrome) -> Iterator[Site]:
+    place = tmp_path_factory.mktemp("browser")
+    found = Site(place / "hu40t", place / "users.json")
+    browser.get(f"{found.base}/")
+    browser.switch_to.active_element.send_keys("ann", Keys.TAB, PASSWORD, Keys.ENTER)  # the keyboard alone
+    wait(lambda: "Sign out" in browser.page_source)
+    yield found
+    found.server.should_exit = True
+
+
+def sized(browser: webdriver.Chrome, size: tuple[int, int]) -> None:
+    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": size == PHONE}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+def complaints(browser: webdriver.Chrome) -> list[str]:
+    """What the console says: refused styles and scripts, failed requests, errors."""
+    return [row["message"] for row in browser.get_log("browser") if row["level"] in ("SEVERE", "WARNING")]
+
+
+def axe(browser: webdriver.Chrome) -> list[str]:
+    """Serious and critical findings of axe-core on the page that is open."""
+    spec = importlib.util.find_spec("axe_core_python")
+    assert spec is not None and spec.origin is not None
+    browser.execute_script(Path(spec.origin).with_name("axe.min.js").read_text(encoding="utf-8"))
+    run = "axe.run(document, {resultTypes: ['violations']}).then(arguments[arguments.length - 1])"
+    found = browser.execute_async_script(run)["violations"]
+    return [f"{v['id']}: {v['nodes'][0]['html'][:160]}" for v in found if v["impact"] in ("serious", "critical")]
+
+
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+def test_every_page_is_whole_accessible_and_fits(size: tuple[int, int], site: Site, browser: webdriver.Chrome) -> None:
+    sized(browser, size)
+    for path in PAGES:
+        browser.get(site.base + path)
+        assert not complaints(browser), path
+        assert not axe(browser), path
+        assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth"), (
+            f"{path} is wider than the screen"
+        )
+        asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)")
+        assert all(address.startswith((site.base, "data:")) for address in asked), asked
+
+
+def test_the_morning_fits_one_screen_of_a_phone(site: Site, browser: webdriver.Chrome) -> None:
+    sized(browser, PHONE)
+    browser.get(f"{site.base}/machine/HU40T-like/night/13")
+    bottoms = {}
+    for term in browser.find_elements(By.CSS_SELECTOR, ".facts dt"):
+        answer = term.find_element(By.XPATH, "following-sibling::dd[1]")
+        bottoms[term.text] = answer.rect["y"] + answer.rect["height"]
+    for question in ("What changed", "Since when", "What it does to parts", "What to do", "Who has it"):
+        assert bottoms[question] <= PHONE[1], (question, bottoms)
+
+
+def test_what_can_be_pressed_is_reached_by_keyboard_and_seen(site: Site, browser: webdriver.Chrome) -> None:
+    sized(browser, DESK)
+    browser.get(f"{site.base}/alarms")
+    wanted = {
+        e.get_attribute("outerHTML")
+        for e in browser.find_elements(By.CSS_SELECTOR, "main a, main button, main input:not([type=hidden])")
+    }
+    seen = set()
+    for _ in range(60):
+        browser.switch_to.active_element.send_keys(Keys.TAB)
+        at = browser.switch_to.active_element
+        seen.add(at.get_attribute("outerHTML"))
+        assert at.tag_name == "body" or browser.execute_script("return getComputedStyle(arguments[0]).outlineStyle", at) != "none"
+    assert not {w for w in wanted - seen if 'type="radio"' not in w}  # radio buttons are one stop, then arrows
+
+
+def test_a_run_is_followed_without_a_reload(site: Site, browser: webdriver.Chrome) -> None:
+    sized(browser, DESK)
+    run = Recorded(site.folder, 30)
+    run.begin()
+    run.touch()
+    browser.get(f"{site.base}/machine/HU40T-like/run")
+    browser.execute_script("window.kept = true")
+    for count in range(2, 31):
+        run.touch("3" if count % 2 else "4", drift=0.5 if count > 20 else None)
+        if count in (10, 25):
+            wait(lambda count=count: f"{count} of 30 touches" in browser.page_source)
+            assert "Running" in browser.page_source
+    run.end()
+    wait(lambda: "Complete" in browser.page_source)
+    assert browser.execute_script("return window.kept") and "Drift of facets" in browser.page_source
+    assert not axe(browser) and not complaints(browser)
+
+
+def test_an_alarm_is_acknowledged(site: Site, browser: webdriver.Chrome) -> None:
+    sized(browser, PHONE)
+    browser.get(f"{site.base}/machine/HU40T-like/night/13")
+    browser.find_element(By.LINK_TEXT, "Open alarms").click()
+    browser.find_element(By.CSS_SELECTOR, "input[name=note]").send_keys("I look at it before the first shift")
+    browser.find_element(By.CSS_SELECTOR, ".decide button.main").click()
+    wait(lambda: "No alarm is open." in browser.page_source)
+    browser.get(f"{site.base}/machine/HU40T-like/night/13")
+    assert "ann (acknowledged)" in browser.page_source
+
+
+def test_a_report_opens_without_a_network_and_can_be_turned(browser: webdriver.Chrome, tmp_path: Path) -> None:
+    folder = cell(tmp_path / "hu40t", records=[])
+    for command in ("simulate", "report"):
+        more = ["--readings", str(readings(folder))] if command == "report" else []
+        found = CliRunner().invoke(tango, [command, "-C", str(folder), *more], standalone_mode=False)
+        assert found.exception is None, found.output
+    sized(browser, DESK)
+    browser.execute_cdp_cmd("Network.enable", {})
+    offline = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+    browser.execute_cdp_cmd("Network.emulateNetworkConditions", offline)
+    try:
+        browser.get((folder / "report.html").as_uri())
+        assert not complaints(browser) and not axe(browser)
+        assert browser.execute_script("return performance.getEntriesByType('resource').length") == 0
+        canvas = browser.find_element(By.TAG_NAME, "canvas")
+        before = browser.execute_script("return arguments[0].toDataURL()", canvas)
+        canvas.send_keys(Keys.ARROW_LEFT, Keys.ARROW_UP)
+        turned = browser.execute_script("return arguments[0].toDataURL()", canvas)
+        assert turned != before
+        browser.find_element(By.CSS_SELECTOR, "[data-do=set][data-value='0']").click()
+        assert browser.execute_script("return arguments[0].toDataURL()", canvas) != turned
+        sized(browser, PHONE)
+        assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+    finally:
+        browser.execute_cdp_cmd(
+            "Network.emulateNetworkConditions", offline | {"offline": False, "downloadThroughput": -1, "uploadThroughput": -1}
+        )
+
+
+def readings(folder: Path) -> Path:
+    """What `tango simulate` has written."""
+    return next(f for f in (folder / "simulated.csv", folder / "readings.csv") if f.exists())

@@ -1,0 +1,221 @@
+"""The followed machine: what it says of a measured night, what it alarms on, and how often it does so for nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_controller.simulate import simulate
+from tango_cnc import state as s
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.records import Cell, Readings, World
+from tango_cnc.state import charts
+from tango_cnc.state.filter import as_numbers, matched, restored
+from tango_cnc.touches import from_readings
+
+
+@pytest.fixture(scope="module")
+def cell(root: Path) -> Cell:
+    return read_cell(root / "examples" / "hu40t")
+
+
+@pytest.fixture(scope="module")
+def truth(root: Path) -> World:
+    return read_world(root / "examples" / "hu40t" / "world.yaml")
+
+
+def read(cell: Cell, truth: World, seed: int, part: int = 1, warm: float = 20.0) -> Readings:
+    strategy = replace(cell.strategy, indexations=cell.strategy.indexations[::part])
+    readings = simulate(cell.machine, cell.artefact, strategy, truth, seed=seed)
+    return replace(readings, temperatures={"bed": np.full(len(readings), warm)})
+
+
+@pytest.fixture(scope="module")
+def known(cell: Cell, truth: World) -> tuple[s.Frame, s.State]:
+    """The state after one full night, linearised where it ended."""
+    readings = read(cell, truth, 3)
+    followed = s.frame(from_readings(cell.machine, cell.artefact, readings), cell.terms)
+    begin = after = s.start(followed, 0.0, 20.0)
+    for _ in range(3):
+        what = s.seen(followed, readings, after.mean, 20.0)
+        after = s.updated(begin, what, s.judge(begin, what), quiet=False)
+    return followed, after
+
+
+def test_after_one_night_the_state_is_the_estimate(cell: Cell, truth: World, known: tuple[s.Frame, s.State]) -> None:
+    followed, after = known
+    result = estimate(cell.machine, cell.artefact, read(cell, truth, 3), cell.terms)
+    places = [followed.place[name] for name in result.model.names]
+    assert np.max(np.abs(after.mean[places] - result.values) / result.std) < 0.02
+    ratio = after.std[places] * result.sigma / result.std / result.sigma
+    assert 0.9 < ratio.min() <= ratio.max() < 1.1  # the state knows the stated scatter, the estimate the seen one
+
+
+def test_a_state_comes_back_from_plain_numbers(known: tuple[s.Frame, s.State]) -> None:
+    followed, after = known
+    back = restored(after.names, after.mean, after.covariance, as_numbers(after))
+    assert np.allclose(back.covariance, after.covariance, rtol=1e-9, atol=1e-20)
+    assert matched(back, followed) is back
+    fewer = replace(
+        back, names=back.names[1:], mean=back.mean[1:], root=np.linalg.cholesky(back.covariance[1:, 1:]), rates=back.rates[1:]
+    )
+    assert matched(fewer, followed).names == followed.names
+    assert matched(fewer, followed).std[0] > 1e-4  # what is new is not known
+
+
+def test_what_a_check_does_not_see_becomes_less_certain(known: tuple[s.Frame, s.State]) -> None:
+    _, after = known
+    later = s.predicted(after, 10.0)
+    wandering = after.rates > 0
+    assert np.all(later.std[wandering] > after.std[wandering])
+    assert np.allclose(later.std[~wandering], after.std[~wandering])
+    assert (
+        np.array_equal(s.predicted(after, -3.0).root.round(15), after.root.round(15)) or s.predicted(after, -3.0).day == after.day
+    )
+
+
+CHANGES = {
+    "EX0C": ("axis_location", {"EX0C": 0.006}),
+    "EA0B": ("axis_location", {"EA0B": 2e-5}),
+    "EYYb": ("backlash", {"EYYb": 0.003}),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_one_parameter_that_jumps_is_named(cell: Cell, truth: World, known: tuple[s.Frame, s.State], name: str) -> None:
+    followed, after = known
+    cause, change = CHANGES[name]
+    errors = {key: value + change.get(key, 0.0) for key, value in truth.errors.items()}
+    ahead = s.predicted(after, 1.0)
+    what = s.seen(followed, read(cell, replace(truth, errors=errors), 11, 3), ahead.mean, 20.0)
+    tonight = s.judge(ahead, what)
+    assert tonight.alarm()
+    found = s.name_change(ahead, followed, tonight, s.hypotheses(followed, 0.0))
+    assert found is not None and (found.hypothesis.cause, found.hypothesis.parameter) == (cause, name)
+    assert abs(found.size[0] - change[name]) < 4 * found.std[0]
+    opened = s.reopened(ahead, followed, found.hypothesis.directions * 3 * abs(found.size))
+    follows = s.updated(opened, what, tonight, quiet=False)
+    place = followed.place[name]
+    assert abs(follows.mean[place] - errors[name]) < 4 * follows.std[place]
+
+
+def test_a_table_that_was_knocked_is_told_from_a_machine_that_was(cell: Cell, truth: World, known: tuple[s.Frame, s.State]) -> None:
+    followed, after = known
+    moved = np.array([0.0, 0.012, 0.004])
+    facets = {i: truth.facets.get(i, 0.0) + float(moved @ f.normal) for i, f in cell.artefact.facets.items()}
+    ahead = s.predicted(after, 1.0)
+    what = s.seen(followed, read(cell, replace(truth, facets=facets), 12, 3), ahead.mean, 20.0)
+    tonight = s.judge(ahead, what)
+    found = s.name_change(ahead, followed, tonight, s.hypotheses(followed, 0.0))
+    assert tonight.alarm() and found is not None and found.hypothesis.cause == "table"
+    assert np.allclose(found.size, moved, atol=0.0015)
+
+
+def test_a_chip_on_a_facet_is_no_alarm(cell: Cell, truth: World, known: tuple[s.Frame, s.State]) -> None:
+    followed, after = known
+    readings = read(cell, truth, 13, 3)
+    position = readings.position.copy()
+    position[20, :3] += 0.03 * np.sign(position[20, :3])
+    ahead = s.predicted(after, 1.0)
+    tonight = s.judge(ahead, s.seen(followed, replace(readings, position=position), ahead.mean, 20.0))
+    assert tonight.outliers == (int(readings.touch[20]),)
+    assert not tonight.alarm()
+
+
+@pytest.mark.long
+def test_false_alarms_are_as_rare_as_stated(known: tuple[s.Frame, s.State], cell: Cell, truth: World) -> None:
+    """400 nights drawn from what the state itself believes: at a rate of one in twenty, 20 alarms."""
+    followed, after = known
+    ahead = s.predicted(replace(after, noise=(1e6 * after.sigma**2, 1e6), agreement=(1e6, 1e6)), 1.0)
+    what = s.seen(followed, read(cell, truth, 14, 6), ahead.mean, 20.0)
+    keep = what.touch > 0
+    rng = np.random.default_rng(5)
+    alarms = 0
+    rows = what.rows[keep]
+    for _ in range(400):
+        true = ahead.mean + ahead.root @ rng.normal(size=len(ahead.mean))
+        value = rows @ true + rng.normal(scale=after.sigma, size=len(rows))
+        tonight = s.judge(ahead, replace(what, rows=rows, value=value, touch=what.touch[keep]))
+        alarms += tonight.p_value < 0.05
+    assert 8 <= alarms <= 34  # 20 expected, 99.7 % within
+
+
+@pytest.mark.long
+def test_rates_are_learned_from_what_there_was(known: tuple[s.Frame, s.State], cell: Cell, truth: World) -> None:
+    """A parameter that wanders ten times faster than the others is found out, and the others are not blamed."""
+    followed, after = known
+    fast, slow = followed.place["EX0C"], followed.place["EY0S"]
+    rng = np.random.default_rng(8)
+    what = s.seen(followed, read(cell, truth, 15, 2), after.mean, 20.0)
+    rows, true = what.rows[what.touch > 0], after.mean.copy()
+    nights = []
+    for day in range(1, 41):
+        true[fast] += rng.normal(0, 3e-3)
+        true[slow] += rng.normal(0, 3e-4)
+        value = rows @ true + rng.normal(scale=after.sigma, size=len(rows))
+        nights.append((float(day), s.Seen(rows, value, what.touch[what.touch > 0], 20.0)))
+    rates = s.learn(followed, after, nights)
+    assert 1.5e-3 < np.sqrt(rates[fast]) < 5e-3
+    assert np.sqrt(rates[slow]) < 1e-3
+    assert np.all(rates[followed.wander == 0] == 0)
+
+
+@pytest.mark.long
+def test_smoothing_is_never_less_certain_than_filtering(known: tuple[s.Frame, s.State], cell: Cell, truth: World) -> None:
+    from tango_cnc.state.smooth import Filtered, smoothed
+
+    followed, state = known
+    filtered = []
+    for day in range(1, 6):
+        ahead = s.predicted(state, float(day))
+        what = s.seen(followed, read(cell, truth, 20 + day, 4), ahead.mean, 20.0)
+        state = s.updated(ahead, what, s.judge(ahead, what))
+        filtered.append(Filtered(state.mean, state.covariance, float(day)))
+    past = smoothed(filtered, state.rates)
+    for a, b in zip(filtered, past, strict=True):
+        assert np.all(np.diag(b.covariance) <= np.diag(a.covariance) * (1 + 1e-6))
+
+
+@pytest.mark.long
+def test_chosen_touches_tell_more_than_every_fifth_indexation(known: tuple[s.Frame, s.State], cell: Cell, truth: World) -> None:
+    from tango_cnc.state.volume import levers, over_volume
+
+    followed, after = known
+    ahead = s.predicted(after, 30.0)
+    lever = levers(followed)
+    readings = read(cell, truth, 30)
+    what = s.seen(followed, readings, ahead.mean, 20.0)
+    rows = what.rows[what.touch > 0]
+    turned = np.concatenate([[0], np.cumsum(np.any(np.diff(readings.position[:, 3:], axis=0) != 0, axis=1))])
+    choice = s.choose(ahead, rows, turned, lever.reshape(-1, lever.shape[2]), 380.0, 4.2, 5.0)
+    assert choice.seconds <= 380.0 and choice.variance_after < choice.variance_before
+
+    def left(keep: np.ndarray) -> float:
+        own = s.Seen(rows[keep], what.value[what.touch > 0][keep], readings.touch[keep], 20.0)
+        return over_volume(lever, ahead.mean, s.updated(ahead, own, s.judge(ahead, own)).covariance).std
+
+    assert left(choice.rows) < left(np.flatnonzero(turned % 5 == 0))
+
+
+def test_run_lengths_are_those_of_the_literature() -> None:
+    """Montgomery, Introduction to Statistical Quality Control, tables 9.3 (CUSUM) and 9.11 (EWMA)."""
+    assert charts.run_length_shewhart(3.0) == pytest.approx(370.4, abs=0.1)
+    assert charts.run_length_cusum(0.5, 5.0) == pytest.approx(465, rel=0.01)
+    assert charts.run_length_cusum(0.5, 4.0) == pytest.approx(168, rel=0.01)
+    assert charts.run_length_cusum(0.5, 5.0, 1.0) == pytest.approx(10.4, rel=0.01)
+    assert charts.run_length_ewma(0.2, 2.962) == pytest.approx(500, rel=0.01)
+    assert charts.run_length_ewma(0.1, 2.814) == pytest.approx(500, rel=0.01)
+    assert charts.limit_for(charts.run_length_shewhart, 370.4) == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", charts.KINDS)
+def test_a_chart_alarms_on_a_shift_and_hardly_ever_without(kind: str) -> None:
+    quiet = np.random.default_rng(4).normal(size=2000)
+    drawn = charts.KINDS[kind](quiet)
+    assert abs(drawn.alarm.sum() - 2000 / drawn.nights_to_false_alarm) < 40
+    shifted = charts.KINDS[kind](np.concatenate([quiet[:50], quiet[50:80] + 4]))
+    assert shifted.alarm[50:55].any()
