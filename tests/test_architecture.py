@@ -61,7 +61,7 @@ USED_BY = {
 
 # Third-party libraries beyond numpy and scipy, and the only modules that may import them.
 LIBRARIES = {
-    "yaml": ("tango_cnc.files", "tango_cnc.link.modbus", "tango_cnc.commands", "tango_cnc.reproduce"),
+    "yaml": ("tango_cnc.files", "tango_cnc.link._layout", "tango_cnc.commands", "tango_cnc.reproduce"),
     "click": ("tango_cnc.commands", "tango_cnc.cli", "sim_controller.__main__"),
     "serial": ("tango_cnc.link.transport", "sim_controller"),
     "trimesh": ("tango_cnc.files.hull",),
@@ -171,8 +171,8 @@ def test_every_import_is_in_the_table(root: Path) -> None:
         ("sim_controller.world", "postprocessors"),
         ("tango_cnc.estimate", "sim_controller.world"),
         ("postprocessors.fanuc", "tango_cnc.plan.build"),
-        ("tango_cnc.link.grbl", "serial"),
-        ("tango_cnc.link.dnc", "time"),
+        ("tango_cnc.link.protocols.grbl", "serial"),
+        ("tango_cnc.link.protocols.dnc", "time"),
         ("tango_cnc.model", "random"),
         ("tango_cnc.model", "pandas"),
     ],

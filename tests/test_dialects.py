@@ -22,7 +22,7 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.link._client import Begun, Ended, Failed, Identified, Job, Touched
 from tango_cnc.link._trust import Gate, judge
 from tango_cnc.link._words import record
-from tango_cnc.link.grbl import Client
+from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import last_motion, plan, plan_hash
 from tango_cnc.records import Cell, Plan, Readings, World
 

@@ -23,7 +23,7 @@ from sim_controller.session import language
 from tango_cnc import readback
 from tango_cnc.gate import ALIVE_TIME, TOUCH, gate
 from tango_cnc.link._client import Asked, Begun, Ended, Failed, Job, Touched
-from tango_cnc.link.grbl import Client
+from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
 from tango_cnc.records import InputError, Plan, World
 

@@ -11,7 +11,7 @@ from test_run_simulated import agree
 
 from postprocessors import heidenhain
 from tango_cnc.commands.init import write_example
-from tango_cnc.link import file as protocol
+from tango_cnc.link.protocols import file as protocol
 from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError, LinkError
 

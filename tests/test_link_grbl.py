@@ -25,7 +25,7 @@ from sim_controller.protocols.grbl import serve
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.link._client import Ended, Failed, Job, Touched
-from tango_cnc.link.grbl import Client
+from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError, World
 

@@ -28,11 +28,12 @@ from sim_controller.protocols.modbus import (
     TICKET,
     Registers,
 )
-from tango_cnc.link import _measure, dnc
+from tango_cnc.link import _measure
 from tango_cnc.link._client import Begun, Identified, Touched
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link._trust import Distrust, Gate, judge
-from tango_cnc.link.modbus import Client
+from tango_cnc.link.protocols import dnc
+from tango_cnc.link.protocols.modbus import Client
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import LinkError
 

@@ -10,9 +10,9 @@ from test_run import Result
 from test_run_simulated import controller
 
 from tango_cnc.commands.init import write_example
-from tango_cnc.link import grbl, linuxcnc, modbus
 from tango_cnc.link._heard import heard, parity_of
 from tango_cnc.link._punched import compared
+from tango_cnc.link.protocols import grbl, linuxcnc, modbus
 from tango_cnc.link.session import listen
 
 LETTERS = ("X", "Y", "Z", "B", "C", "S")
@@ -87,7 +87,7 @@ GRBL += b"<Idle|MPos:0.000,0.000,0.000|FS:0,0|Pn:XP>\r\n"
 
 
 def test_what_grbl_says_of_itself():
-    fine, sentences = grbl.told(GRBL.replace(b"|Pn:XP", b""), {})
+    fine, sentences = grbl.Client.told(GRBL.replace(b"|Pn:XP", b""), {})
     assert fine
     assert sentences[0] == "grbl, VER:1.1h.20190825, which does not name its axes"
     assert "positions come in inches ($13=1)" in sentences
@@ -96,10 +96,10 @@ def test_what_grbl_says_of_itself():
 
 def test_a_grbl_that_cannot_confirm_targets_is_told_from_one_that_need_not():
     data = GRBL.replace(b"|Pn:XP", b"").replace(b"ok\r\n[MSG:38.3000]\r\nok", b"error:1\r\nok")
-    fine, sentences = grbl.told(data, {})
+    fine, sentences = grbl.Client.told(data, {})
     assert not fine
     assert "built with expressions" in sentences[-1]
-    fine, sentences = grbl.told(data, {"targets": "plain"})
+    fine, sentences = grbl.Client.told(data, {"targets": "plain"})
     assert fine
     assert "a hand on feed hold" in sentences[-1]
 
@@ -115,7 +115,7 @@ def test_a_grbl_that_cannot_confirm_targets_is_told_from_one_that_need_not():
     ],
 )
 def test_what_keeps_a_grbl_from_working_is_said(old, new, said):
-    fine, sentences = grbl.told(GRBL.replace(old, new), {})
+    fine, sentences = grbl.Client.told(GRBL.replace(old, new), {})
     assert not fine
     assert re.search(said, " ".join(sentences))
 
@@ -129,7 +129,7 @@ def test_what_keeps_a_grbl_from_working_is_said(old, new, said):
     ],
 )
 def test_what_keeps_a_modbus_device_from_working_is_said(answers, said):
-    fine, sentences = modbus.told(answers.encode(), {})
+    fine, sentences = modbus.Client.told(answers.encode(), {})
     assert not fine
     assert re.search(said, " ".join(sentences))
 
@@ -146,11 +146,11 @@ def test_a_modbus_device_says_who_it_is_and_that_its_registers_fit(cell):
 
 def test_what_linuxcnc_says_of_itself():
     ready = b"HELLO ACK EMCNETSVR 1.1\r\nESTOP OFF\r\nMACHINE ON\r\nPROGRAM_STATUS IDLE\r\n"
-    assert linuxcnc.told(ready, {})[0]
-    fine, sentences = linuxcnc.told(ready.replace(b"ESTOP OFF", b"ESTOP ON"), {})
+    assert linuxcnc.Client.told(ready, {})[0]
+    fine, sentences = linuxcnc.Client.told(ready.replace(b"ESTOP OFF", b"ESTOP ON"), {})
     assert not fine
     assert "release emergency stop before a run" in sentences
-    assert "password" in linuxcnc.told(b"HELLO NAK\r\n", {})[1][0]
+    assert "password" in linuxcnc.Client.told(b"HELLO NAK\r\n", {})[1][0]
 
 
 def test_what_stands_in_a_file(tmp_path):

@@ -20,8 +20,9 @@ from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_readings
-from tango_cnc.link import dnc, grbl, journal, modbus, transport  # noqa: F401  imported here, they need not be in every child
+from tango_cnc.link import journal, transport  # noqa: F401  imported here, they need not be in every child
 from tango_cnc.link.journal import read_journal
+from tango_cnc.link.protocols import dnc, grbl, modbus  # noqa: F401
 from tango_cnc.plan import plan
 from tango_cnc.records import InputError
 

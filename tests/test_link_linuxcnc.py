@@ -22,7 +22,7 @@ from sim_controller import probing, surfaces
 from sim_controller.world import place
 from tango_cnc.files import read_cell, read_readings, read_world
 from tango_cnc.link.journal import read_journal
-from tango_cnc.link.linuxcnc import way_back
+from tango_cnc.link.protocols.linuxcnc import way_back
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.plan import plan
 from tango_cnc.records import LinkError

@@ -20,7 +20,7 @@ from sim_controller.motion import Motion
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._client import Failed, Touched
 from tango_cnc.link._layout import STANDARD, read_layout
-from tango_cnc.link.modbus import Client
+from tango_cnc.link.protocols.modbus import Client
 from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError
 

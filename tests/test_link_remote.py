@@ -19,8 +19,8 @@ from test_run import STRATEGY, Result
 from test_run_simulated import agree
 
 from tango_cnc.commands.init import write_example
-from tango_cnc.link import remote
 from tango_cnc.link._client import Failed
+from tango_cnc.link.protocols import remote
 from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError, LinkError
 

@@ -5,8 +5,8 @@ import io
 import pytest
 from support.linkparts import MARK, FakeClock, Memory, job
 
-from tango_cnc.link import dnc
 from tango_cnc.link.journal import Journal, read_journal
+from tango_cnc.link.protocols import dnc
 from tango_cnc.link.session import Session
 from tango_cnc.records import InputError, LinkError
 

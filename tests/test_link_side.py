@@ -20,11 +20,12 @@ from test_link_session import GOOD, Run, after_the_program, printed
 from test_run import STRATEGY, Control, Result, readings
 
 from tango_cnc.commands.init import write_example
-from tango_cnc.link import _measure, dnc
+from tango_cnc.link import _measure
 from tango_cnc.link._client import Failed
 from tango_cnc.link._secrets import secret, shown
 from tango_cnc.link._words import record
 from tango_cnc.link.journal import Journal
+from tango_cnc.link.protocols import dnc
 from tango_cnc.link.session import Transcript
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import InputError, LinkError

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from tango_cnc.link import dnc
 from tango_cnc.link._wire import Paced, unmarked
+from tango_cnc.link.protocols import dnc
 from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError, LinkError
 

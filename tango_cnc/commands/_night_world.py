@@ -140,20 +140,20 @@ class RealControl:
 
         address = self._address()
         protocol, parsed = protocol_of(address, dialect(self.cell).link)
-        if not callable(getattr(protocol, "hello", None)):
-            line = open_port(parsed)
+        client = protocol.Client
+        hello = client.hello(parsed.options)
+        line = open_port(parsed)
+        if not hello:
             line.close()
             passed = not self.settings.probe
             return Finding("control", passed, f"{address} is open; this control cannot be asked", "" if passed else "probe: false")
-        line = open_port(parsed)
         try:
-            hello = protocol.hello(parsed.options)
-            data = listen(line, hello, LISTEN, time.monotonic, lambda got: bool(protocol.told(got, parsed.options)[0]))
+            data = listen(line, hello, LISTEN, time.monotonic, lambda got: (client.told(got, parsed.options) or (True,))[0])
         finally:
             line.close()
         if not data:
             return Finding("control", False, f"{address}: nothing was answered", "is the control on, and at the right port?")
-        fine, sentences = protocol.told(data, parsed.options)
+        fine, sentences = client.told(data, parsed.options) or (True, [])
         said = "; ".join(sentences) or "answers"
         return Finding("control", bool(fine), said, "" if fine else "see 'tango link-test'")
 

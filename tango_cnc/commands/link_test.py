@@ -52,22 +52,24 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
         )
     protocol, parsed = protocol_of(address, dialect(cell).link if cell.controller else "dnc")
     program = None if program_file is None else read_text(program_file)
-    if program is not None and hasattr(protocol, "told"):
+    client = protocol.Client
+    if program is not None and not client.punches:
         raise InputError("--program: found a link over which no program is sent; allowed: dnc, whose controls punch programs out")
     address = parsed.url
     line = open_port(parsed)
-    hello = protocol.hello(parsed.options) if hasattr(protocol, "hello") else b""
+    hello = client.hello(parsed.options)
     doing = f"{'asking for up to' if hello else 'listening for'} {seconds:g} s"
     click.echo(f"{address} is open; {doing if program is None else 'let the control punch the program out now'}", err=True)
 
     def judged(data: bytes) -> tuple[bool, list[str]]:
         if program is not None:
             return compared(program, data)
-        if not hasattr(protocol, "told"):
-            return bool(data), heard(data, cell.machine.names)
         if hello and not data:
             return False, ["nothing was answered: is the control switched on, the port and its settings the right ones?"]
-        fine, sentences = protocol.told(data, parsed.options)
+        said = client.told(data, parsed.options)
+        if said is None:
+            return bool(data), heard(data, cell.machine.names)
+        fine, sentences = said
         return fine, [*sentences, *([] if fine else noise(data))]
 
     try:

@@ -10,6 +10,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from ..records import InputError
 from ._secrets import SECRET, revealed, shown
+from .protocols import schemes
 
 LINE: Mapping[str, tuple[str, ...]] = {
     "baud": ("9600", "110", "300", "600", "1200", "2400", "4800", "19200", "38400", "57600", "115200"),
@@ -22,10 +23,8 @@ LINE: Mapping[str, tuple[str, ...]] = {
 DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
 PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")
-REMOTE = ("ftp", "ftps", "sftp")  # disks of controls: protocol `remote`
-# First part of a scheme → the protocol that it stands for and the schemes that may follow it.
-SPOKEN: Mapping[str, tuple[str, ...]] = {"modbus": ("tcp", "rtu"), "grbl": ("serial", "socket"), "linuxcnc": (), "file": ()}
-ALONE = {"linuxcnc": "rsh", "file": "file"}  # protocols with one way to travel
+REMOTE = ("ftp", "ftps", "sftp")  # disks of controls
+WAYS = (*SCHEMES, "tcp", "rtu", "rsh", "file", *REMOTE)  # how a protocol may travel: what its SCHEMES may name
 LAST_PORT = 65535
 HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")
 LONGEST = 2000  # characters of a URL
@@ -47,9 +46,8 @@ class Address:
 
 def spoken(url: str) -> str | None:
     """URL → the protocol that its scheme names (modbus+tcp://, grbl+serial://, linuxcnc://), None when it names none."""
-    protocol = url.partition("://")[0].lower().partition("+")[0] if "://" in url else ""
-    protocol = "remote" if protocol in REMOTE else protocol
-    return protocol if protocol in (*SPOKEN, "remote") else None
+    scheme, there, _ = url.partition("://")
+    return schemes().get(scheme.lower(), (None, ""))[0] if there else None
 
 
 def linked(url: str) -> str | None:
@@ -140,16 +138,10 @@ def _parts(url: str) -> tuple[str, str, str]:
         raise InputError(
             f"port {shown(url)!r}: found brackets that hold no address; allowed: e.g. socket://[fe80::1]:8193"
         ) from None
-    first, _, second = parts.scheme.lower().partition("+")
-    if first in SPOKEN and second in (SPOKEN[first] or ("",)):
-        scheme = second or ALONE[first]
-    elif parts.scheme.lower() in (*SCHEMES, *REMOTE):
-        scheme = parts.scheme.lower()
-    else:
-        allowed = ", ".join(
-            [f"{name}://" for name in (*SCHEMES, *REMOTE)]
-            + [f"{n}{'+' * bool(s)}{s}://" for n, more in SPOKEN.items() for s in more or ("",)]
-        )
+    known = {name: name for name in SCHEMES} | {name: way for name, (_, way) in schemes().items()}
+    scheme = known.get(parts.scheme.lower(), "")
+    if not scheme:
+        allowed = ", ".join(f"{name}://" for name in known)
         raise InputError(f"port {shown(url)!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path")
     if scheme == "file":  # file:///C:/TANGO.TXT has a slash that is no part of the path
         return scheme, re.sub(r"^/(?=[A-Za-z]:)", "", unquote(parts.netloc + parts.path)), parts.query

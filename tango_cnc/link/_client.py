@@ -1,12 +1,10 @@
 """What a protocol client is: it talks in bytes and answers in events, and never waits, opens, writes or asks the time.
 
-A client is a file of this folder with a class `Client(job, options)`, a table `OPTIONS` of what the port's URL may say to it,
-and, where a control can be asked what it is, `hello(options)`, bytes that ask and move nothing, and `told(data, options)`, what
-the answer says: whether it can be worked with, and sentences for `tango link-test`. The session gives the client the bytes that
-came (`receive`), the seconds that passed (`elapsed`) and the news that the line is gone (`closed`); it asks for bytes when the
-line takes some (`bytes_to_send`). Whatever the events carry is on disk before the client is asked for bytes again, so that an
-acknowledgement never precedes the record it acknowledges. A client whose program the person brings to the control has an
-attribute `brought` that is true, and the person is told which file before anything begins.
+A file of `protocols/` has a class `Client(job, options)` that inherits the class of that name from here. The session gives the
+client the bytes that came (`receive`), the seconds that passed (`elapsed`) and the news that the line is gone (`closed`); it asks
+for bytes when the line takes some (`bytes_to_send`). Whatever the events carry is on disk before the client is asked for bytes
+again, so that an acknowledgement never precedes the record it acknowledges. These five every client writes; what only some
+controls can do has a default here, and a client that can do more overrides it.
 
     received bytes ──Client──▶ Begun, Touched, …, Ended ──trust──▶ statuses ──journal──▶ disk
 """
@@ -16,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from ..records import Plan
 
@@ -107,7 +105,13 @@ Event = Identified | Begun | Touched | Ended | Refused | Asked | Failed
 
 
 class Client(Protocol):
-    """The five verbs of every protocol client."""
+    """Five verbs that every client writes, and what only some can do, with what holds for the others."""
+
+    punches: ClassVar[bool] = False  # the control can punch its program out over the line
+    drives: ClassVar[bool] = False  # asks for every motion, so nothing moves on while this computer does not look
+    brought: bool = False  # the person brings the program to the control, and is told which file before anything begins
+    before: str = ""  # what the person has to know before the first byte is sent
+    advice: str = ""  # what the person has to do when all is sent; usually: start the program at the control
 
     def bytes_to_send(self, limit: int) -> bytes:
         """most bytes wanted → bytes for the line now; empty while the other side is not ready for them."""
@@ -121,6 +125,26 @@ class Client(Protocol):
     def closed(self) -> Sequence[Event]:
         """the line is gone → what that means."""
 
+    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
+        """job, {option of the protocol: value} → client. Raises InputError for what the protocol cannot carry."""
+
     @property
     def sent(self) -> tuple[int, int]:
         """→ (bytes sent, bytes in all) of the program."""
+
+    def stop(self) -> bool:
+        """The user wants an end → whether the client draws the probe clear first, so that the conversation still goes on."""
+        return False
+
+    @classmethod
+    def hello(cls, options: Mapping[str, str]) -> bytes:
+        """{option: value} → bytes that ask the control what it is and move nothing; none where it cannot be asked."""
+        return b""
+
+    @classmethod
+    def told(cls, data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]] | None:
+        """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item.
+
+        None where the protocol has no opinion: the bytes are those of any line.
+        """
+        return None

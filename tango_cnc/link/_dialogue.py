@@ -10,7 +10,7 @@ import math
 from collections.abc import Generator
 
 from ..records import Machine, Move, Touch
-from ._client import Event, Failed
+from ._client import Client, Event, Failed
 
 LINE_LIMIT = 1024  # characters kept of a line that does not end
 Talk = Generator[str, str, None]
@@ -32,7 +32,7 @@ class Stop(Exception):
     """The conversation cannot go on."""
 
 
-class Dialogue:
+class Dialogue(Client):
     """Four of the five verbs of a client, for a subclass that has a `_conversation` and says how much is `sent`."""
 
     drives = True  # every motion is asked for; where a program runs by itself, what it said meanwhile can still be read
@@ -93,9 +93,10 @@ class Dialogue:
         """the line is gone → what that means."""
         return [] if self._over else self._fail("the line was lost")
 
-    def stop(self) -> None:
-        """The user wants an end: the move that is being made is waited for, then the probe is drawn clear."""
+    def stop(self) -> bool:
+        """The user wants an end → True: the move that is being made is waited for, then the probe is drawn clear."""
         self._stopping = True
+        return True
 
     def _fail(self, why: str) -> list[Event]:
         self._over, self._out = True, b""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ._client import Ended, Event, Failed, Job, Refused, Touched
+from ._client import Client, Ended, Event, Failed, Job, Refused, Touched
 from ._words import SUM
 
 
-class Listener:
+class Listener(Client):
     """How far the program is, by the records that have come."""
 
     def __init__(self, job: Job) -> None:

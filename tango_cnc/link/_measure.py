@@ -18,7 +18,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from importlib import import_module
 from itertools import groupby
 from pathlib import Path
 from typing import Any, TextIO
@@ -93,8 +92,8 @@ def measure(
     def announced(number: int) -> None:
         count, file = len(jobs[number - 1].numbers), programs[number - 1].file
         said = [f"part {number} of {len(jobs)}: {count} touches"] if len(jobs) > 1 else []
-        said += [f"the control has to have {file} now: it is not sent"] if getattr(client, "brought", False) else []
-        said += [text] if (text := getattr(client, "before", "")) else []
+        said += [f"the control has to have {file} now: it is not sent"] if client.brought else []
+        said += [client.before] if client.before else []
         if said:
             watch(Step(0, count, 0.0, None, "; ".join(said)))
 
@@ -296,13 +295,13 @@ def _fit(file: Path, entries: Sequence[Entry], plan: Plan) -> None:
             )
 
 
-def protocol_of(port: str, default: str) -> tuple[Any, Address]:
+def protocol_of(port: str, default: str) -> tuple[protocols.Module, Address]:
     """port's URL, protocol of the post → (module of the protocol, address). Raises InputError for what the URL cannot mean."""
     name = spoken(port) or linked(port) or default
-    if name not in protocols():
-        raise InputError(f"port {shown(port)!r}: link: found {name!r}; allowed: {', '.join(protocols())}")
-    module = import_module(f"{__package__}.{name}")
-    return module, parse(port, {**module.OPTIONS, "link": tuple(protocols())})
+    if name not in protocols.names():
+        raise InputError(f"port {shown(port)!r}: link: found {name!r}; allowed: {', '.join(protocols.names())}")
+    module = protocols.load(name)
+    return module, parse(port, {**module.OPTIONS, "link": tuple(protocols.names())})
 
 
 def _jobs(programs: Sequence[Program], again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted, quiet: float) -> list[Job]:

@@ -217,7 +217,7 @@ class Session:
 
         Of a control that runs its program alone everything can still be read that it said meanwhile: that was not its silence.
         """
-        if seconds > STOOD_STILL and getattr(self._client, "drives", False):
+        if seconds > STOOD_STILL and self._client.drives:
             raise LinkError(
                 f"this computer stood still for {seconds:.0f} s (suspended, or stopped with Ctrl-Z): nobody knows what happened at "
                 "the machine meanwhile"
@@ -229,12 +229,10 @@ class Session:
         wishes = int(self._stop())
         if not wishes:
             return
-        leave = getattr(self._client, "stop", None)
-        if leave is None or wishes > 1:
+        if wishes > 1 or not (self._leaving or self._client.stop()):
             raise LinkError("stopped by the user")
         if not self._leaving:
             self._leaving = True
-            leave()
             self._watch(
                 Step(self._accepted, len(self._job.numbers), self._time(), None, "stopping: the probe is drawn clear first")
             )
@@ -245,7 +243,7 @@ class Session:
         if sent == total and self._zero is None and not self._told:
             self._told = True
             done = f"the program is sent ({total} bytes): start it at the control"
-            self._watch(Step(0, len(self._job.numbers), 0.0, None, getattr(self._client, "advice", done)))
+            self._watch(Step(0, len(self._job.numbers), 0.0, None, self._client.advice or done))
 
     def _handle(self, events: Sequence[Event]) -> None:
         for event in events:

@@ -4,7 +4,6 @@
 wants an end, `=>` what it made of it.
 """
 
-import importlib
 import random
 import sys
 from pathlib import Path
@@ -15,11 +14,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.linkparts import job
 
-from tango_cnc.link import protocols
+from tango_cnc.link._address import SCHEMES, WAYS, parse, spoken
 from tango_cnc.link._client import Begun, Ended, Failed, Identified, Refused, Touched
+from tango_cnc.link.protocols import load, names, schemes
 
 TRANSCRIPTS = Path(__file__).parents[1] / "transcripts"
-PROTOCOLS = protocols()
+PROTOCOLS = names()
 CONVERSATIONS = [(name, file) for name in PROTOCOLS for file in sorted((TRANSCRIPTS / name).glob("*.txt"))]
 
 every_protocol = pytest.mark.parametrize("protocol", PROTOCOLS)
@@ -27,7 +27,7 @@ every_conversation = pytest.mark.parametrize(("protocol", "file"), CONVERSATIONS
 
 
 def client(protocol, options=None):
-    return importlib.import_module(f"tango_cnc.link.{protocol}").Client(job(), options or {})
+    return load(protocol).Client(job(), options or {})
 
 
 def lines(file):
@@ -171,3 +171,30 @@ def test_a_closed_line_is_a_failure_that_is_said_once(protocol):
 def test_no_time_is_no_silence(protocol):
     one = client(protocol)
     assert all(not one.elapsed(0.0) for _ in range(1000))
+
+
+@every_protocol
+def test_every_scheme_leads_to_its_protocol_alone_and_travels_some_way_there_is(protocol):
+    module = load(protocol)
+    assert all(value in WAYS for value in module.SCHEMES.values()), f"{protocol}.py: SCHEMES: allowed: {', '.join(WAYS)}"
+    assert not set(module.SCHEMES) & set(SCHEMES), f"{protocol}.py: SCHEMES names one that every protocol may have"
+    assert {spoken(f"{scheme.upper()}://somewhere") for scheme in module.SCHEMES} <= {protocol}
+    assert sum(name == protocol for name, _ in schemes().values()) == len(module.SCHEMES), f"{protocol}.py shares a scheme"
+
+
+def test_a_protocol_with_a_scheme_is_one_file(monkeypatch):
+    """A file of the folder is enough: its scheme is known, its URL is taken apart, and its setting reaches the client."""
+    monkeypatch.setattr("tango_cnc.link._address.schemes", lambda: {"toy": ("toy", "socket")})
+    assert spoken("toy://192.168.1.20:8193") == "toy"
+    address = parse("toy://192.168.1.20:8193?pace=slow", {"pace": ("fast", "slow")})
+    assert (address.scheme, address.target, address.options) == ("socket", "192.168.1.20:8193", {"pace": "slow"})
+
+
+@every_protocol
+def test_what_only_some_clients_can_do_has_an_answer_in_all(protocol):
+    one, made = client(protocol), load(protocol).Client
+    assert isinstance(one.brought, bool) and isinstance(one.drives, bool) and isinstance(made.punches, bool)
+    assert isinstance(one.before, str) and isinstance(one.advice, str)
+    told = made.told(b"", {})
+    assert isinstance(made.hello({}), bytes) and (told is None or not told[0]), "silence is no control that can be worked with"
+    assert one.stop() in (True, False)

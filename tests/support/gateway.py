@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from support.linkparts import job
 from tango_cnc.link._client import Ended, Event, Failed, Touched
-from tango_cnc.link.modbus import Client
+from tango_cnc.link.protocols.modbus import Client
 
 WORD = 1 << 16
 BEGIN, MOVE, TURN, PROBE, END = 0x101F, 0x10E3, 0x116C, 0x12B4, 0x1351

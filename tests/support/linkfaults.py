@@ -339,7 +339,7 @@ def stopped_by_the_user(protocol: str, made: Plan, motion: Motion, options: dict
     device: Any = Registers(motion) if protocol == "modbus" else switched_on(motion)
     numbers = tuple(touch.number for touch in made.touches)
     job = Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
-    client = importlib.import_module(f"tango_cnc.link.{protocol}").Client(job, options)
+    client = importlib.import_module(f"tango_cnc.link.protocols.{protocol}").Client(job, options)
     events: list = []
     went: list[tuple] = []
     told = False
@@ -401,7 +401,7 @@ def patched(monkeypatch, clock: FakeClock) -> None:
     monkeypatch.setattr(_measure, "make_plan", replanned)
     monkeypatch.setattr(_measure, "plan_hash", hashed)
     monkeypatch.setattr(_measure, "durations", lasting)
-    monkeypatch.setattr("tango_cnc.link.modbus.read_layout", layout)
+    monkeypatch.setattr("tango_cnc.link.protocols.modbus.read_layout", layout)
 
 
 def machine_faults(chance: random.Random) -> Faults:

@@ -12,29 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ._client import Begun, Ended, Event, Identified, Job, Refused
-from ._listener import Listener
-from ._words import record
+from .._client import Begun, Ended, Event, Identified, Job, Refused
+from .._listener import Listener
+from .._words import record
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "from": ("now", "last"),  # of the transport: what is written from now on; or from the last start mark on
 }
+SCHEMES: Mapping[str, str] = {"file": "file"}
 LINE_LIMIT = 256
 CODES = b"\0\x11\x12\x13\x14\x7f"  # leader and print codes, which some controls write into files too
-
-
-def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
-    """what was written meanwhile → whether that is of a TANGO program, and what it is, a sentence an item."""
-    lines = [line for line in data.decode("latin-1").splitlines() if line.strip()]
-    if not lines:
-        return False, ["nothing was written meanwhile: let the control write into this file, or add from=last to see an old run"]
-    events = [record(line.strip(), ()) for line in lines]
-    marks = [event.mark for event in events if isinstance(event, Begun)]
-    touches = sum(line.lstrip().startswith("P") for line in lines)
-    if not marks:
-        return False, [f"{len(lines)} lines, none of them the start mark of a TANGO program; the last one: {lines[-1]!r}"]
-    whole = "its end mark is there" if any(isinstance(event, Ended) for event in events) else "its end mark is not there"
-    return True, [f"{len(lines)} lines: program {marks[-1]}, {touches} records, {whole}"]
 
 
 class Client(Listener):
@@ -45,6 +32,20 @@ class Client(Listener):
         super().__init__(job)
         self.brought = True  # the program comes to the control by other ways
         self.advice = "nothing is sent over this link: bring the program to the control and start it there"
+
+    @classmethod
+    def told(cls, data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+        """what was written meanwhile → whether that is of a TANGO program, and what it is, a sentence an item."""
+        lines = [line for line in data.decode("latin-1").splitlines() if line.strip()]
+        if not lines:
+            return False, ["nothing was written: let the control write into this file, or add from=last to see an old run"]
+        events = [record(line.strip(), ()) for line in lines]
+        marks = [event.mark for event in events if isinstance(event, Begun)]
+        touches = sum(line.lstrip().startswith("P") for line in lines)
+        if not marks:
+            return False, [f"{len(lines)} lines, none of them the start mark of a TANGO program; the last one: {lines[-1]!r}"]
+        whole = "its end mark is there" if any(isinstance(event, Ended) for event in events) else "its end mark is not there"
+        return True, [f"{len(lines)} lines: program {marks[-1]}, {touches} records, {whole}"]
 
     @property
     def sent(self) -> tuple[int, int]:

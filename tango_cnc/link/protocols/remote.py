@@ -12,8 +12,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
+from .._client import Event, Job
 from . import file
-from ._client import Event, Job
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     **file.OPTIONS,
@@ -24,7 +24,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "hostkey": (),  # sftp: SHA256:… of the control's key, where it is not in known_hosts
     "verify": ("yes", "no"),  # ftps: no: the control's certificate is not looked at
 }
-told = file.told
+SCHEMES: Mapping[str, str] = {"ftp": "ftp", "ftps": "ftps", "sftp": "sftp"}
 
 
 class Client(file.Client):

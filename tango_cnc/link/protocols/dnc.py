@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..records import InputError
-from ._client import Begun, Event, Job, Refused
-from ._listener import Listener
-from ._words import record
+from ...records import InputError
+from .._client import Begun, Event, Job, Refused
+from .._listener import Listener
+from .._words import record
 
 DC1, DC2, DC3, DC4 = 0x11, 0x12, 0x13, 0x14
 NUL, DEL = 0x00, 0x7F
@@ -34,6 +34,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "listen": ("auto", "no"),  # auto: a resumed run first hears whether the old program still runs; no: it does not
     "tv": ("no", "even"),  # even: blocks get a blank where they need one to have an even number of characters (unverified)
 }
+SCHEMES: Mapping[str, str] = {}  # none of its own: any serial line or socket
 
 
 def tape(program: str, eob: str = "\n", even: bool = False) -> bytes:
@@ -66,6 +67,8 @@ def tape(program: str, eob: str = "\n", even: bool = False) -> bytes:
 
 class Client(Listener):
     """Sends one program and captures its records."""
+
+    punches = True
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a program that cannot go over the line."""

@@ -23,18 +23,18 @@ import math
 from collections.abc import Generator, Mapping
 from typing import Any
 
-from ..records import InputError, Move
-from ._client import Begun, Ended, Event, Identified, Job, Refused, Touched
-from ._dialogue import Stop, low
-from ._layout import RUN, read_layout
-from ._registers import CLOSE, READS, WORD, WRITES, Registers, Talk, Words, identified
-from ._registers import hello as hello
-from ._registers import told as told
+from ...records import InputError, Move
+from .. import _registers
+from .._client import Begun, Ended, Event, Identified, Job, Refused, Touched
+from .._dialogue import Stop, low
+from .._layout import RUN, read_layout
+from .._registers import CLOSE, READS, WORD, WRITES, Registers, Talk, Words, identified
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "layout": (),  # a file
     "run": ("touches", "program"),  # each move is asked for; or the control runs the program of the post
 }
+SCHEMES: Mapping[str, str] = {"modbus+tcp": "tcp", "modbus+rtu": "rtu"}
 END = 0xFFFF  # point of the end mark
 
 
@@ -59,6 +59,16 @@ class Client(Registers):
         self._order = {number: i for i, number in enumerate(job.numbers)}
         self._low: int | None = None  # touch at which the probe is down among the bodies of the table
         super().__init__(job, self._layout)
+
+    @classmethod
+    def hello(cls, options: Mapping[str, str]) -> bytes:
+        """{option: value} → bytes that ask the control what it is and move nothing."""
+        return _registers.hello(options)
+
+    @classmethod
+    def told(cls, data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+        """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
+        return _registers.told(data, options)
 
     @property
     def sent(self) -> tuple[int, int]:

@@ -19,10 +19,10 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 
-from ..records import Machine, Plan, Touch
-from ._client import Begun, Ended, Identified, Job, Refused, Touched
-from ._dialogue import Dialogue, Stop, Talk
-from ._words import record
+from ...records import Machine, Plan, Touch
+from .._client import Begun, Ended, Identified, Job, Refused, Touched
+from .._dialogue import Dialogue, Stop, Talk
+from .._words import record
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "file": (),  # where LinuxCNC finds the program; written by the transport
@@ -30,6 +30,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "password": (),
     "enable": (),
 }
+SCHEMES: Mapping[str, str] = {"linuxcnc": "rsh"}
 IDLE_POLLS = 3  # answers in a row that say the program does not run, before that is believed
 READY = {"estop": "OFF", "machine": "ON"}
 ADVICE = {"estop": "release emergency stop", "machine": "switch the machine on"}
@@ -39,28 +40,6 @@ BESIDE, TURNED = 0.5, 0.1  # mm, deg from a move that the machine still is on
 THERE = 0.01  # mm
 LOST_COUNT = "QUEUE IS NOT EMPTY AFTER PROBING"  # github.com/LinuxCNC/linuxcnc, issues 263, 662, 3650
 LEAVING = 1000.0  # mm/min
-
-
-def hello(options: Mapping[str, str]) -> bytes:
-    """{option: value} → a greeting and questions that move nothing."""
-    asked = "".join(f"get {what}\r\n" for what in (*READY, "program_status"))
-    return f"hello {options.get('password', 'EMC')} tango 1.1\r\n{asked}".encode("ascii")
-
-
-def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
-    """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
-    lines = [line.strip() for line in data.decode("latin-1").splitlines() if line.strip()]
-    greeting = next((line for line in lines if line.upper().startswith("HELLO")), "")
-    if not greeting:
-        return False, ["this is no answer of linuxcncrsh: is it the right port (5007)?"]
-    if "NAK" in greeting.upper():
-        return False, ["linuxcncrsh refuses the connection password: state password=… in the port's URL"]
-    said = {line.split()[0].upper(): line for line in lines if line != greeting}
-    open_ = [
-        f"{ADVICE[what]} before a run" for what, wanted in READY.items() if wanted not in said.get(what.upper(), wanted).upper()
-    ]
-    complete = all(what.upper() in said for what in (*READY, "program_status"))
-    return complete and not open_, [f"LinuxCNC: {greeting}", *said.values(), *open_]
 
 
 class Client(Dialogue):
@@ -74,6 +53,28 @@ class Client(Dialogue):
         self._begun = self._running = self._finished = False
         self._place = self._told = 0
         super().__init__(job.start_patience)
+
+    @classmethod
+    def hello(cls, options: Mapping[str, str]) -> bytes:
+        """{option: value} → a greeting and questions that move nothing."""
+        asked = "".join(f"get {what}\r\n" for what in (*READY, "program_status"))
+        return f"hello {options.get('password', 'EMC')} tango 1.1\r\n{asked}".encode("ascii")
+
+    @classmethod
+    def told(cls, data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+        """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
+        lines = [line.strip() for line in data.decode("latin-1").splitlines() if line.strip()]
+        greeting = next((line for line in lines if line.upper().startswith("HELLO")), "")
+        if not greeting:
+            return False, ["this is no answer of linuxcncrsh: is it the right port (5007)?"]
+        if "NAK" in greeting.upper():
+            return False, ["linuxcncrsh refuses the connection password: state password=… in the port's URL"]
+        said = {line.split()[0].upper(): line for line in lines if line != greeting}
+        open_ = [
+            f"{ADVICE[what]} before a run" for what, wanted in READY.items() if wanted not in said.get(what.upper(), wanted).upper()
+        ]
+        complete = all(what.upper() in said for what in (*READY, "program_status"))
+        return complete and not open_, [f"LinuxCNC: {greeting}", *said.values(), *open_]
 
     @property
     def sent(self) -> tuple[int, int]:

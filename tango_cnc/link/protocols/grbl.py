@@ -19,21 +19,20 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 
-from ..gate import TOUCH, gate
-from ..records import OFF, Axis, InputError, Move, Touch
-from . import _grbl_targets as targets
-from ._client import Asked, Begun, Ended, Event, Job, Refused, Touched
-from ._dialogue import Stop, Talk, low
-from ._grbl import clamps
-from ._grbl import hello as hello
-from ._grbl import told as told
-from ._grbl_control import Control, Lines
+from ...gate import TOUCH, gate
+from ...records import OFF, Axis, InputError, Move, Touch
+from .. import _grbl
+from .. import _grbl_targets as targets
+from .._client import Asked, Begun, Ended, Event, Job, Refused, Touched
+from .._dialogue import Stop, Talk, low
+from .._grbl_control import Control, Lines
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "feed": (),  # mm/min of guarded moves
     "targets": ("confirmed", "plain"),  # whether the control says a target before it moves there
     "orient": ("refuse", "m19"),  # plans that turn the spindle; M19 R is not known of every build
 }
+SCHEMES: Mapping[str, str] = {"grbl+serial": "serial", "grbl+socket": "socket"}
 FEED = 2000.0
 POLL = 0.25  # s between two ?, while a line is being executed
 CLOSE = 0.01  # mm or deg between target and the place that was reached
@@ -60,7 +59,7 @@ class Client(Control):
             self._feed = 0.0
         if not 0 < self._feed < math.inf:
             raise InputError(f"grbl: feed: found {options['feed']!r}; allowed: mm/min greater than 0")
-        self._clamps = clamps(job.program)
+        self._clamps = _grbl.clamps(job.program)
         if not self._plain:
             for number in self._clamps.values():
                 targets.switch(number)
@@ -74,6 +73,16 @@ class Client(Control):
         self._since, self._misses = 0.0, 0
         self._low = self._pressed = False
         super().__init__(job)
+
+    @classmethod
+    def hello(cls, options: Mapping[str, str]) -> bytes:
+        """{option: value} → bytes that ask the control what it is and move nothing."""
+        return _grbl.hello(options)
+
+    @classmethod
+    def told(cls, data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+        """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
+        return _grbl.told(data, options)
 
     @property
     def sent(self) -> tuple[int, int]:
