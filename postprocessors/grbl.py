@@ -1,7 +1,7 @@
 """grblHAL and FluidNC with five axes, grbl 1.1 with three (sources of gnea/grbl, grblHAL/core, FluidNC).
 
 grbl has no variables that could decide, so the program is the list of moves that `tango run` makes, one by one, and the driver
-(`tango_cnc/link/protocols/grbl.py`) has each confirmed and reads every answer: a miss is `[PRB:…:0]`, an early contact shows in its place,
+(`link/protocols/grbl.py`) has each confirmed and reads every answer: a miss is `[PRB:…:0]`, an early contact shows in its place,
 a contact on the way ends the run, and the record of a touch is made there. Whatever moves the linear axes is a search (G38.3),
 which stops at a contact; only the way off a facet is not, and that is short and relative. Sent by anything else, a contact where
 none is planned still locks the control at the next line: a search that begins with the probe on is ALARM:4.
