@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..estimate import Estimate, estimate
 from ..files import artefact_text, degrees_of, read_cell, read_readings, read_world, strategy_text, write_text
 from ..files.write import dump, machine_text
+from ..iso230.signed import withheld
 from ..judgement import Judgement
 from ..kinematics import chain, tip
 from ..records import Array, Cell, InputError, Machine, Readings, TermItem
@@ -72,6 +73,7 @@ class Job:
 
     def __post_init__(self) -> None:
         self.data: dict[str, Any] = {"format": "tango-verification/1", "terms": list(self.terms), **members(self.judgement)}
+        self.data["not_identifiable_figures"] = list(withheld(self.result))
         self.lines: list[str] = told(self.judgement)
         self.limited: dict[str, float] = {}
         self.drawn: dict[str, Any] = {}

@@ -101,6 +101,8 @@ def _estimated(cell: Cell, readings: Readings, items: Sequence[TermItem], degree
 
 def as_json(result: Estimate, judgement: Judgement | None = None) -> dict[str, Any]:
     """estimate, judgement on it → plain data of the format tango-estimate/1."""
+    from ..iso230.signed import withheld
+
     size = abs(result.residuals) * 1e3
 
     def value(parameter: Parameter) -> dict[str, Any]:
@@ -126,6 +128,7 @@ def as_json(result: Estimate, judgement: Judgement | None = None) -> dict[str, A
         },
         "condition_number": result.condition_number,
         "not_identifiable": [c.text for c in result.selection.unseen],
+        "not_identifiable_figures": list(withheld(result)),
         "outliers": [int(i) for i in result.outliers],
     }
     if (noise := result.noise) is not None:

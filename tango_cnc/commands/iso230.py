@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
 import click
 
 from .. import iso230
+from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
+from ..iso230.signed import Sheet, signed
 from ._common import cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, status, told
 
@@ -19,19 +23,87 @@ PLACE = "Understand 50"  # in the list of commands
 @click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
+@click.option(
+    "--tool-length", type=click.FloatRange(0, min_open=True), help="mm, of the tool at whose tip figures hold [default: the probe]."
+)
+@click.option("--fitted", is_flag=True, help="Figures of the fitted terms alone, as if the machine had no other error motion.")
 @despite_option
 @json_option
-def command(folder: Path, file: Path | None, terms: str | None, degree: int, despite: bool, json_file: str | None) -> int:
+def command(
+    folder: Path,
+    file: Path | None,
+    terms: str | None,
+    degree: int,
+    tool_length: float | None,
+    fitted: bool,
+    despite: bool,
+    json_file: str | None,
+) -> int:
     """Straightness, positioning, reversal, squareness, error motions of rotary axes: ISO 230-1 figures out of the estimate.
 
-    One axis is moved alone over the range that was touched, against least-squares reference lines.
+    The tool moves relative to the workpiece, one axis at a time, over the range that was touched. A figure that other error
+    motions of this machine could have made as well is withheld, and they are named.
     """
     cell = read_cell(folder)
     source = file or folder / "readings.csv"
     readings = read_readings(source, cell.machine, cell.artefact)
     result, judgement = judged(cell, readings, cell.terms if terms is None else read_terms(terms), degree, source=source)
-    figures = iso230.figures(result)
-    data = [
+    if fitted:
+        if not write_json(json_file, {"format": "tango-iso230/1", **members(judgement), "fitted": _fitted_json(result)}):
+            click.echo("\n".join([*told(judgement), _fitted_text(result)]))
+        return status(judgement, despite)
+    sheet = signed(result, tool_length)
+    if not write_json(json_file, sheet_json(sheet) | members(judgement) | {"fitted": _fitted_json(result)}):
+        click.echo("\n".join([*told(judgement), *sheet_text(sheet)]))
+    return status(judgement, despite)
+
+
+def sheet_json(sheet: Sheet) -> dict[str, Any]:
+    """figures → plain data of the format tango-iso230/1."""
+    at = sheet.reference
+    return {
+        "format": "tango-iso230/1",
+        "reference": {
+            "pose": {n: v if n in "XYZ" else v * 180 / math.pi for n, v in at.pose.items()},
+            "tool_length_mm": at.length,
+            "functional_point_mm": list(at.point),
+        },
+        "touch_std_um": sheet.sigma * 1e3,
+        "dof": sheet.freedom,
+        "figures": [
+            {
+                "kind": f.kind,
+                "name": f.name,
+                "value": f.value,
+                "interval": None if f.interval is None else list(f.interval),
+                "unit": f.unit,
+                "range": None if f.range is None else list(f.range),
+                "positions": f.positions,
+                "note": f.note,
+                "mixed_with": list(f.mixed),
+            }
+            for f in sheet.figures
+        ],
+        "not_identifiable": list(sheet.not_identifiable),
+    }
+
+
+def sheet_text(sheet: Sheet) -> list[str]:
+    """figures → lines for people."""
+    rows = [["figure", "", "value", "95 % interval", "", "over mm or °", "positions", ""]]
+    for f in sheet.figures:
+        if f.value is None or f.interval is None:
+            continue
+        over = "" if f.range is None else f"{f.range[0]:.0f} … {f.range[1]:.0f}"
+        between = f"{f.interval[0]:.2f} … {f.interval[1]:.2f}"
+        rows.append([f.kind, f.name, f"{f.value:.2f}", between, f.unit, over, f"{f.positions or ''}", f.note])
+    lines = [sheet.reference.text]
+    lines.append(table(rows, "<<>><>><") if len(rows) > 1 else "these touches decide no figure")
+    return lines + [f"withheld: {text}" for text in sheet.not_identifiable]
+
+
+def _fitted_json(result: Estimate) -> list[dict[str, Any]]:
+    return [
         {
             "kind": f.kind,
             "name": f.name,
@@ -41,14 +113,14 @@ def command(folder: Path, file: Path | None, terms: str | None, degree: int, des
             "range": None if f.range is None else list(f.range),
             "note": f.note,
         }
-        for f in figures
+        for f in iso230.figures(result)
     ]
-    if write_json(json_file, {"format": "tango-iso230/1", **members(judgement), "figures": data}):
-        return status(judgement, despite)
+
+
+def _fitted_text(result: Estimate) -> str:
     rows = [["figure", "", "value", "std", "", "″", "over mm or °", ""]]
-    for f in figures:
+    for f in iso230.figures(result):
         over = "" if f.range is None else f"{f.range[0]:.0f} … {f.range[1]:.0f}"
         second = "" if f.arcseconds is None else f"{f.arcseconds:.2f}"
         rows.append([f.kind, f.name, f"{f.value:.2f}", f"{f.std:.2f}", f.unit, second, over, f.note])
-    click.echo("\n".join([*told(judgement), table(rows, "<<>><>><")]))
-    return status(judgement, despite)
+    return table(rows, "<<>><>><")

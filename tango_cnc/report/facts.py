@@ -14,6 +14,7 @@ from ..diagnose import Diagnosis, diagnose
 from ..estimate import Estimate, fit
 from ..identify import select
 from ..iso230 import Figure, figures
+from ..iso230.signed import withheld
 from ..judgement import Judgement
 from ..model import linearise
 from ..records import Array, Cell, Readings, TangoError, TermItem
@@ -69,6 +70,7 @@ class Facts:
     std: Array  # (p,) standard uncertainties of the unknowns: of the budget where there is one
     factor: float  # of the intervals
     iso: tuple[Figure, ...]
+    withheld: tuple[str, ...]  # sentences: ISO figures that other error motions of the machine could have made
     chart: VolumeMap | None
     cuts: tuple[slices.Slice, ...]
     held: HeldOut | None
@@ -146,6 +148,7 @@ def gather(
         std,
         factor,
         figures(result),
+        withheld(result),
         chart,
         cuts,
         held,

@@ -22,6 +22,7 @@ from .verdict import Verdict
 from .words import spoken
 
 LARGEST = 8
+WITHHELD = "withheld: other error motions of this machine could have made it ('tango iso230' names them)"
 TEMPLATES = "templates"
 
 
@@ -303,6 +304,9 @@ def _iso(f: Facts) -> list[dict[str, Any]]:
         text = f"{value_text(value, g.std * factor)} ± {half:.{digits(g.std * factor)}f}"
         second = "" if g.arcseconds is None else f"{g.arcseconds:.2f} ″"
         row = {"kind": g.kind, "name": g.name, "value": text, "unit": unit, "arc": second, "over": over, "note": g.note}
+        symbol = g.name.removesuffix(" M").removesuffix(" B").removesuffix(" E")
+        if any(w.startswith(f"{symbol} ") for w in f.withheld):
+            row |= {"value": "–", "arc": "", "note": WITHHELD}
         rows.append({**row, "weak": abs(value) < half})
     return rows
 
@@ -418,5 +422,6 @@ def as_json(f: Facts) -> dict[str, Any]:
         "volume_worst_um": None if worst is None else worst[0] * 1e3,
         "outliers": [int(i) for i in f.result.outliers],
         "not_identifiable": [c.text for c in f.result.selection.unseen],
+        "not_identifiable_figures": list(f.withheld),
         "files": [{"file": name, "bytes": size, "sha256": digest} for name, size, digest in f.paper.files],
     }

@@ -1,0 +1,142 @@
+"""Figures of the tool relative to the workpiece, each as it depends on the coefficients: nothing is decided here.
+
+Straightness is told three ways (ISO 230-1:2012, 3.4.9): about the least-squares line, about the line through the end points, and
+the minimum zone. Squareness is the angle between two trajectories on the part, less 90°, and the symbol E_C(0X)Y: the turn about
+the machine's base vector that takes the perpendicular of X to Y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from ..records import COMPONENTS, Array, Machine
+from ..terms import Coefficient
+from ._line import line_of, motions
+from .trajectory import Reference, Trajectory, trajectory
+
+PERPENDICULAR = 1e-6
+
+
+@dataclass(frozen=True)
+class Ask:
+    """One figure: a range of `curve` (m, p), or a number with weights (p,); `factor` takes mm or rad to `unit`."""
+
+    kind: str
+    name: str
+    unit: str
+    factor: float
+    curve: Array
+    own: str  # the error motion whose name it bears
+    range: tuple[float, float] | None = None
+    note: str = ""
+    zone: bool = False  # the minimum zone of the curve over its axis
+    command: Array | None = None
+
+    @property
+    def is_range(self) -> bool:
+        """→ whether it is largest minus smallest."""
+        return self.curve.ndim == 2
+
+
+def asked(
+    machine: Machine, coefficients: Sequence[Coefficient], over: Mapping[str, tuple[float, float]], at: Reference
+) -> list[Ask]:
+    """machine, coefficients, ranges (mm, rad), reference → every figure."""
+    lines = {n: trajectory(machine, machine.axis(n), coefficients, *over[n], at) for n in machine.linear if n in over}
+    found = [ask for line in lines.values() for ask in _of_axis(line)]
+    names = list(lines)
+    for i, two in enumerate(names):
+        found += [ask for one in names[:i] for ask in _square(lines[one], lines[two])]
+    for name in machine.rotary:
+        if name in over:
+            line = line_of(machine, machine.axis(name), coefficients, *over[name])
+            degrees = (float(np.degrees(over[name][0])), float(np.degrees(over[name][1])))
+            found += [Ask(m.kind, m.name, m.unit, m.factor, m.curve[::3], m.name, degrees, m.note) for m in motions(line)]
+    return found
+
+
+def _slope(command: Array, curve: Array) -> tuple[Array, Array]:
+    matrix = np.column_stack([np.ones_like(command), command - command.mean()])
+    fit = np.linalg.lstsq(matrix, curve, rcond=None)[0]
+    return fit[1], curve - matrix @ fit
+
+
+def _of_axis(t: Trajectory) -> list[Ask]:
+    name, over = t.axis.name, (float(t.command[0]), float(t.command[-1]))
+    own = int(np.argmax(np.abs(t.way)))
+    ahead = np.einsum("i,mip->mp", t.way, t.shift)
+    slope, rest = _slope(t.command, ahead)
+    motion = f"E{name}{name}"
+    found = [
+        Ask("positioning", f"{motion} M", "µm", 1e3, ahead, motion, over, "mean bidirectional range"),
+        Ask("positioning gain", motion, "µm/m", 1e6, slope, motion, over, "positive: the tool goes farther than commanded"),
+        Ask("linearity", motion, "µm", 1e3, rest, motion, over, "positioning about its own least-squares line"),
+    ]
+    back = t.way @ t.reversal
+    if back.any():
+        found.append(Ask("reversal", f"{motion} B", "µm", 1e3, 2 * back, f"{motion}b", over, "negative: lost motion"))
+    for i in range(3):
+        if i == own:
+            continue
+        motion = f"E{COMPONENTS[i]}{name}"
+        curve = t.shift[:, i, :]
+        part = np.linspace(0, 1, len(curve))[:, None]
+        ends = curve - (1 - part) * curve[0] - part * curve[-1]
+        about = _slope(t.command, curve)[1]
+        found.append(Ask("straightness", motion, "µm", 1e3, about, motion, over, "about the least-squares line"))
+        found.append(Ask("straightness", f"{motion} ends", "µm", 1e3, ends, motion, over, "about the line through the end points"))
+        found.append(
+            Ask("straightness", f"{motion} zone", "µm", 1e3, about, motion, over, "minimum zone", zone=True, command=t.command)
+        )
+    for i in range(3):
+        motion, note = f"E{COMPONENTS[3 + i]}{name}", "roll" if i == own else f"tilt about {'XYZ'[i]}"
+        found.append(Ask("angular", motion, "µrad", 1e6, t.turn[:, i, :], motion, over, note))
+    return found
+
+
+def _square(one: Trajectory, two: Trajectory) -> list[Ask]:
+    if abs(one.way @ two.way) > PERPENDICULAR:
+        return []
+    first, second = (np.array([_slope(t.command, t.shift[:, i, :])[0] for i in range(3)]) for t in (one, two))
+    angle = -(two.way @ first + one.way @ second)
+    a, b = one.axis.name, two.axis.name
+    about = ({0, 1, 2} - {int(np.argmax(np.abs(one.way))), int(np.argmax(np.abs(two.way)))}).pop()
+    # both lines as seen along their base vectors, whatever the sense of the command
+    base = [np.eye(3)[int(np.argmax(np.abs(t.way)))] for t in (one, two)]
+    turned = [np.cross(b, w * (t.way @ b), axisb=0, axisc=0) for b, w, t in zip(base, (first, second), (one, two), strict=True)]
+    turn = (turned[1] - turned[0])[about]
+    symbol = f"E{'ABC'[about]}(0{a}){b}"
+    text = "angle on the part between the ways of the tool for positive commands, less 90°"
+    return [
+        Ask("squareness", f"{b} to {a}", "µm/m", 1e6, angle, symbol, None, text),
+        Ask(
+            "squareness",
+            symbol,
+            "µm/m",
+            1e6,
+            turn,
+            symbol,
+            None,
+            f"turn about +{'ABC'[about]} from the perpendicular of {a} to {b}",
+        ),
+    ]
+
+
+def minimum_zone(command: Array, curve: Array) -> float:
+    """positions (m,), curve (m,) → the least distance, along the curve's unit, of two parallel lines that hold it."""
+    if np.ptp(curve) < 1e-15:
+        return 0.0
+    x, y = (command - command.mean()) / np.ptp(command), curve / np.ptp(curve)
+    try:
+        hull = ConvexHull(np.column_stack([x, y])).vertices
+    except QhullError:
+        return 0.0
+    best = np.inf
+    for i, j in zip(hull, np.roll(hull, -1), strict=True):
+        if abs(x[j] - x[i]) > 1e-9:
+            best = min(best, float(np.ptp(y - (y[j] - y[i]) / (x[j] - x[i]) * x)))
+    return best * float(np.ptp(curve))

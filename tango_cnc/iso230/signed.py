@@ -1,0 +1,151 @@
+"""Figures with intervals that hold for every error motion of the machine, or withheld with the reason.
+
+What is given rests on the fit with every error motion (`whole`). A figure is given when the touches decide it. Otherwise the
+error motions are named with which it is mixed, and differences of two such figures that the touches do decide are given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ..estimate import Estimate
+from ..records import Array, TangoError
+from .interval import of_range
+from .onpart import Ask, asked, minimum_zone
+from .trajectory import Reference, reference
+from .whole import Whole, whole
+
+COVERAGE = 0.95
+UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
+SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
+NAMED = 4
+
+
+@dataclass(frozen=True)
+class OnPart:
+    """One figure in `unit`: value and interval, or None and the sentence that says what it is mixed with."""
+
+    kind: str
+    name: str
+    unit: str
+    value: float | None
+    interval: tuple[float, float] | None
+    range: tuple[float, float] | None
+    note: str
+    mixed: tuple[str, ...] = ()  # error motions that it cannot be told from
+    text: str = ""
+    positions: int = 0  # distinct positions of its axis that were touched
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """All figures at one reference pose and tool length."""
+
+    figures: tuple[OnPart, ...]
+    reference: Reference
+    sigma: float  # mm, of a touch, beside every error motion
+    freedom: float
+
+    @property
+    def not_identifiable(self) -> tuple[str, ...]:
+        """→ a sentence for every figure that is withheld."""
+        return tuple(f.text for f in self.figures if f.value is None)
+
+
+def signed(result: Estimate, length: float | None = None) -> Sheet:
+    """estimate, tool length (mm; default: of the probe) → figures. Raises TangoError where there are too few touches."""
+    from . import ranges
+
+    over = ranges(result.model.touches)
+    machine = result.model.touches.machine
+    all_of_it, at = whole(result), reference(machine, over, length)
+    asks = asked(machine, all_of_it.coefficients, over, at)
+    found = [_told(ask, all_of_it) for ask in asks]
+    return Sheet((*found, *_relative(asks, found, all_of_it)), at, all_of_it.sigma, all_of_it.freedom)
+
+
+def withheld(result: Estimate) -> tuple[str, ...]:
+    """estimate → a sentence for every ISO figure that these touches do not decide; one where they are too few for any."""
+    try:
+        return signed(result).not_identifiable
+    except TangoError as error:
+        return (str(error),)
+
+
+def _worst(ask: Ask, w: Whole) -> tuple[Array, float]:
+    """→ weights (p,) of the part of a figure that is known worst, and its standard deviation in the figure's unit."""
+    if not ask.is_range:
+        return ask.curve, max(float(ask.curve @ w.covariance @ ask.curve), 0.0) ** 0.5 * ask.factor
+    centred = ask.curve - ask.curve.mean(axis=0)
+    std = np.sqrt(np.clip(np.sum(centred @ w.covariance * centred, axis=1), 0.0, None))
+    i = int(np.argmax(std))
+    return centred[i], float(std[i]) * ask.factor
+
+
+def _told(ask: Ask, w: Whole) -> OnPart:
+    weights, std = _worst(ask, w)
+    axis = ask.own[2:3] if ask.range is not None else ""
+    positions = len(np.unique(np.round(w.touches.axis(axis), 3))) if axis in w.touches.machine.names else 0
+    if std > UNDECIDED[ask.unit]:
+        mixed = _mixed(ask, weights, w)
+        others = f"cannot be told from {_list(mixed)}" if mixed else "is not decided by these touches"
+        text = f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
+        return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, mixed, text, positions)
+    value, interval = _interval(ask, w)
+    return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", positions)
+
+
+def _interval(ask: Ask, w: Whole) -> tuple[float, tuple[float, float]]:
+    student = float(special.stdtrit(w.freedom, 0.5 + COVERAGE / 2))
+    if not ask.is_range:
+        value = float(ask.curve @ w.values) * ask.factor
+        wide = student * _worst(ask, w)[1]
+        return value, (value - wide, value + wide)
+    mean = ask.curve @ w.values * ask.factor
+    size, vectors = np.linalg.eigh(ask.curve @ w.covariance @ ask.curve.T * ask.factor**2)
+    keep = size > 1e-10 * size[-1]
+    root = vectors[:, keep] * np.sqrt(size[keep]) * student / float(special.ndtri(0.5 + COVERAGE / 2))
+    best, low, high = of_range(mean, root)
+    if ask.zone and ask.command is not None and np.ptp(mean) > 0:
+        part = minimum_zone(ask.command, mean) / float(np.ptp(mean))
+        best, low, high = best * part, low * part, high * part
+    return best, (low, high)
+
+
+def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
+    """→ error motions that explain most of what is undecided in a figure, the strongest first."""
+    along = w.covariance @ weights
+    total = float(weights @ along)
+    found = {}
+    for motion in dict.fromkeys(w.motions):
+        own = [j for j, m in enumerate(w.motions) if m == motion and w.covariance[j, j] > 0]
+        if motion == ask.own or not own:
+            continue
+        block = w.covariance[np.ix_(own, own)]
+        share = float(along[own] @ np.linalg.lstsq(block, along[own], rcond=1e-10)[0]) / total
+        if share > SHARE:
+            found[motion] = share
+    return tuple(sorted(found, key=lambda m: -found[m])[:NAMED])
+
+
+def _relative(asks: list[Ask], found: list[OnPart], w: Whole) -> list[OnPart]:
+    """→ differences and sums of two withheld figures of one kind that the touches do decide."""
+    left = [a for a, f in zip(asks, found, strict=True) if f.value is None and not a.is_range]
+    told = []
+    for i, two in enumerate(left):
+        for one in left[:i]:
+            if one.kind != two.kind or one.own == two.own:
+                continue
+            for sign, word in ((-1.0, "−"), (1.0, "+")):
+                ask = Ask(two.kind, f"{two.name} {word} {one.name}", two.unit, two.factor, two.curve + sign * one.curve, two.own)
+                if _worst(ask, w)[1] <= UNDECIDED[ask.unit]:
+                    value, interval = _interval(ask, w)
+                    told.append(OnPart(ask.kind, ask.name, ask.unit, value, interval, None, "relative: neither is known alone"))
+    return told
+
+
+def _list(words: tuple[str, ...]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

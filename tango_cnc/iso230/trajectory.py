@@ -1,0 +1,101 @@
+"""One axis moved alone: how the tool moves and turns relative to the workpiece, linear in the coefficients.
+
+The functional point is the centre of the stylus tip, or the tip of a tool of the stated length, at the reference pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .. import kinematics
+from ..kinematics import Slot
+from ..records import Array, Axis, Machine
+from ..terms import Coefficient
+from .poses import at_poses, steady
+
+POINTS = 61
+ARM = 100.0  # mm, of the points by whose ways the turn of the tool is told
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Where the other axes stand, mm and rad, and the length of the tool, mm."""
+
+    pose: Mapping[str, float]
+    length: float
+    point: tuple[float, float, float]  # mm, functional point in the table frame
+
+    @property
+    def text(self) -> str:
+        """→ for people: pose in mm and degrees, tool length and functional point."""
+        turned = {n: v if n in "XYZ" else np.degrees(v) for n, v in self.pose.items()}
+        pose = ", ".join(f"{n} {v + 0.0:.4g}{'' if n in 'XYZ' else '°'}" for n, v in turned.items())
+        at = ", ".join(f"{v + 0.0:.4g}" for v in self.point)
+        return f"other axes at {pose}; tool length {self.length:g} mm; functional point [{at}] in the table frame"
+
+
+def reference(machine: Machine, over: Mapping[str, tuple[float, float]], length: float | None = None) -> Reference:
+    """machine, ranges (mm, rad), tool length (mm; default: the probe) → where the other axes stand."""
+    pose = {}
+    for name in (*machine.linear, *machine.rotary):
+        low, high = over.get(name, (0.0, 0.0))
+        pose[name] = 0.0 if name in machine.rotary and low <= 0 <= high else (low + high) / 2
+    tool = replace(machine, probe=replace(machine.probe, length=length or machine.probe.length))
+    position = np.array([[pose.get(name, 0.0) for name in machine.names]])
+    tip = kinematics.tip(kinematics.chain(tool), position)[0]
+    return Reference(pose, tool.probe.length, (float(tip[0]), float(tip[1]), float(tip[2])))
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """The tool relative to the workpiece while one axis moves, in the machine frame of the reference pose."""
+
+    axis: Axis
+    command: Array  # (m,)
+    way: Array  # (3,) unit vector: where the tool goes on the part for a positive command; a rotary axis: zero
+    shift: Array  # (m, 3, p) mm
+    turn: Array  # (m, 3, p) rad
+    reversal: Array  # (3, p) mm, what the last motion adds
+
+
+def trajectory(
+    machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], low: float, high: float, at: Reference
+) -> Trajectory:
+    """machine, linear axis, coefficients, range (mm), reference → its trajectory."""
+    tool = replace(machine, probe=replace(machine.probe, length=at.length))
+    command = np.linspace(low, high, POINTS)
+    position = np.tile([at.pose.get(name, 0.0) for name in machine.names], (POINTS, 1))
+    position[:, machine.column(axis.name)] = command
+    still, forward = at_poses(tool, position, np.zeros_like(position)), at_poses(tool, position, np.ones_like(position))
+    p = len(coefficients)
+    shift, turn, reversal = np.zeros((POINTS, 3, p)), np.zeros((POINTS, 3, p)), np.zeros((3, p))
+    nominal = kinematics.tip(still.chain, position)
+    way = (nominal[-1] - nominal[0]) / np.linalg.norm(nominal[-1] - nominal[0])
+    use = [j for j, c in enumerate(coefficients) if steady(c, still)]
+    value = np.array([coefficients[j].regressor(still) for j in use])
+    jump = np.array([(coefficients[j].regressor(forward) - v)[0] for j, v in zip(use, value, strict=True)])
+    if not use:
+        return Trajectory(axis, command, way, shift, turn, reversal)
+    slots = [coefficients[j].slot for j in use]
+    points = [np.zeros(3), *(ARM * np.eye(3))]
+    moved, tips = [], []
+    for offset in points:
+        run = kinematics.trace(still.chain, position, {Slot("t", "stylus", i): float(offset[i]) for i in range(3)})
+        ways = np.zeros((POINTS, 3, len(use)))
+        for i in range(3):
+            lever = kinematics.sensitivity(still.chain, run, np.tile(np.eye(3)[i], (POINTS, 1))).slots
+            ways[:, i, :] = np.array([lever[s] for s in slots]).T
+        moved.append(ways)
+        tips.append(run.tip)
+    spokes = [(t - tips[0]) / ARM for t in tips[1:]]  # three unit vectors at right angles
+    around = np.zeros_like(moved[0])
+    for spoke, ways in zip(spokes, moved[1:], strict=True):
+        around += np.cross(spoke[:, :, None], (ways - moved[0]) / ARM, axis=1) / 2
+    shift[:, :, use] = moved[0] * value.T[:, None, :]
+    turn[:, :, use] = around * value.T[:, None, :]
+    own = np.array([s.axis == axis.name for s in slots])
+    reversal[:, use] = moved[0][POINTS // 2] * jump * own
+    return Trajectory(axis, command, way, shift, turn, reversal)

@@ -1,0 +1,152 @@
+"""The machine with every error motion of every axis, fitted to the same touches: what a figure must not be mixed with.
+
+A fitted set of terms is a choice. The machine has all its error motions, and one that the set lacks lands in the others. So the
+figures are read off a fit that has them all. No plan sees them all: each carries a standard deviation `WIDTH` before the touches
+are looked at, far wider than any machine in service. What the touches do not decide keeps that width, and the figures that
+depend on it are withheld. Source: Bayesian linear model with a wide prior (Gelman et al., Bayesian Data Analysis, 14.8).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy import linalg
+
+from ..estimate import SIGMA_FLOOR, Estimate
+from ..kinematics import Slot, slot_name
+from ..model import Model, known, linearise
+from ..records import COMPONENTS, Array, Machine, TangoError
+from ..terms import Coefficient, backlash, cause, error_motion, inter_axis
+from ..touches import Touches
+
+ORDERS = (1, 2, 3, 4)  # harmonics of rotary axes
+DEGREE = 3
+WIDTH = (0.1, 3e-4)  # mm and rad, of an error motion at the end of its touched range
+PLACED = (2.0, 1e-2)  # mm and rad, of axis locations, stylus and table
+STEPS = 4
+SHORTEST = 1e-3  # mm or rad: what moves less stands still
+
+
+@dataclass(frozen=True)
+class Whole:
+    """All machine coefficients of a topology as the touches leave them."""
+
+    touches: Touches
+    coefficients: tuple[Coefficient, ...]
+    motions: tuple[str, ...]  # (p,) the error motion that each belongs to: EYX, EX0C, EXXb
+    values: Array  # (p,)
+    covariance: Array  # (p, p)
+    sigma: float  # mm, standard deviation of a touch
+    freedom: float  # touches less the directions that they decide
+
+
+def whole(result: Estimate) -> Whole:
+    """estimate → the same touches with every error motion of the topology. Raises TangoError where too few touches are left."""
+    own = [c for c in result.model.coefficients if c.slot.axis not in ("t", "w") and not error_motion.PATTERN.fullmatch(c.name)]
+    setup = [c for c in result.model.coefficients if c.slot.axis in ("t", "w")]
+    touches = result.model.touches
+    names = {c.name for c in own}
+    extra = [c for c in every(touches) if c.name not in names]
+    model = Model(touches, (*own, *extra, *setup))
+    start = np.zeros(len(model.names))
+    place = {name: i for i, name in enumerate(model.names)}
+    for name, value in zip(result.model.names, result.values, strict=True):
+        if name in place:
+            start[place[name]] = value
+    width = widths(model)
+    seen = width > 0
+    n, values = len(touches), start
+    weights = result.sigma / known(model, values)[2]
+    prior = np.diag(1 / width[seen])
+    for _ in range(STEPS):
+        gaps, jacobian = linearise(model, values)
+        offsets, rows, _ = known(model, values)
+        matrix = np.vstack([jacobian, rows * weights[:, None]])[:, seen] / result.sigma
+        right = np.concatenate([gaps, offsets * weights]) / result.sigma
+        root = np.linalg.qr(np.vstack([matrix, prior]), mode="r")
+        inverse = linalg.solve_triangular(root, np.eye(len(root)))
+        change = inverse @ (inverse.T @ (matrix.T @ right + prior.T @ (values[seen] / width[seen])))
+        values = values.copy()
+        values[seen] -= change
+    covariance = np.zeros((len(values), len(values)))
+    covariance[np.ix_(seen, seen)] = inverse @ inverse.T
+    gaps = linearise(model, values)[0]
+    decided = float(np.sum((matrix @ inverse) ** 2))
+    freedom = n + len(weights) - decided
+    if freedom < 3:
+        raise TangoError(
+            f"iso230: found {n} touches, which leave {freedom:.1f} degrees of freedom beside all error motions of the axes; "
+            "allowed: 3 or more; touch more indexations"
+        )
+    sigma = max(float(np.sqrt(gaps @ gaps / freedom)), SIGMA_FLOOR)
+    # what the prior holds does not scatter with the touches: only the touches' part scales with their scatter
+    if abs(np.log(sigma / result.sigma)) > 1e-3:
+        matrix, prior_root = matrix * (result.sigma / sigma), prior
+        root = np.linalg.qr(np.vstack([matrix, prior_root]), mode="r")
+        inverse = linalg.solve_triangular(root, np.eye(len(root)))
+        covariance[np.ix_(seen, seen)] = inverse @ inverse.T
+    p = len(own) + len(extra)
+    found = model.coefficients[:p]
+    return Whole(touches, found, tuple(motion_of(c) for c in found), values[:p], covariance[:p, :p], sigma, freedom)
+
+
+def every(touches: Touches) -> Iterator[Coefficient]:
+    """touches → every coefficient of the topology that these touches may feel, each name once."""
+    machine, names = touches.machine, set()
+    for c in (*_candidates(machine), *_series(touches)):
+        if c.name not in names:
+            names.add(c.name)
+            yield c
+
+
+def _candidates(machine: Machine) -> Iterator[Coefficient]:
+    yield from inter_axis.coefficients(machine, DEGREE)
+    yield from backlash.coefficients(machine, DEGREE)
+    for axis in machine.rotary:
+        for order in ORDERS:
+            for name in ("encoder_harmonic", "rotary_radial", "rotary_axial", "rotary_tilt"):
+                yield from cause(name, machine, {"axis": axis, "order": order})
+
+
+def _series(touches: Touches) -> Iterator[Coefficient]:
+    """touches → Legendre polynomials over the touched range of every error motion of every axis, mm and rad.
+
+    Powers of a command far from zero are all but alike: a width on each would say nothing of the curve they make together.
+    """
+    machine = touches.machine
+    for axis in (*machine.linear, *machine.rotary):
+        low, high = float(touches.axis(axis).min()), float(touches.axis(axis).max())
+        if high - low < SHORTEST:
+            continue
+        for component, letter in enumerate(COMPONENTS):
+            slot = Slot(axis, "motion") if letter == axis else Slot(axis, "intra", component)
+            for degree in range(1, DEGREE + 1):
+                yield _legendre(slot, f"E{letter}{axis}.P{degree}", "mm" if component < 3 else "rad", degree, low, high)
+
+
+def _legendre(slot: Slot, name: str, unit: str, degree: int, low: float, high: float) -> Coefficient:
+    weights = np.eye(degree + 1)[degree]
+
+    def regressor(touches: Touches) -> Array:
+        return np.asarray(legendre.legval((2 * touches.axis(slot.axis) - low - high) / (high - low), weights))
+
+    return Coefficient(name, unit, slot, regressor)
+
+
+def motion_of(c: Coefficient) -> str:
+    """coefficient → the error motion that it is a part of, by its ISO 230-1 symbol; backlash keeps its own name."""
+    return c.name if backlash.PATTERN.fullmatch(c.name) else slot_name(c.slot)
+
+
+def widths(model: Model) -> Array:
+    """model → (p,) standard deviation of every unknown before the touches are looked at; 0 for what moves no axis here."""
+    machine, found = model.touches.machine, np.full(len(model.names), PLACED[0])
+    for j, c in enumerate(model.coefficients):
+        size = float(np.max(np.abs(model.regressors[j])))
+        turns = c.slot.axis in machine.rotary if c.slot.stage == "motion" else c.slot.component >= 3
+        wide = PLACED if c.slot.stage in ("inter", "stylus", "table") else WIDTH
+        found[j] = wide[int(turns)] / size if size > 1e-12 else 0.0
+    return found

@@ -1,0 +1,88 @@
+"""How often the intervals of the printed figures hold the truth, on random machines of every example topology.
+
+python -m tests.support.iso_coverage 20 hu40t trunnion …
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell
+from tango_cnc.iso230 import ranges
+from tango_cnc.iso230.signed import signed
+from tango_cnc.records import Readings, TangoError
+from tests.support.truth import Truth
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+TOPOLOGIES = ("hu40t", "huron", "trunnion", "split", "fork_head", "three_axis", "three_axis_calibrated")
+
+
+def one(name: str, seed: int) -> list[tuple[str, str, float | None, tuple[float, float] | None, float]]:
+    """example, seed → kind, name, value, interval and truth of every figure; None where it was withheld."""
+    truth = Truth(EXAMPLES / name, seed)
+    rows = truth.readings()
+    n = len(rows["facet"])
+    cell = read_cell(EXAMPLES / name)
+    assert list(cell.machine.names) == truth.names
+    number, ones = np.arange(1, n + 1), np.ones(n, dtype=int)
+    readings = Readings(
+        cell.machine.names, number, number * 3.0, tuple(rows["facet"]), rows["position"], rows["direction"], ("ok",) * n, ones, ones
+    )
+    result = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    sheet = signed(result)
+    known = truth.figures(ranges(result.model.touches), dict(sheet.reference.pose))
+    found = []
+    for f in sheet.figures:
+        if " − " in f.name or " + " in f.name:
+            sign = -1 if " − " in f.name else 1
+            a, b = f.name.split(" − " if sign < 0 else " + ")
+            real = known[f.kind, a] + sign * known[f.kind, b]
+        else:
+            real = known[f.kind, f.name]
+        found.append((f.kind, f.name, f.value, f.interval, float(real)))
+    return found
+
+
+def main(count: int, names: tuple[str, ...]) -> None:
+    """count of machines, examples → a table."""
+    print(f"{'example':22} {'machines':>8} {'figures':>8} {'withheld':>8} {'inside':>8} {'%':>6}")
+    total = [0, 0]
+    kinds: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+    for name in names:
+        inside = given = withheld = failed = 0
+        bad: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+        for seed in range(count):
+            try:
+                rows = one(name, seed)
+            except TangoError as error:
+                failed += 1
+                if failed == 1:
+                    print(f"{name}: {error}")
+                continue
+            for kind, figure, value, interval, real in rows:
+                if value is None or interval is None:
+                    withheld += 1
+                    continue
+                ok = interval[0] - 1e-9 <= real <= interval[1] + 1e-9
+                given, inside = given + 1, inside + ok
+                for table, key in ((bad, f"{kind} {figure}"), (kinds, kind)):
+                    table[key][0] += ok
+                    table[key][1] += 1
+        total[0] += inside
+        total[1] += given
+        print(f"{name:22} {count - failed:8} {given:8} {withheld:8} {inside:8} {100 * inside / max(given, 1):6.1f}", flush=True)
+        for key, (ok, of) in bad.items():
+            if ok < 0.8 * of:
+                print(f"    {key}: {ok} of {of}")
+    print(f"{'all':22} {'':8} {total[1]:8} {'':8} {total[0]:8} {100 * total[0] / max(total[1], 1):6.1f}")
+    for kind, (ok, of) in sorted(kinds.items()):
+        print(f"  {kind:20} {ok:6} of {of:6} {100 * ok / of:6.1f}")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), tuple(sys.argv[2:]) or TOPOLOGIES)
