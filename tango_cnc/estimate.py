@@ -146,7 +146,7 @@ def _elsewhere(touches: Touches) -> str:
 
 def _needs_tip(item: TermItem) -> bool:
     name = item if isinstance(item, str) else str(item["cause"])
-    return getattr(causes().get(name), "NEEDS", "") == "tip"
+    return name in causes() and causes()[name].needs == "tip"
 
 
 def tips(result: Estimate) -> Array:

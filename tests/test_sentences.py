@@ -21,7 +21,7 @@ from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.model import known, linearise
 from tango_cnc.touches import from_readings, misnamed
 
-PATTERNS = sorted(name for name, module in terms.causes().items() if hasattr(module, "variants"))
+PATTERNS = sorted(terms.patterns())
 OFFERED = {"trigger_latency": [{}], "cylinder_cosine": [{}]}  # this plan has one feed and flat facets
 
 
@@ -52,7 +52,7 @@ def test_every_cause_has_a_sentence_of_its_own_for_every_variant(name: str, fitt
         f = finding(fitted, name, setting)
         text = said(f)
         assert "{" not in text and "µm" in text
-        assert text != f"{module.TEXT}: {f.size.amplitude * 1e3:.1f} ± {f.size.amplitude_std * 1e3:.1f} µm", "a word is missing"
+        assert text != f"{module.text}: {f.size.amplitude * 1e3:.1f} ± {f.size.amplitude_std * 1e3:.1f} µm", "a word is missing"
         assert meaning(f) and advice(f)
 
 

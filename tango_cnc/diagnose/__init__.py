@@ -41,8 +41,6 @@ ROUNDS = 3  # of weighting rough facets and searching again
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
 SHOWS = 0.15  # that part of it at least
 BLIND = 3  # searches without what turned out to be as large as that
-KINKS = 2  # of an axis, or one table of them
-RESOLVED = 1.0  # waves over the way of an axis by which two periods differ, or they are one
 
 
 @dataclass(frozen=True)
@@ -138,12 +136,12 @@ def _explained(
         *_known_shapes(touches, before.model.names, excluded, learned),
     ]
     offsets = {name: p.value for name, p in before.facets.items()}
-    modules = families.causes()
+    causes = families.causes()
 
     awaited = {
-        name: (*module.MISTAKEN, *(n for n, other in modules.items() if name in other.MISTAKEN))
-        for name, module in modules.items()
-        if getattr(module, "EXPECTED", False)
+        name: (*cause.mistaken, *(n for n, other in causes.items() if name in other.mistaken))
+        for name, cause in causes.items()
+        if cause.expected
     }
 
     gaps, jacobian = linearise(before.model, before.values)
@@ -152,12 +150,7 @@ def _explained(
     def compatible(c: Candidate, others: Sequence[Candidate]) -> bool:
         """Waves of nearly one period, or kinks upon kinks, cancel each other and follow anything."""
         same = [o.setting for o in others if o.cause == c.cause and o.setting.get("axis") == c.setting.get("axis")]
-        if c.cause == "cyclic_error":
-            way = float(np.ptp(touches.axis(c.setting["axis"])))
-            return all(abs(way / c.setting["period"] - way / o["period"]) > RESOLVED for o in same)
-        if c.cause == "compensation_kink":
-            return not same or (len(same) < KINKS and not any(s.get("nodes") for s in (c.setting, *same)))
-        return True
+        return c.cause not in causes or causes[c.cause].beside(touches, c.setting, same)
 
     distances, rows, uncertainty = known(before.model, before.values)
     rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
@@ -173,8 +166,7 @@ def _explained(
         absorbed = np.linalg.qr(jacobian * weight[:, None] / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
 
         def plausible(c: Candidate, values: Array, absorbed: Array = absorbed) -> bool:
-            check = getattr(modules.get(c.cause), "plausible", None)
-            if check is not None and not check(values, c.setting, offsets):
+            if c.cause in causes and not causes[c.cause].plausible(values, c.setting, offsets):
                 return False
             pattern = c.columns @ values
             size = float(np.abs(pattern).max())
@@ -190,7 +182,7 @@ def _explained(
                 n,
                 every if turn == 0 else [weighed(c) for c in every],
                 [k * np.outer(weight, weight) for k in (wandering, seating)],
-                {name: module.REFINE for name, module in modules.items()},
+                {name: cause.refine for name, cause in causes.items()},
                 lambda cause, setting, w=weighed: w(candidate(touches, cause, setting)),  # type: ignore[misc]
                 plausible,
                 compatible,

@@ -47,16 +47,16 @@ def pattern(touches: Touches, coefficients: Collection[Coefficient]) -> Array:
 def candidate(touches: Touches, cause: str, setting: Mapping[str, Any]) -> Candidate:
     """cause with its setting → candidate. Raises InputError for settings that it does not have."""
     coefficients = terms.cause(cause, touches.machine, setting)
-    known = getattr(terms.causes()[cause], "KNOWN", 0)
+    known = terms.causes()[cause].known
     return Candidate(cause, dict(setting), pattern(touches, coefficients), tuple(coefficients), known)
 
 
 def named(touches: Touches, present: Collection[str], excluded: Collection[str] = ()) -> Iterator[Candidate]:
     """touches, names of fitted coefficients, causes left out → every cause that is not in the model with every setting."""
-    for cause, module in terms.causes().items():
-        if cause in excluded or not hasattr(module, "variants"):
+    for cause, record in terms.causes().items():
+        if cause in excluded:
             continue
-        for setting in module.variants(touches):
+        for setting in record.variants(touches):
             found = candidate(touches, cause, setting)
             if not {c.name for c in found.coefficients} <= set(present):
                 yield found

@@ -293,10 +293,11 @@ def once(names: Sequence[Chosen]) -> list[Chosen]:
     Of every other cause of one axis it may have two.
     """
     kept: list[Chosen] = []
-    modules = families.causes()
+    causes = families.causes()
     for c in names:
         same = [k for k in kept if k.candidate.cause == c.candidate.cause and _axis(k) == _axis(c)]
-        if len(same) < (1 if getattr(modules.get(c.candidate.cause), "ONCE", False) else TWICE):
+        only = c.candidate.cause in causes and causes[c.candidate.cause].once
+        if len(same) < (1 if only else TWICE):
             kept.append(c)
     return kept
 

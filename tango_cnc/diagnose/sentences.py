@@ -19,21 +19,21 @@ STRONG = 0.35  # component of a direction that is worth a word
 
 def said(f: Finding) -> str:
     """finding → what was found, how large, where and since when; without what to do."""
-    module = families.causes()[f.cause]
+    cause = families.causes()[f.cause]
     try:
-        return str(module.SAYS).format_map(_words(f))
+        return cause.says.format_map(_words(f))
     except KeyError:  # a setting that the sentence has no word for
-        return f"{module.TEXT}: {size(f)}"
+        return f"{cause.text}: {size(f)}"
 
 
 def meaning(f: Finding) -> str:
     """finding → what it means for parts."""
-    return str(families.causes()[f.cause].MEANING)
+    return families.causes()[f.cause].meaning
 
 
 def advice(f: Finding) -> str:
     """finding → what to do about it, with the time after which a drift has settled."""
-    text = str(families.causes()[f.cause].ADVICE)
+    text = families.causes()[f.cause].advice
     tau = f.detail.get("tau_s")
     if tau is not None and f.detail.get("shape") == "exponential" and not _unsettled(f.detail):
         text += f" (a tenth of it is left after {minutes(SETTLED * float(tau))})"

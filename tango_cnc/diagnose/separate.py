@@ -104,11 +104,10 @@ def _evidence(a: Array, b: Array, pattern: Array, touches: Touches) -> float:
 
 
 def _variants(touches: Touches, name: str, present: set[str]) -> list[Candidate]:
-    module = families.causes().get(name)
-    if module is None or not hasattr(module, "variants"):
-        allowed = [n for n, m in families.causes().items() if hasattr(m, "variants")]
+    allowed = families.patterns()
+    if name not in allowed:
         raise InputError(f"--separate: found {name!r}; allowed: two of {', '.join(allowed)}.{suggestion(name, allowed)}")
-    settings = list(module.variants(touches))
+    settings = list(families.causes()[name].variants(touches))
     step = max(1, len(settings) // PAIRS)
     found = [candidate(touches, name, setting) for setting in settings[::step]]
     return [c for c in found if not {k.name for k in c.coefficients} <= present and np.abs(c.columns).max() > 0]

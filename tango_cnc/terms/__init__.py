@@ -1,11 +1,7 @@
 """What the model may contain, one family per file; the file name is the name of the family.
 
-A family is a module with `TEXT` (what it is, for people), `SOURCE` (clause, equation or paper) and
-
-    coefficients(machine, degree) → the coefficients of this family that a machine can have, in order of preference
-    coefficient(name, machine)    → the one of that name, or None when the name is not of this family
-
-A family is also a cause that `diagnose` may name when it has `cause(machine, **setting)`; `_cause.py` says what belongs to it.
+A file ends with its record `TERM`: a `Family`, or a `Cause` where `diagnose` may name it. What is special about one cause is a
+field of that record; what its file leaves out has the default that stands here.
 
 A coefficient says where it acts (a slot of the chain, or `GAP`: directly on the gap) and with which regressor; its author
 writes no derivative of the chain.
@@ -16,10 +12,9 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
-from types import ModuleType
 from typing import Any
 
 from ..files.checked import suggestion
@@ -40,21 +35,69 @@ class Coefficient:
     regressor: Callable[[Touches], Array]  # → (n,)
 
 
+Setting = Mapping[str, Any]
+Spread = Iterable[tuple[dict[str, Any], Array]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Family:
+    """Terms that belong together: what they are, and the coefficients that the model may have of them."""
+
+    text: str  # what it is, for people
+    source: str  # clause, equation or paper
+    coefficients: Callable[[Machine, int], list[Coefficient]] = lambda machine, degree: []  # all, in order of preference
+    coefficient: Callable[[str, Machine], Coefficient | None] = lambda name, machine: None  # the one of that name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause(Family):
+    """A family with a physical reason, which `diagnose` may name. It has a pattern (`variants`) or a spread, never both.
+
+    A value of a coefficient that acts on the gap is positive when the surface is read too early, outside of where it is.
+    """
+
+    make: Callable[..., list[Coefficient]]  # machine, **setting → the coefficients that these settings stand for
+    frame: str  # in which it acts: machine, table, spindle, axis, probe, log
+    mistaken: tuple[str, ...]  # names of the causes that it is taken for
+    says: str  # the finding as a sentence; the words in braces come from tango_cnc/diagnose/sentences.py
+    meaning: str  # what it does to parts, for a person at the machine
+    advice: str  # what that person does about it
+    refine: Mapping[str, str] = field(default_factory=dict)  # what is searched between `variants`: name → log, linear, touch …
+    variants: Callable[[Touches], Iterator[dict[str, Any]]] = lambda touches: iter(())  # settings that are worth trying
+    spread: Callable[[Touches], Spread] | None = None  # → settings, variances (n,) or covariances (n, n) of unit size
+    fitted: Callable[[Touches], dict[str, Any]] = lambda touches: {}  # setting of a spread that the model can fit
+    effects: Callable[[Machine, Setting, Array], list[dict[str, Any]]] | None = None  # None: by the names of its coefficients
+    # values, setting, estimated facet offsets in mm → whether the cause can have these values
+    plausible: Callable[[Array, Setting, Mapping[str, float]], bool] = lambda values, setting, offsets: True
+    # touches, setting, settings of the same cause and axis that are chosen → whether it can be told beside them
+    beside: Callable[[Touches, Setting, Sequence[Setting]], bool] = lambda touches, setting, chosen: True
+    once: bool = False  # a machine has it once an axis; a second one only follows curves
+    expected: bool = False  # every machine has it: it is also tested alone, not only as one of hundreds
+    known: int = 0  # coefficients whose values follow from what is estimated already; `plausible` compares
+    needs: str = ""  # "tip": it has to know how far a touch missed, which a first estimate without it tells
+
+
 @cache
-def families() -> dict[str, ModuleType]:
+def families() -> dict[str, Family]:
     """→ every family by name, found by walking this folder."""
     names = [m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")]
-    return {name: importlib.import_module(f"{__name__}.{name}") for name in names}
+    return {name: importlib.import_module(f"{__name__}.{name}").TERM for name in names}
 
 
-def causes() -> dict[str, ModuleType]:
+@cache
+def causes() -> dict[str, Cause]:
     """→ every family that `diagnose` may name as a cause, by name."""
-    return {name: module for name, module in families().items() if hasattr(module, "cause")}
+    return {name: family for name, family in families().items() if isinstance(family, Cause)}
+
+
+def patterns() -> list[str]:
+    """→ names of the causes that have a pattern, not a spread."""
+    return [name for name, cause in causes().items() if cause.spread is None]
 
 
 def cause(name: str, machine: Machine, setting: Mapping[str, Any]) -> list[Coefficient]:
     """name of a cause, its settings → coefficients. Raises InputError for settings that it does not have or needs."""
-    make = families()[name].cause
+    make = causes()[name].make
     allowed = [key for key in inspect.signature(make).parameters if key != "machine"]
     for key in setting:
         if key not in allowed:
@@ -75,26 +118,22 @@ def effects(name: str, machine: Machine, setting: Mapping[str, Any], values: Arr
     """
     from . import _world
 
-    module = families()[name]
-    if hasattr(module, "effects"):
-        own: list[dict[str, Any]] = module.effects(machine, setting, values)
-        return own
-    defaults = {k: p.default for k, p in inspect.signature(module.cause).parameters.items() if p.default is not p.empty}
+    one = causes()[name]
+    if one.effects is not None:
+        return one.effects(machine, setting, values)
+    defaults = {k: p.default for k, p in inspect.signature(one.make).parameters.items() if p.default is not p.empty}
     return _world.usual(name, {**defaults, **setting}, [c.name for c in cause(name, machine, setting)], values)
 
 
 def find(item: TermItem, machine: Machine) -> list[Coefficient]:
     """name, or cause with its settings → coefficients. Raises InputError with the nearest names when no family knows it."""
-    modules = families()
     name, detail = (item, {}) if isinstance(item, str) else (str(item["cause"]), {k: v for k, v in item.items() if k != "cause"})
-    if name in modules and hasattr(modules[name], "cause"):
+    if name in causes():
         return cause(name, machine, detail)
-    for module in modules.values():
-        one: Coefficient | None = module.coefficient(name, machine) if hasattr(module, "coefficient") else None
-        if one is not None:
+    for family in families().values():
+        if (one := family.coefficient(name, machine)) is not None:
             return [one]
-    known = [c.name for module in modules.values() if hasattr(module, "coefficients") for c in module.coefficients(machine, 3)]
-    known += [name for name, module in modules.items() if hasattr(module, "cause")]
+    known = [*(c.name for family in families().values() for c in family.coefficients(machine, 3)), *causes()]
     raise InputError(
         f"terms: found {name!r}, which no term of machine {machine.topology} has; allowed: S1, S2, S3, S4, and names such as "
         f"{', '.join(known[:6])} …{suggestion(name, ['S1', 'S2', 'S3', 'S4', *known])}"

@@ -1,24 +1,4 @@
-"""What the files of causes have in common.
-
-A cause is a family with, besides `TEXT` and `SOURCE`,
-
-    FRAME      in which frame it acts: machine, table, spindle, axis, probe, log
-    MISTAKEN   names of the causes that it is taken for
-    SAYS       the finding as a sentence; the words in braces come from tango_cnc/diagnose/sentences.py
-    MEANING    what it does to parts, for a person at the machine
-    ADVICE     what that person does about it
-    REFINE     its shape parameters that are searched between the values of `variants`: name → log, linear or touch
-    EXPECTED   True where every machine has it: it is then also tested alone, not only as one of hundreds (may be left out)
-    KNOWN      number of coefficients whose values follow from what is estimated already; `plausible` compares (may be left out)
-    NEEDS      "tip" where it has to know how far a touch missed: a first estimate without it tells (may be left out)
-    variants(touches)         → settings (mappings) that are worth trying on these touches
-    cause(machine, **setting) → the coefficients that these settings stand for
-
-and, when it has no pattern but a spread, `spread(touches)` → settings and variances (n,) or covariances (n, n) of unit size,
-with `variants` left out. `plausible(values, setting, offsets)`, where a cause has it, refuses values that it cannot have
-(`offsets`: estimated facet offsets in mm). A value of a coefficient that acts on the gap is positive when the surface is read
-too early, outside of where it is.
-"""
+"""What the files of causes have in common: patterns, waves, slow changes. `Cause` in the package says what a file fills."""
 
 from __future__ import annotations
 

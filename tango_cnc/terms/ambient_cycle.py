@@ -9,19 +9,9 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, displaced, label
 from ._world import Effects, vector
-
-TEXT = "the machine breathes with a cycle of its surroundings (air conditioning, chiller, day and night)"
-SOURCE = "ISO 230-3:2020 clause 5 (environmental temperature variation error)"
-FRAME = "machine"
-MISTAKEN = ("thermal_drift", "encoder_harmonic")
-SAYS = "the machine breathes {size} {towards} and back, once every {period}"
-MEANING = "parts made at different moments of the cycle differ by up to twice this"
-ADVICE = "find what switches with this period, shield the machine, or keep the term"
-REFINE = {"period": "log"}
-ONCE = True  # of one axis: two of them together follow any curve
 
 
 def variants(touches: Touches) -> Variants:
@@ -55,3 +45,19 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     else:
         parts = [vector(values[:3]), vector(values[3:])]
     return [base | part | {"phase": turned + ahead} for part, ahead in zip(parts, (90.0, 0.0), strict=True)]
+
+
+TERM = Cause(
+    text="the machine breathes with a cycle of its surroundings (air conditioning, chiller, day and night)",
+    source="ISO 230-3:2020 clause 5 (environmental temperature variation error)",
+    frame="machine",
+    mistaken=("thermal_drift", "encoder_harmonic"),
+    says="the machine breathes {size} {towards} and back, once every {period}",
+    meaning="parts made at different moments of the cycle differ by up to twice this",
+    advice="find what switches with this period, shield the machine, or keep the term",
+    refine={"period": "log"},
+    once=True,  # of one axis: two of them together follow any curve
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

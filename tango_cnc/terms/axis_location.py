@@ -4,17 +4,8 @@ from __future__ import annotations
 
 from ..records import InputError, Machine
 from ..touches import Touches
-from . import Coefficient, inter_axis
+from . import Cause, Coefficient, inter_axis
 from ._cause import Variants
-
-TEXT = "an axis stands in the wrong place or at the wrong angle"
-SOURCE = "ISO 230-1:2012, 3.9.4; thesis eq. 4-5"
-FRAME = "axis"
-MISTAKEN = ("encoder_harmonic",)
-SAYS = "the model lacks {name}; the touch that feels it most is off by {size}"
-MEANING = "every five-axis part is off by this wherever that axis takes part"
-ADVICE = "put the coefficient into the terms of the model and compensate it"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -29,3 +20,17 @@ def cause(machine: Machine, name: str) -> list[Coefficient]:
     if found is None:
         raise InputError(f"terms: axis_location: name: found {name!r}; allowed: EX0C … for axes {' '.join(machine.names)}")
     return [found]
+
+
+TERM = Cause(
+    text="an axis stands in the wrong place or at the wrong angle",
+    source="ISO 230-1:2012, 3.9.4; thesis eq. 4-5",
+    frame="axis",
+    mistaken=("encoder_harmonic",),
+    says="the model lacks {name}; the touch that feels it most is off by {size}",
+    meaning="every five-axis part is off by this wherever that axis takes part",
+    advice="put the coefficient into the terms of the model and compensate it",
+    refine={},
+    variants=variants,
+    make=cause,
+)

@@ -9,16 +9,7 @@ from typing import Any
 from ..kinematics import Slot
 from ..records import InputError, Machine
 from ..touches import Touches
-from . import Coefficient
-
-TEXT = "backlash"
-SOURCE = "ISO 230-1:2012, 3.5.6 (half of the reversal value); thesis section 4.4"
-FRAME = "axis"
-MISTAKEN = ("probe_lobing",)
-SAYS = "{axis} stops {size} short on either side (half of its reversal value)"
-MEANING = "a contour that reverses this axis has a step of twice this size at the reversal"
-ADVICE = "compensate the reversal value, or put the coefficient into the terms of the model"
-REFINE: dict[str, str] = {}
+from . import Cause, Coefficient
 
 PATTERN = re.compile(r"E([XYZABC])\1b")
 
@@ -51,3 +42,19 @@ def cause(machine: Machine, axis: str) -> list[Coefficient]:
     if found is None:
         raise InputError(f"terms: backlash: axis: found {axis!r}; allowed: {', '.join((*machine.linear, *machine.rotary))}")
     return [found]
+
+
+TERM = Cause(
+    text="backlash",
+    source="ISO 230-1:2012, 3.5.6 (half of the reversal value); thesis section 4.4",
+    frame="axis",
+    mistaken=("probe_lobing",),
+    says="{axis} stops {size} short on either side (half of its reversal value)",
+    meaning="a contour that reverses this axis has a step of twice this size at the reversal",
+    advice="compensate the reversal value, or put the coefficient into the terms of the model",
+    refine={},
+    coefficients=coefficients,
+    coefficient=coefficient,
+    variants=variants,
+    make=cause,
+)

@@ -9,17 +9,9 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, early, label
 
-TEXT = "something lies on a facet (chip, dirt) from some touch on"
-SOURCE = "thesis section 4.6 (wet and dirty surfaces)"
-FRAME = "log"
-MISTAKEN = ("step",)
-SAYS = "something lies on facet {facet} from touch {at} on, {clock} after the start: it reads {size} early"
-MEANING = "the facet is not where it was: its touches from then on pull the estimate and say nothing about the machine"
-ADVICE = "clean the facet and measure it again"
-REFINE = {"at": "touch"}
 FEWEST = 3  # touches with it; and two without it
 
 
@@ -44,3 +36,18 @@ def cause(machine: Machine, facet: str, at: float = 1) -> list[Coefficient]:
         return ((np.array(t.facet) == facet) & (np.arange(1, len(t) + 1) >= at)).astype(float)
 
     return [early(label("chip", facet, at), there)]
+
+
+TERM = Cause(
+    text="something lies on a facet (chip, dirt) from some touch on",
+    source="thesis section 4.6 (wet and dirty surfaces)",
+    frame="log",
+    mistaken=("step",),
+    says="something lies on facet {facet} from touch {at} on, {clock} after the start: it reads {size} early",
+    meaning="the facet is not where it was: its touches from then on pull the estimate and say nothing about the machine",
+    advice="clean the facet and measure it again",
+    refine={"at": "touch"},
+    variants=variants,
+    make=cause,
+    plausible=plausible,
+)

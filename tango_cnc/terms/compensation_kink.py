@@ -10,19 +10,11 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient, Setting
 from ._cause import Pattern, Variants, label, moved_axes, need
 from ._world import Effects
 
-TEXT = "the compensation table of an axis has a kink"
-SOURCE = "piecewise linear pitch error compensation; ISO 230-2:2014, annex"
-FRAME = "axis"
-MISTAKEN = ("error_motion",)
-SAYS = "the error of {axis} bends at {place}; the touch that feels it most is off by {size}"
-MEANING = "positions beyond the kink are off in proportion to their distance from it"
-ADVICE = "measure the axis again at the nodes of its table and write the table anew, or keep the term"
-REFINE = {"at": "linear"}
-ONCE = True  # of one axis: two of them together follow any curve
+KINKS = 2  # of an axis, or one table of them
 NODES = 15
 PLACES = 5  # of a rotary axis, below which nothing can bend between them
 
@@ -69,3 +61,25 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     nodes = np.unique([*travel, *places])
     size = np.maximum(nodes[:, None] - places, 0.0) @ (values * unit)
     return [{"cause": "compensation_kink", "axis": axis, "nodes": nodes.tolist(), "values": size.tolist()}]
+
+
+def beside(touches: Touches, setting: Setting, chosen: Sequence[Setting]) -> bool:
+    """touches, setting, those chosen on this axis → whether an axis may have it too: kinks upon kinks follow any curve."""
+    return not chosen or (len(chosen) < KINKS and not any(s.get("nodes") for s in (setting, *chosen)))
+
+
+TERM = Cause(
+    text="the compensation table of an axis has a kink",
+    source="piecewise linear pitch error compensation; ISO 230-2:2014, annex",
+    frame="axis",
+    mistaken=("error_motion",),
+    says="the error of {axis} bends at {place}; the touch that feels it most is off by {size}",
+    meaning="positions beyond the kink are off in proportion to their distance from it",
+    advice="measure the axis again at the nodes of its table and write the table anew, or keep the term",
+    refine={"at": "linear"},
+    once=True,  # of one axis: two of them together follow any curve
+    variants=variants,
+    make=cause,
+    beside=beside,
+    effects=effects,
+)

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient, Setting
 from ._cause import Variants, label, moved_axes, need, wave
 
-TEXT = "a linear axis has a periodic error (screw pitch, scale period)"
-SOURCE = "ISO 230-2:2014; ISO 230-1:2012, 3.5.4 (periodic error motion)"
-FRAME = "axis"
-MISTAKEN = ("cyclic_error",)
-SAYS = "{axis} errs by {size} to either side, once every {period}"
-MEANING = "steps and waves of this size on surfaces that the axis cuts along its way"
-ADVICE = "check the screw's bearing and the scale's interpolation; several periods can look alike to few touches"
-REFINE = {"period": "wave"}
+RESOLVED = 1.0  # waves over the way of an axis by which two periods differ, or they are one
 SHORTEST, LONGEST = 5.0, 80.0  # mm
 
 
@@ -37,3 +32,24 @@ def cause(machine: Machine, axis: str, period: float) -> list[Coefficient]:
         return 2 * np.pi * t.axis(axis) / period
 
     return wave(label("cyclic_error", axis, period), Slot(axis, "motion"), angle, "mm")
+
+
+def beside(touches: Touches, setting: Setting, chosen: Sequence[Setting]) -> bool:
+    """touches, setting, those chosen on this axis → whether its period differs from theirs by a wave over the way, or more."""
+    way = float(np.ptp(touches.axis(setting["axis"])))
+    return all(abs(way / setting["period"] - way / o["period"]) > RESOLVED for o in chosen)
+
+
+TERM = Cause(
+    text="a linear axis has a periodic error (screw pitch, scale period)",
+    source="ISO 230-2:2014; ISO 230-1:2012, 3.5.4 (periodic error motion)",
+    frame="axis",
+    mistaken=("cyclic_error",),
+    says="{axis} errs by {size} to either side, once every {period}",
+    meaning="steps and waves of this size on surfaces that the axis cuts along its way",
+    advice="check the screw's bearing and the scale's interpolation; several periods can look alike to few touches",
+    refine={"period": "wave"},
+    variants=variants,
+    make=cause,
+    beside=beside,
+)

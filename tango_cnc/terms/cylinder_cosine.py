@@ -14,19 +14,10 @@ from numpy.typing import NDArray
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, early, label
 from ._world import Effects
 
-TEXT = "a curved facet was taken for a plane and touched beside its nominal point"
-SOURCE = "thesis chapter 5 and its future work (cosine error on a cylindrical table)"
-FRAME = "table"
-MISTAKEN = ("surface_form",)
-NEEDS = "tip"  # of a first estimate
-SAYS = "curved facets were taken for planes; the touch that misses its point most is off by {size}"
-MEANING = "the machine is sound; the artefact file says flat where the table is round, and the estimate is pulled by it"
-ADVICE = "give the facet its `surface` in artefact.yaml"
-REFINE: dict[str, str] = {}
 LEAST = 0.1  # mm of sideways miss: below it even a radius of 10 mm makes less than half a micrometre
 NOTHING = 1e-3  # mm of sideways miss: on the point
 SQUARE = 0.01  # cosine between a facet's normal and the axis of the cylinder
@@ -80,3 +71,19 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
         return []
     base = {"cause": "cylinder_cosine", "radius": 1 / float(values[0]) - machine.probe.tip_radius}
     return [base | {k: list(v) for k, v in setting.items() if k in ("facets", "axis") and len(v)}]
+
+
+TERM = Cause(
+    text="a curved facet was taken for a plane and touched beside its nominal point",
+    source="thesis chapter 5 and its future work (cosine error on a cylindrical table)",
+    frame="table",
+    mistaken=("surface_form",),
+    says="curved facets were taken for planes; the touch that misses its point most is off by {size}",
+    meaning="the machine is sound; the artefact file says flat where the table is round, and the estimate is pulled by it",
+    advice="give the facet its `surface` in artefact.yaml",
+    refine={},
+    needs="tip",  # of a first estimate
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

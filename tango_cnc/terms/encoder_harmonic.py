@@ -7,17 +7,9 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, label, need
 
-TEXT = "the angle encoder of a rotary axis has a periodic error"
-SOURCE = "ISO 230-2:2014; ISO 230-7:2015, 3.2 (orders)"
-FRAME = "axis"
-MISTAKEN = ("axis_location", "rotary_backlash")
-SAYS = "the angle of {axis} errs in {waves}; the touch that feels it most is off by {size}"
-MEANING = "every angle of this axis is off by a wave around the turn; the error of a part grows with its distance from the axis"
-ADVICE = "have the encoder centred or compensated by a table of the control, or keep the term"
-REFINE: dict[str, str] = {}
 ORDERS = (1, 2, 3, 4, 5, 6)
 
 
@@ -37,3 +29,17 @@ def cause(machine: Machine, axis: str, order: int = 1) -> list[Coefficient]:
         Coefficient(f"{stem}.cos", "rad", slot, lambda t: np.cos(order * t.axis(axis))),
         Coefficient(f"{stem}.sin", "rad", slot, lambda t: np.sin(order * t.axis(axis))),
     ]
+
+
+TERM = Cause(
+    text="the angle encoder of a rotary axis has a periodic error",
+    source="ISO 230-2:2014; ISO 230-7:2015, 3.2 (orders)",
+    frame="axis",
+    mistaken=("axis_location", "rotary_backlash"),
+    says="the angle of {axis} errs in {waves}; the touch that feels it most is off by {size}",
+    meaning="every angle of this axis is off by a wave around the turn; the error of a part grows with its distance from the axis",
+    advice="have the encoder centred or compensated by a table of the control, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+)

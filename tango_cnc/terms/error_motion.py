@@ -11,17 +11,8 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import COMPONENTS, Array, InputError, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._world import Effects, full
-
-TEXT = "error motion"
-SOURCE = "ISO 230-1:2012, 3.6; thesis eq. 4-6, 4-8"
-FRAME = "axis"
-MISTAKEN = ("compensation_kink", "moving_mass")
-SAYS = "the model lacks {name}; the touch that feels it most is off by {size}"
-MEANING = "the tool leaves its straight line or its plane by this within the travel"
-ADVICE = "put the coefficient into the terms of the model (S4 has them all) and compensate it"
-REFINE: dict[str, str] = {}
 
 PATTERN = re.compile(r"E([XYZABC])([XYZABC])([0-9])")
 
@@ -82,3 +73,20 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     return [
         {"cause": "error_motion", "name": name[:3], "degree": degree, "amplitude": float(values[0]) * own**degree, "span": span}
     ]
+
+
+TERM = Cause(
+    text="error motion",
+    source="ISO 230-1:2012, 3.6; thesis eq. 4-6, 4-8",
+    frame="axis",
+    mistaken=("compensation_kink", "moving_mass"),
+    says="the model lacks {name}; the touch that feels it most is off by {size}",
+    meaning="the tool leaves its straight line or its plane by this within the travel",
+    advice="put the coefficient into the terms of the model (S4 has them all) and compensate it",
+    refine={},
+    coefficients=coefficients,
+    coefficient=coefficient,
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

@@ -6,17 +6,8 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, early, label, need
-
-TEXT = "the first touch after an indexation or a pause reads differently"
-SOURCE = "probe wake-up and settling of clamps; ISO 230-10:2022, 5.4 (warm-up touches)"
-FRAME = "probe"
-MISTAKEN = ("indexation_seating",)
-SAYS = "the first touch after every {after} reads {size} {early}"
-MEANING = "a habit of the probe or the clamps, not an error of parts; single touches that are used for setting work up have it too"
-ADVICE = "make one touch that does not count after every indexation, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -39,3 +30,18 @@ def cause(machine: Machine, after: str = "indexation", pause: float = 60.0) -> l
         return np.concatenate([[True], fresh]).astype(float)
 
     return [early(label("first_touch", after, *((pause,) if after == "pause" else ())), pattern)]
+
+
+TERM = Cause(
+    text="the first touch after an indexation or a pause reads differently",
+    source="probe wake-up and settling of clamps; ISO 230-10:2022, 5.4 (warm-up touches)",
+    frame="probe",
+    mistaken=("indexation_seating",),
+    says="the first touch after every {after} reads {size} {early}",
+    meaning="a habit of the probe or the clamps, not an error of parts; "
+    "single touches that are used for setting work up have it too",
+    advice="make one touch that does not count after every indexation, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+)

@@ -10,18 +10,9 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import COMPONENTS, Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, displaced, early, label, need
 from ._world import Effects, toward, vector
-
-TEXT = "the table sags under its own weight as it tilts"
-SOURCE = "ISO 230-1:2012, 3.4.3 (compliance); sine of the tilt as for a beam"
-FRAME = "machine"
-MISTAKEN = ("encoder_harmonic", "rotary_tilt")
-SAYS = "the table sags as {axis} tilts, by {size}{toward}"
-MEANING = "parts that are machined tilted are off by this against parts that are machined level"
-ADVICE = "calibrate with the load that is machined, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -58,3 +49,18 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
         return [{"cause": "gravity_sag", "axis": axis, "amplitude": 0.0, "direction": [0.0, 0.0, 1.0], "tilt": float(values[0])}]
     about = {"direction": toward(machine, axis, component), "order": 1, "phase": -90.0, "frame": "fixed"}
     return [{"cause": "rotary_tilt", "axis": axis, "amplitude": float(values[0]), **about}]
+
+
+TERM = Cause(
+    text="the table sags under its own weight as it tilts",
+    source="ISO 230-1:2012, 3.4.3 (compliance); sine of the tilt as for a beam",
+    frame="machine",
+    mistaken=("encoder_harmonic", "rotary_tilt"),
+    says="the table sags as {axis} tilts, by {size}{toward}",
+    meaning="parts that are machined tilted are off by this against parts that are machined level",
+    advice="calibrate with the load that is machined, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

@@ -9,18 +9,9 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import displaced, label
 from ._world import Effects
-
-TEXT = "the rotary axes do not seat in the same place after every indexation"
-SOURCE = "ISO 230-2:2014 (positioning repeatability); ISO 10791-4"
-FRAME = "machine"
-MISTAKEN = ("step", "noise_level")
-SAYS = "the table sits elsewhere after every indexation, by {size} (one standard deviation)"
-MEANING = "two parts, or two sides of a part, that are machined in separate indexations differ by this at random"
-ADVICE = "check the clamping; repeat indexations, because more touches of one indexation do not average this out"
-REFINE: dict[str, str] = {}
 
 
 def spread(touches: Touches) -> list[tuple[dict[str, Any], Array]]:
@@ -46,3 +37,19 @@ def fitted(touches: Touches) -> dict[str, Any]:
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
     """machine, setting, values → nothing of the offsets that were freed: seating is a spread, not a set of numbers (world.yaml)."""
     return [{"cause": "indexation_seating", "amplitude": float(values[0])}] if len(values) == 1 else []
+
+
+TERM = Cause(
+    text="the rotary axes do not seat in the same place after every indexation",
+    source="ISO 230-2:2014 (positioning repeatability); ISO 10791-4",
+    frame="machine",
+    mistaken=("step", "noise_level"),
+    says="the table sits elsewhere after every indexation, by {size} (one standard deviation)",
+    meaning="two parts, or two sides of a part, that are machined in separate indexations differ by this at random",
+    advice="check the clamping; repeat indexations, because more touches of one indexation do not average this out",
+    refine={},
+    spread=spread,
+    fitted=fitted,
+    make=cause,
+    effects=effects,
+)

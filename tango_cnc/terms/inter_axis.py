@@ -8,10 +8,7 @@ import numpy as np
 
 from ..kinematics import Slot
 from ..records import COMPONENTS, Machine
-from . import Coefficient
-
-TEXT = "axis location error"
-SOURCE = "ISO 230-1:2012, 3.9.4; thesis eq. 4-5"
+from . import Coefficient, Family
 
 PATTERN = re.compile(r"E([XYZABC])0([XYZABCS])")
 
@@ -41,3 +38,11 @@ def coefficients(machine: Machine, degree: int) -> list[Coefficient]:
     names += [f"E{c}0{axis}" for axis in rotary for c in COMPONENTS if c != axis]
     names += [name for axis in (*rotary, "S", *linear) for c in COMPONENTS if (name := f"E{c}0{axis}") not in names]
     return [found for name in names if (found := coefficient(name, machine)) is not None]
+
+
+TERM = Family(
+    text="axis location error",
+    source="ISO 230-1:2012, 3.9.4; thesis eq. 4-5",
+    coefficients=coefficients,
+    coefficient=coefficient,
+)

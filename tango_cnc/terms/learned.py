@@ -9,19 +9,10 @@ import numpy as np
 
 from ..records import Array, InputError, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, early
 from ._shape import form_of
 from ._world import Effects
-
-TEXT = "a shape without a name that was learned from an earlier measurement of this machine"
-SOURCE = "Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, chapter 2"
-FRAME = "machine, table, spindle or axis"
-MISTAKEN = ("indexation_seating",)
-SAYS = "the shape {name} that was learned before is back, {times} times as large; the touch that feels it most is off by {size}"
-MEANING = "parts are off by this as they were when it was learned"
-ADVICE = "keep the term, and look for what was the same on both occasions"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -61,3 +52,18 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     """machine, setting, values → the same shape, so many times as large (world.yaml)."""
     kept = {k: setting[k] for k in ("name", "factors", "weight", "values") if k in setting}
     return [{"cause": "learned", **kept, "amplitude": float(values[0])}]
+
+
+TERM = Cause(
+    text="a shape without a name that was learned from an earlier measurement of this machine",
+    source="Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, chapter 2",
+    frame="machine, table, spindle or axis",
+    mistaken=("indexation_seating",),
+    says="the shape {name} that was learned before is back, {times} times as large; the touch that feels it most is off by {size}",
+    meaning="parts are off by this as they were when it was learned",
+    advice="keep the term, and look for what was the same on both occasions",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

@@ -7,17 +7,8 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, label, moved_axes, need
-
-TEXT = "where an axis stops depends on the length of its last move"
-SOURCE = "servo settling and guide friction; ISO 230-1:2012, 3.5.7"
-FRAME = "axis"
-MISTAKEN = ("backlash",)
-SAYS = "where {axis} stops depends on how far it came, by {size}"
-MEANING = "positions that are reached by long moves are off against those reached by short ones"
-ADVICE = "approach every touch from the same distance, add a dwell after long moves, or keep the term"
-REFINE = {"length": "log"}
 
 
 def way(t: Touches, axis: str) -> Array:
@@ -47,3 +38,17 @@ def cause(machine: Machine, axis: str, shape: str = "linear", length: float = 10
         return relative if shape == "linear" else 1 - np.exp(-relative)
 
     return [Coefficient(label("move_length_memory", axis, shape, length), unit, Slot(axis, "motion"), memory)]
+
+
+TERM = Cause(
+    text="where an axis stops depends on the length of its last move",
+    source="servo settling and guide friction; ISO 230-1:2012, 3.5.7",
+    frame="axis",
+    mistaken=("backlash",),
+    says="where {axis} stops depends on how far it came, by {size}",
+    meaning="positions that are reached by long moves are off against those reached by short ones",
+    advice="approach every touch from the same distance, add a dwell after long moves, or keep the term",
+    refine={"length": "log"},
+    variants=variants,
+    make=cause,
+)

@@ -8,18 +8,9 @@ from typing import Any
 from ..kinematics import Slot
 from ..records import COMPONENTS, Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, label, moved_axes, need
 from ._world import Effects, full
-
-TEXT = "the weight of a moving axis tilts another one"
-SOURCE = "ISO 230-1:2012, 3.4.3; error motion that depends on two positions"
-FRAME = "machine"
-MISTAKEN = ("error_motion",)
-SAYS = "{name} grows with the position of {by}; the touch that feels it most is off by {size}"
-MEANING = "squareness depends on where the other axis stands: large parts suffer, small ones hardly"
-ADVICE = "check levelling and foundation, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -48,3 +39,18 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     return [
         {"cause": "moving_mass", "name": setting["name"], "by": setting["by"], "amplitude": float(values[0]) * own, "span": span}
     ]
+
+
+TERM = Cause(
+    text="the weight of a moving axis tilts another one",
+    source="ISO 230-1:2012, 3.4.3; error motion that depends on two positions",
+    frame="machine",
+    mistaken=("error_motion",),
+    says="{name} grows with the position of {by}; the touch that feels it most is off by {size}",
+    meaning="squareness depends on where the other axis stands: large parts suffer, small ones hardly",
+    advice="check levelling and foundation, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

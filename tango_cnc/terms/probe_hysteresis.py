@@ -9,18 +9,9 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, early, label, need, normals
 from ._world import Effects
-
-TEXT = "the probe remembers the direction of the touch before"
-SOURCE = "ISO 230-10:2022, 6.2 (probing repeatability); kinematic re-seating of the stylus"
-FRAME = "spindle"
-MISTAKEN = ("backlash",)
-SAYS = "the tip rests {size} to the side of the touch before"
-MEANING = "a matter of the probe, not of parts; measured positions depend on what was touched before"
-ADVICE = "touch twice and use the second touch, have the probe serviced, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -49,3 +40,18 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     if setting.get("frame", "spindle") != "spindle":
         return []
     return [{"cause": "probe_hysteresis", "amplitude": float(values[0])}]
+
+
+TERM = Cause(
+    text="the probe remembers the direction of the touch before",
+    source="ISO 230-10:2022, 6.2 (probing repeatability); kinematic re-seating of the stylus",
+    frame="spindle",
+    mistaken=("backlash",),
+    says="the tip rests {size} to the side of the touch before",
+    meaning="a matter of the probe, not of parts; measured positions depend on what was touched before",
+    advice="touch twice and use the second touch, have the probe serviced, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

@@ -6,17 +6,9 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import GAP, Coefficient
+from . import GAP, Cause, Coefficient
 from ._cause import Variants, label, wave
 
-TEXT = "the probe's pre-travel depends on the direction around its axis"
-SOURCE = "ISO 230-10:2022, 6.4 (2D probing error); thesis section 7.3"
-FRAME = "spindle"
-MISTAKEN = ("backlash",)
-SAYS = "the probe reads with {order} lobes around its axis, {size} early on a lobe and as much late between"
-MEANING = "a matter of the probe, not of parts; bores and bosses measured with it are out of round by twice this"
-ADVICE = "orient the spindle so that the probe always touches on the same side, use a strain-gauge probe, or keep the term"
-REFINE: dict[str, str] = {}
 ORDERS = (2, 3, 4, 6)  # order 1 is the stylus offset
 
 
@@ -38,3 +30,17 @@ def cause(machine: Machine, order: int = 3) -> list[Coefficient]:
         return result
 
     return wave(label("probe_lobing", order), GAP, azimuth, "mm", across)
+
+
+TERM = Cause(
+    text="the probe's pre-travel depends on the direction around its axis",
+    source="ISO 230-10:2022, 6.4 (2D probing error); thesis section 7.3",
+    frame="spindle",
+    mistaken=("backlash",),
+    says="the probe reads with {order} lobes around its axis, {size} early on a lobe and as much late between",
+    meaning="a matter of the probe, not of parts; bores and bosses measured with it are out of round by twice this",
+    advice="orient the spindle so that the probe always touches on the same side, use a strain-gauge probe, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+)

@@ -10,18 +10,9 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, displaced, label, need
 from ._world import Effects, vector
-
-TEXT = "some touches in a row were made while something was elsewhere (one clamping, an open door, a knock that went back)"
-SOURCE = "change-point model; thesis section 7.3 (dismount and remount)"
-FRAME = "machine"
-MISTAKEN = ("step", "indexation_seating")
-SAYS = "touches {at} to {until} are off by {size} {towards}"
-MEANING = "these touches say nothing about the machine as it usually is; they would pull the estimate"
-ADVICE = "find out what happened then, and measure these touches again"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -53,3 +44,18 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     if len(values) == 1:
         return [base | {"amplitude": float(values[0]), "direction": [float(x) for x in setting["direction"]]}]
     return [base | vector(values)]
+
+
+TERM = Cause(
+    text="some touches in a row were made while something was elsewhere (one clamping, an open door, a knock that went back)",
+    source="change-point model; thesis section 7.3 (dismount and remount)",
+    frame="machine",
+    mistaken=("step", "indexation_seating"),
+    says="touches {at} to {until} are off by {size} {towards}",
+    meaning="these touches say nothing about the machine as it usually is; they would pull the estimate",
+    advice="find out what happened then, and measure these touches again",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

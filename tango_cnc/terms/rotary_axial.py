@@ -7,22 +7,10 @@ from typing import Any
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, need
 from ._rotary import along, every, harmonics
 from ._world import Effects, wave
-
-TEXT = "a rotary axis moves along its axis as it turns"
-SOURCE = "ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6"
-FRAME = "axis"
-MISTAKEN = (
-    "rotary_radial",
-    "rotary_tilt",
-)
-SAYS = "the body of {axis} moves along its axis in {waves}, by {size}"
-MEANING = "surfaces that are turned or milled around this axis rise and fall by this within a turn"
-ADVICE = "check the bearing and its preload, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -39,3 +27,21 @@ def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
     """machine, setting, values → a wave along the axis (world.yaml); whether it turns with the body is the same there."""
     return [{"cause": "rotary_axial", "axis": setting["axis"], "order": setting.get("order", 2)} | wave(values)]
+
+
+TERM = Cause(
+    text="a rotary axis moves along its axis as it turns",
+    source="ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6",
+    frame="axis",
+    mistaken=(
+        "rotary_radial",
+        "rotary_tilt",
+    ),
+    says="the body of {axis} moves along its axis in {waves}, by {size}",
+    meaning="surfaces that are turned or milled around this axis rise and fall by this within a turn",
+    advice="check the bearing and its preload, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

@@ -7,22 +7,10 @@ from typing import Any
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, need
 from ._rotary import across, every, harmonics, waves
 from ._world import Effects
-
-TEXT = "a rotary axis moves sideways as it turns"
-SOURCE = "ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6"
-FRAME = "axis"
-MISTAKEN = (
-    "rotary_axial",
-    "rotary_tilt",
-)
-SAYS = "the body of {axis} moves sideways in {waves}, by {size}"
-MEANING = "features around this axis are off sideways by this, depending on its angle"
-ADVICE = "check the bearing and its preload, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -39,3 +27,21 @@ def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
     """machine, setting, values → one wave along every component that was estimated (world.yaml)."""
     return waves("rotary_radial", machine, setting, values, across(str(setting["axis"]), rotation=False))
+
+
+TERM = Cause(
+    text="a rotary axis moves sideways as it turns",
+    source="ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6",
+    frame="axis",
+    mistaken=(
+        "rotary_axial",
+        "rotary_tilt",
+    ),
+    says="the body of {axis} moves sideways in {waves}, by {size}",
+    meaning="features around this axis are off sideways by this, depending on its angle",
+    advice="check the bearing and its preload, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

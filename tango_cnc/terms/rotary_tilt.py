@@ -7,22 +7,10 @@ from typing import Any
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, need
 from ._rotary import across, every, harmonics, waves
 from ._world import Effects
-
-TEXT = "a rotary axis tilts as it turns"
-SOURCE = "ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6"
-FRAME = "axis"
-MISTAKEN = (
-    "rotary_radial",
-    "rotary_axial",
-)
-SAYS = "the body of {axis} tilts in {waves}; the touch that feels it most is off by {size}"
-MEANING = "features around this axis are tilted, depending on its angle; the error grows with the distance from the axis"
-ADVICE = "check the bearing and its preload, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -39,3 +27,21 @@ def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
     """machine, setting, values → one wave along every component that was estimated (world.yaml)."""
     return waves("rotary_tilt", machine, setting, values, across(str(setting["axis"]), rotation=True))
+
+
+TERM = Cause(
+    text="a rotary axis tilts as it turns",
+    source="ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6",
+    frame="axis",
+    mistaken=(
+        "rotary_radial",
+        "rotary_axial",
+    ),
+    says="the body of {axis} tilts in {waves}; the touch that feels it most is off by {size}",
+    meaning="features around this axis are tilted, depending on its angle; the error grows with the distance from the axis",
+    advice="check the bearing and its preload, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

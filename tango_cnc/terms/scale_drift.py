@@ -5,18 +5,8 @@ from __future__ import annotations
 from ..kinematics import Slot
 from ..records import Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import HOUR, Variants, grown, label, need, slow
-
-TEXT = "the scale of an axis grows as it warms up"
-SOURCE = "ISO 230-3:2020 clause 7; steel and glass scales grow 8 to 12 µm/m/K"
-FRAME = "axis"
-MISTAKEN = ("table_growth",)
-SAYS = "the scale of {axis} grows{course}; the touch that feels it most is off by {size}"
-MEANING = "a part made cold and one made warm differ along this axis in proportion to their length"
-ADVICE = "warm the axis up by moving it, check the compensation of its scale temperature, or keep the term"
-REFINE = {"tau": "log"}
-ONCE = True  # of one axis: two of them together follow any curve
 
 
 def variants(touches: Touches) -> Variants:
@@ -34,3 +24,18 @@ def cause(
     growing = grown(shape, tau, sensor)
     stem = label("scale_drift", axis, *((sensor,) if sensor else (shape, tau)))
     return [Coefficient(stem, "mm/mm/K" if sensor else "mm/mm", Slot(axis, "motion"), lambda t: t.axis(axis) * growing(t))]
+
+
+TERM = Cause(
+    text="the scale of an axis grows as it warms up",
+    source="ISO 230-3:2020 clause 7; steel and glass scales grow 8 to 12 µm/m/K",
+    frame="axis",
+    mistaken=("table_growth",),
+    says="the scale of {axis} grows{course}; the touch that feels it most is off by {size}",
+    meaning="a part made cold and one made warm differ along this axis in proportion to their length",
+    advice="warm the axis up by moving it, check the compensation of its scale temperature, or keep the term",
+    refine={"tau": "log"},
+    once=True,  # of one axis: two of them together follow any curve
+    variants=variants,
+    make=cause,
+)

@@ -9,18 +9,9 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, early, label, need
 from ._world import Effects
-
-TEXT = "the spindle does not orient where it is told and swings the stylus"
-SOURCE = "ISO 230-7:2015; stylus offset × error of S"
-FRAME = "spindle"
-MISTAKEN = ("probe_lobing",)
-SAYS = "the spindle does not orient where it is told{where} and swings the stylus by {size}"
-MEANING = "a matter of the probe's stylus, not of parts, as long as nothing is bored or probed with an oriented spindle"
-ADVICE = "orient the spindle always from the same side, centre the stylus, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -56,3 +47,18 @@ def cause(machine: Machine, S: float | None = None, order: int = 1) -> list[Coef
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
     """machine, setting, values → nothing: the simulated spindle turns, and what that does depends on the stylus (world.yaml)."""
     return []
+
+
+TERM = Cause(
+    text="the spindle does not orient where it is told and swings the stylus",
+    source="ISO 230-7:2015; stylus offset × error of S",
+    frame="spindle",
+    mistaken=("probe_lobing",),
+    says="the spindle does not orient where it is told{where} and swings the stylus by {size}",
+    meaning="a matter of the probe's stylus, not of parts, as long as nothing is bored or probed with an oriented spindle",
+    advice="orient the spindle always from the same side, centre the stylus, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

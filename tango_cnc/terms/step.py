@@ -8,17 +8,9 @@ import numpy as np
 
 from ..records import Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, displaced, label, turns
 
-TEXT = "something moved at once (restart, re-seated probe, remounted table, knock)"
-SOURCE = "change-point model; thesis section 7.3 (dismount and remount)"
-FRAME = "machine or table"
-MISTAKEN = ("thermal_drift", "table_drift")
-SAYS = "everything moved {size} {towards} at touch {at}, {clock} after the start"
-MEANING = "parts before and after that moment do not fit together; a calibration across it describes neither machine"
-ADVICE = "find out what happened at that moment and measure again; keep the term only if it cannot be repeated"
-REFINE = {"at": "touch"}
 FEWEST = 6  # touches before and after
 
 
@@ -40,3 +32,17 @@ def cause(machine: Machine, at: float, frame: str = "machine", direction: Sequen
         return (np.arange(1, len(t) + 1) >= at).astype(float)
 
     return displaced(label("step", at, frame), frame, after, direction)
+
+
+TERM = Cause(
+    text="something moved at once (restart, re-seated probe, remounted table, knock)",
+    source="change-point model; thesis section 7.3 (dismount and remount)",
+    frame="machine or table",
+    mistaken=("thermal_drift", "table_drift"),
+    says="everything moved {size} {towards} at touch {at}, {clock} after the start",
+    meaning="parts before and after that moment do not fit together; a calibration across it describes neither machine",
+    advice="find out what happened at that moment and measure again; keep the term only if it cannot be repeated",
+    refine={"at": "touch"},
+    variants=variants,
+    make=cause,
+)

@@ -9,17 +9,8 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._world import Effects
-
-TEXT = "some facets are rougher than the probe repeats"
-SOURCE = "thesis Table 4-3, section 7.3, procedure III (surface irregularity)"
-FRAME = "table"
-MISTAKEN = ("noise_level",)
-SAYS = "facets {facets} scatter more than the others, the worst by {size} (one standard deviation)"
-MEANING = "a matter of the artefact, not of parts: touches on these facets are worth less"
-ADVICE = "clean or regrind these facets, touch others, or weight them less"
-REFINE: dict[str, str] = {}
 
 
 def spread(touches: Touches) -> list[tuple[dict[str, Any], Array]]:
@@ -39,3 +30,18 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     if len(values) == len(facets):
         return [{"cause": "surface_form", "amplitude": float(v), "facets": [f]} for f, v in zip(facets, values, strict=True)]
     return [{"cause": "surface_form", "amplitude": float(v), "facets": list(facets)} for v in values[:1]]
+
+
+TERM = Cause(
+    text="some facets are rougher than the probe repeats",
+    source="thesis Table 4-3, section 7.3, procedure III (surface irregularity)",
+    frame="table",
+    mistaken=("noise_level",),
+    says="facets {facets} scatter more than the others, the worst by {size} (one standard deviation)",
+    meaning="a matter of the artefact, not of parts: touches on these facets are worth less",
+    advice="clean or regrind these facets, touch others, or weight them less",
+    refine={},
+    spread=spread,
+    make=cause,
+    effects=effects,
+)

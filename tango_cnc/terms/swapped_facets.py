@@ -10,19 +10,10 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, early, label
 from ._world import Effects
 
-TEXT = "two facets are exchanged in the readings"
-SOURCE = "clerical error; both are read with the offset of the other"
-FRAME = "log"
-MISTAKEN = ("chip",)
-SAYS = "facets {facets} are exchanged in the readings from touch {at} to {until}; each reads off by {size}"
-MEANING = "a clerical matter; their touches pull the estimate as if the machine were wrong"
-ADVICE = "exchange the two facets in the readings, or measure these indexations again"
-REFINE: dict[str, str] = {}
-KNOWN = 1  # an exchange is as large as the two offsets differ
 LONGEST = 3  # indexations in a row that see the same two facets, of touches that nobody has made yet
 CLOSE = 5.0  # mm
 FOREVER = 2**31
@@ -88,3 +79,20 @@ def cause(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = F
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
     """machine, setting, values → the two names exchanged: by how much is a matter of the facets (world.yaml)."""
     return [{"cause": "swapped_facets", **{k: list(v) if k == "facets" else v for k, v in setting.items()}}]
+
+
+TERM = Cause(
+    text="two facets are exchanged in the readings",
+    source="clerical error; both are read with the offset of the other",
+    frame="log",
+    mistaken=("chip",),
+    says="facets {facets} are exchanged in the readings from touch {at} to {until}; each reads off by {size}",
+    meaning="a clerical matter; their touches pull the estimate as if the machine were wrong",
+    advice="exchange the two facets in the readings, or measure these indexations again",
+    refine={},
+    known=1,  # an exchange is as large as the two offsets differ
+    variants=variants,
+    make=cause,
+    plausible=plausible,
+    effects=effects,
+)

@@ -6,18 +6,8 @@ from collections.abc import Sequence
 
 from ..records import Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import HOUR, Variants, displaced, grown, label, slow, turns
-
-TEXT = "the table creeps on its turntable"
-SOURCE = "ISO 230-3:2020 clause 5, seen from the table"
-FRAME = "table"
-MISTAKEN = ("thermal_drift",)
-SAYS = "the table creeps {size} {towards}{course}"
-MEANING = "parts on the table move with it between operations by this"
-ADVICE = "check the table's clamping and coolant temperature, or keep the term"
-REFINE = {"tau": "log"}
-ONCE = True  # of one axis: two of them together follow any curve
 
 
 def variants(touches: Touches) -> Variants:
@@ -36,3 +26,18 @@ def cause(
     """machine, f(t) = 1 − e^(−t/tau) or t/tau, tau in s → coefficients in mm (mm/K for a sensor), table frame."""
     stem = label("table_drift", *((sensor,) if sensor else (shape, tau)))
     return displaced(stem, "table", grown(shape, tau, sensor), direction, "mm/K" if sensor else "mm")
+
+
+TERM = Cause(
+    text="the table creeps on its turntable",
+    source="ISO 230-3:2020 clause 5, seen from the table",
+    frame="table",
+    mistaken=("thermal_drift",),
+    says="the table creeps {size} {towards}{course}",
+    meaning="parts on the table move with it between operations by this",
+    advice="check the table's clamping and coolant temperature, or keep the term",
+    refine={"tau": "log"},
+    once=True,  # of one axis: two of them together follow any curve
+    variants=variants,
+    make=cause,
+)

@@ -6,20 +6,8 @@ import numpy as np
 
 from ..records import Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import HOUR, Variants, early, grown, label, slow
-
-TEXT = "the table grows as it warms up"
-SOURCE = "ISO 230-3:2020 clause 5; steel grows 12 µm/m/K"
-FRAME = "table"
-MISTAKEN = ("scale_drift",)
-SAYS = "the table grows{course}; the touch that feels it most is off by {size}"
-MEANING = (
-    "the artefact and the parts grow with the coolant and the room; diameters and distances are off in proportion to their size"
-)
-ADVICE = "let table and coolant settle, measure the scale bar at the beginning and at the end, or keep the term"
-REFINE = {"tau": "log"}
-ONCE = True  # of one axis: two of them together follow any curve
 
 
 def variants(touches: Touches) -> Variants:
@@ -32,3 +20,19 @@ def cause(machine: Machine, shape: str = "exponential", tau: float = HOUR, senso
     growing = grown(shape, tau, sensor)
     stem = label("table_growth", *((sensor,) if sensor else (shape, tau)))
     return [early(stem, lambda t: np.sum(t.normal * t.point, axis=1) * growing(t), "mm/mm/K" if sensor else "mm/mm")]
+
+
+TERM = Cause(
+    text="the table grows as it warms up",
+    source="ISO 230-3:2020 clause 5; steel grows 12 µm/m/K",
+    frame="table",
+    mistaken=("scale_drift",),
+    says="the table grows{course}; the touch that feels it most is off by {size}",
+    meaning="the artefact and the parts grow with the coolant and the room; "
+    "diameters and distances are off in proportion to their size",
+    advice="let table and coolant settle, measure the scale bar at the beginning and at the end, or keep the term",
+    refine={"tau": "log"},
+    once=True,  # of one axis: two of them together follow any curve
+    variants=variants,
+    make=cause,
+)

@@ -6,19 +6,8 @@ from collections.abc import Sequence
 
 from ..records import Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import HOUR, Variants, displaced, grown, label, slow
-
-TEXT = "the machine drifts as it warms up"
-SOURCE = "ISO 230-3:2020 clause 5; thesis section 7.3, procedure I"
-FRAME = "machine"
-MISTAKEN = ("table_drift", "step")
-SAYS = "the machine drifts {size} {towards}{course}"
-MEANING = "parts made in the first hour differ by this from parts made later"
-ADVICE = "warm the machine up before calibrating, mix the order of indexations, or keep the term"
-REFINE = {"tau": "log"}
-ONCE = True  # of one axis: two of them together follow any curve
-EXPECTED = True  # every machine does it (ISO 230-3 is about nothing else): it may be tested for itself
 
 
 def variants(touches: Touches) -> Variants:
@@ -36,3 +25,19 @@ def cause(
     """machine, f(t) = 1 − e^(−t/tau) or t/tau, tau in s → coefficients in mm (mm/K for a sensor), machine frame."""
     stem = label("thermal_drift", *((sensor,) if sensor else (shape, tau)))
     return displaced(stem, "machine", grown(shape, tau, sensor), direction, "mm/K" if sensor else "mm")
+
+
+TERM = Cause(
+    text="the machine drifts as it warms up",
+    source="ISO 230-3:2020 clause 5; thesis section 7.3, procedure I",
+    frame="machine",
+    mistaken=("table_drift", "step"),
+    says="the machine drifts {size} {towards}{course}",
+    meaning="parts made in the first hour differ by this from parts made later",
+    advice="warm the machine up before calibrating, mix the order of indexations, or keep the term",
+    refine={"tau": "log"},
+    once=True,  # of one axis: two of them together follow any curve
+    expected=True,  # every machine does it (ISO 230-3 is about nothing else): it may be tested for itself
+    variants=variants,
+    make=cause,
+)

@@ -9,18 +9,9 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Coefficient
+from . import Cause, Coefficient
 from ._cause import Variants, early
 from ._world import Effects
-
-TEXT = "the control reads its position a moment after the probe has triggered"
-SOURCE = "1 µm per ms at 60 mm/min; ISO 230-10:2022, annex A (feed dependence)"
-FRAME = "probe"
-MISTAKEN = ("pretravel_anisotropy",)
-SAYS = "the control reads its position {delay} ms late, which is {size}"
-MEANING = "a matter of probe and control, not of parts; sizes change with the measuring feed"
-ADVICE = "always measure with the feed at which the probe was calibrated, or keep the term"
-REFINE: dict[str, str] = {}
 
 
 def variants(touches: Touches) -> Variants:
@@ -37,3 +28,18 @@ def cause(machine: Machine) -> list[Coefficient]:
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
     """machine, setting, values → the delay (world.yaml)."""
     return [{"cause": "trigger_latency", "delay": float(values[0])}]
+
+
+TERM = Cause(
+    text="the control reads its position a moment after the probe has triggered",
+    source="1 µm per ms at 60 mm/min; ISO 230-10:2022, annex A (feed dependence)",
+    frame="probe",
+    mistaken=("pretravel_anisotropy",),
+    says="the control reads its position {delay} ms late, which is {size}",
+    meaning="a matter of probe and control, not of parts; sizes change with the measuring feed",
+    advice="always measure with the feed at which the probe was calibrated, or keep the term",
+    refine={},
+    variants=variants,
+    make=cause,
+    effects=effects,
+)

@@ -24,8 +24,8 @@ from tango_cnc.records import InputError
 from tango_cnc.touches import Touches
 
 CAUSES = sorted(terms.causes())
-PATTERNS = [name for name in CAUSES if hasattr(terms.causes()[name], "variants")]
-SPREADS = [name for name in CAUSES if hasattr(terms.causes()[name], "spread")]
+PATTERNS = sorted(terms.patterns())
+SPREADS = [name for name in CAUSES if name not in PATTERNS]
 UNIT = re.compile(r"(mm|rad|s|1)(/(mm|rad)[²³⁴⁵⁶⁷⁸⁹]?)?(/K)?")
 
 
@@ -42,16 +42,15 @@ def touches(bench: blind.Bench) -> Touches:
 @pytest.mark.parametrize("name", sorted(terms.families()))
 def test_every_family_says_what_it_is_and_where_that_is_written(name: str) -> None:
     module = terms.families()[name]
-    assert module.TEXT and module.SOURCE
-    assert hasattr(module, "coefficients") or hasattr(module, "cause")
+    assert module.text and module.source
 
 
 @pytest.mark.parametrize("name", CAUSES)
 def test_every_cause_says_its_frame_what_it_is_mistaken_for_and_what_to_do(name: str) -> None:
     module = terms.causes()[name]
-    assert module.FRAME and module.ADVICE and module.MEANING and module.SAYS
-    assert set(module.MISTAKEN) <= set(CAUSES), "mistaken for something that is not in the catalogue"
-    assert hasattr(module, "variants") != hasattr(module, "spread")
+    assert module.frame and module.advice and module.meaning and module.says
+    assert set(module.mistaken) <= set(CAUSES), "mistaken for something that is not in the catalogue"
+    assert (name in PATTERNS) == (module.variants is not terms.Cause.variants), "variants or a spread, never both"
 
 
 @pytest.mark.parametrize("name", PATTERNS)
@@ -136,11 +135,11 @@ def row(name: str) -> str:
     module = terms.causes()[name]
     keys = [
         key if p.default is inspect.Parameter.empty else f"[{key}]"
-        for key, p in inspect.signature(module.cause).parameters.items()
+        for key, p in inspect.signature(module.make).parameters.items()
         if key != "machine"
     ]
-    mistaken = ", ".join(f"`{other}`" for other in module.MISTAKEN)
-    cells = [f"`{name}`", module.TEXT, module.MEANING, module.FRAME, mistaken, ", ".join(keys) or "–", module.ADVICE]
+    mistaken = ", ".join(f"`{other}`" for other in module.mistaken)
+    cells = [f"`{name}`", module.text, module.meaning, module.frame, mistaken, ", ".join(keys) or "–", module.advice]
     return "| " + " | ".join(cells) + " |"
 
 
