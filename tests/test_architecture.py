@@ -41,6 +41,7 @@ INTERNAL: dict[str, str | None] = {
     "history": "records files state",
     "nightly": f"{NUMERIC} files history state report.units",
     "nc": f"{NUMERIC} files iso230 compensate",
+    "acceptance": f"{NUMERIC} files iso230 judgement",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
     "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement",
     "state": f"{NUMERIC} verify iso230",

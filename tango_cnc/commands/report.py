@@ -106,9 +106,9 @@ def command(
     return status(judgement, despite)
 
 
-def paper(folder: Path, source: Path, operator: str, owner: str) -> Paper:
-    """cell, readings file, people → what a report says of its own making."""
-    names = [*(n for n in sources(folder) if n.name not in KEPT), folder / "uncertainty.yaml", source]
+def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) -> Paper:
+    """cell, readings file, people, more files → what a report says of its own making."""
+    names = [*(n for n in sources(folder) if n.name not in KEPT), folder / "uncertainty.yaml", source, *more]
     origin_file = source.with_suffix(".json")
     origin: Mapping[str, Any] | None = None
     if origin_file.exists():

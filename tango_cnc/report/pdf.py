@@ -61,6 +61,18 @@ def render(f: Facts, folder: Path | None = None) -> bytes:
             raise InputError(f"report.typ: {error}; correct the template") from None
 
 
+def compiled(source: str) -> bytes:
+    """typst source without pictures → PDF. Raises InputError when typst is not installed."""
+    try:
+        import typst
+    except ImportError:
+        raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'") from None
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / "page.typ"
+        file.write_text(source, encoding="utf-8")
+        return bytes(typst.compile(str(file), root=place))
+
+
 def _plain(svg: str) -> str:
     """SVG for browsers → for typst: its fonts are those that typst brings or finds."""
     return svg.replace(

@@ -1,0 +1,62 @@
+"""The acceptance sheet as plain data, as lines for people, and as the text of one typst page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from .sheet import Row, Signed
+
+
+def as_json(found: Signed) -> dict[str, Any]:
+    """sheet → plain data of the format tango-acceptance/1."""
+    return {
+        "format": "tango-acceptance/1",
+        "conforms": found.conforms,
+        "stands": found.stands or None,
+        "figures": [
+            {
+                **{"name": r.name, "value": r.value, "U": r.expanded, "guard_band": r.guard, "limit": r.limit, "unit": r.unit},
+                **{"verdict": r.verdict, "why": r.why},
+            }
+            for r in found.rows
+        ],
+        "iso_17025_7_8": dict(found.checklist),
+        "missing": list(found.missing),
+        "certificates": [dict(c) for c in found.order.certificates],
+        "conditions": dict(found.order.conditions),
+    }
+
+
+def cells(row: Row) -> list[str]:
+    """figure → cells: name, value, U, guard band, limit, unit, verdict."""
+    numbers = [f"{x:.2f}" if x is not None else "–" for x in (row.value, row.expanded, row.guard)]
+    return [row.name, *numbers, f"{row.limit:g}", row.unit, row.verdict]
+
+
+HEAD = ["figure", "value", "U (k = 2)", "guard band", "limit", "", "verdict"]
+
+
+def typst(found: Signed, quoted: Callable[[object], str]) -> str:
+    """sheet, what makes a string literal of typst → source of one page."""
+    overall = "All figures conform." if found.conforms else "Not all figures conform."
+    body = ", ".join(f"text({quoted(c)})" for row in [HEAD, *(cells(r) for r in found.rows)] for c in row)
+    answers = ", ".join(f"text({quoted(x)})" for clause, a in found.checklist.items() for x in (clause, a or "missing"))
+    why = "".join(f"#text({quoted(f'{r.name}: {r.why}')}) \\\n" for r in found.rows if r.why and not found.stands)
+    person = found.checklist["7.8.2.1 o) authorised by"]
+    number = found.order.people.get("number", "")
+    foot = quoted(f"Acceptance sheet {number}, page 1 of 1, end of the sheet")
+    return f"""#set page(paper: "a4", margin: 14mm, footer: [#text(7pt, {foot})])
+#set text(size: 7.5pt, font: ("Liberation Sans", "DejaVu Sans", "Libertinus Serif"), fallback: true)
+#set par(leading: 0.45em)
+#text(15pt, weight: "bold", {quoted(f"Acceptance sheet {number}")})
+
+#text(10pt, weight: "bold", {quoted(overall)}) #text({quoted(found.stands)})
+
+#table(columns: (1fr, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt, {body})
+{why}
+#table(columns: (38mm, 1fr), inset: 2.5pt, stroke: 0.3pt, {answers})
+
+#v(8mm) #line(length: 70mm, stroke: 0.5pt)
+#text({quoted(f"{person} (date, signature)")})
+"""
