@@ -80,7 +80,7 @@ def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     assert run("compensate", "-C", mill, "--target", "siemens").exit_code == 0
     folder = mill / "compensations" / "001-siemens"
-    early = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "readings.csv")
+    early = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "simulated.csv")
     assert isinstance(early.exception, InputError) and "noted as proposed" in str(early.exception)
     assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
     blind = run("compensate", "-C", mill, "--target", "siemens")
@@ -128,10 +128,12 @@ def test_a_sign_trial_decides_by_touches(cell: Path, tmp_path: Path, sign: int, 
     done = run(*common, "--sign-trial", "CEC X to Y", "-o", trial)
     assert done.exit_code == 0 and "1. Load" in done.output, done.exception
     assert run("simulate", "-C", mill, "--compensation", trial, "-o", mill / "after.csv", "--seed", 5).exit_code == 0
-    rest = ["--sign-of", trial, "--readings", mill / "readings.csv", "--after", mill / "after.csv"]
+    rest = ["--sign-of", trial, "--readings", mill / "simulated.csv", "--after", mill / "after.csv"]
     judged = CliRunner().invoke(tango, [str(a) for a in ["compensate", "-C", mill, *rest, "--json", "-"]], standalone_mode=False)
     assert json.loads(judged.output)["verdict"] == said and judged.return_value == code
-    same = run("compensate", "-C", mill, "--sign-of", trial, "--readings", mill / "readings.csv", "--after", mill / "readings.csv")
+    same = run(
+        "compensate", "-C", mill, "--sign-of", trial, "--readings", mill / "simulated.csv", "--after", mill / "simulated.csv"
+    )
     assert "does not use this place" in same.output
     wrong = run(*common, "--sign-trial", "CEC X to U")
     assert isinstance(wrong.exception, InputError) and "CEC X to Y" in str(wrong.exception)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tango_cnc.cli import guarded, tango
-from tango_cnc.files.origin import changed_keys, edited_rows, read_origin, set_aside, simulated
+from tango_cnc.files.origin import changed_keys, current, edited_rows, hurried, read_origin, set_aside, simulated, write_origin
 
 
 def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -27,7 +27,7 @@ def cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
 
 
 def test_a_row_edited_by_hand_is_noticed(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = cell / "readings.csv"
+    file = cell / "simulated.csv"
     assert edited_rows(file) == ([], 0)
     lines = file.read_text(encoding="utf-8").splitlines()
     lines[4] = lines[4].replace(",ok,", ",miss,")
@@ -42,37 +42,75 @@ def test_a_row_edited_by_hand_is_noticed(cell: Path, capsys: pytest.CaptureFixtu
 def test_what_was_changed_since_is_said_by_key(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell / "machine.yaml"
     file.write_text(file.read_text(encoding="utf-8").replace("tip_radius: 3.0", "tip_radius: 3.001"), encoding="utf-8")
-    assert changed_keys(cell / "readings.csv", cell) == {"machine.yaml": ["probe.tip_radius"]}
+    assert changed_keys(cell / "simulated.csv", cell) == {"machine.yaml": ["probe.tip_radius"]}
     assert "machine.yaml was changed since the readings were made: probe.tip_radius" in called(capsys, "estimate", "-C", cell)[1]
 
 
-def test_the_simulator_writes_over_its_own_readings_only(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = cell / "readings.csv"
+def test_a_second_simulation_keeps_the_first_and_the_index_says_which_is_current(
+    cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = cell / "simulated.csv"
+    first = file.read_text(encoding="utf-8")
     assert simulated(file)
-    assert called(capsys, "simulate", "-C", cell, "--seed", 4)[0] == 0
-    file.write_text(file.read_text(encoding="utf-8").replace(",ok,", ",miss,", 1), encoding="utf-8")
-    kept = file.read_text(encoding="utf-8")
-    code, out, err = called(capsys, "simulate", "-C", cell)
-    assert code == 0 and file.read_text(encoding="utf-8") == kept
-    assert "simulated.csv" in out and "stays as it is" in err
+    assert called(capsys, "simulate", "-C", cell)[0] == 0
+    assert len(list(cell.glob("simulated*.csv"))) == 1  # the same again
+    code, _, err = called(capsys, "simulate", "-C", cell, "--seed", 4)
+    index = read_origin(file)
+    assert code == 0 and index is not None and index["readings"] == "simulated.csv"
+    (kept,) = index["kept"]
+    assert kept in err and (cell / kept).read_text(encoding="utf-8") == first != file.read_text(encoding="utf-8")
+    assert edited_rows(cell / kept) == ([], 0)  # with its own check values
+
+
+def test_the_simulator_never_writes_readings_csv(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = called(capsys, "simulate", "-C", cell, "-o", cell / "readings.csv")
+    assert code == 2 and "the name of what was measured" in err and not (cell / "readings.csv").exists()
+    (cell / "simulated.csv").rename(cell / "readings.csv")
+    measured = (cell / "readings.csv").read_text(encoding="utf-8")
+    code, out, err = called(capsys, "simulate", "-C", cell, "--seed", 5)
+    assert code == 0 and "simulated.csv" in out and "stays what commands read" in err
+    assert (cell / "readings.csv").read_text(encoding="utf-8") == measured
+    assert current(cell) == cell / "readings.csv"
+
+
+def test_what_was_simulated_is_said_in_every_command(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for command in ("estimate", "uncertainty", "iso230", "verify"):
+        assert "note: readings of the simulated machine" in called(capsys, command, "-C", cell)[1], command
+
+
+def test_an_exchanged_header_and_a_repeated_row_are_noticed(cell: Path) -> None:
+    file = cell / "simulated.csv"
+    lines = file.read_text(encoding="utf-8").splitlines()
+    exchanged = lines[0].replace("X,Y", "Y,X", 1)
+    file.write_text("\n".join([exchanged, *lines[1:], lines[7]]) + "\n", encoding="utf-8")
+    assert edited_rows(file) == ([1, len(lines) + 1], 0)
+
+
+def test_a_run_that_took_less_time_than_its_clock_is_said(cell: Path) -> None:
+    run = {"program_hash": "abc", "start_utc": "2026-01-01T00:00:00Z", "end_utc": "2026-01-01T00:00:10Z"}
+    write_origin(cell / "simulated.csv", cell, "measured", run=run)
+    known = read_origin(cell / "simulated.csv")
+    assert (
+        known is not None and known["run"]["program_hash"] == "abc" and "but the run took 10 s" in hurried(cell / "simulated.csv")
+    )
 
 
 def test_readings_before_are_kept(cell: Path) -> None:
-    file = cell / "readings.csv"
+    file = cell / "simulated.csv"
     text = file.read_text(encoding="utf-8")
     name = set_aside(file)
     assert name is not None and (cell / name).read_text(encoding="utf-8") == text and not file.exists()
 
 
 def test_readings_of_others_stay_readable(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (cell / "readings.origin.json").unlink()
-    assert read_origin(cell / "readings.csv") is None
-    code, _, err = called(capsys, "estimate", "-C", cell)
-    assert code == 0 and "origin unknown" in err
+    (cell / "simulated.origin.json").unlink()
+    assert read_origin(cell / "simulated.csv") is None
+    code, out, _ = called(capsys, "estimate", "-C", cell)
+    assert code == 0 and "origin unknown" in out
 
 
 def test_an_interrupted_run_says_how_to_go_on(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (cell / "readings.csv").rename(cell / "readings.partial.csv")
+    (cell / "simulated.csv").rename(cell / "readings.partial.csv")
     code, _, err = called(capsys, "estimate", "-C", cell)
     assert code == 2 and "the run was interrupted, and readings.partial.csv has its 96 touches" in err and "--resume" in err
 

@@ -29,7 +29,7 @@ def test_every_last_motion_is_that_of_the_plan(folder: Path) -> None:
     sense = last_motion(plan(read_cell(folder)))
     known = np.tile(sense != 0, (2, 1))
     assert known.mean() > 0.8
-    np.testing.assert_array_equal(readings(folder).direction[known], np.tile(sense, (2, 1))[known])
+    np.testing.assert_array_equal(readings(folder, "simulated.csv").direction[known], np.tile(sense, (2, 1))[known])
 
 
 @pytest.mark.parametrize("folder", ["hu40t"], indirect=True)

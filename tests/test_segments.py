@@ -28,8 +28,8 @@ def interrupted(tmp_path):
     assert "effects: []\n" in world
     (folder / "world.yaml").write_text(world.replace("effects: []\n", f"effects:\n{effect}"))
     assert Result("simulate", "-C", folder).code == 0
-    rows = list(csv.reader((folder / "readings.csv").open()))
-    with (folder / "readings.csv").open("w", newline="") as out:
+    rows = list(csv.reader((folder / "simulated.csv").open()))
+    with (folder / "simulated.csv").open("w", newline="") as out:
         csv.writer(out).writerows([[*rows[0], "segment"], *([*row, 1 + (i > 200)] for i, row in enumerate(rows[1:], 1))])
     return folder
 
@@ -50,15 +50,15 @@ def test_the_offset_of_the_second_segment_is_found(interrupted):
 
 
 def test_touches_without_contact_do_not_shift_where_the_segment_begins(interrupted):
-    text = (interrupted / "readings.csv").read_text().splitlines()
+    text = (interrupted / "simulated.csv").read_text().splitlines()
     text[5] = text[5].replace(",ok,", ",miss,")
-    (interrupted / "readings.csv").write_text("\n".join(text) + "\n")
+    (interrupted / "simulated.csv").write_text("\n".join(text) + "\n")
     assert "step[200,machine].x" in estimated(interrupted, "--segment-offset", "machine")["parameters"]
 
 
 def test_a_run_of_one_piece_has_no_offset(interrupted):
-    text = (interrupted / "readings.csv").read_text()
-    (interrupted / "readings.csv").write_text(
+    text = (interrupted / "simulated.csv").read_text()
+    (interrupted / "simulated.csv").write_text(
         "".join(f"{line[:-1]}1\n" if line[-1] == "2" else line + "\n" for line in text.splitlines())
     )
     result = Result("estimate", "-C", interrupted, "--segment-offset", "table")

@@ -173,7 +173,7 @@ def test_the_command_writes_readings_that_can_be_read_back(tmp_path: Path) -> No
     result = CliRunner().invoke(tango, ["simulate", "-C", str(cell), "--exact", "--json", "-"])
     assert result.exit_code == 0, result.output
     told = json.loads(result.output)
-    readings = read_readings(cell / "readings.csv", CELL.machine, CELL.artefact)
+    readings = read_readings(cell / "simulated.csv", CELL.machine, CELL.artefact)
     assert told["touches"] == told["ok"] == len(readings)
     moved = last_moves(plan(CELL))
     expected = simulate(CELL.machine, CELL.artefact, CELL.strategy, World({"EX0C": -0.1}, noise=0.0005, seed=7), moved=moved)
@@ -183,9 +183,9 @@ def test_the_command_writes_readings_that_can_be_read_back(tmp_path: Path) -> No
 
 def test_a_wrong_world_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cell = shutil.copytree(EXAMPLE, tmp_path / "cell")
-    (cell / "readings.csv").unlink(missing_ok=True)
+    (cell / "simulated.csv").unlink(missing_ok=True)
     (cell / "world.yaml").write_text("effects: [{cause: thermal_drfit, amplitude: 0.01}]\n")
     arguments = ["simulate", "-C", str(cell)]
     assert guarded(tango.main, arguments, standalone_mode=False) == 2
     assert "Did you mean 'thermal_drift'?" in capsys.readouterr().err
-    assert not (cell / "readings.csv").exists()
+    assert not (cell / "simulated.csv").exists()

@@ -100,7 +100,7 @@ def test_subsets_and_runs_are_compared(cell: Path, capsys: pytest.CaptureFixture
     (one,) = data["comparisons"]
     assert one["sets"] == ["all", "fewer"] and len(one["condition_numbers"]) == 2
     assert not any(p["differs"] for p in one["parameters"].values())
-    runs = ["--compare", f"a={cell / 'readings.csv'}", "--compare", f"b={cell / 'repeated.csv'}"]
+    runs = ["--compare", f"a={cell / 'simulated.csv'}", "--compare", f"b={cell / 'repeated.csv'}"]
     assert [c["method"][0] for c in as_json(capsys, "-C", cell, *runs)["comparisons"]] == ["χ", "F"]
     assert call("uncertainty", "-C", cell, *runs) == 0
     assert "u of diff." in capsys.readouterr().out

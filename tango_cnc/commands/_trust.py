@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from ..estimate import Estimate, estimate
-from ..files.origin import FEW, changed_keys, edited_rows, read_origin
+from ..files.origin import FEW, changed_keys, edited_rows, hurried, read_origin
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
 from ..plausible import judge
@@ -59,6 +59,10 @@ def traced(judgement: Judgement, source: Path, folder: Path) -> Judgement:
         reasons.append(f"{source.name}: {len(lines)} rows are not as they were written (lines {listed}): somebody edited them")
     if gone:
         reasons.append(f"{source.name}: {gone} rows that were written are not there any more")
+    if origin := said_of_origin(source):
+        remarks.append(origin)
+    if wall := hurried(source):
+        remarks.append(wall)
     for name, keys in changed_keys(source, folder).items():
         listed = ", ".join(keys[:FEW]) + (" …" if len(keys) > FEW else "")
         remarks.append(f"{name} was changed since the readings were made: {listed}")

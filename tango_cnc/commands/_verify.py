@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..estimate import Estimate, estimate
 from ..files import artefact_text, degrees_of, read_cell, read_readings, read_world, strategy_text, write_text
+from ..files.origin import current
 from ..files.write import dump, machine_text
 from ..iso230.signed import withheld
 from ..judgement import Judgement
@@ -161,7 +162,7 @@ class Job:
             other = read_cell(self.options["sphere_cell"])
             if other.machine.topology != self.cell.machine.topology:
                 raise InputError(f"--sphere-cell: found topology {other.machine.topology}; allowed: {self.cell.machine.topology}")
-            file = self.options["sphere_cell"] / "readings.csv"
+            file = current(self.options["sphere_cell"])
             touches = sphere.measured(other.machine, other.artefact, read_readings(file, other.machine, other.artefact))
             what = "measured"
         else:

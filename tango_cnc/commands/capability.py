@@ -14,6 +14,7 @@ from .. import capability
 from ..capability import Kind, Settings
 from ..files import artefact_text, machine_text, read_cell, read_readings, strategy_text, write_text
 from ..files.checked import load
+from ..files.origin import current
 from ..files.write import dump
 from ..records import Cell, InputError
 from ..touches import Touches, from_readings
@@ -28,7 +29,9 @@ PLACE = "Understand 60"  # in the list of commands
 @click.option("--cell", "target", type=click.Path(path_type=Path), metavar="DIR", help="Write the cell that measures it, and stop.")
 @click.option("--facets", default="", metavar="3,5", help="With --cell: these facets [default: one for every direction].")
 @click.option("--repetitions", type=click.IntRange(2), help="With --cell: touches or cycles [default: those of the thesis].")
-@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option(
+    "--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv, else simulated.csv]."
+)
 @click.option("--window", type=click.IntRange(2), help="Touches pooled together [default: 25, on a grid 5].")
 @click.option("--block", type=click.IntRange(2), default=100, show_default=True, help="Wetness: touches between dry and wet.")
 @click.option(
@@ -58,7 +61,7 @@ def command(
     if target is not None:
         _write_cell(cell, kind, Settings(tuple(f for f in facets.split(",") if f), repetitions), target)
         return
-    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
+    readings = read_readings(current(folder, file), cell.machine, cell.artefact)
     touches = from_readings(cell.machine, cell.artefact, readings)
     results = _analyse(kind, touches, window, block)
     lines = capability.budget_lines(kind, results)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..compare import Comparison, compare, latch
 from ..files import read_cell, read_readings
+from ..files.origin import current
 from ..judgement import Judgement
 from ..plausible import ORDER
 from ..records import Cell, Readings
@@ -23,7 +24,9 @@ PLACE = "Measure 50"  # in the list of commands
 @click.command()
 @cell_option
 @click.option("--with", "other", required=True, type=click.Path(path_type=Path), metavar="FILE", help="Readings to compare with.")
-@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option(
+    "--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv, else simulated.csv]."
+)
 @click.option(
     "--period",
     type=click.FloatRange(0, min_open=True),
@@ -39,7 +42,7 @@ def command(folder: Path, other: Path, file: Path | None, period: float | None, 
     those of --with, along the approach: positive is farther in. Touches without proper contact are left out.
     """
     cell = read_cell(folder)
-    file = file or folder / "readings.csv"
+    file = current(folder, file)
     readings, others = (read_readings(f, cell.machine, cell.artefact) for f in (file, other))
     found = compare(cell.machine, cell.artefact, readings, others)
     judgement = max((_judged(cell, r) for r in (readings, others)), key=lambda j: ORDER.index(j.verdict))

@@ -12,6 +12,7 @@ from ..compensate import as_json, capped, loop, propose, targets, trial
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
+from ..files.origin import current
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
 from . import _compensate, _program
@@ -42,7 +43,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the targets, and end.")
 @click.option("--facts", is_eager=True, expose_value=False, callback=_facts, metavar="NAME", help="What a target is built on.")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Setting of the target; --facts shows them.")
-@click.option("--readings", "file", type=path, metavar="FILE", help="Readings file [default: readings.csv in the cell].")
+@click.option("--readings", "file", type=path, metavar="FILE", help="Readings file [default: readings.csv, else simulated.csv].")
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @click.option("--over", type=click.Choice(["probed", "travel"]), default="probed", show_default=True, help="Volume to fit.")
@@ -126,9 +127,10 @@ def _now() -> str:
 
 
 def _estimate(cell: Cell, options: dict[str, Any]) -> Estimate:
-    readings = read_readings(options["file"] or cell.folder / "readings.csv", cell.machine, cell.artefact)
+    source = current(cell.folder, options["file"])
+    readings = read_readings(source, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
-    result, judgement = judged(cell, readings, terms, options["degree"])
+    result, judgement = judged(cell, readings, terms, options["degree"], source=source)
     usable(judgement, options["despite"], "compensate")
     return result
 

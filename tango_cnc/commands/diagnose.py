@@ -18,6 +18,7 @@ from ..diagnose.world import world
 from ..files import read_cell, read_readings, read_terms, world_text, write_text
 from ..files.checked import suggestion
 from ..files.learned import FOLDER, learned, learned_text
+from ..files.origin import current
 from ..records import InputError
 from ..terms import causes
 from ._common import Output, cell_option, json_option, write_json
@@ -28,7 +29,9 @@ PLACE = "Understand 30"  # in the list of commands
 
 @click.command()
 @cell_option
-@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option(
+    "--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv, else simulated.csv]."
+)
 @click.option("--terms", help="The present model, instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--exclude", multiple=True, metavar="CAUSE", help="Do not try this cause; may be given several times.")
 @click.option("--html", type=Output(), metavar="FILE", help="Also write a report with pictures.")
@@ -98,9 +101,10 @@ def command(
     if world_file is not None and world_file.exists():
         raise InputError(f"--world: found {world_file}, which exists; allowed: a new file, as it may hold the true machine")
     cell = read_cell(folder)
-    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
+    source = current(folder, file)
+    readings = read_readings(source, cell.machine, cell.artefact)
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
-    _, judgement = judged(cell, readings, items)
+    _, judgement = judged(cell, readings, items, source=source)
     if learn is not None:
         _free(folder, learn)
     known = learned(folder)

@@ -11,20 +11,23 @@ import click
 
 from ..estimate import Estimate, estimate, without
 from ..files import blamed_on, read_cell, read_readings, read_terms
+from ..files.origin import current
 from ..identify import summary
 from ..judgement import Judgement
 from ..records import Cell, InputError, Parameter, Readings, TermItem
 from ..report.units import shown
 from ..segments import offsets
 from ._common import cell_option, json_option, table, write_json
-from ._trust import NoFit, despite_option, judged, members, said_of_origin, status, told
+from ._trust import NoFit, despite_option, judged, members, status, told
 
 PLACE = "Understand 10"  # in the list of commands
 
 
 @click.command()
 @cell_option
-@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option(
+    "--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv, else simulated.csv]."
+)
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @click.option("--exclude-outliers", is_flag=True, help="Fit again without the touches that are flagged as outliers.")
@@ -52,7 +55,7 @@ def command(
     status 1 when the result is implausible; the mistake that explains it best is named.
     """
     cell = read_cell(folder)
-    source = file or folder / "readings.csv"
+    source = current(folder, file)
     _interrupted(source)
     readings = read_readings(source, cell.machine, cell.artefact)
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
@@ -67,7 +70,7 @@ def command(
     excluded = result.outliers
     if exclude_outliers and len(excluded):
         fewer = without(readings, excluded)
-        result, judgement = judged(cell, fewer, items, fit=lambda: _estimated(cell, fewer, items, degree, frame))
+        result, judgement = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
     data = as_json(result, judgement)
     if exclude_outliers:
         data["excluded"] = [int(i) for i in excluded]
@@ -75,8 +78,6 @@ def command(
         click.echo("\n".join([*told(judgement), as_text(result)]))
     if exclude_outliers and len(excluded):
         click.echo(f"{len(excluded)} touches excluded: {', '.join(map(str, excluded))}", err=True)
-    if origin := said_of_origin(source):
-        click.echo(origin, err=True)
     skipped = int((~readings.ok).sum())
     if skipped:
         click.echo(f"{skipped} of {len(readings)} touches made no proper contact (miss or early) and were not used", err=True)

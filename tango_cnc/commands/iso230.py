@@ -11,6 +11,7 @@ import click
 from .. import iso230
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
+from ..files.origin import current
 from ..iso230.signed import Sheet, signed
 from ._common import cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, status, told
@@ -20,7 +21,9 @@ PLACE = "Understand 50"  # in the list of commands
 
 @click.command()
 @cell_option
-@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option(
+    "--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv, else simulated.csv]."
+)
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @click.option(
@@ -45,7 +48,7 @@ def command(
     motions of this machine could have made as well is withheld, and they are named.
     """
     cell = read_cell(folder)
-    source = file or folder / "readings.csv"
+    source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
     result, judgement = judged(cell, readings, cell.terms if terms is None else read_terms(terms), degree, source=source)
     if fitted:

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from ..files import read_cell, read_readings, read_terms
+from ..files.origin import current
 from ..nc import features, predict
 from ..records import TangoError
 from ..report import pictures
@@ -41,9 +42,10 @@ def command(**options: Any) -> int:
     if options["picture"] is not None:
         pictures.needed()
     cell = read_cell(options["folder"])
-    readings = read_readings(options["file"] or cell.folder / "readings.csv", cell.machine, cell.artefact)
+    origin = current(cell.folder, options["file"])
+    readings = read_readings(origin, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
-    result, judgement = judged(cell, readings, terms, options["degree"])
+    result, judgement = judged(cell, readings, terms, options["degree"], source=origin)
     usable(judgement, options["despite"], "predict")
     setup, known = _program.setup_of(cell, options), _program.found_of(result)
     source: Path = options["source"]

@@ -14,6 +14,7 @@ import click
 
 from .. import __version__
 from ..files import read_cell, read_readings, read_terms, write_text
+from ..files.origin import current
 from ..files.targets import KEPT, sources
 from ..records import InputError
 from ..report import page, pdf, terminal
@@ -32,7 +33,9 @@ PLACE = "Keep 50"  # in the list of commands
 
 @click.command()
 @cell_option
-@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option(
+    "--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv, else simulated.csv]."
+)
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @click.option("-o", "--output", type=Output(), metavar="FILE", help="Default: report.html in the cell.")
@@ -76,7 +79,7 @@ def command(
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'")
     page.environment(templates)
     cell = read_cell(folder)
-    source = file or folder / "readings.csv"
+    source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
     budget = folder / "uncertainty.yaml"
@@ -89,7 +92,7 @@ def command(
         not no_diagnosis,
         not no_pictures,
     )
-    result, judgement = judged(cell, readings, items, degree)
+    result, judgement = judged(cell, readings, items, degree, source=source)
     made = paper(folder, source, operator, owner)
     past = trend(folder, cell.machine.name, list(effects(result)))
     found = gather(cell, readings, wishes, made, result, judgement, trend=past, compensations=compensations(folder))

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ..files import blamed_on, read_cell, read_world, readings_text, write_text
-from ..files.origin import simulated, write_origin
+from ..files.origin import MEASURED, SIMULATED, set_aside, simulated, write_origin
 from ..plan import last_moves, plan
 from ..records import Array, Cell, InputError
 from ._common import Output, cell_option, json_option, write_json
@@ -42,9 +42,9 @@ def _moved(cell: Cell) -> Array | None:
 @click.option(
     "-o",
     "--output",
-    type=Output(replaces="readings.csv"),
+    type=Output(replaces=SIMULATED),
     metavar="FILE",
-    help="Default: readings.csv in the cell; simulated.csv where readings.csv was measured.",
+    help="Default: simulated.csv in the cell. Never readings.csv: that is what was measured.",
 )
 @click.option("--cycles", type=click.IntRange(1), default=1, show_default=True, help="Repetitions of the strategy a day.")
 @click.option("--days", type=click.IntRange(1), default=1, show_default=True, help="Days, each with all its cycles.")
@@ -85,6 +85,11 @@ def command(
     from sim_controller.compensation import read
     from sim_controller.simulate import simulate
 
+    if output is not None and output.name == MEASURED:
+        raise InputError(
+            f"--output: found {output}; {MEASURED} is the name of what was measured; allowed: another name, e.g. "
+            f"{output.with_name(SIMULATED)}"
+        )
     cell = read_cell(folder)
     control = read(compensation, cell.machine, tcp=not no_tcp) if compensation is not None else None
     world_file = world_file or folder / "world.yaml"
@@ -96,14 +101,18 @@ def command(
         )
     with blamed_on(world_file):
         readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed, moved, control)
-    target = output or folder / "readings.csv"
-    if output is None and target.exists() and not simulated(target):
-        target = folder / "simulated.csv"
+    target = output or folder / SIMULATED
+    text = readings_text(readings, None if exact else 6)
+    same = target.exists() and target.read_bytes() == text.encode()
+    kept = None if same or (output is not None and simulated(target)) else set_aside(target)
+    if kept is not None:
+        click.echo(f"what was in {target} is kept as {kept}", err=True)
+    write_text(target, text)
+    write_origin(target, folder, "simulated", kept)
+    if output is None and (folder / MEASURED).exists():
         click.echo(
-            f"{folder / 'readings.csv'} is not of the simulator and stays as it is; --readings {target} reads these", err=True
+            f"{folder / MEASURED} was measured and stays what commands read; --readings {target} reads the simulated ones", err=True
         )
-    write_text(target, readings_text(readings, None if exact else 6))
-    write_origin(target, folder, "simulated")
     counts = {status: readings.status.count(status) for status in ("ok", "miss", "early")}
     result = {
         "format": "tango-simulation/1",

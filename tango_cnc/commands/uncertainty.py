@@ -11,6 +11,7 @@ import click
 
 from .. import conformity
 from ..files import read_cell, read_readings, read_terms
+from ..files.origin import current
 from ..records import Cell, InputError
 from ..uncertainty import analysis
 from ..uncertainty.fleet import cluster
@@ -24,7 +25,9 @@ PLACE = "Understand 20"  # in the list of commands
 
 @click.command()
 @cell_option
-@click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
+@click.option(
+    "--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv, else simulated.csv]."
+)
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @click.option(
@@ -84,8 +87,9 @@ def command(
     lines = None if given is None else read_budget(given)
     if runs:
         return _compare(cell, runs, items, degree, lines, json_file)
-    readings = read_readings(file or folder / "readings.csv", cell.machine, cell.artefact)
-    _, judgement = judged(cell, readings, items, degree)
+    source = current(folder, file)
+    readings = read_readings(source, cell.machine, cell.artefact)
+    _, judgement = judged(cell, readings, items, degree, source=source)
     if subsets:
         choices = dict(_subset(text) for text in subsets)
         comparison, condition = analysis.compare_subsets(cell.machine, cell.artefact, readings, items, degree, lines, choices)

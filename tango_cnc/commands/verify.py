@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from ..files import read_cell, read_readings, read_terms
+from ..files.origin import current
 from ..records import InputError
 from ..report import pictures
 from ._common import Output, cell_option, json_option
@@ -21,7 +22,7 @@ path = click.Path(path_type=Path)
 
 @click.command()
 @cell_option
-@click.option("--readings", "file", type=path, metavar="FILE", help="Readings file [default: readings.csv in the cell].")
+@click.option("--readings", "file", type=path, metavar="FILE", help="Readings file [default: readings.csv, else simulated.csv].")
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
 @click.option("--subsets", is_flag=True, help="Held-out touches and CMM also with S1, S2, S3 and S4, side by side.")
@@ -59,7 +60,7 @@ def command(**options: Any) -> int:
         return 0
     if options["limit_um"] is not None and not options["limit_um"] > 0:
         raise InputError(f"--limit-um: found {options['limit_um']:g}; allowed: greater than 0 µm")
-    source = options["file"] or folder / "readings.csv"
+    source = current(folder, options["file"])
     readings = read_readings(source, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"], folder)
     result, judgement = judged(cell, readings, terms, options["degree"], source=source)

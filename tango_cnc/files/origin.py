@@ -1,12 +1,16 @@
-"""readings.origin.json beside readings.csv: who made the readings, of which cell, and a check value of every row.
+"""readings.origin.json beside readings.csv: who made the readings, of which cell and program, and a check value of every row.
+
+It is the index too: `readings` names what is current, `kept` what was measured or simulated there before.
 
 What was changed since is said by key of the cell and by line of the readings; nothing is refused for it.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -20,6 +24,8 @@ from .write import write_text
 FORMAT = "tango-origin/1"
 ROLES = ("machine", "artefact", "strategy")
 FEW = 8  # keys or lines that a sentence names
+MEASURED, SIMULATED = "readings.csv", "simulated.csv"
+RUN = ("program_hash", "plan_hash", "start_utc", "end_utc")  # of readings.json
 
 
 def origin_file(readings: Path) -> Path:
@@ -27,19 +33,34 @@ def origin_file(readings: Path) -> Path:
     return readings.with_name(f"{readings.stem}.origin.json")
 
 
+def current(folder: Path, file: Path | None = None) -> Path:
+    """folder of a cell, file that was asked for → readings to take: that file; what was measured; else what was simulated."""
+    if file is not None:
+        return file
+    measured, made = folder / MEASURED, folder / SIMULATED
+    waiting = measured.with_name(f"{measured.stem}.partial.csv")
+    return made if made.exists() and not measured.exists() and not waiting.exists() else measured
+
+
 def check_values(text: str) -> list[str]:
     """text of readings.csv → CRC-32 of every row under the header, eight hexadecimal digits each."""
     return [f"{zlib.crc32(line.encode()):08x}" for line in text.splitlines()[1:] if line]
 
 
-def write_origin(readings: Path, folder: Path, made_by: str, kept: str | None = None) -> None:
-    """readings as written, folder of their cell, `measured` or `simulated`, where those before are kept → the file beside them."""
-    before = read_origin(readings) or {}
+def write_origin(readings: Path, folder: Path, made_by: str, kept: str | None = None, run: Mapping[str, Any] | None = None) -> None:
+    """readings as written, folder of their cell, `measured` or `simulated`, where those before are kept, their run → the file
+    beside them.
+    """
+    before = read_origin(readings) or (None if kept is None else read_origin(readings.with_name(kept))) or {}
+    text = readings.read_text(encoding="utf-8")
     data = {
         "format": FORMAT,
         "origin": made_by,
         "readings": readings.name,
-        "rows": check_values(readings.read_text(encoding="utf-8")),
+        "written_utc": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "run": {key: run[key] for key in RUN if key in run} if run is not None else {},
+        "header": f"{zlib.crc32(text.splitlines()[0].encode()):08x}",
+        "rows": check_values(text),
         "cell": _texts(folder),
         "kept": [*before.get("kept", []), *([kept] if kept else [])],
     }
@@ -63,9 +84,9 @@ def set_aside(readings: Path) -> str | None:
     other = readings.with_name(f"{readings.stem}.{stamp}{readings.suffix}")
     if other.exists():
         raise InputError(f"{other}: found a file of that name already; move it away. Nothing was written")
-    beside = readings.with_suffix(".json")
-    if beside.exists():
-        beside.rename(other.with_suffix(".json"))
+    for beside, moved in ((readings.with_suffix(".json"), other.with_suffix(".json")), (origin_file(readings), origin_file(other))):
+        if beside.exists():
+            beside.rename(moved)
     readings.rename(other)
     return other.name
 
@@ -81,16 +102,37 @@ def simulated(readings: Path) -> bool:
 
 
 def edited_rows(readings: Path) -> tuple[list[int], int]:
-    """readings.csv → lines that are not as they were written, and how many rows are gone; nothing where the origin is unknown."""
+    """readings.csv → lines that are not as they were written (1: the header), and how many rows are gone.
+
+    Nothing where the origin is unknown. A row that stands there once more than it was written is not as it was written.
+    """
     known = read_origin(readings)
     if known is None or not isinstance(known.get("rows"), list):
         return [], 0
-    was = set(known["rows"])
-    lines = readings.read_text(encoding="utf-8-sig").splitlines()
-    now = [(i + 1, f"{zlib.crc32(line.encode()):08x}") for i, line in enumerate(lines) if i and line]
-    strange = [line for line, value in now if value not in was]
-    gone = len(was - {value for _, value in now})
-    return strange, max(gone - len(strange), 0)
+    left = Counter(known["rows"])
+    strange = []
+    for i, line in enumerate(readings.read_text(encoding="utf-8-sig").splitlines()):
+        value = f"{zlib.crc32(line.encode()):08x}"
+        if i == 0:
+            if value != known.get("header", value):
+                strange.append(1)
+        elif line and left[value]:
+            left[value] -= 1
+        elif line:
+            strange.append(i + 1)
+    return strange, max(left.total() - sum(line > 1 for line in strange), 0)
+
+
+def hurried(readings: Path) -> str:
+    """readings.csv → a sentence where the clock of the readings cannot be that of the run; else nothing."""
+    run = (read_origin(readings) or {}).get("run", {})
+    with suppress(KeyError, TypeError, ValueError, OSError, StopIteration):
+        begun, ended = (datetime.fromisoformat(run[key]) for key in ("start_utc", "end_utc"))
+        rows = list(csv.DictReader(readings.read_text(encoding="utf-8-sig").splitlines()))
+        span, wall = float(rows[-1]["time_s"]) - float(rows[0]["time_s"]), (ended - begun).total_seconds()
+        if len({row.get("day", "1") for row in rows}) == 1 and span > 2 * wall + 60:
+            return f"time_s spans {span:.0f} s, but the run took {wall:.0f} s: the times are simulated"
+    return ""
 
 
 def changed_keys(readings: Path, folder: Path) -> dict[str, list[str]]:

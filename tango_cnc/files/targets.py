@@ -11,7 +11,7 @@ from pathlib import Path
 from ..records import InputError
 from .checked import Node, load
 
-KEPT = ("world.yaml", "uncertainty.yaml", "readings.csv")  # what commands read from a cell without being told
+KEPT = ("world.yaml", "uncertainty.yaml", "readings.csv", "simulated.csv")  # what commands read from a cell without being told
 
 
 def writable(what: str, file: Path) -> None:

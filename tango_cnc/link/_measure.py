@@ -391,7 +391,7 @@ def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path) -> di
         same = file.exists() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
         kept = None if same else set_aside(file)
         _write(file, text, origin)
-        write_origin(file, file.parent, "measured", kept)
+        write_origin(file, file.parent, "measured", kept, origin)
     for old in (_partial(file), _partial(file).with_suffix(".json")):
         with contextlib.suppress(OSError):  # what is in it is in the readings too
             old.unlink(missing_ok=True)
