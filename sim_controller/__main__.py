@@ -13,6 +13,7 @@ from tango_cnc.files.checked import read_text
 from tango_cnc.records import InputError, TangoError
 
 from . import server, started
+from .compensation import read
 from .faults import KINDS, LINE_KINDS, FaultyLine, faults, line_faults
 from .lines import Line, PacedLine, PtyLine, listen
 from .probing import rig
@@ -51,6 +52,9 @@ from .session import Ledger, Session, Setup
 @click.option("--line-fault", "line_texts", multiple=True, metavar="NAME=CHANCE", help=f"{', '.join(LINE_KINDS)}: of every byte.")
 @click.option("--line-seed", type=click.IntRange(0), default=0, show_default=True, help="Of the faults of the line.")
 @click.option("--ledger", type=click.Path(path_type=Path), metavar="FILE", help="What truly happened, as JSON lines.")
+@click.option(
+    "--compensation", type=click.Path(path_type=Path), metavar="DIR", help="What 'tango compensate' wrote is in the control."
+)
 @click.option("--once", is_flag=True, help="End after one program.")
 def main(
     folder: Path,
@@ -75,6 +79,7 @@ def main(
     line_texts: tuple[str, ...],
     line_seed: int,
     ledger: Path | None,
+    compensation: Path | None,
     once: bool,
 ) -> None:
     """Pretends to be the controller of a cell whose true machine is described by a world file.
@@ -84,7 +89,9 @@ def main(
     if [tcp is not None, pty, records is not None].count(True) != 1 or (start is None and records is not None):
         raise InputError("found none or several of --tcp, --pty, --start with --records; allowed: one of them")
     cell = read_cell(folder)
-    truth = rig(cell.machine, cell.artefact, read_world(world_file or folder / "world.yaml"), seed)
+    # Probing programs run without tool centre point control: kinematics that need it do not act.
+    control = read(compensation, cell.machine, tcp=False) if compensation is not None else None
+    truth = rig(cell.machine, cell.artefact, read_world(world_file or folder / "world.yaml"), seed, control=control)
     chosen = dict(_pair(text) for text in settings)
     if g54 is not None:
         chosen["g54"] = " ".join(f"{name}:{value}" for name, value in zip("XYZ", g54.split(","), strict=False))

@@ -113,6 +113,20 @@ def test_a_conversation_over_tcp(start: Start, tmp_path: Path) -> None:
     assert [entry["state"] for entry in ledger if entry["event"] == "program"] == ["storing", "ended"]
 
 
+def test_a_compensation_is_in_the_control(start: Start, tmp_path: Path) -> None:
+    (tmp_path / "compensation.json").write_text('{"target": "linuxcnc"}')
+    (tmp_path / "compensation.ini").write_text("[JOINT_2]\nCOMP_FILE = z.comp\nCOMP_FILE_TYPE = 0\n")
+    (tmp_path / "z.comp").write_text("0 -0.1 -0.1\n800 799.9 799.9\n")  # the axis stands 0.1 mm lower than it is told
+    _, line = start("--compensation", str(tmp_path))
+    line.send(b"%\nO1\nPOPEN\n" + TOUCH + b"PCLOS\nM30\n%\n")
+    assert b"H1 Z  329.5740\n" in line.until(DC4)
+
+
+def test_a_folder_that_is_no_compensation_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--cell", str(EXAMPLE), "--tcp", "127.0.0.1:0", "--compensation", str(tmp_path)]) == 2
+    assert "a folder that 'tango compensate' has written" in capsys.readouterr().err
+
+
 def test_a_conversation_over_a_pseudo_terminal(start: Start) -> None:
     process, line = start("--pty", "--once")
     assert process.port.startswith("/dev/")
