@@ -58,9 +58,7 @@ def proposed(folder: Path) -> str:
     here, rich = read_cell(folder), read_cell(HERE.parent / "examples" / "hu40t")
     machine, world = replace(here.machine, probe=rich.machine.probe), read_world(folder / "world.yaml")
     readings = simulate(machine, rich.artefact, rich.strategy, world)
-    text: str = propose(estimate(machine, rich.artefact, readings, rich.terms), "linuxcnc", SETTINGS).files[
-        "compensation.hal"
-    ]
+    text: str = propose(estimate(machine, rich.artefact, readings, rich.terms), "linuxcnc", SETTINGS).files["compensation.hal"]
     return text
 
 
@@ -74,9 +72,9 @@ def with_module(place: Path, length: float, lines: str = "") -> None:
 
 
 def words(made: Plan, positions: Array) -> Array:
-    """Plan, (n, k) positions of the axes → (n, 3) the words with tool centre point control: the tip in the table, and its length."""
+    """Plan, (n, k) positions of the axes → (n, 3) words with tool centre point control: tip in the table, and tool length."""
     tip = tip_in_table(nominal_machine(made.machine), positions, np.zeros_like(positions))
-    return np.asarray(tip + [0, 0, made.machine.probe.length])
+    return np.asarray(tip + np.array([0.0, 0.0, made.machine.probe.length]))
 
 
 def program(made: Plan, top: float) -> str:
