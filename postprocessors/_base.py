@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from tango_cnc.gate import served
 from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
 from ._confirmed import confirmed
@@ -49,7 +50,13 @@ class Option:
     codes: bool = False  # the text goes into the program as it stands
 
 
-GATE = Option("gate", "finger", "what proves the probe alive before the first descent, or none", True, ("finger", "none"))
+GATE = Option(
+    "gate",
+    "finger",
+    "what proves the probe alive before the first touch: a finger, a facet (for runs that nobody watches), or none",
+    True,
+    ("finger", "facet", "none"),
+)
 UNPROVEN = "nothing proves the probe alive before the first descent: a flat battery drives the stylus into the table"
 
 
@@ -352,8 +359,11 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
     yield from _said(post.probe_on(job))
     from . import _alive
 
-    gate = post.gate if job.options.get(GATE.name) == "finger" else None
-    for move, touch in job.plan.served:
+    which = job.options.get(GATE.name, "none")
+    gate = post.gate if which == "finger" else None
+    if post.gate is not None:
+        steps["prove"] = lambda job, leg: post.gate(_alive.on_facet(job), leg) if post.gate else ()
+    for move, touch in served(job.plan, which):
         if gate is not None and move.kind == "approach":
             yield from _said(gate(job, _alive.leg(job, dict(to))))
             gate = None

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from textwrap import wrap
 from typing import Any
 
-from tango_cnc.gate import TOUCH
+from tango_cnc.gate import PROVING, TOUCH
 from tango_cnc.records import OFF, InputError, Machine
 
 from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
@@ -40,9 +40,22 @@ TOLERANCE = Option("tolerance", 0.02, "mm from its target within which a move ha
 MISSED = Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True)
 TOUCHING = f"{TOUCH} - THE PROBE MOVES UP SLOWLY FOR 20 S"
 LETTING_GO = "LET GO OF THE STYLUS"
-UNTOUCHED = "STYLUS WAS NOT TOUCHED"  # or the probe is dead, off, or wired to another input: nothing has come near the table
+UNTOUCHED, UNMET = (
+    "STYLUS WAS NOT TOUCHED",
+    "PROBE DID NOT NOTICE FACET",
+)  # or the probe is dead, off, or wired to another input: nothing has come near the table
 RELEASE = 5  # s for the hand to go
 STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "record", "back", "probe_off", "end", "gate")
+
+
+def proves(job: Job, leg: Leg) -> str:
+    """job, the move of the gate → what the program says before it: to a person, or to whoever reads it later."""
+    return f"{PROVING} {comment(leg.touch.facet, 20)}" if leg.kind == "prove" else TOUCHING
+
+
+def unproven(job: Job) -> str:
+    """job → what the program says when it stops because the probe noticed nothing."""
+    return UNMET if job.options["gate"] == "facet" else UNTOUCHED
 
 
 def steps(here: Mapping[str, Any]) -> dict[str, Any]:

@@ -152,9 +152,12 @@ class _Steps:
 
     def probe(self, job: Job, leg: Leg) -> Iterator[str]:
         yield from self._measured(job, leg, job.plan.strategy.approach.feed)
+        yield self._off(job, leg)
+
+    def _off(self, job: Job, leg: Leg) -> str:
         numbers = common.axis_numbers(job)
         off = {name: f"[#{5020 + numbers[name]}{step}-#{FRAME + numbers[name]}]" for name, step in common.off(job, leg).items()}
-        yield f"G1 {' '.join(name + value for name, value in off.items())} F{number(job.options['positioning_feed'])}(OFF)"
+        return f"G1 {' '.join(name + value for name, value in off.items())} F{number(job.options['positioning_feed'])}(OFF)"
 
     def _measured(self, job: Job, leg: Leg, feed: float) -> Iterator[str]:
         start = common.standoff(job, leg)
@@ -163,9 +166,12 @@ class _Steps:
 
     def gate(self, job: Job, leg: Leg) -> Iterator[str]:
         proof = proving(job)
-        yield f"({common.TOUCHING})"
+        yield f"({common.proves(job, leg)})"
         yield from self._measured(job if job.options["macros"] == "called" else proof, leg, proof.plan.strategy.approach.feed)
-        yield f"IF[#{FLAG}EQ0]THEN{self.words.stop(7, common.UNTOUCHED)}"
+        yield f"IF[#{FLAG}EQ0]THEN{self.words.stop(7, common.unproven(job))}"
+        if leg.kind == "prove":
+            yield self._off(job, leg)
+            return
         yield f"({common.LETTING_GO})"
         yield self.words.dwell.format(common.RELEASE)
         yield from self._protected(job, replace(leg, to=leg.came))

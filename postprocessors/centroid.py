@@ -125,9 +125,13 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, flag and machine coordinates."""
     yield from _measured(job, leg)
+    yield _off(job, leg)
+
+
+def _off(job: Job, leg: Leg) -> str:
     numbers = common.axis_numbers(job)
     off = {n: f"#{5020 + numbers[n]} {step[0]} {step[1:]} - #{FRAME + numbers[n]}" for n, step in common.off(job, leg).items()}
-    yield f"G1 {' '.join(f'{n}[{value}]' for n, value in off.items())} F{number(job.options['positioning_feed'])}"
+    return f"G1 {' '.join(f'{n}[{value}]' for n, value in off.items())} F{number(job.options['positioning_feed'])}"
 
 
 def _measured(job: Job, leg: Leg) -> Iterator[str]:
@@ -153,10 +157,13 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
-    """A slow move up during which somebody touches the stylus, and back."""
-    yield f"; {common.TOUCHING}"
+    """A slow move up during which somebody touches the stylus, and back; or a facet that proves the probe, and off it."""
+    yield f"; {common.proves(job, leg)}"
     yield from _measured(proving(job), leg)
     yield f"IF [#{FLAG} == 0] THEN GOTO {UNTOUCHED}"
+    if leg.kind == "prove":
+        yield _off(job, leg)
+        return
     yield f"; {common.LETTING_GO}"
     yield f"G4 P{common.RELEASE}."
     yield from move(job, replace(leg, to=leg.came))

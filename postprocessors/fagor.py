@@ -129,8 +129,12 @@ approach = common.approaching("; %s", move)
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then the flag in P4 and machine coordinates in P6 and so on."""
     yield from _measured(job, leg)
+    yield _off(job, leg)
+
+
+def _off(job: Job, leg: Leg) -> str:
     off = {name: f"{_machine(job, name)}{step}" for name, step in common.off(job, leg).items()}
-    yield f"G1 {_targets(off)} F{number(job.options['positioning_feed'])}"
+    return f"G1 {_targets(off)} F{number(job.options['positioning_feed'])}"
 
 
 def _measured(job: Job, leg: Leg) -> Iterator[str]:
@@ -159,10 +163,13 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
-    """A slow move up during which somebody touches the stylus, and back."""
-    yield f'#MSG ["{common.TOUCHING}"]'
+    """A slow move up during which somebody touches the stylus, and back; or a facet that proves the probe, and off it."""
+    yield f'#MSG ["{common.proves(job, leg)}"]'
     yield from _measured(proving(job), leg)
-    yield from _stop_if(f"{FLAG}==0", common.UNTOUCHED)
+    yield from _stop_if(f"{FLAG}==0", common.unproven(job))
+    if leg.kind == "prove":
+        yield _off(job, leg)
+        return
     yield f'#MSG ["{common.LETTING_GO}"]'
     yield f"G4 K{common.RELEASE}."
     yield from move(job, replace(leg, to=leg.came))

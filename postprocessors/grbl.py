@@ -23,11 +23,11 @@ from ._common import (
     LETTING_GO,
     PROBE_SWITCHES,
     RELEASE,
-    TOUCHING,
     approaching,
     fits,
     indexed,
     off,
+    proves,
     steps,
     switches,
     titled,
@@ -105,7 +105,10 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow search up during which somebody touches the stylus, and back."""
-    yield f"({TOUCHING})"
+    yield f"({proves(job, leg)})"
+    if leg.kind == "prove":
+        yield from probe(job, leg)
+        return
     yield _search(leg, proving(job).plan.strategy.approach.feed)
     yield f"({LETTING_GO})"
     yield f"G4 P{RELEASE}"

@@ -179,7 +179,7 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow move up during which somebody touches the stylus, and back, by the labels that find or measure."""
-    yield f"; {common.TOUCHING}"
+    yield f"; {common.proves(job, leg)}"
     start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
     for name in "XYZ":
         yield f"{START[name]} = {_number(job, start[name])}"
@@ -187,6 +187,8 @@ def gate(job: Job, leg: Leg) -> Iterator[str]:
         yield f"{TARGET[name]} = {_number(job, leg.to[name])}"
     yield f"CALL LBL {GATE}"
     yield f"FN 12: IF +{FLAG} LT +0.5 GOTO LBL {UNTOUCHED}"
+    if leg.kind == "prove":
+        return  # MB has taken the probe off
     yield f"; {common.LETTING_GO}"
     yield from ("CYCL DEF 9.0 DWELL TIME", f"CYCL DEF 9.1 DWELL {common.RELEASE}")
     yield from move(job, replace(leg, to=leg.came))
@@ -206,7 +208,7 @@ def end(job: Job) -> Iterator[str]:
     yield "M30"
     yield from guarded(job)
     stops = STOPS
-    if job.options["gate"] == "finger":
+    if job.options["gate"] != "none":
         yield from measuring(proving(job), GATE)
     if job.options["cycle"] == 444:
         yield from measuring(cycle_444.counting(finding(job)), FINDING, cycle_444.frame(), cycle_444.seen())
@@ -221,7 +223,7 @@ def end(job: Job) -> Iterator[str]:
         if label == UNTOUCHED and job.options["gate"] == "none":
             continue
         yield f"LBL {label}"
-        yield f"STOP ; {text}"
+        yield f"STOP ; {common.unproven(job) if label == UNTOUCHED else text}"
         yield "M30"
         yield "LBL 0"
     yield f"END PGM {named(job, NAME)} MM"

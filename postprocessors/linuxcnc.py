@@ -174,9 +174,11 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow move up during which somebody touches the stylus, and back: a search, which the control refuses with the probe on."""
-    yield f"(MSG,{common.TOUCHING})"
+    yield f"(MSG,{common.proves(job, leg)})"
     yield from probe(proving(job), leg)
-    yield from _abort("O170", "#<_tango_flag> EQ 0", common.UNTOUCHED)
+    yield from _abort("O170", "#<_tango_flag> EQ 0", common.unproven(job))
+    if leg.kind == "prove":
+        return  # the subroutine has taken the probe off
     yield f"(MSG,{common.LETTING_GO})"
     yield f"G4 P{common.RELEASE}"
     yield from retract(job, replace(leg, to=leg.came))

@@ -44,6 +44,7 @@ STOPS = {
     "NS8": "NO FINGER FELT",
 }  # at most 16 characters each: more are not shown
 DEFLECTED, MET, DEAD, STALE, TURNED, RESTARTED, SHIFTED, UNTOUCHED = STOPS
+NO_FACET = "NO FACET FELT"
 
 OPTIONS = (
     Option("skip", "G31", "word of the move that the probe ends", codes=True),
@@ -131,8 +132,12 @@ approach = common.approaching("(%s)", move)
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then OTG2 for flag and machine coordinates."""
     yield from _measuring(job, leg)
+    yield _off(job, leg)
+
+
+def _off(job: Job, leg: Leg) -> str:
     off = " ".join(f"{name}={_position(job, name)}{step}" for name, step in common.off(job, leg).items())
-    yield f"G1 {off} F{number(job.options['positioning_feed'])}(OFF)"
+    return f"G1 {off} F{number(job.options['positioning_feed'])}(OFF)"
 
 
 def _measuring(job: Job, leg: Leg) -> Iterator[str]:
@@ -145,10 +150,13 @@ def _measuring(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
-    """A slow move up during which somebody touches the stylus, and back."""
-    yield f"({common.TOUCHING})"
+    """A slow move up during which somebody touches the stylus, and back; or a facet that proves the probe, and off it."""
+    yield f"({common.proves(job, leg)})"
     yield from _measuring(proving(job), leg)
     yield f"IF[{_common(job, FLAG)} EQ 0] {UNTOUCHED}"
+    if leg.kind == "prove":
+        yield _off(job, leg)
+        return
     yield f"({common.LETTING_GO})"
     yield f"G4 F{common.RELEASE}."
     yield from move(job, replace(leg, to=leg.came))
@@ -235,7 +243,7 @@ def _stops(job: Job, *labels: str) -> Iterator[str]:
     """A stop says its text again and again: an alarm that is cancelled does not let the program go on."""
     for label in labels:
         yield label
-        yield f"VUACM[1]='{STOPS[label]}'"
+        yield f"VUACM[1]='{NO_FACET if label == UNTOUCHED and job.options['gate'] == 'facet' else STOPS[label]}'"
         yield f"VDOUT[{job.options['alarm']}]={label[2:]}"
         yield f"GOTO {label}"
 

@@ -124,8 +124,12 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
 def probe(job: Job, leg: Leg) -> Iterator[str]:
     """The measuring move, then flag and machine coordinates in TG_FLAG, TG_X, … ."""
     yield from _measured(job, leg)
+    yield _off(job, leg)
+
+
+def _off(job: Job, leg: Leg) -> str:
     off = " ".join(f"{name}=$AA_IM[{name}]{step}" for name, step in common.off(job, leg).items())
-    yield f"SUPA D0 G1 {off} F{number(job.options['positioning_feed'])}"
+    return f"SUPA D0 G1 {off} F{number(job.options['positioning_feed'])}"
 
 
 def _measured(job: Job, leg: Leg) -> Iterator[str]:
@@ -150,10 +154,13 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
-    """A slow move up during which somebody touches the stylus, and back."""
-    yield f'MSG("{common.TOUCHING}")'
+    """A slow move up during which somebody touches the stylus, and back; or a facet that proves the probe, and off it."""
+    yield f'MSG("{common.proves(job, leg)}")'
     yield from _measured(proving(job), leg)
     yield from _stop_if("TG_FLAG==0", UNTOUCHED)
+    if leg.kind == "prove":
+        yield _off(job, leg)
+        return
     yield f'MSG("{common.LETTING_GO}")'
     yield f"G4 F{common.RELEASE}"
     yield from move(job, replace(leg, to=leg.came))
@@ -180,7 +187,7 @@ def end(job: Job) -> Iterator[str]:
         if which == UNTOUCHED and job.options["gate"] == "none":
             continue
         yield f"TG_STOP_{which}:"
-        yield f'MSG("TANGO {text}")'
+        yield f'MSG("TANGO {common.unproven(job) if which == UNTOUCHED else text}")'
         if job.options["alarm"]:
             yield f"SETAL({job.options['alarm'] + which - 1})"
         yield "M0"

@@ -1,4 +1,7 @@
-"""Plan → the slow move before the first descent, during which somebody touches the stylus: a dead probe is found where nothing is.
+"""Plan → what proves the probe alive before the first touch: a slow move during which somebody touches the stylus, or a facet.
+
+The finger finds a dead probe where nothing is. The facet is for runs that nobody watches: it is touched from above, where the last
+run has found it, by a search that ends so little behind it that a probe that says nothing comes to no harm.
 
 Posts write it, the read-back asks for it, a driver makes it; all three take it from here.
 """
@@ -6,14 +9,18 @@ Posts write it, the read-back asks for it, a driver makes it; all three take it 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import takewhile
 
-from .records import InputError, Plan
+from .records import InputError, Move, MoveKind, Plan, Touch
 
 ALIVE = 10.0  # mm of the slow move during which somebody touches the stylus, before the first descent
 ALIVE_TIME = 20.0  # s of it, for a person to get there
 TOUCH = "TOUCH THE STYLUS"  # what a program shows then, word by word
+BEHIND = 0.5  # mm behind its facet where the search ends that proves the probe: every stylus gives way by more
+ABOVE = math.cos(math.radians(45.0))  # of the angle between tool and facet normal: touched from above
+PROVING = "PROVING THE PROBE AT FACET"  # what a program says before it does
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,3 +64,68 @@ def _room(plan: Plan, start: Sequence[float], linear: Sequence[int], way: Sequen
         if travel is not None and abs(part) > 1e-9:
             room = min(room, ((travel[1] if part > 0 else travel[0]) - start[i]) / part)
     return room
+
+
+def proving_touch(plan: Plan) -> Touch:
+    """plan → the touch of its first indexation that proves the probe: most from above, its search ends `BEHIND` mm behind the facet.
+
+    Raises InputError where no facet is touched from above there.
+    """
+    linear = [plan.machine.column(name) for name in plan.machine.linear]
+    first = plan.touches[0].indexation
+    known = list(takewhile(lambda touch: touch.indexation == first, plan.touches))
+    touch = max(known, key=lambda each: (round(_above(each, linear), 6), -each.number))
+    if (best := _above(touch, linear)) < ABOVE:
+        raise InputError(
+            f"gate: found facet; the first indexation touches nothing from above: touch {touch.number}, the nearest, is "
+            f"{math.degrees(math.acos(best)):.0f} deg from the tool; allowed: a facet within 45 deg of it at the first indexation "
+            "of strategy.yaml, or gate: finger"
+        )
+    part = min(BEHIND / plan.strategy.approach.search, 1.0)
+    end = tuple(c + part * (e - c) for c, e in zip(touch.contact, touch.end, strict=True))
+    return replace(touch, end=end, enter=None, leave=None)
+
+
+def served(plan: Plan, which: str) -> Iterator[tuple[Move, Touch]]:
+    """plan, value of the option gate → its moves and their touches; with `facet`, what proves the probe before the first descent.
+
+    From the clear level it goes down to the stand-off of `proving_touch`, touches it (`prove`), and comes back where it was.
+    Raises InputError as `proving_touch`.
+    """
+    proven = which != "facet"
+    at: dict[str, float] = {}
+    for move, touch in plan.served:
+        if move.kind == "approach" and not proven:
+            proven, one = True, proving_touch(plan)
+            yield from ((each, one) for each in _proof(plan, one, at))
+        at.update(move.target)
+        yield move, touch
+
+
+def _proof(plan: Plan, one: Touch, at: dict[str, float]) -> Iterator[Move]:
+    """plan, touch that proves the probe, where the axes stand → down to it, touch it, and back there; only axes that move."""
+    names, linear, first = plan.machine.names, plan.machine.linear, plan.touches[0]
+    begun = here = tuple(at.get(name, first.over[i]) for i, name in enumerate(names))
+    ways: tuple[tuple[MoveKind, tuple[float, ...]], ...] = (
+        ("retract", first.over),
+        ("clear", one.over),
+        ("near", one.standoff),
+        ("prove", one.end),
+        ("back", one.standoff),
+        ("retract", one.over),
+        ("clear", first.over),
+        ("near", begun),
+    )
+    for kind, place in ways:
+        if changed := {n: v for n, v, old in zip(names, place, here, strict=True) if n in linear and abs(v - old) > 1e-9}:
+            yield Move(kind, changed, one.number)
+        here = place
+
+
+def _above(touch: Touch, linear: Sequence[int]) -> float:
+    """touch, columns → cosine of the angle between the way off its facet and the tool; 0 where the clear level is the stand-off."""
+    off = [touch.standoff[i] - touch.contact[i] for i in linear]
+    up = [touch.over[i] - touch.standoff[i] for i in linear]
+    length = math.hypot(*off) * math.hypot(*up)
+    cosine = sum(a * b for a, b in zip(off, up, strict=True)) / length if length > 1e-9 else 0.0
+    return max(-1.0, min(1.0, cosine))

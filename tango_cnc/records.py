@@ -255,7 +255,7 @@ class Cell:
 
 
 OFF = 1.5  # mm that a program goes off a facet, where nothing can guard it, before it goes back guarded
-MoveKind = Literal["retract", "clear", "index", "approach", "find", "off", "near", "probe", "back"]
+MoveKind = Literal["retract", "clear", "index", "approach", "find", "off", "near", "probe", "back", "prove"]
 
 
 @dataclass(frozen=True, slots=True)

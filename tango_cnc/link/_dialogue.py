@@ -18,7 +18,7 @@ Talk = Generator[str, str, None]
 
 def low(move: Move, touch: Touch, machine: Machine) -> bool:
     """move that has been made, its touch → whether the probe is now lower than where nothing of the table reaches."""
-    if move.kind in ("approach", "find", "off", "near", "probe", "back"):
+    if move.kind in ("approach", "find", "off", "near", "probe", "back", "prove"):
         return True
     place = {"retract": touch.leave, "clear": touch.enter}.get(move.kind)
     if place is None or any(place[machine.column(n)] != v for n, v in move.target.items()):

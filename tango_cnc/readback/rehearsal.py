@@ -243,14 +243,14 @@ class Rehearsal:
             self._dead, self._since = miss.twin(*dead), [_there(target)]
 
     def _proves(self, target: Mapping[str, float], feed: float) -> None:
-        """The slow move of the gate: somebody touches the stylus; beside it there is a probe that does not notice it."""
-        start, base = dict(self.base.position), self.base
+        """The move of the gate: somebody touches the stylus, or it meets its facet; beside it there is a probe that notices nothing."""
+        start, base, step = dict(self.base.position), self.base, Step.FINDS if self.walk.on_facet else Step.PROVES
         self.walk.proof(target, feed)
         base.met({name: self.walk.at[name] for name in target}, start, target)
         dead = base.twin("stop", "the probe is dead, off, or wired to another input")
         dead.position.update(target)
         dead.skip, dead.hit = dict(dead.position), False
-        self._goes(Step.PROVES)
+        self._goes(step)
         self.doubts([dead])
 
     def rests(self, seconds: float) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .. import check, kinematics
-from ..gate import gate
+from ..gate import gate, served
 from ..records import Array, Axis, InputError, Move, Plan, Touch
 from .switches import Switches
 
@@ -35,28 +35,40 @@ class Walk:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
         """plan, options of its profile → nothing has moved yet."""
-        self._plan, self._moves = plan, iter(plan.moves)
+        self._plan, self._moves = plan, served(plan, str(options.get("gate", "none")))
         self._switched = Switches(options)
-        self._later = iter(plan.touches)
-        self._touch = next(self._later)
+        self._touch = plan.touches[0]
+        self.next: Move | None = None
+        self._advance()
         self._chain, self._solid = kinematics.chain(plan.machine), check.solid(plan.artefact)
         self.at = {axis.name: _anywhere(axis) for axis in plan.machine.axes}
         self._known: set[str] = set()
         self._turning: dict[str, float] = {}  # what is left of the indexation that is under way
         self._orients = len({touch.standoff[plan.machine.column("S")] for touch in plan.touches}) > 1
-        self.next: Move | None = next(self._moves, None)
         self._gate = gate(plan) if options.get("gate") == "finger" else None  # what is still to prove the probe alive
         self._up = False  # the slow move has been made, and has not gone back yet
 
     @property
     def proving(self) -> bool:
         """→ whether the next motion has to be the one that proves the probe alive: before the first descent."""
+        if self.on_facet:
+            return True
         return self._gate is not None and not self._up and self.next is not None and self.next.kind == "approach"
+
+    @property
+    def on_facet(self) -> bool:
+        """→ whether the next motion has to be the short search that proves the probe at a facet."""
+        return self.next is not None and self.next.kind == "prove"
 
     def proof(self, target: Mapping[str, float], feed: float) -> None:
         """{X Y Z: mm}, mm/min → the probe has been touched half way there. Raises InputError when the motion is wrong."""
         self._settled()
         self._switched.moves()
+        if self.on_facet:
+            if abs(feed - self._plan.strategy.approach.feed) > 1e-6:
+                raise InputError(f"the feed is {feed:g}; allowed: {self._plan.strategy.approach.feed:g} mm/min, at the facet")
+            self._arrives(target)
+            return
         assert self._gate is not None
         end, start = self.place(self._gate.end), self.place(self._gate.start)
         if abs(feed - self._gate.feed) > 1e-6:
@@ -83,10 +95,14 @@ class Walk:
     @property
     def touch(self) -> Touch:
         """→ the touch that the next motion serves."""
-        assert self.next is not None
-        while self._touch.number != self.next.touch:  # moves serve the touches in their order
-            self._touch = next(self._later)
         return self._touch
+
+    def _advance(self) -> None:
+        """The next motion of the plan is due, with the touch that it serves."""
+        due = next(self._moves, None)
+        self.next = None if due is None else due[0]
+        if due is not None:
+            self._touch = due[1]
 
     @property
     def measures(self) -> bool:
@@ -120,6 +136,11 @@ class Walk:
                 move.kind, f"a protected move ({move.kind})"
             )
             raise InputError(f"found a {'measuring' if set(kinds) <= set(MEASURES) else 'linear'} move; the plan has {asked} here")
+        self._arrives(target)
+
+    def _arrives(self, target: Mapping[str, float]) -> None:
+        """The move that is due has been made, a measuring one to its contact. Raises InputError when it goes elsewhere."""
+        move = self._due(target)
         for name, value in target.items():
             wanted = move.target.get(name, self.at[name])
             if not abs(value - wanted) <= CLOSE:
@@ -129,10 +150,10 @@ class Walk:
             self._travel(name, value)
         self.at.update(target)
         self._known.update(move.target)
-        if move.kind in MEASURES:
+        if move.kind in (*MEASURES, "prove"):
             contact = self.place(self.touch.contact)
             self.at.update({name: contact[name] for name in target})
-        self.next = next(self._moves, None)
+        self._advance()
 
     def off(self, step: Mapping[str, float]) -> float:
         """{axis letter: mm} right behind a measuring move, where nothing guards → mm. Raises InputError when it is wrong."""
@@ -179,7 +200,7 @@ class Walk:
         if move.kind != "index":
             raise InputError(f"found {name} {value:g} turned; the plan has the {move.kind} move of touch {move.touch} here")
         self._turning = self.place_of(move.target)
-        self.next = next(self._moves, None)
+        self._advance()
 
     def place_of(self, target: Mapping[str, float]) -> dict[str, float]:
         """{axis letter: mm or rad} → {axis letter: mm or deg}."""

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 
-from ...gate import TOUCH, gate
+from ...gate import PROVING, TOUCH, gate, served
 from ...records import OFF, Axis, InputError, Move, Touch
 from .. import _grbl
 from .. import _grbl_targets as targets
@@ -48,7 +48,8 @@ class Client(Control):
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client. Raises InputError for a plan that the control cannot be told."""
-        self._moves = list(job.plan.moves)
+        self._served = list(served(job.plan, "facet" if PROVING in job.program else "none"))
+        self._moves = [move for move, _ in self._served]
         self._plain = options.get("targets", "confirmed") == "plain"
         self._orient = options.get("orient", "refuse") == "m19"
         if not self._orient and len({touch.standoff[job.plan.machine.column("S")] for touch in job.plan.touches}) > 1:
@@ -111,7 +112,7 @@ class Client(Control):
         yield from self._clear()
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))
         proven = TOUCH not in self._job.program  # a program without the gate asks for nobody's finger
-        for move in self._moves:
+        for move, touch in self._served:
             if self._stopping:
                 yield from self._leave()
             if move.kind == "approach" and not proven:
@@ -120,7 +121,7 @@ class Client(Control):
             self._allowed = self._job.patience[self._order[move.touch]]
             self._given += 1
             yield from self._make(move)
-            self._low = low(move, self._touches[move.touch], self._job.plan.machine)
+            self._low = low(move, touch, self._job.plan.machine)
         self._events.append(Ended(len(self._job.numbers)))
 
     def _prove(self) -> Talk:
@@ -144,6 +145,17 @@ class Client(Control):
         if flag:
             raise Stop(f"the stylus was touched once more on the way back, at {_shown(place)}: let go of it")
         yield from self._where()
+
+    def _noticed(self, target: Mapping[str, float], touch: Touch) -> Talk:
+        """The short search to the facet that proves the probe. Raises Stop when it meets nothing."""
+        flag, place = self._contact((yield from self._go(targets.SEARCH, target, self._job.plan.strategy.approach.feed)))
+        if not flag:
+            raise Stop(
+                f"the probe did not notice facet {touch.facet}: is it on, its battery good, its cable at the input of the probe, "
+                "the table where it was? Nothing has been driven more than 0.5 mm against the table"
+            )
+        self._at, self._pressed = place, True
+        yield from self._report()
 
     def _clear(self) -> Talk:
         """Where a run was cut off beside a facet the probe goes back as it came; straight up there may be an edge above it."""
@@ -199,6 +211,9 @@ class Client(Control):
         if move.kind == "probe":
             lines = yield from self._go(targets.SEARCH, target, approach.feed)
             yield from self._record(self._touches[move.touch], lines)
+            return
+        if move.kind == "prove":
+            yield from self._noticed(target, self._touches[move.touch])
             return
         if move.kind == "find" and approach.find:
             self._pressed = bool(self._contact((yield from self._go(targets.SEARCH, target, approach.find.feed)))[0])

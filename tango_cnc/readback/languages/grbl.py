@@ -122,8 +122,8 @@ class _Program:
     def _search(self, words: Mapping[str, float], feed: float) -> None:
         target = {name: words.get(name, self._walk.at[name]) for name in "XYZ"}
         if self._walk.proving:
+            self._pressed, self._proof = True, not self._walk.on_facet
             self._walk.proof(target, feed)
-            self._pressed = self._proof = True
             return
         measures = self._walk.measures
         approach, due = self._plan.strategy.approach, self._walk.next
