@@ -184,7 +184,7 @@ def end(job: Job) -> Iterator[str]:
     """End mark, and what the stops say."""
     yield f'M223 "TANGO END {job.mark} {len(job.plan.touches)}\\n"'
     yield f"GOTO {LAST}"
-    for label, text in enumerate(STOPS, 9001):
+    for label, text in enumerate((*STOPS[:-1], common.unproven(job)), 9001):
         yield f"N{label}"
         yield f'M225 #{SECONDS} "TANGO STOPPED. {text}"'
         yield f"GOTO {LAST}"

@@ -153,7 +153,7 @@ class Motion:
         length = self._length(end)
         s: float | None = None
         if met is not None and self._probe in ("dead", "other"):
-            self._collide("skip", end, *met, length / (feed / 60))
+            return self._unnoticed(end, direction, *met, length / (feed / 60))
         if met is not None:
             s, what = met
             if not isinstance(what, Entry):
@@ -182,6 +182,16 @@ class Motion:
         elif fault is not None:
             raise MotionStop("fault", fault)
         return Skip(True, trigger)
+
+    def _unnoticed(self, end: Array, direction: Array, s: float, what: What, seconds: float) -> Skip:
+        """A probing move with a probe that says nothing: the stylus gives way as far as it can. Raises MotionStop beyond that."""
+        if isinstance(what, Entry) or float(self._gaps(what, end[None], direction)[0]) < -BEND:
+            self._collide("skip", end, s, what, seconds)
+        self._arrive(end, seconds)
+        self._press(what, end, direction)
+        self._note("bent", surface=self._name(what), depth=-self._pressed.gap if self._pressed else 0.0, **self._shown())
+        self._note("skip", result="miss", **self._shown())
+        return Skip(False, self.position)
 
     def _fingered(self, end: Array, feed: float) -> Skip:
         """A probing move during which somebody touches the stylus half way."""

@@ -67,7 +67,7 @@ def _room(plan: Plan, start: Sequence[float], linear: Sequence[int], way: Sequen
 
 
 def proving_touch(plan: Plan) -> Touch:
-    """plan → the touch of its first indexation that proves the probe: most from above, its search ends `BEHIND` mm behind the facet.
+    """plan → the touch of its first indexation that proves the probe: most from above, its search ending `BEHIND` behind it.
 
     Raises InputError where no facet is touched from above there.
     """

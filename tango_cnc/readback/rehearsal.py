@@ -243,7 +243,7 @@ class Rehearsal:
             self._dead, self._since = miss.twin(*dead), [_there(target)]
 
     def _proves(self, target: Mapping[str, float], feed: float) -> None:
-        """The move of the gate: somebody touches the stylus, or it meets its facet; beside it there is a probe that notices nothing."""
+        """The move of the gate: the stylus is touched, or meets its facet; beside it there is a probe that notices nothing."""
         start, base, step = dict(self.base.position), self.base, Step.FINDS if self.walk.on_facet else Step.PROVES
         self.walk.proof(target, feed)
         base.met({name: self.walk.at[name] for name in target}, start, target)
