@@ -50,13 +50,8 @@ class Option:
     codes: bool = False  # the text goes into the program as it stands
 
 
-GATE = Option(
-    "gate",
-    "finger",
-    "what proves the probe alive before the first touch: a finger, a facet (for runs that nobody watches), or none",
-    True,
-    ("finger", "facet", "none"),
-)
+PROVES = ("finger", "facet", "none")
+GATE = Option("gate", "finger", "what proves the probe alive; a facet where nobody is there", True, PROVES)
 UNPROVEN = "nothing proves the probe alive before the first descent: a flat battery drives the stylus into the table"
 
 
@@ -362,7 +357,7 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
     which = job.options.get(GATE.name, "none")
     gate = post.gate if which == "finger" else None
     if post.gate is not None:
-        steps["prove"] = lambda job, leg: post.gate(_alive.on_facet(job), leg) if post.gate else ()
+        steps["prove"] = post.gate
     for move, touch in served(job.plan, which):
         if gate is not None and move.kind == "approach":
             yield from _said(gate(job, _alive.leg(job, dict(to))))

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.controls import Ran, golden
+from support.randomplans import random_plans
 from test_dialects import EVERY
 
 from postprocessors._base import companions, load, program, unverified
@@ -21,7 +22,7 @@ from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
 from tango_cnc import readback
-from tango_cnc.gate import ALIVE_TIME, TOUCH, gate
+from tango_cnc.gate import ALIVE_TIME, BEHIND, PROVING, TOUCH, gate, proving_touch
 from tango_cnc.link._client import Asked, Begun, Ended, Failed, Job, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
@@ -145,3 +146,100 @@ def test_it_goes_where_there_is_room(room: float) -> None:
     assert (way[z] == pytest.approx(10)) == (room >= 10)
     for axis, value in zip(axes, up.end, strict=True):
         assert axis.travel is None or axis.travel[0] - 1e-9 <= value <= axis.travel[1] + 1e-9
+
+
+FACET = {"gate": "facet"}
+WAYS_IT_FAILS = ("dead", "other", "inverted")
+
+
+def bent(found: Ran) -> float:
+    """→ mm by which the stylus was bent without anybody noticing it."""
+    return max((data["depth"] for event, data in found.events if event == "bent"), default=0.0)
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+def test_a_facet_from_above_proves_the_probe_where_nobody_is_there(name: str) -> None:
+    made = golden()
+    found = ran(name, made, FACET, person=False)
+    assert not found.why and not found.stops
+    assert events(found).count("contact") == 1 + len(made.touches)
+    assert len([line for line in found.lines if line.strip().startswith("P")]) == len(made.touches)
+    files = companions(load(name), made, FACET)
+    lines = list(program(load(name), made, FACET, plan_hash(made))[2]())
+    readback.check(lambda: iter(lines), made, settings_of(load(name), FACET), files, written_in=load(name).language)
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("probe", WAYS_IT_FAILS)
+def test_at_the_facet_a_probe_that_says_nothing_gives_way_and_is_found(name: str, probe: str) -> None:
+    found = ran(name, golden(), FACET, person=False, probe=probe)
+    assert found.why or found.stops
+    assert not set(NEAR) & set(events(found))
+    assert bent(found) <= BEHIND + 0.001
+    assert (bent(found) > 0.4) == (probe != "inverted")
+    assert not [line for line in found.lines if line.strip().startswith("P")]
+
+
+@pytest.mark.parametrize("name", sorted(set(EVERY) - {"heidenhain"}))  # whose blocks count: a line less is refused by its number
+def test_the_read_back_refuses_a_facet_that_stops_nothing_or_that_is_pressed_deeper(name: str) -> None:
+    made = golden()
+    options = settings_of(load(name), FACET)
+    lines = list(program(load(name), made, FACET, plan_hash(made))[2]())
+    at = next(i for i, line in enumerate(lines) if PROVING in line)
+    end = next(i for i, line in enumerate(lines) if "TOUCH 1 FACET" in line)
+
+    def refuses(text: list[str]) -> bool:
+        try:
+            readback.check(lambda: iter(text), made, options, companions(load(name), made, FACET), written_in=load(name).language)
+        except InputError:
+            return True
+        return False
+
+    assert not refuses(lines)
+    assert refuses(lines[:at] + lines[end:])
+    assert refuses(list(program(load(name), made, {"gate": "finger"}, plan_hash(made))[2]()))
+    z = golden().machine.column("Z")
+    goal = f"{proving_touch(made).end[z]:g}"
+    deeper = [line.replace(goal, f"{float(goal) - 1:g}") if at < i < end else line for i, line in enumerate(lines)]
+    assert deeper != lines and refuses(deeper)
+    stops = [i for i in range(at, end) if "THEN#3000=88" in lines[i] or "NS8" in lines[i] or "GOTO 9006" in lines[i]]
+    for i in stops:
+        assert refuses(lines[:i] + lines[i + 1 :]), lines[i]
+
+
+def test_a_plan_that_touches_nothing_from_above_is_told_so() -> None:
+    made = golden()
+    sideways = replace(made, touches=[made.touches[0]], turns=made.turns)
+    with pytest.raises(InputError, match=r"nothing from above.*allowed: a facet within 45 deg"):
+        proving_touch(sideways)
+
+
+def random_plans_with_a_bad_probe(seed: int, count: int) -> int:
+    """→ programs that were run: finger or facet, every dialect, a dead, a wrongly wired or an inverted probe."""
+    runs = 0
+    for i, drawn in enumerate(random_plans(seed, count)):
+        made = drawn.plan
+        for which in ("finger", "facet"):
+            try:
+                proving_touch(made) if which == "facet" else gate(made)
+            except InputError:
+                continue
+            for name in sorted(EVERY):
+                probe = WAYS_IT_FAILS[(i + len(name)) % 3] if count > 20 else WAYS_IT_FAILS[i % 3]
+                found = ran(name, made, {"gate": which}, probe=probe, person=which == "finger")
+                where = f"plan {i} of seed {seed}, {name}, {which}, {probe}"
+                assert found.why or found.stops, where
+                assert not set(NEAR) & set(events(found)), where
+                assert bent(found) <= BEHIND + 0.01, where
+                runs += 1
+    return runs
+
+
+@pytest.mark.long
+def test_in_random_plans_a_bad_probe_is_stopped_before_it_hits_anything() -> None:
+    assert random_plans_with_a_bad_probe(11, 12) > 200
+
+
+@pytest.mark.campaign
+def test_in_a_thousand_random_plans_a_bad_probe_is_stopped_before_it_hits_anything() -> None:
+    assert random_plans_with_a_bad_probe(12, 1000) > 14_000

@@ -16,6 +16,7 @@ from ..nightly import Finding, Measured
 from ..plan import part, plan, plan_hash
 from ..records import Cell, InputError, LinkError, Plan, TangoError
 from ._common import dialect
+from ._night_gate import proves
 
 LISTEN = 5.0  # s that a control may take to say what it is
 
@@ -118,14 +119,7 @@ class RealControl:
 
     def _gate(self, kind: str) -> Finding:
         """Nobody is there at night: a program that waits for a finger at the probe would stand still until the morning."""
-        from postprocessors import _base as posts
-
-        post = dialect(self.cell)
-        options = self.cell.controller.options if self.cell.controller else {}
-        if posts.settings(post, options).get("gate", "none") == "none":
-            return Finding("gate", True, "the program asks for nobody")
-        advice = "state gate: none under controller: in tango.yaml; the check of the probe's answer takes its place"
-        return Finding("gate", False, "the program waits for a finger at the probe, and nobody is there at night", advice)
+        return proves(self.cell if kind == "full" or self.check is None else self.check, self._plan(kind, ()))
 
     def _left(self, kind: str) -> Finding:
         journals = [f for f in self.cell.folder.glob("*.partial.csv")]
@@ -176,6 +170,8 @@ class RealControl:
         assert self.cell.controller is not None
         own = self.check if kind == "check" and self.check is not None else self.cell
         made = self._plan(kind, touches)
+        if not (proven := proves(own, made)).passed:  # of some touches only another facet may be the one
+            raise LinkError(f"{proven.found}: {proven.do}")
         folder = self.cell.folder / "nights" / self.stamp
         folder.mkdir(parents=True, exist_ok=True)
         target = folder / "readings.csv"

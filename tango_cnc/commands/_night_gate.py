@@ -1,0 +1,61 @@
+"""What proves the probe alive at night, when nobody is there to touch the stylus: a facet, where the last run has found it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from postprocessors import _base as posts
+
+from ..files import read_readings
+from ..gate import proving_touch
+from ..nightly import Finding
+from ..records import Cell, Plan, Touch
+from ._common import dialect
+
+NEAR = 0.3  # mm between where the facet was found and where the plan expects it; the search ends 0.5 mm behind the latter
+TURNED = math.radians(0.1)  # of a rotary axis: the same indexation
+FAR = 30.0  # mm from the expected contact: not this touch
+
+
+def proves(cell: Cell, made: Plan) -> Finding:
+    """cell, plan of the night → whether its program proves the probe with nobody there. Raises InputError without a post."""
+    post = dialect(cell)
+    options = cell.controller.options if cell.controller else {}
+    which = posts.settings(post, options).get("gate", "none")
+    if which == "none":
+        return Finding("gate", True, "the program asks for nobody, and nothing proves the probe alive; gate: facet would")
+    if which == "finger":
+        advice = "state gate: facet under controller: in tango.yaml: the program then proves the probe at a facet from above"
+        return Finding("gate", False, "the program waits for a finger at the probe, and nobody is there at night", advice)
+    one = proving_touch(made)
+    for file in _runs(cell.folder):
+        off = _found(cell, made, one, file)
+        if off is not None:
+            where = f"facet {one.facet} proves the probe; {file.name} of {file.parent.name} found it {off:+.2f} mm from the plan"
+            advice = f"allowed: {NEAR:g} mm. Run 'tango locate' with a person at the machine"
+            return Finding("gate", abs(off) <= NEAR, where, "" if abs(off) <= NEAR else advice)
+    advice = "measure once with a person at the machine: gate: finger in tango.yaml, then 'tango run'"
+    return Finding("gate", False, f"facet {one.facet} is to prove the probe, and no run has touched it yet", advice)
+
+
+def _runs(folder: Path) -> list[Path]:
+    """folder of a cell → readings of its runs, the last one first."""
+    files = [*folder.glob("nights/*/readings.csv"), *folder.glob("readings.csv")]
+    return sorted(files, key=lambda file: file.stat().st_mtime, reverse=True)
+
+
+def _found(cell: Cell, made: Plan, one: Touch, file: Path) -> float | None:
+    """cell, plan, touch, readings → mm that its facet was met behind (+) the expected contact; None where it was not touched."""
+    read, machine = read_readings(file, made.machine, cell.artefact), made.machine
+    linear = [machine.column(name) for name in machine.linear]
+    rotary = [machine.column(name) for name in machine.rotary]
+    contact, way = np.array(one.contact), (np.array(one.end) - np.array(one.standoff))[linear]
+    for row in reversed(range(len(read))):
+        off = read.position[row] - contact
+        same = read.facet[row] == one.facet and read.status[row] == "ok" and (np.abs(off[rotary]) < TURNED).all()
+        if same and np.linalg.norm(off[linear]) < FAR:
+            return float(off[linear] @ way / np.linalg.norm(way))
+    return None
