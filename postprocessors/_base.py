@@ -348,6 +348,7 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
         "near": post.retract,
         "probe": post.probe,
         "back": post.back,
+        "prove": post.gate or post.probe,
     }
     to: dict[str, float] = {}
     yield from _said(post.begin(job))
@@ -356,8 +357,6 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
 
     which = job.options.get(GATE.name, "none")
     gate = post.gate if which == "finger" else None
-    if post.gate is not None:
-        steps["prove"] = post.gate
     for move, touch in served(job.plan, which):
         if gate is not None and move.kind == "approach":
             yield from _said(gate(job, _alive.leg(job, dict(to))))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -125,3 +125,8 @@ def table(rows: list[list[str]], align: str) -> str:
     """rows of cells, one of '<>' per column → text with aligned columns, two spaces apart."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(align))]
     return "\n".join("  ".join(f"{cell:{a}{w}}" for cell, a, w in zip(row, align, widths, strict=True)).rstrip() for row in rows)
+
+
+def asks_for_a_finger(options: Mapping[str, Any]) -> dict[str, Any]:
+    """`controller` keys → those of a program that a person starts: no facet proves the probe where the table is not known yet."""
+    return {**options, "gate": "finger"} if options.get("gate") == "facet" else dict(options)

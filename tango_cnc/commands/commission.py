@@ -14,7 +14,7 @@ import click
 
 from ..files import blamed_on, read_cell
 from ..records import InputError, LinkError, Plan
-from ._common import cell_option, dialect, json_option, json_text, table
+from ._common import asks_for_a_finger, cell_option, dialect, json_option, json_text, table
 
 FOLDER = "commissioning"  # of the cell: program, records and journal of the last try
 WORD = re.compile(r"([A-Z]) *([+-]? *\d*\.?\d+)")
@@ -63,7 +63,7 @@ def command(
         )
     post = dialect(cell)
     made = commission.air(plan(cell), 2 if post.link == "grbl" else commission.MOST)
-    options = dict(cell.controller.options)
+    options = asks_for_a_finger(cell.controller.options)
     if any(option.name == "misses" for option in post.options):
         options["misses"] = 20  # every move of this program is to meet nothing
     programs = _written(folder, post, made, options)

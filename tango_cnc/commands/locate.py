@@ -13,7 +13,7 @@ import numpy as np
 from ..files import artefact_text, blamed_on, read_cell, read_readings, write_text
 from ..files.targets import spared
 from ..records import InputError, Plan
-from ._common import Output, cell_option, dialect, json_option, json_text
+from ._common import Output, asks_for_a_finger, cell_option, dialect, json_option, json_text
 
 PLACE = "Measure 20"  # in the list of commands
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
@@ -48,7 +48,7 @@ def command(folder: Path, port: str | None, only_program: bool, file: Path | Non
                 f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
             )
         post = dialect(cell)
-        programs = _written(folder, post, made, cell.controller.options)
+        programs = _written(folder, post, made, asks_for_a_finger(cell.controller.options))
         if only_program:
             click.echo(f"{programs[0].file}: run it, then 'tango locate --readings FILE'")
             return

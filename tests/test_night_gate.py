@@ -1,0 +1,67 @@
+"""Nobody is there at night: which programs a night accepts, and where the facet has to have been found that proves the probe."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.controls import GOLDEN, golden
+
+from sim_controller.simulate import simulate
+from tango_cnc.commands._common import asks_for_a_finger
+from tango_cnc.commands._night_gate import NEAR, proves
+from tango_cnc.files import read_cell
+from tango_cnc.files.readings import readings_text
+from tango_cnc.gate import proving_touch
+from tango_cnc.records import Cell, World
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Cell:
+    shutil.copytree(GOLDEN, tmp_path / "cell")
+    return with_gate(read_cell(tmp_path / "cell"), "facet")
+
+
+def with_gate(cell: Cell, which: str) -> Cell:
+    assert cell.controller is not None
+    return replace(cell, controller=replace(cell.controller, options={"gate": which}))
+
+
+def measured(cell: Cell, by: float) -> None:
+    """Writes the readings of a run that found every facet `by` mm farther behind than the plan has it."""
+    found = simulate(cell.machine, cell.artefact, cell.strategy, World())
+    found = getattr(found, "readings", found)
+    one = proving_touch(golden())
+    linear = [cell.machine.column(name) for name in cell.machine.linear]
+    way = (np.array(one.end) - np.array(one.standoff))[linear]
+    position = found.position.copy()
+    position[np.ix_([f == one.facet for f in found.facet], linear)] += by * way / np.linalg.norm(way)
+    (cell.folder / "readings.csv").write_text(readings_text(replace(found, position=position)), encoding="utf-8")
+
+
+def test_a_night_takes_no_program_that_waits_for_a_finger(cell: Cell) -> None:
+    said = proves(with_gate(cell, "finger"), golden())
+    assert not said.passed and "gate: facet" in said.do
+    said = proves(with_gate(cell, "none"), golden())
+    assert said.passed and "nothing proves the probe alive" in said.found
+
+
+@pytest.mark.parametrize(("by", "passed"), [(0.0, True), (NEAR - 0.05, True), (NEAR + 0.05, False), (-NEAR - 0.05, False)])
+def test_the_facet_has_to_be_where_the_last_run_found_it(cell: Cell, by: float, passed: bool) -> None:
+    measured(cell, by)
+    said = proves(cell, golden())
+    assert said.passed == passed and f"{by:+.2f} mm" in said.found
+    assert passed or "tango locate" in said.do
+
+
+def test_a_facet_that_no_run_has_touched_proves_nothing(cell: Cell) -> None:
+    said = proves(cell, golden())
+    assert not said.passed and "tango run" in said.do
+
+
+def test_programs_that_a_person_starts_ask_for_the_finger() -> None:
+    assert asks_for_a_finger({"gate": "facet", "misses": 3}) == {"gate": "finger", "misses": 3}
+    assert asks_for_a_finger({"gate": "none"}) == {"gate": "none"}
