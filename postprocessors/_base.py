@@ -361,9 +361,8 @@ def _steps(post: Post, job: Job) -> Iterator[str]:
         if gate is not None and move.kind == "approach":
             yield from _said(gate(job, _alive.leg(job, dict(to))))
             gate = None
-        came = dict(to)
-        to.update(move.target)
-        leg = Leg(move.kind, move.target, dict(to), touch, came)
+        came, to = to, {**to, **move.target}
+        leg = Leg(move.kind, move.target, to, touch, came)
         yield from _said(steps[move.kind](job, leg))
         if move.kind == "probe":  # before the way back: what stops there takes no reading with it
             yield from _said(post.record(job, leg))
