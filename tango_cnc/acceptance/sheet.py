@@ -137,6 +137,9 @@ def _stands(sheet: Sheet, judgement: Judgement, machine: Machine) -> str:
 def _row(name: str, f: OnPart, limit: float, sheet: Sheet, stands: str) -> Row:
     if f.value is None or f.interval is None:
         return Row(name, None, None, None, limit, f.unit, "not stated", f.text)
+    if f.kind.startswith("positioning") and f.unit.startswith("µm") and sheet.temperature == "not stated":
+        why = "the temperatures of bar and machine are not stated; write temperature.yaml"
+        return Row(name, None, None, None, limit, f.unit, "not stated", why)
     factor = float(special.stdtrit(sheet.freedom, 0.975))
     size = abs(f.value)
     side = max(f.interval[1] - f.value, f.value - f.interval[0]) / factor
@@ -167,11 +170,11 @@ def _checklist(order: Order, sheet: Sheet, files: Sequence[tuple[str, int, str]]
         "7.8.2.1 m) results": "the table of figures, in µm, µrad and µm/m",
         "7.8.2.1 n) additions, deviations": order.remarks,
         "7.8.2.1 o) authorised by": _both(p, "signed_by", "role"),
-        "7.8.4.1 a) uncertainty": "U = 2 u (k = 2): scatter of the touches and every error motion of the axes; no temperature",
+        "7.8.4.1 a) uncertainty": "U = 2 u (k = 2): scatter of the touches and every error motion of the axes; in scales the expansions",
         "7.8.4.1 b) conditions": conditions,
         "7.8.4.1 c) traceability": certificates,
         "7.8.6 decision rule": RULE,
-        "other: reference": sheet.reference.text,
+        "other: reference": f"{sheet.reference.text}; scales: temperature {sheet.temperature}",
         "other: program and data": f"tango_cnc {version}; " + "; ".join(f"{n} {h[:16]}" for n, _, h in files),
     }
 

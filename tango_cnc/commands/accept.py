@@ -15,6 +15,7 @@ from ..records import InputError
 from ..report import pdf
 from ._common import Output, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, told
+from .iso230 import thermal_of
 from .report import paper
 
 PLACE = "Keep 55"  # in the list of commands
@@ -45,7 +46,13 @@ def command(
     now = datetime.now(UTC)
     origin = paper(folder, source, "", "", asked)
     found = made(
-        wanted, signed(result, wanted.tool_length), judgement, cell.machine, origin.files, __version__, now.date().isoformat()
+        wanted,
+        signed(result, wanted.tool_length, thermal_of(folder)),
+        judgement,
+        cell.machine,
+        origin.files,
+        __version__,
+        now.date().isoformat(),
     )
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.compiled(page.typst(found, pdf.quoted)))

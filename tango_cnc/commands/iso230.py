@@ -13,6 +13,7 @@ from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..iso230.signed import Sheet, signed
+from ..iso230.temperature import Thermal, read_thermal
 from ._common import cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, status, told
 
@@ -29,6 +30,7 @@ PLACE = "Understand 50"  # in the list of commands
 @click.option(
     "--tool-length", type=click.FloatRange(0, min_open=True), help="mm, of the tool at whose tip figures hold [default: the probe]."
 )
+@click.option("--as-found", is_flag=True, help="Scales at the temperature of the machine, not at 20 °C (temperature.yaml).")
 @click.option("--fitted", is_flag=True, help="Figures of the fitted terms alone, as if the machine had no other error motion.")
 @despite_option
 @json_option
@@ -38,6 +40,7 @@ def command(
     terms: str | None,
     degree: int,
     tool_length: float | None,
+    as_found: bool,
     fitted: bool,
     despite: bool,
     json_file: str | None,
@@ -55,10 +58,16 @@ def command(
         if not write_json(json_file, {"format": "tango-iso230/1", **members(judgement), "fitted": _fitted_json(result)}):
             click.echo("\n".join([*told(judgement), _fitted_text(result)]))
         return status(judgement, despite)
-    sheet = signed(result, tool_length)
+    sheet = signed(result, tool_length, thermal_of(folder), not as_found)
     if not write_json(json_file, sheet_json(sheet) | members(judgement) | {"fitted": _fitted_json(result)}):
         click.echo("\n".join([*told(judgement), *sheet_text(sheet)]))
     return status(judgement, despite)
+
+
+def thermal_of(folder: Path) -> Thermal | None:
+    """cell → its temperature.yaml, None where it has none."""
+    file = folder / "temperature.yaml"
+    return read_thermal(file) if file.exists() else None
 
 
 def sheet_json(sheet: Sheet) -> dict[str, Any]:
@@ -71,6 +80,7 @@ def sheet_json(sheet: Sheet) -> dict[str, Any]:
             "tool_length_mm": at.length,
             "functional_point_mm": list(at.point),
         },
+        "temperature": sheet.temperature,
         "touch_std_um": sheet.sigma * 1e3,
         "dof": sheet.freedom,
         "figures": [
@@ -100,7 +110,11 @@ def sheet_text(sheet: Sheet) -> list[str]:
         over = "" if f.range is None else f"{f.range[0]:.0f} … {f.range[1]:.0f}"
         between = f"{f.interval[0]:.2f} … {f.interval[1]:.2f}"
         rows.append([f.kind, f.name, f"{f.value:.2f}", between, f.unit, over, f"{f.positions or ''}", f.note])
-    lines = [sheet.reference.text]
+    lines = [sheet.reference.text, f"temperature of scales: {sheet.temperature}"]
+    if sheet.temperature == "not stated":
+        lines[1] += (
+            " (write temperature.yaml for 20 °C); positioning holds for a bar and a machine as warm as each other, and alike"
+        )
     lines.append(table(rows, "<<>><>><") if len(rows) > 1 else "these touches decide no figure")
     return lines + [f"withheld: {text}" for text in sheet.not_identifiable]
 

@@ -72,7 +72,7 @@ def _of_axis(t: Trajectory) -> list[Ask]:
     slope, rest = _slope(t.command, ahead)
     motion = f"E{name}{name}"
     found = [
-        Ask("positioning", f"{motion} M", "µm", 1e3, ahead, motion, over, "mean bidirectional range"),
+        Ask("positioning", f"{motion} M", "µm", 1e3, ahead, motion, over, "mean bidirectional range", command=t.command),
         Ask("positioning gain", motion, "µm/m", 1e6, slope, motion, over, "positive: the tool goes farther than commanded"),
         Ask("linearity", motion, "µm", 1e3, rest, motion, over, "positioning about its own least-squares line"),
     ]

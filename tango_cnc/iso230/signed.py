@@ -6,7 +6,7 @@ error motions are named with which it is mixed, and differences of two such figu
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -15,6 +15,7 @@ from ..estimate import Estimate
 from ..records import Array, TangoError
 from .interval import of_range
 from .onpart import Ask, asked, minimum_zone
+from .temperature import Known, Thermal, scale
 from .trajectory import Reference, reference
 from .whole import Whole, whole
 
@@ -48,6 +49,7 @@ class Sheet:
     reference: Reference
     sigma: float  # mm, of a touch, beside every error motion
     freedom: float
+    temperature: str = "not stated"  # or: 20 °C, as found
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
@@ -55,16 +57,38 @@ class Sheet:
         return tuple(f.text for f in self.figures if f.value is None)
 
 
-def signed(result: Estimate, length: float | None = None) -> Sheet:
-    """estimate, tool length (mm; default: of the probe) → figures. Raises TangoError where there are too few touches."""
+def signed(result: Estimate, length: float | None = None, thermal: Thermal | None = None, at_reference: bool = True) -> Sheet:
+    """estimate, tool length (mm; default: of the probe), temperatures, whether at 20 °C or as found → figures.
+
+    Raises TangoError where there are too few touches.
+    """
     from . import ranges
 
     over = ranges(result.model.touches)
     machine = result.model.touches.machine
     all_of_it, at = whole(result), reference(machine, over, length)
     asks = asked(machine, all_of_it.coefficients, over, at)
+    asks, all_of_it = (asks, all_of_it) if thermal is None else _expanded(asks, all_of_it, scale(thermal, at_reference))
     found = [_told(ask, all_of_it) for ask in asks]
-    return Sheet((*found, *_relative(asks, found, all_of_it)), at, all_of_it.sigma, all_of_it.freedom)
+    state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
+    return Sheet((*found, *_relative(asks, found, all_of_it)), at, all_of_it.sigma, all_of_it.freedom, state)
+
+
+def _expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
+    """→ the same with one coefficient more: what temperature adds to every scale, mm/mm."""
+    found = []
+    for ask in asks:
+        feels = np.zeros((*ask.curve.shape[:-1], 1))
+        if ask.kind == "positioning" and ask.command is not None:
+            feels[:, 0] = ask.command
+        elif ask.kind == "positioning gain":
+            feels[0] = 1.0
+        found.append(replace(ask, curve=np.concatenate([ask.curve, feels], axis=-1)))
+    p = len(w.values)
+    covariance = np.zeros((p + 1, p + 1))
+    covariance[:p, :p], covariance[p, p] = w.covariance, more.std**2
+    values, motions = np.append(w.values, more.value), (*w.motions, "the expansion of bar and machine")
+    return found, replace(w, motions=motions, values=values, covariance=covariance)
 
 
 def withheld(result: Estimate) -> tuple[str, ...]:
