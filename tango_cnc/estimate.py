@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from . import kinematics
-from .identify import Selection, condition_number, select
+from .identify import Selection, condition_number, scaled_condition_number, select
 from .model import Model, errors, known, linearise
 from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, TermItem
 from .terms import causes
@@ -59,6 +59,11 @@ class Estimate:
     def condition_number(self) -> float:
         """→ of the Jacobian in mm and rad, machine and setup columns together, scale bar included."""
         return condition_number(self.jacobian)
+
+    @property
+    def scaled_condition_number(self) -> float:
+        """→ of the Jacobian with columns of length 1: how alike the unknowns are to the touches, whatever their units."""
+        return scaled_condition_number(self.jacobian)
 
     @cached_property
     def outliers(self) -> NDArray[np.int64]:

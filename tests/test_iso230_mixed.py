@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from tango_cnc.cli import tango
+from tango_cnc.identify import condition_number, scaled_condition_number
 from tango_cnc.iso230.interval import of_range
 from tango_cnc.iso230.onpart import minimum_zone
 from tests.support.iso_coverage import one
@@ -71,6 +72,13 @@ def test_the_minimum_zone_of_a_bow_is_half_of_what_its_end_points_and_line_leave
     assert minimum_zone(x, x**2) == pytest.approx(1.0)
     assert minimum_zone(x, x**2 + 7 * x) == pytest.approx(1.0)
     assert minimum_zone(x, 3 * x + 1) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_scaled_condition_number_does_not_depend_on_units() -> None:
+    matrix = np.random.default_rng(1).normal(size=(40, 5))
+    units = np.array([1.0, 1e3, 1e-6, 57.3, 1e9])
+    assert scaled_condition_number(matrix * units) == pytest.approx(scaled_condition_number(matrix), rel=1e-9)
+    assert condition_number(matrix * units) > 1e10
 
 
 @pytest.mark.long

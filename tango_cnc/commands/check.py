@@ -12,7 +12,7 @@ import numpy as np
 
 from ..duration import duration, saved, spoken
 from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms, write_text
-from ..identify import condition_number, select, summary
+from ..identify import condition_number, scaled_condition_number, select, summary
 from ..model import known, linearise
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Plan, TermItem
@@ -153,6 +153,7 @@ def _told(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> d
         "unknowns": len(model.names),
         "dof": len(touches) + len(rows) - len(model.names),
         "condition_number": condition_number(np.vstack([jacobian, rows])),
+        "scaled_condition_number": scaled_condition_number(np.vstack([jacobian, rows])),
         "expected_std": {selection.label(c.name): {"std": float(std[i]), "unit": c.unit} for i, c in enumerate(model.coefficients)},
         "not_identifiable": [c.text for c in selection.unseen],
         "mismatch_only": selection.mismatch and len(selection.unseen) == 1,
@@ -190,7 +191,8 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         rows.append([name, f"{value['std'] * factor:.3g}", unit])
     lines += [
         "",
-        f"{data['unknowns']} unknowns, {data['dof']} degrees of freedom, condition number {data['condition_number']:.4g}",
+        f"{data['unknowns']} unknowns, {data['dof']} degrees of freedom, condition number {data['condition_number']:.4g}, "
+        f"of scaled columns {data['scaled_condition_number']:.4g}",
         "",
     ]
     lines.append(table(rows, "<><"))

@@ -128,6 +128,7 @@ def as_json(result: Estimate, judgement: Judgement | None = None) -> dict[str, A
             "dof": result.dof,
         },
         "condition_number": result.condition_number,
+        "scaled_condition_number": result.scaled_condition_number,
         "not_identifiable": [c.text for c in result.selection.unseen],
         "not_identifiable_figures": list(withheld(result)),
         "outliers": [int(i) for i in result.outliers],
@@ -153,7 +154,7 @@ def as_text(result: Estimate) -> str:
         f"unexplained |r|  max {size.max():.2f}  mean {size.mean():.2f}  rms {(size**2).mean() ** 0.5:.2f} µm",
         f"{len(size)} touches, {len(result.values)} unknowns, {result.dof} degrees of freedom, one touch scatters by "
         f"{result.sigma * 1e3:.2f} µm (stated {result.model.touches.machine.probe.repeatability * 1e3:.2f})",
-        f"condition number {result.condition_number:.4g}",
+        f"condition number {result.condition_number:.4g}, of scaled columns {result.scaled_condition_number:.4g}",
     ]
     if offsets:
         lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")

@@ -5,8 +5,19 @@ it moves every touch exactly as they do and is left out. What a subset word such
 same way on a rich plan: random poses over the whole travel, every direction, a scale bar.
 """
 
-from .rank import columns, condition_number, independent
+from .rank import columns, condition_number, independent, scaled_condition_number
 from .selection import Selection, rich_plan, select, subset_terms
 from .words import describe, summary
 
-__all__ = ["Selection", "columns", "condition_number", "describe", "independent", "rich_plan", "select", "subset_terms", "summary"]
+__all__ = [
+    "Selection",
+    "columns",
+    "condition_number",
+    "describe",
+    "independent",
+    "rich_plan",
+    "scaled_condition_number",
+    "select",
+    "subset_terms",
+    "summary",
+]

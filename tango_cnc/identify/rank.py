@@ -107,6 +107,12 @@ def condition_number(matrix: Array) -> float:
     return float(np.linalg.norm(root * scale, 2) * np.linalg.norm(inverse, 2))
 
 
+def scaled_condition_number(matrix: Array) -> float:
+    """(m, p) of full rank → the same with every column brought to length 1: it does not depend on mm, rad or powers."""
+    size = np.linalg.svd(np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0), mode="r"), compute_uv=False)
+    return float(size[0] / size[-1])
+
+
 def blurred(model: Model, wanted: set[str]) -> dict[str, Combination]:
     """model of independent columns, names that may be left out → those that touches so noisy would not settle, in words.
 
