@@ -170,7 +170,7 @@ def _checklist(order: Order, sheet: Sheet, files: Sequence[tuple[str, int, str]]
         "7.8.2.1 m) results": "the table of figures, in µm, µrad and µm/m",
         "7.8.2.1 n) additions, deviations": order.remarks,
         "7.8.2.1 o) authorised by": _both(p, "signed_by", "role"),
-        "7.8.4.1 a) uncertainty": "U = 2 u (k = 2): scatter of the touches, every error motion of the axes; in scales the expansions",
+        "7.8.4.1 a) uncertainty": "U = 2 u (k = 2): scatter of touches, every error motion of the axes; in scales the expansions",
         "7.8.4.1 b) conditions": conditions,
         "7.8.4.1 c) traceability": certificates,
         "7.8.6 decision rule": RULE,
