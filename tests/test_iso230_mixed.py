@@ -45,7 +45,7 @@ def test_without_a_bar_scale_is_relative(tmp_path: Path) -> None:
     runner, cell = CliRunner(), tmp_path / "cell"
     assert runner.invoke(tango, ["init", str(cell), "--example", "trunnion"]).exit_code == 0
     assert runner.invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
-    file = cell / "readings.csv"
+    file = cell / "simulated.csv"
     head, *lines = file.read_text(encoding="utf-8").splitlines()
     column = head.split(",").index("facet")
     other = tmp_path / "bare.csv"

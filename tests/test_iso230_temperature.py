@@ -35,7 +35,9 @@ def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
     assert runner.invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
 
     def told() -> tuple[str, dict[str, dict[str, object]]]:
-        data = json.loads(runner.invoke(tango, ["iso230", "-C", str(cell), "--json", "-"]).stdout)
+        data = json.loads(
+            runner.invoke(tango, ["iso230", "-C", str(cell), "--readings", str(cell / "simulated.csv"), "--json", "-"]).stdout
+        )
         return data["temperature"], {f"{f['kind']} {f['name']}": f for f in data["figures"]}
 
     state, before = told()
