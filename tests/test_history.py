@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from tango_cnc.cli import tango
 from tango_cnc.history import Decision, History, Knowledge, opened
 from tango_cnc.records import InputError, LinkError
 
@@ -135,3 +137,15 @@ def test_a_night_with_a_number_that_is_not_finite_is_refused_whole(history: Hist
     with pytest.raises(InputError, match="finite"):
         history.add_night(record(4, residual={"rms_um": float("nan")}))
     assert len(history.nights("M")) == 3
+
+
+def test_a_trend_is_drawn_on_the_terminal(history: History, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for day in range(1, 9):
+        history.add_night(record(day))
+    monkeypatch.setenv("COLUMNS", "60")
+    where = ["history", "plot", "--history", str(tmp_path / "history.db"), "--machine", "M"]
+    drawn = CliRunner().invoke(tango, where)
+    assert drawn.exit_code == 0, drawn.output
+    lines = drawn.output.splitlines()
+    assert lines and all(len(line) <= 60 and " → " in line and set(line) & set("▁▂▃▄▅▆▇█") for line in lines)
+    assert CliRunner().invoke(tango, [*where, "--chart", "ewma"]).exit_code != 0

@@ -308,6 +308,11 @@ def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: i
     lines = summary(facts, columns).splitlines()
     assert max(map(len, lines)) <= columns
     assert "Look" in lines[0] and any("EX0C" in line for line in lines)
+    pairs = {r["name"]: (r["low"], r["high"]) for r in page.parameters(facts, texts(), most=8)}
+    for line in lines:
+        if "…" in line and line.split()[0] in pairs:  # no number is cut off
+            low, high = pairs[line.split()[0]]
+            assert line.endswith(f"{low} … {high}")
 
 
 def test_the_trend_of_a_history_and_what_a_compensation_promised_are_on_the_page(facts: Facts, tmp_path: Path) -> None:

@@ -159,15 +159,36 @@ def compare(history: History, machine: str, one: str, other: str, json_file: str
 @command.command()
 @_options()
 @click.argument("parameter", nargs=-1)
-@click.option("-o", "output", type=click.Path(path_type=Path), required=True, metavar="FILE", help=".png, .svg or .pdf")
+@click.option(
+    "-o", "output", type=click.Path(path_type=Path), metavar="FILE", help=".png, .svg or .pdf; without it: on the terminal"
+)
 @click.option("--chart", type=click.Choice(["none", "shewhart", "ewma", "cusum"]), default="none", show_default=True)
-def plot(history: History, machine: str, parameter: tuple[str, ...], output: Path, chart: str) -> None:
+def plot(history: History, machine: str, parameter: tuple[str, ...], output: Path | None, chart: str) -> None:
     """Parameters over the nights, with 95 % intervals; without names those that have moved most."""
+    names = parameter or tuple(_moved(history, machine))
+    if output is None:
+        if chart != "none":
+            raise InputError("--chart: found no -o FILE; allowed: a chart in a file")
+        click.echo(_lines(history, machine, names))
+        return
     from ..history.picture import picture
 
-    names = parameter or tuple(_moved(history, machine))
     picture(history, machine, names, output, None if chart == "none" else chart)
     click.echo(f"{', '.join(names)} → {output}")
+
+
+def _lines(history: History, machine: str, names: tuple[str, ...]) -> str:
+    """→ one line a parameter: its nights as a sparkline from lowest to highest, first and last value."""
+    from ..report.terminal import sparkline, width
+
+    rows = []
+    for name in names:
+        trend = history.trend(machine, name)
+        factor, unit = shown(trend.unit)
+        rows.append((name, trend.value * factor, f"{trend.value[0] * factor:9.2f} → {trend.value[-1] * factor:.2f} {unit}"))
+    head = max((len(name) for name, _, _ in rows), default=0)
+    room = max(width() - head - max((len(end) for _, _, end in rows), default=0) - 4, 5)
+    return "\n".join(f"{name:<{head}}  {sparkline(values, room)}  {end}" for name, values, end in rows)
 
 
 def _moved(history: History, machine: str) -> list[str]:

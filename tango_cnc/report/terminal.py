@@ -82,12 +82,17 @@ def summary(found: Facts, columns: int | None = None) -> str:
         lines.append(f"  {sign} {t('check.' + check.name):<12} {check.value}")
     rows = parameters(found, t, most=8)
     if rows:
-        room = max(11, min(41, columns - 46))
         span: dict[str, float] = {}
         for r in rows:
             span[r["unit"]] = max(span.get(r["unit"], 0.0), abs(r["number"]) + r["half"])
+        ends = [f"{r['value']:>9} {r['unit']:<6}" for r in rows]
+        whole = [f"{end} {r['low']} … {r['high']}" for end, r in zip(ends, rows, strict=True)]
+        head = max(len(r["name"]) for r in rows) + 4
+        if head + 11 + max(map(len, whole)) <= columns:  # a number is shown whole or not at all
+            ends = whole
+        room = min(41, columns - head - max(map(len, ends)))
         lines.append("")
-        for r in rows:
-            drawn = bar(r["number"], r["half"], span[r["unit"]], room)
-            lines.append(f"  {r['name']:<10} {drawn} {r['value']:>9} {r['unit']:<6} {r['low']} … {r['high']}"[:columns])
+        for r, end in zip(rows, ends, strict=True):
+            drawn = bar(r["number"], r["half"], span[r["unit"]], room - 1 + room % 2)
+            lines.append(f"  {r['name']:<{head - 4}} {drawn} {end}")
     return "\n".join(lines)
