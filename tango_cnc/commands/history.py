@@ -188,7 +188,7 @@ def _lines(history: History, machine: str, names: tuple[str, ...]) -> str:
         rows.append((name, trend.value * factor, f"{trend.value[0] * factor:9.2f} → {trend.value[-1] * factor:.2f} {unit}"))
     head = max((len(name) for name, _, _ in rows), default=0)
     room = max(width() - head - max((len(end) for _, _, end in rows), default=0) - 4, 5)
-    return "\n".join(f"{name:<{head}}  {sparkline(values, room)}  {end}" for name, values, end in rows)
+    return "\n".join(f"{name:<{head}}  {sparkline(values.tolist(), room)}  {end}" for name, values, end in rows)
 
 
 def _moved(history: History, machine: str) -> list[str]:

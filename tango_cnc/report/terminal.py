@@ -87,12 +87,12 @@ def summary(found: Facts, columns: int | None = None) -> str:
             span[r["unit"]] = max(span.get(r["unit"], 0.0), abs(r["number"]) + r["half"])
         ends = [f"{r['value']:>9} {r['unit']:<6}" for r in rows]
         whole = [f"{end} {r['low']} … {r['high']}" for end, r in zip(ends, rows, strict=True)]
-        head = max(len(r["name"]) for r in rows) + 4
-        if head + 11 + max(map(len, whole)) <= columns:  # a number is shown whole or not at all
+        indent = max(len(r["name"]) for r in rows) + 4
+        if indent + 11 + max(map(len, whole)) <= columns:  # a number is shown whole or not at all
             ends = whole
-        room = min(41, columns - head - max(map(len, ends)))
+        room = min(41, columns - indent - max(map(len, ends)))
         lines.append("")
         for r, end in zip(rows, ends, strict=True):
             drawn = bar(r["number"], r["half"], span[r["unit"]], room - 1 + room % 2)
-            lines.append(f"  {r['name']:<{head - 4}} {drawn} {end}")
+            lines.append(f"  {r['name']:<{indent - 4}} {drawn} {end}")
     return "\n".join(lines)
