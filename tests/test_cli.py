@@ -94,6 +94,7 @@ def test_every_message_is_one_for_people_in_a_real_process(tmp_path: Path) -> No
     assert done.stderr.startswith("tango: ") and "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_output_into_a_closed_pipe_is_no_error(cell: Path) -> None:
     command = f"{sys.executable} -m tango_cnc simulate -C {cell} --json - | true"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)

@@ -129,6 +129,7 @@ def tried(count: int, folder: Path) -> tuple[int, int]:
     return refused, swallowed
 
 
+@pytest.mark.long
 def test_a_spoilt_table_is_refused(tmp_path: Path) -> None:
     assert tried(24, tmp_path)[0] == 24
 

@@ -81,6 +81,7 @@ def test_limits_of_one_side(tmp_path: Path) -> None:
     assert read_limits(file, ["EX0C", "EB0C"]) == {"EX0C": Limits(-math.inf, 0.1), "EB0C": Limits(-2e-5, 2e-5)}
 
 
+@pytest.mark.long
 def test_the_command_line_exits_with_1_unless_all_conform(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cell, limits = tmp_path / "cell", tmp_path / "limits.yaml"
     write_example(cell, "hu40t")

@@ -27,6 +27,7 @@ def result(demo: Path) -> Estimate:
     return estimate(cell.machine, cell.artefact, read_readings(demo / "readings.csv", cell.machine, cell.artefact), cell.terms)
 
 
+@pytest.mark.long
 def test_every_file_of_the_flow_is_kept(demo: Path) -> None:
     names = {file.name for file in demo.rglob("*") if file.is_file()}
     assert {"tango.yaml", "world.yaml", "plan.csv", "readings.csv", "readings.json", "estimate.json", "controller.jsonl"} <= names

@@ -87,6 +87,7 @@ def test_the_extended_model_is_a_list_of_terms_that_an_estimate_takes(bench: bli
     assert abs(two.after.value("EX0C") - truth) < 4 * two.after.std[two.after.model.names.index("EX0C")]
 
 
+@pytest.mark.long
 def test_the_effects_that_were_found_are_effects_of_the_simulated_machine(bench: blind.Bench, two: Diagnosis) -> None:
     effects = json.loads(json.dumps(as_json(two)["effects"]))
     read = readings(bench, effects)
@@ -116,6 +117,7 @@ def test_the_answer_is_the_public_format_and_plain_words(two: Diagnosis) -> None
     assert "towards +Y" in text and "held-out" in text and "What to do" in text
 
 
+@pytest.mark.long
 def test_a_cause_that_the_catalogue_lacks_is_admitted_with_its_covariate(bench: blind.Bench) -> None:
     d = told(bench, [LOBES], excluded=("probe_lobing",))
     assert d.verdict == "unexplained" and not d.findings
@@ -123,6 +125,7 @@ def test_a_cause_that_the_catalogue_lacks_is_admitted_with_its_covariate(bench: 
     assert d.unexplained[0].heldout_r2 > 0.3
 
 
+@pytest.mark.long
 def test_a_wandering_machine_gets_no_false_name(bench: blind.Bench) -> None:
     d = told(bench, [{"cause": "random_walk", "amplitude": 0.003}])
     assert not d.findings
@@ -155,6 +158,7 @@ def test_a_cause_beside_something_larger_without_a_name_is_told_and_not_named(be
     assert "it resembles thermal_drift, which is not named" in text and "may only follow what that leaves" in text
 
 
+@pytest.mark.long
 def test_a_cause_that_brings_nothing_to_held_out_touches_is_told_and_not_named(
     bench: blind.Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -281,6 +285,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory, bench: blind.Bench) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_the_command_writes_json_words_and_a_page_with_pictures(cell: Path) -> None:
     pytest.importorskip("matplotlib")
     run = CliRunner().invoke(tango, ["diagnose", "-C", str(cell), "--html", str(cell / "d.html"), "--json", str(cell / "d.json")])
@@ -290,6 +295,7 @@ def test_the_command_writes_json_words_and_a_page_with_pictures(cell: Path) -> N
     assert page.count("data:image/png;base64,") == 4 and "warms up" in page
 
 
+@pytest.mark.long
 def test_the_command_writes_a_world_that_the_simulator_takes_and_overwrites_none(cell: Path) -> None:
     target = cell / "found.yaml"
     arguments = ["diagnose", "-C", str(cell), "--world", str(target)]
@@ -300,6 +306,7 @@ def test_the_command_writes_a_world_that_the_simulator_takes_and_overwrites_none
     assert refused.exit_code != 0 and "which exists" in str(refused.exception)
 
 
+@pytest.mark.long
 def test_design_tells_which_touches_would_separate_two_causes(cell: Path) -> None:
     run = CliRunner().invoke(tango, ["design", "-C", str(cell), "--separate", "thermal_drift", "table_drift", "--json", "-"])
     assert run.exit_code == 0, run.output

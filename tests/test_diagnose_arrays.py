@@ -19,6 +19,7 @@ from tango_cnc.records import InputError
 PAGE = Path(__file__).parent.parent / "docs" / "diagnose.md"
 
 
+@pytest.mark.long
 def test_the_examples_of_the_page_run_and_answer_as_it_says(capsys: pytest.CaptureFixture[str]) -> None:
     b = blind.bench()
     effect = {"cause": "probe_lobing", "amplitude": 0.004, "order": 3, "phase": 10.0}

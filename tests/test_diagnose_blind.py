@@ -18,6 +18,7 @@ def bench() -> tuple[blind.Bench, blind.Eyes]:
     return b, blind.eyes(b)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cause", "seed"), SAMPLE)
 def test_one_hidden_cause_is_named(bench: tuple[blind.Bench, blind.Eyes], cause: str, seed: int) -> None:
     found = blind.trial(*bench, [cause], (0.003, 0.003), seed)
@@ -55,7 +56,7 @@ def checked(outcomes: list[blind.Outcome]) -> None:
     assert not low, low
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 def test_a_sample_keeps_to_the_table() -> None:
     """Every third trial of a round: about fifty, with seeds that nothing was tuned on."""
     trials = list(blind.one_round(800_000))[::3]

@@ -168,6 +168,7 @@ def measured(made: Plan, name: str, world: World, options: Mapping[str, Any] = M
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.long) for n in sorted(EVERY)])
 def test_the_dialect_gives_the_parameters_of_the_true_machine(
     name: str, cell: Cell, world: World, true: Readings, limits: tuple[dict[str, float], dict[str, float]]

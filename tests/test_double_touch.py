@@ -88,6 +88,7 @@ def test_every_touch_is_found_backed_off_from_and_measured_from_nearby(golden: P
     assert np.cross((near - contact)[:3], (np.array(first.standoff) - contact)[:3]) == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.long
 @quick_and_long
 def test_the_readings_are_those_of_touching_once(name: str, cell: Cell, world: World, rounded: dict[str, float]) -> None:
     """Every coordinate to the last digit or two that the control knows of, and so the parameters."""

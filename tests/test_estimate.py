@@ -128,13 +128,14 @@ def test_the_whole_model_leaves_the_thesis_machine_only_its_noise(shared, hu40t)
     assert len(result.outliers) == 0
 
 
+@pytest.mark.long
 def test_standardised_errors_are_standard(hu40t, names_86):
     """A dozen machines through the simulator; the long test has two thousand."""
     standardised = many_machines(hu40t, names_86, 12)
     assert np.var(standardised) == pytest.approx(1.0, abs=0.15)
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 def test_standardised_errors_of_two_thousand_machines_are_standard(hu40t, names_86):
     standardised = many_machines(hu40t, names_86, 2000)
     variance = standardised.var(axis=0)

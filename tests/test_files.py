@@ -356,7 +356,7 @@ def cells(draw: st.DrawFn) -> tuple[Machine, Artefact, Strategy]:
         machine,
         artefact,
         Strategy(
-            draw(texts), draw(st.builds(Approach, st.floats(2, 1e3), st.floats(0.1, 1e3), st.floats(0.1, 1e5))), tuple(indexations)
+            draw(texts), draw(st.builds(Approach, st.floats(2, 1e3), st.floats(0.1, 1e3), st.floats(0.1, 3e3))), tuple(indexations)
         ),
     )
 

@@ -233,6 +233,7 @@ def as_simulated(folder: Path) -> bool:
     return bool(np.abs(got.position - whole.position[rows])[:, :3].max() < 1.5e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("protocol", ["dnc", "modbus"])
 def test_a_run_makes_what_is_left_and_its_readings_have_the_numbers_of_the_strategy(protocol: str, folder: Path) -> None:
     with controller(folder, "--tcp", "127.0.0.1:0", "--protocol", protocol) as url:
@@ -249,6 +250,7 @@ def test_a_run_makes_what_is_left_and_its_readings_have_the_numbers_of_the_strat
     assert compared.code == 0 and list(json.loads(compared.out)["differences_um"]) == [str(number) for number in MADE]
 
 
+@pytest.mark.long
 def test_a_run_in_parts_that_stopped_goes_on_with_what_is_left(folder: Path) -> None:
     with controller(folder, "--tcp", "127.0.0.1:0", "--fault", "stop-after=4", once=False) as url:
         result = Result("run", "-C", folder, "--port", url, "--timeout", "1", "--split", "3")

@@ -36,7 +36,7 @@ def test_a_few_sessions_with_faults(kind, tmp_path, monkeypatch):
     assert sessions(kind, (1, 6) if kind == "modbus" else (1,), tmp_path, monkeypatch) > 0  # 6: the control runs the program
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", SESSIONS)
 @pytest.mark.parametrize("part", range(5))
 def test_five_hundred_sessions_with_faults(kind, part, tmp_path, monkeypatch):

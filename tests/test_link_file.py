@@ -113,6 +113,7 @@ def test_paths_as_people_and_programs_write_them(url, path):
     assert parse(url, protocol.OPTIONS).target == path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("post", "language", "name"),
     [

@@ -205,6 +205,7 @@ def test_a_full_disk_stops_the_run_and_leaves_a_journal_that_can_be_resumed(tmp_
     assert touches(file) == [1, 2]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="kill -9 is a POSIX word")
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_killed_in_the_middle_of_writing_nothing_said_is_lost_and_nothing_invented(tmp_path):

@@ -180,7 +180,7 @@ def killed(protocol, kills, cell, seed):
     return complete
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 @pytest.mark.parametrize("protocol", SETTINGS)
 def test_a_hundred_kills(cell, protocol):
     print(f"\n{protocol}: 34 kills, {killed(protocol, 34, cell, 2)} complete measurements")

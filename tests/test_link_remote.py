@@ -172,6 +172,7 @@ def place(server, name):
     return server._url.split("127.0.0.1")[1].partition("/")[2].join(["/", f"/{name}"]).replace("//", "/")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "server",
     ["ftp", *(pytest.param(k, marks=[pytest.mark.long, pytest.mark.system(*NEEDED[k])]) for k in ("ftps", "sftp"))],
@@ -198,6 +199,7 @@ def test_a_whole_run_brings_the_program_and_follows_the_records(server, tmp_path
     assert WORD not in written + result.err + result.out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("server", [marked("ftp"), marked("ftps")], indirect=True)
 def test_a_password_that_is_wrong_is_said_without_it(server):
     with pytest.raises(LinkError) as error:

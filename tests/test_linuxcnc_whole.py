@@ -166,7 +166,7 @@ def lateness(names: Sequence[str], touches: Sequence[object], positions: Array, 
     return result
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 def test_a_hundred_touches_give_the_parameters_within_their_uncertainties(tmp_path: Path) -> None:
     measured(hu40t(tmp_path / "cell", part=True), 0.95)
 

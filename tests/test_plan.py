@@ -358,6 +358,7 @@ spread = st.builds(lambda values: {name: np.array(values[i]) for i, name in enum
     st.tuples(*[st.floats(-1, 1)] * 3), min_size=len(NORMALS), max_size=len(NORMALS)))  # fmt: skip
 
 
+@pytest.mark.long
 @settings(max_examples=80)
 @given(
     topology=st.sampled_from(TABLES + HEADS),

@@ -65,6 +65,7 @@ def a_byte(lines: Callable[[Plan], Iterable[str]]) -> float:
     return (much - little) / (long - short)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("post", ["linuxcnc", "fanuc", "heidenhain"])
 def test_a_program_is_never_in_memory_as_a_whole(post: str) -> None:
     options = {"macros": "called"} if post == "fanuc" else {}

@@ -130,7 +130,7 @@ def test_all_along_a_turn_the_probe_keeps_20_mm_from_everything(topology: str) -
         assert nearest(made) > clearance.MARGIN - FOUND
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 @pytest.mark.parametrize("topology", TABLES + HEADS)
 def test_all_along_many_turns_the_probe_keeps_20_mm_from_everything(topology: str) -> None:
     for made in random_plans(topology, 100, seed=5):

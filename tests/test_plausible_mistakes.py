@@ -69,7 +69,7 @@ def test_a_suspicion_says_where_and_what_to_change(root: Path) -> None:
     assert first.change.startswith("write [1, 0, 0]") and first.after < 1e-3 < 1 < first.before
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 def test_the_whole_catalogue_on_one_machine(root: Path) -> None:
     found = [c for slip in SLIPS if (c := case(*measured(root, "trunnion", 102), slip, 2)) is not None]
     assert len(found) >= 40

@@ -202,12 +202,13 @@ def test_every_post_has_a_control_that_speaks_it() -> None:
     assert sorted(EVERY) == names(), "see SPOKEN in test_dialects.py"
 
 
+@pytest.mark.long
 def test_some_random_plans_are_safe_in_every_dialect() -> None:
     ran = in_every_dialect(1, 2)
     assert {ran[name] for name in ("heidenhain", "linuxcnc", "okuma", "siemens")} == {2}
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 @pytest.mark.parametrize("part", range(5))
 def test_a_thousand_random_plans_are_safe_in_every_dialect(part: int, capsys: pytest.CaptureFixture[str]) -> None:
     ran = in_every_dialect(100 + part, 200)
@@ -230,6 +231,7 @@ def test_the_plans_are_as_different_as_is_said() -> None:
     assert max(len(one.plan.touches) for one in drawn) > 5
 
 
+@pytest.mark.long
 def test_a_planner_that_did_not_know_the_obstacles_would_be_found() -> None:
     """Its touches are those that it would make, on the machine on which the obstacle stands."""
     for drawn in random_plans(2, 60):

@@ -181,7 +181,7 @@ def test_random_plans_pass() -> None:
     random_plans_pass(1, 24)
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 def test_a_thousand_random_plans_pass() -> None:
     random_plans_pass(2, 1000)
 

@@ -266,7 +266,7 @@ def test_dangerous_mutants_of_macros_are_refused() -> None:
     assert not through and found >= 1
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 def test_every_dangerous_one_of_three_hundred_mutants_of_macros_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     found, through = judged(300)
     with capsys.disabled():

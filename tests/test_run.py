@@ -226,6 +226,7 @@ def a_process_that_has_recorded(count, folder, control):
         process.kill()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_with_a_sentence_and_a_partial_file(cell, number):

@@ -72,6 +72,7 @@ def test_readings_over_tcp_are_those_of_the_true_machine(cell, mode):
     assert agree(cell)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
 def test_seven_bits_with_parity_over_a_serial_line(cell):
     with controller(cell, "--pty", "--parity") as device:
@@ -80,6 +81,7 @@ def test_seven_bits_with_parity_over_a_serial_line(cell):
     assert agree(cell)
 
 
+@pytest.mark.long
 def test_a_control_that_stops_and_a_run_that_is_resumed(cell):
     with controller(cell, "--tcp", "127.0.0.1:0", "--fault", "stop-after=4") as url:
         result = Result("run", "-C", cell, "--port", url, "--timeout", "1")

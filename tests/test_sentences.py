@@ -89,6 +89,7 @@ def test_every_covariate_has_a_name_for_people(fitted: Estimate) -> None:
     assert {"time", "indexation", "facet", "order of the touches", "time, shift along Y, machine frame"} <= set(told)
 
 
+@pytest.mark.long
 def test_the_band_of_a_picture_is_what_simulated_noise_does(bench: blind.Bench, fitted: Estimate) -> None:
     """40 sets of white noise through the same fit: 95 % of the group means lie within the band that is drawn."""
     _, jacobian = linearise(fitted.model, fitted.values)
@@ -107,6 +108,7 @@ def test_the_band_of_a_picture_is_what_simulated_noise_does(bench: blind.Bench, 
     assert {"time", "order", "indexation", "facet", "X", "Y", "Z", "B", "C", "normal x, machine", "dX", "way of X"} <= set(share)
 
 
+@pytest.mark.long
 def test_a_drift_shows_as_a_shift_over_time_before_it_is_named(bench: blind.Bench) -> None:
     effect = {"cause": "thermal_drift", "amplitude": 0.009, "tau": 900, "direction": [0, 1, 0]}
     world = replace(bench.world, effects=(effect,), noise=blind.NOISE)

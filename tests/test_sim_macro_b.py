@@ -310,6 +310,7 @@ PIECES += [
 ]
 
 
+@pytest.mark.long
 @settings(max_examples=150)
 @given(st.lists(st.sampled_from(PIECES), max_size=9).map("".join) | st.text(max_size=12))
 def test_no_text_makes_the_control_fail_otherwise(text: str) -> None:

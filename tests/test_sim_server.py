@@ -136,6 +136,7 @@ def test_a_conversation_over_a_pseudo_terminal(start: Start) -> None:
     process.end()
 
 
+@pytest.mark.long
 def test_the_control_asks_again_until_a_tape_comes(start: Start) -> None:
     _, line = start()
     line.until(DC1 + DC1)

@@ -112,6 +112,7 @@ def carried_out(made: Plan) -> str:
     return ""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["hu40t", "trunnion", "three_axis"])
 def test_every_travel_that_is_planned_too_low_is_noticed(name: str) -> None:
     """Wherever the ball then is more than 0.5 mm in what lies behind all facets, by points along the way."""

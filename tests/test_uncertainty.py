@@ -168,6 +168,7 @@ def test_a_probe_that_is_looked_at_once_in_a_period_is_late_by_up_to_its_way(fou
     assert stated_feed.factor[:n] == pytest.approx(part.factor[:n] / 3)
 
 
+@pytest.mark.long
 def test_random_walk_has_the_covariance_of_its_part(cell: Cell, found: dict[str, Estimate]) -> None:
     """Eight runs are few: the sum over all touches of what they do, not each entry."""
     e = found["S3"]

@@ -64,7 +64,7 @@ def one_machine(cell: Cell, names: tuple[str, ...], number: int) -> dict[str, np
     return found
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 def test_intervals_cover_the_truth_in_95_of_100_of_a_thousand_simulated_machines() -> None:
     cell = read_cell(examples()["hu40t"])
     bar = cell.artefact.scale_bar

@@ -198,6 +198,7 @@ def test_subsets_of_one_run_share_its_noise(cell: Cell, days: Readings) -> None:
         compare_subsets(cell.machine, cell.artefact, one, ("S3",), 3, NOISE, {"a": [1, 77], "b": [2]})
 
 
+@pytest.mark.long
 def test_differences_of_subsets_have_the_stated_uncertainty(cell: Cell) -> None:
     """Eight machines, seventeen parameters: differences over their standard uncertainty have a variance of one."""
     choices = {"all": range(1, 29), "fewer": [i for i in range(1, 29) if i not in (3, 9, 15)]}

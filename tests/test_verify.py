@@ -312,6 +312,7 @@ def test_the_map_of_an_exact_estimate_is_the_true_machine() -> None:
     assert map_.size.max() > 0.1
 
 
+@pytest.mark.long
 def test_the_map_errs_as_it_says() -> None:
     """|error of the map|² is between one and three times the variance of the worst direction, on average over many machines."""
     map_ = chart()
