@@ -152,7 +152,7 @@ def test_what_stays_unexplained_is_said_with_both_numbers() -> None:
 
 @pytest.mark.long
 def test_what_the_thesis_measured_is_found_again_in_simulated_readings() -> None:
-    """Three draws. What is named is true and has its size; a draw in which the rough facets are not named is not called explained."""
+    """Three draws. What is named is true; a draw in which the rough facets are not named is not called explained."""
     drift = rough = 0
     for seed in (42, 43, 44):
         s = setting().again(seed)
