@@ -121,6 +121,7 @@ def test_the_read_back_refuses_a_program_without_it(name: str) -> None:
     assert refused(name, made, lines[:at] + lines[end:])
     without = list(program(load(name), made, {"gate": "none"}, plan_hash(made))[2]())
     assert refused(name, made, without)
+    assert refused(name, made, [line.replace(TOUCH, "WAIT") for line in lines])  # nobody would know
     stops = [i for i in range(at, end) if "THEN#3000=88" in lines[i] or "NS8" in lines[i] or "GOTO 9006" in lines[i]]
     for i in stops:
         assert refused(name, made, lines[:i] + lines[i + 1 :]), lines[i]

@@ -20,7 +20,8 @@ from collections.abc import Mapping
 from itertools import islice
 from typing import Any
 
-from ..records import Plan
+from ..gate import TOUCH
+from ..records import InputError, Plan
 from . import languages
 from .language import Companions, Language, Lines
 
@@ -58,6 +59,11 @@ def check(
     spoken = [written_in] if written_in else recognized(lines)[:1]
     if not spoken:
         return ("the program", *beside)
+    if options.get("gate") == "finger" and not any(TOUCH in line for line in lines()):
+        raise InputError(
+            f"program: no line says {TOUCH}, and the slow move waits for somebody who does; allowed: "
+            "the words before the move that proves the probe alive, or gate: facet, or gate: none under controller:"
+        )
     known = language(spoken[0])
     known.rehearse(lines, plan, options, {name: text for name, text in beside.items() if known.companions.fullmatch(name)})
     return tuple(name for name in beside if not known.companions.fullmatch(name))
