@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tango_cnc.cli import guarded, tango
+from tango_cnc.files import read_cell, read_readings
 from tango_cnc.files.origin import changed_keys, current, edited_rows, hurried, read_origin, set_aside, simulated, write_origin
 
 
@@ -74,7 +75,7 @@ def test_the_simulator_never_writes_readings_csv(cell: Path, capsys: pytest.Capt
 
 
 def test_what_was_simulated_is_said_in_every_command(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for command in ("estimate", "uncertainty", "iso230", "verify"):
+    for command in ("estimate", "iso230"):
         assert "note: readings of the simulated machine" in called(capsys, command, "-C", cell)[1], command
 
 
@@ -138,3 +139,30 @@ def test_slips_that_break_a_stylus_are_refused(
     (cell / file).write_text(text.replace(old, new), encoding="utf-8")
     code, _, err = called(capsys, "check", "-C", cell)
     assert code == 2 and said in err
+
+
+def test_readings_out_of_a_spreadsheet_are_read_or_explained(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    parts = read_cell(cell)
+    plain = read_readings(cell / "simulated.csv", parts.machine, parts.artefact)
+    text = (cell / "simulated.csv").read_text(encoding="utf-8")
+    sheet = cell / "sheet.csv"
+    sheet.write_text(text.replace(",", ";").replace(".", ","), encoding="utf-8")
+    assert (read_readings(sheet, parts.machine, parts.artefact).position == plain.position).all()
+    sheet.write_text(text.replace(",", ";").replace(".", ",", 1).replace(".", ".000,", 1), encoding="utf-8")
+    code, _, err = called(capsys, "estimate", "-C", cell, "--readings", sheet)
+    assert code == 2 and "nothing between thousands" in err
+    (cell / "sheet.xlsx").write_bytes(b"PK\x03\x04")
+    code, _, err = called(capsys, "estimate", "-C", cell, "--readings", cell / "sheet.xlsx")
+    assert code == 2 and "save the sheet as CSV" in err
+
+
+def test_readings_that_are_all_alike_get_a_sentence(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [line.split(",") for line in (cell / "simulated.csv").read_text(encoding="utf-8").splitlines()]
+    alike = [rows[0], *([*row[:3], *rows[1][3:7], *row[7:]] for row in rows[1:])]
+    (cell / "alike.csv").write_text("\n".join(map(",".join, alike)) + "\n", encoding="utf-8")
+    for command in ("estimate", "iso230"):
+        code, out, err = called(capsys, command, "-C", cell, "--readings", cell / "alike.csv")
+        assert code in (1, 2) and "Traceback" not in err, command
+        assert "no machine repeats every digit" in out + err or "is the same in all touches" in out + err
+        best = next(line for line in (out + err).splitlines() if line.startswith("most likely"))
+        assert "position of another one" in best or "is the same in all touches" in best

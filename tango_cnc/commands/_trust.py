@@ -117,7 +117,8 @@ def suspected(judgement: Judgement) -> list[str]:
         return []
     first, *others = judgement.suspicions[:SHOWN]
     lines = [f"most likely: {first.text} ({_where(first)}: {first.change})"]
-    lines += [f"  this leaves {first.after * 1e3:.4g} µm of {first.before * 1e3:.4g} µm (root mean square of all touches)"]
+    if first.before > 0:
+        lines += [f"  this leaves {first.after * 1e3:.4g} µm of {first.before * 1e3:.4g} µm (root mean square of all touches)"]
     lines += [f"  {text} would explain it as well" for text in first.equally]
     return lines + [f"less likely: {s.text} ({_where(s)})" for s in others]
 

@@ -16,15 +16,18 @@ from .checked import FURTHEST, complaint, read_text, suggestion
 STATUSES = ("ok", "miss", "early")
 NUMBER = "a finite number; delete the row or give it the status 'miss'"
 
+SHEETS = (".xlsx", ".xls", ".ods")
 BEYOND = f"a position of at most {FURTHEST:.0f} mm or degrees; delete the row or give it the status 'miss' and a place"
 
 
 def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
     """readings.csv of a cell → readings. Raises InputError naming line and column of what is wrong."""
+    if file.suffix.lower() in SHEETS:
+        raise complaint(file, None, "", "a spreadsheet", "text; save the sheet as CSV in UTF-8 and name that file")
     lines = read_text(file).splitlines()
     if not lines:
         raise complaint(file, None, "", "the file is empty", "a header row and one row a touch")
-    rows = list(csv.reader(lines))
+    rows = _rows(file, lines)
     header = [name.strip() for name in rows[0]]
     _check_header(file, header, machine)
     body = [(i + 2, row) for i, row in enumerate(rows[1:]) if row]
@@ -78,6 +81,20 @@ def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
         {name[2:]: numbers(name) for name in header if name.startswith("T_")},
         whole("segment") if "segment" in cells else None,
     )
+
+
+def _rows(file: Path, lines: Sequence[str]) -> list[list[str]]:
+    """lines → values of each, as a comma or, where a spreadsheet writes decimal commas, a semicolon or tabulator parts them."""
+    header = lines[0]
+    other = next((mark for mark in ";\t" if mark in header and "," not in header), None)
+    if other is None:
+        return list(csv.reader(lines))
+    rows = list(csv.reader(lines, delimiter=other))
+    for line, row in enumerate(rows, 1):
+        for text in row:
+            if text.count(",") > 1 or ("," in text and "." in text):
+                raise complaint(file, line, "", repr(text), "one decimal comma or point, and nothing between thousands")
+    return [[text.replace(",", ".") for text in row] for row in rows]
 
 
 def _check_header(file: Path, header: Sequence[str], machine: Machine) -> None:

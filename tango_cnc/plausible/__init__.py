@@ -73,7 +73,8 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     )
     tried = suspects(cell, readings)
     direct = [s for s in own if s.kind in DIRECT and (not s.touches or len(s.touches) > len(readings) / 2)]
-    if not tried or (direct and tried[0].after > EXPLAINED):
+    alike = len(readings) > 1 and not np.ptp(readings.position, axis=0).any()  # such readings fit anything
+    if not tried or alike or (direct and tried[0].after > EXPLAINED):
         return (*direct, *tried, *(s for s in own if s not in direct))
     return (*tried, *own)
 
