@@ -12,7 +12,6 @@ Lines are produced one by one, so that the length of a plan does not matter.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib.util
 import math
@@ -25,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from tango_cnc.gate import served
+from tango_cnc.nearest import suggestion
 from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
 from ._confirmed import confirmed
@@ -139,8 +139,7 @@ def load(name: str, where: str = "post") -> Post:
         raise InputError(f"{where}: found {name!r}, which {what}; allowed: {', '.join(names())}, or the path of your own .py file")
     if not file.is_file() or (not own and name.startswith("_")):
         known = names()
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
+        hint = suggestion(name, known)
         raise InputError(f"{where}: found {name!r}; allowed: {', '.join(known)}, or the path of your own .py file.{hint}")
     spec = importlib.util.spec_from_file_location(f"postprocessors.{file.stem}" if not own else f"own_post_{file.stem}", file)
     assert spec is not None and spec.loader is not None
@@ -168,8 +167,7 @@ def settings(post: Post, given: Mapping[str, Any]) -> dict[str, Any]:
     known = {option.name: option for option in post.options}
     for key in given:
         if key not in known and key != "confirmed":
-            near = difflib.get_close_matches(str(key), ["port", "confirmed", *known], n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
+            hint = suggestion(str(key), ["port", "confirmed", *known])
             raise InputError(
                 f"controller: found the unknown key {key!r}; allowed: post, port, confirmed, {', '.join(known)}.{hint}"
             )

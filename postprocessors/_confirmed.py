@@ -6,10 +6,10 @@ which is where most people read it, has lost them.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from tango_cnc.nearest import nearest
 from tango_cnc.records import InputError
 
 FEWEST = 12  # letters and digits of a beginning: fewer tell nobody what was checked, and may fit another doubt one day
@@ -88,8 +88,8 @@ def _meant(sought: str, doubts: Sequence[str]) -> str:
         return f":{_listed(doubts)}"
     within = [doubt for doubt in doubts if sought in _plain(doubt)]
     heads = {_plain(doubt)[: len(sought)]: doubt for doubt in doubts}
-    near = within if len(within) == 1 else [heads[head] for head in difflib.get_close_matches(sought, heads, n=1)]
-    return f". Did you mean {near[0]!r}?" if near else f":{_listed(doubts)}"
+    near = within[0] if len(within) == 1 else heads.get(nearest(sought, heads) or "")
+    return f". Did you mean {near!r}?" if near else f":{_listed(doubts)}"
 
 
 def _listed(doubts: Iterable[str]) -> str:

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tango_cnc.nearest import suggestion
 from tango_cnc.records import InputError
 
-from .hints import did_you_mean
 from .lines import Line
 
 KINDS: Mapping[str, str] = {
@@ -182,7 +182,5 @@ def line_faults(texts: Iterable[str]) -> dict[str, float]:
 def _named(text: str, option: str, known: Iterable[str], unit: str) -> tuple[str, str]:
     name, _, value = text.partition("=")
     if name not in known:
-        raise InputError(
-            f"{option}: found {name!r}; allowed: {', '.join(f'{k}={unit}' for k in known)}.{did_you_mean(name, known)}"
-        )
+        raise InputError(f"{option}: found {name!r}; allowed: {', '.join(f'{k}={unit}' for k in known)}.{suggestion(name, known)}")
     return name, value

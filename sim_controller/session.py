@@ -16,11 +16,11 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, TextIO, get_args, get_origin, get_type_hints
 
+from tango_cnc.nearest import suggestion
 from tango_cnc.records import InputError, Machine
 
 from . import languages as languages
 from .faults import Faults
-from .hints import did_you_mean
 from .motion import Motion
 from .probing import Rig
 
@@ -122,7 +122,7 @@ def families() -> list[str]:
 def language(family: str) -> Any:
     """name → its module. Raises InputError for one that there is no file for."""
     if family not in families():
-        raise InputError(f"--language: found {family!r}; allowed: {', '.join(families())}.{did_you_mean(family, families())}")
+        raise InputError(f"--language: found {family!r}; allowed: {', '.join(families())}.{suggestion(family, families())}")
     return importlib.import_module(f"{languages.__name__}.{family}")
 
 
@@ -133,7 +133,7 @@ def profile(module: Any, machine: Machine, settings: Mapping[str, str]) -> Any:
     values: dict[str, Any] = {}
     for name, text in settings.items():
         if name not in known:
-            raise InputError(f"--set: found {name!r}; allowed: {', '.join(sorted(known))}.{did_you_mean(name, known)}")
+            raise InputError(f"--set: found {name!r}; allowed: {', '.join(sorted(known))}.{suggestion(name, known)}")
         values[name] = _setting(name, text, hints[name])
     for name in values.get("axes", ()) + values.get("rollover", ()) + tuple(values.get("g54", ())):
         if name not in (*machine.linear, *machine.rotary):

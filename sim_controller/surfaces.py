@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from tango_cnc.nearest import suggestion
 from tango_cnc.records import Array, Artefact, Facet, Id, InputError, Obstacle, World
 
 from . import solids
-from .hints import did_you_mean
 
 EXTENT = 15.0  # mm, radius of the patch around a facet's point
 OBLIQUE = 0.98  # cosine: facets that lie more alike than this are one side of the table, not two
@@ -49,7 +49,7 @@ def surfaces(artefact: Artefact, world: World, tip_radius: float, extent: float 
     """artefact, world, mm, mm → true surfaces. Raises InputError for an offset of a facet that the artefact lacks."""
     for name in world.facets:
         if name not in artefact.facets:
-            allowed = f"{', '.join(artefact.facets)}.{did_you_mean(name, artefact.facets)}"
+            allowed = f"{', '.join(artefact.facets)}.{suggestion(name, artefact.facets)}"
             raise InputError(f"facets: found {name!r}; allowed: facets of artefact {artefact.name!r}: {allowed}")
     balls = list(artefact.balls)
     facets = list(artefact.facets.values())

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tango_cnc.nearest import suggestion
 from tango_cnc.records import Array, InputError, Machine, World
 
 from . import transforms
 from .coefficients import STYLUS, Coefficient, coefficient
-from .hints import did_you_mean
 
 Term = tuple[Coefficient, Array | float]
 Control = Callable[[Array, Array], Array]  # (n, k) programmed, (n, k) directions → (n, k) where the motors go
@@ -66,7 +66,7 @@ def true_machine(machine: Machine, world: World, control: Control | None = None)
     errors = tuple((coefficient(name, machine), value) for name, value in world.errors.items())
     for name in world.stylus:
         if name not in STYLUS:
-            raise InputError(f"stylus: found {name!r}; allowed: {', '.join(STYLUS)}.{did_you_mean(name, STYLUS)}")
+            raise InputError(f"stylus: found {name!r}; allowed: {', '.join(STYLUS)}.{suggestion(name, STYLUS)}")
     spindle = machine.spindle
     tip = np.array(spindle.point) - machine.probe.length * np.array(spindle.direction)
     return TrueMachine(

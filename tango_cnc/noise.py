@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, optimize, special
+from scipy import linalg, special
 
 from .estimate import SIGMA_FLOOR, Estimate, Noise
 from .judgement import TableTolerances
@@ -259,6 +259,8 @@ def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
             return deviance(ratios)[0]
 
         start = min(([g] * len(active) for g in (-2.0, 1.0, 4.0)), key=lambda x: of(np.array(x)))
+        from scipy import optimize  # takes a tenth of a second to load, and few noises need it
+
         found = optimize.minimize(of, start, method="Nelder-Mead", options={"xatol": 0.05, "fatol": 0.05, "maxiter": 120})
         ratios = np.zeros(len(seen))
         ratios[list(active)] = np.exp(np.clip(np.atleast_1d(found.x), -20, 25))

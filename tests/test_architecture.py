@@ -14,8 +14,9 @@ NUMERIC = "records judgement files.checked kinematics touches terms model identi
 # A stage without a row works on numbers alone and may import NUMERIC; None: everything but the command line.
 INTERNAL: dict[str, str | None] = {
     "judgement": "",
+    "nearest": "",
     "records": "judgement",
-    "files": "records judgement",
+    "files": "records judgement nearest",
     "kinematics": "records",
     "touches": "records kinematics",
     "terms": "records kinematics touches files.checked",
@@ -47,12 +48,12 @@ INTERNAL: dict[str, str | None] = {
     "state": f"{NUMERIC} verify iso230",
     "web": "records files history report link.journal link.entries",
     "commands": None,
-    "cli": "records commands",
+    "cli": "records commands nearest",
     "__main__": "cli",
 }
 # Packages beside tango_cnc, and who may import them.
-POSTS_MAY = ("tango_cnc.records", "tango_cnc.gate", "tango_cnc.plan.digest", "postprocessors")
-SIMULATOR_MAY = ("tango_cnc.records", "tango_cnc.files", "sim_controller")
+POSTS_MAY = ("tango_cnc.records", "tango_cnc.nearest", "tango_cnc.gate", "tango_cnc.plan.digest", "postprocessors")
+SIMULATOR_MAY = ("tango_cnc.records", "tango_cnc.nearest", "tango_cnc.files", "sim_controller")
 # The simulator is a program of its own; it ends with the same exit codes and sentences as `tango`.
 EXCEPTIONS = {"sim_controller.__main__": ("tango_cnc.cli",)}
 USED_BY = {
@@ -94,7 +95,7 @@ LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_layout"
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.
-SMALL = {"compare.py", "conformity.py", "segments.py", "judgement.py", "py.typed"}
+SMALL = {"compare.py", "conformity.py", "segments.py", "judgement.py", "nearest.py", "py.typed"}
 
 
 def modules(root: Path) -> dict[str, Path]:

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from tango_cnc.nearest import suggestion
 from tango_cnc.records import Artefact, InputError, Machine
 
-from ..hints import did_you_mean
 from . import _kinds
 from ._history import Disturbance, History, no_touches
 
@@ -48,11 +48,11 @@ def checked(
 def _checked(given: dict[str, Any], where: str, machine: Machine | None, artefact: Artefact | None) -> Effect:
     cause = str(given.pop("cause", ""))
     if cause not in names():
-        raise InputError(f"{where}.cause: found {cause!r}; allowed: {', '.join(names())}.{did_you_mean(cause, names())}")
+        raise InputError(f"{where}.cause: found {cause!r}; allowed: {', '.join(names())}.{suggestion(cause, names())}")
     parameters, hints = _keys(cause)
     for key in given:
         if key not in parameters:
-            allowed = f"{', '.join(parameters)}.{did_you_mean(key, parameters)}"
+            allowed = f"{', '.join(parameters)}.{suggestion(key, parameters)}"
             raise InputError(f"{where}: found the unknown key {key!r}; allowed for {cause}: {allowed}")
     for key, parameter in parameters.items():
         if key not in given and parameter.default is inspect.Parameter.empty:

@@ -7,9 +7,8 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
+from tango_cnc.nearest import suggestion
 from tango_cnc.records import COMPONENTS, LINEAR, ROTARY, Artefact, Id, InputError, Machine, Vector
-
-from ..hints import did_you_mean
 
 # Beside float, int, bool, Literal[…], Id, tuple[Id, ...] and Vector (a direction: not all zero):
 Positive = Annotated[float, "positive"]
@@ -57,7 +56,7 @@ def _wrong(given: Any, allowed: str, where: str) -> InputError:
 
 def _one_of(given: Any, allowed: Sequence[Any], where: str) -> Any:
     if given not in allowed:
-        named = f"{', '.join(map(str, allowed))}.{did_you_mean(str(given), allowed)}" if allowed else ""
+        named = f"{', '.join(map(str, allowed))}.{suggestion(str(given), allowed)}" if allowed else ""
         raise _wrong(given, named or "nothing: this machine has no such axis", where)
     return given
 
@@ -72,7 +71,7 @@ def _facet(given: Any, where: str, artefact: Artefact | None) -> Id:
     if isinstance(given, bool) or not isinstance(given, (int, str)):
         raise _wrong(given, "a name or whole number", where)
     if artefact is not None and str(given) not in artefact.facets:
-        allowed = f"{', '.join(artefact.facets)}.{did_you_mean(str(given), artefact.facets)}"
+        allowed = f"{', '.join(artefact.facets)}.{suggestion(str(given), artefact.facets)}"
         raise _wrong(given, f"facets of artefact {artefact.name!r}: {allowed}", where)
     return str(given)
 

@@ -115,7 +115,7 @@ def text(proposal: Proposal) -> str:
 
 def sign(found: Verdict) -> str:
     """verdict of a sign trial → what it means for a person."""
-    start = f"{found.touches} touches changed by {found.ratio:+.2f} ± {2 * found.std:.2f} of what was foretold: "
+    start = f"{found.touches} touches changed by {found.ratio:+.2f} ± {2 * found.std:.2f} of the prediction: "
     return (
         start
         + {
@@ -124,6 +124,6 @@ def sign(found: Verdict) -> str:
             "sign turned round ('tango compensate --facts TARGET' names it)",
             "not used": "the control does not use this place. Load undo/, and see what switches it on "
             "('tango compensate --facts TARGET')",
-            "undecided": "no sign can be told from this. Touch more, or choose a touch that feels the change",
+            "undecided": "the sign cannot be determined from this. Make more touches, or choose one that the change moves",
         }[found.word]
     )

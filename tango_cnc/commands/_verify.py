@@ -176,11 +176,11 @@ class Job:
             else:
                 truth = sphere.drawn(self.result)
                 touches = sphere.contacts(self.cell.machine, artefact, strategy, truth, self.result.sigma)
-                what = "foretold for a machine drawn from the estimate and its uncertainty"
+                what = "predicted for a machine drawn from the estimate and its uncertainty"
         found = sphere.sphere_test(self.result, touches)
         self.data["sphere"] = {"source": what, **summary.sphere_json(found)}
-        foretold = what.startswith("foretold")
-        self.limited["out of sphericity, compensated"] = found.expected[1] if foretold else found.compensated.out_of_sphericity
+        predicted = what.startswith("predicted")
+        self.limited["out of sphericity, compensated"] = found.expected[1] if predicted else found.compensated.out_of_sphericity
         self.lines += [f"Sphere test {what}, {len(touches)} touches", table(summary.sphere_rows(found), "<>>")]
         self.lines.append(
             f"touch scatter and the uncertainty of the estimate alone leave {found.expected[0] * 1e3:.2f} µm out of sphericity "

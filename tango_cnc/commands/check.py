@@ -226,7 +226,7 @@ def _lost(data: dict[str, Any]) -> list[str]:
         return []
     name = max(more, key=lambda name: std[name]["std"] / more[name]["std"])
     if std[name]["std"] < 1.01 * more[name]["std"]:
-        return [f"{with_them} next to nothing more would be told"]
+        return [f"{with_them} almost nothing more could be determined"]
     factor, unit = shown(std[name]["unit"])
     better, here = (f"{each[name]['std'] * factor:.3g}" for each in (more, std))
     return [

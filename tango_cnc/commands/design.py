@@ -227,7 +227,7 @@ def as_text(found: Separation) -> str:
     one, other = found.causes
     lines = [
         f"Of the {one} that looks most like {other}, this plan sees {100 * found.apart:.1f} % that {other} cannot imitate.",
-        f"An effect of {USUAL * 1e3:g} µm is told apart with a score of {found.evidence:.1f} (10: very strong evidence; 2: none).",
+        f"An effect of {USUAL * 1e3:g} µm is distinguished with a score of {found.evidence:.1f} (10: very strong; 2: none).",
     ]
     if found.together < found.evidence + 1.0:
         again = "No indexation of this plan, made again at its end, changes that: touch other facets or at other angles."

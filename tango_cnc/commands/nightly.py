@@ -45,7 +45,7 @@ def command(
     at: str,
     json_file: str | None,
 ) -> int:
-    """Measures, decides, keeps and tells: one night, begun by a timer while nobody needs the machine.
+    """Measures the machine, judges it, keeps the result and sends a message: one night, started by a timer.
 
     Nothing moves unless every point of the preflight has passed. Exit status 0: as it should be; 1: changed, out of limits or in
     doubt; 2: wrong input; 3: not measured. Settings are in nightly.yaml (docs/nightly.md).
@@ -96,7 +96,7 @@ def command(
         click.echo(f"{subject}\n\n{text}", nl=False)
     for delivery in record.get("notifications", ()):
         if not delivery["sent"]:
-            click.echo(f"not told: {delivery['to']}: {delivery['why']}; the message waits in nights/outbox", err=True)
+            click.echo(f"not sent: {delivery['to']}: {delivery['why']}; the message waits in nights/outbox", err=True)
     return EXIT[record["verdict"]]
 
 
@@ -133,11 +133,11 @@ def _tell(disk: Any, mail: Any) -> int:
         deliveries = mail.send(subject, text)
         if all(d.sent for d in deliveries):
             disk.sent(stamp)
-            click.echo(f"told: {subject}")
+            click.echo(f"sent: {subject}")
         for delivery in deliveries:
             if not delivery.sent:
                 failed += 1
-                click.echo(f"not told: {delivery.to}: {delivery.why}", err=True)
+                click.echo(f"not sent: {delivery.to}: {delivery.why}", err=True)
     for stamp, _ in disk.unfinished():
         click.echo(f"the night {stamp} was begun and has not ended; the next one puts it on record", err=True)
     return 3 if failed else 0
@@ -189,7 +189,7 @@ def _status(cell: Cell, settings: Nightly, place: str | Path, disk: Any, json_fi
                 f"  open alarm {alarm['id']}: {alarm['text']}; 'tango history decide {alarm['id']} --action … --owner …' answers it"
             )
         for stamp in waiting:
-            click.echo(f"  not told yet: {stamp}; 'tango nightly --tell' sends it again")
+            click.echo(f"  not sent yet: {stamp}; 'tango nightly --tell' sends it again")
         for stamp in unfinished:
             click.echo(f"  begun and not ended: {stamp}")
         if record.get("next"):

@@ -108,7 +108,7 @@ def _text(data: dict[str, Any]) -> str:
     if data["extrapolated"]:
         share = 100 * data["extrapolated"] / data["points"]
         lines.append(
-            f"extrapolated: at {share:.0f} % of the points an axis is beyond what was touched; nobody has seen the machine there"
+            f"extrapolated: at {share:.0f} % of the points an axis is beyond the touches: the machine was not measured there"
         )
     if data["features"]:
         rows = [["feature", "µm", "95 %", ""]]

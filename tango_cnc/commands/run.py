@@ -260,7 +260,7 @@ class _Live:
         line = json.dumps({"event": event, **values}, ensure_ascii=False, allow_nan=False)
         if self._stdout:
             if not self._lost and not _said(line, err=False):
-                self._lose("nobody reads stdout any more")
+                self._lose("the reader of stdout has gone")
         elif self._out is not None and not self._lost:
             try:
                 self._out.write(line + "\n")

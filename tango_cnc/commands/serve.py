@@ -27,7 +27,7 @@ PLACE = "Keep 60"  # in the list of commands
 @click.option("--port", type=click.IntRange(0, 65535), default=8026, show_default=True, help="Port to listen on.")
 @click.option("--name", "names", multiple=True, help="Name that browsers call this server by, e.g. calibration.shop.local.")
 @click.option(
-    "--users", type=click.Path(path_type=Path), metavar="FILE", help="Users who may sign in; without it nobody can change anything."
+    "--users", type=click.Path(path_type=Path), metavar="FILE", help="Users who may sign in. Without it, the pages are read-only."
 )
 @click.option("--add-user", metavar="NAME", help="Add a user to --users (or give a new password), and end.")
 @click.option(

@@ -96,9 +96,7 @@ def command(
     world = read_world(world_file)
     moved = _moved(cell)
     if moved is None:
-        click.echo(
-            "the strategy cannot be planned as it stands ('tango plan' says why): last motions go from touch to touch", err=True
-        )
+        click.echo("the strategy cannot be planned ('tango plan' says why): the last motions go from touch to touch", err=True)
     with blamed_on(world_file):
         readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed, moved, control)
     target = output or folder / SIMULATED

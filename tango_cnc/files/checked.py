@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 import re
@@ -14,6 +13,7 @@ from typing import Any, ClassVar
 
 import yaml
 
+from ..nearest import suggestion as suggestion
 from ..records import Id, InputError, Vector
 
 NUMERAL = re.compile(r"-?\d+")
@@ -35,13 +35,6 @@ def complaint(file: Path | str, line: int | None, key: str, found: str, allowed:
     """where, what was found, what is allowed → the error to raise; one form for every file."""
     place = f"{file}:{line}" if line else f"{file}"
     return InputError(f"{place}: {key}: found {found}; allowed: {allowed}" if key else f"{place}: {found}; {allowed}")
-
-
-def suggestion(word: str, known: Collection[str]) -> str:
-    """misspelt word, known words → ' Did you mean …?' or nothing; capitals are not what makes words differ."""
-    words = {str(k).lower(): str(k) for k in known}
-    near = difflib.get_close_matches(word.lower(), words, n=1, cutoff=0.6)
-    return f" Did you mean {words[near[0]]!r}?" if near else ""
 
 
 @dataclass(slots=True)

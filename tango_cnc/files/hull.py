@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from ..records import Array, Artefact, InputError, Vector
 from .checked import FURTHEST
@@ -96,6 +95,8 @@ def corners(what: str, points: Array) -> tuple[Vector, ...]:
         )
     if (furthest := float(np.abs(points).max())) > FURTHEST:
         raise InputError(f"{what}: found a corner at {furthest:g} mm; allowed: up to {FURTHEST:g} mm from the origin of the table")
+    from scipy.spatial import ConvexHull, QhullError  # slow to load, and only obstacles with a mesh need it
+
     try:
         hull = ConvexHull(points)
     except QhullError:
