@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from ..iso230.signed import signed
 from ..records import InputError
 from ..report import pdf
 from ._common import Output, cell_option, json_option, table, write_json
-from ._trust import despite_option, judged, members, told
+from ._trust import despite_option, judged, members, said_of_origin, told
 from .iso230 import thermal_of
 from .report import paper
 
@@ -43,6 +44,8 @@ def command(
     source = file or folder / "readings.csv"
     readings = read_readings(source, cell.machine, cell.artefact)
     result, judgement = judged(cell, readings, cell.terms, source=source)
+    if "simulated" in (said := said_of_origin(source)):
+        judgement = replace(judgement, verdict="doubtful", reasons=(*judgement.reasons, f"{said}: no machine was measured"))
     now = datetime.now(UTC)
     origin = paper(folder, source, "", "", asked)
     found = made(
