@@ -478,3 +478,16 @@ def test_a_file_that_is_no_mapping_is_told_what_was_found_and_what_is_allowed(tm
     (tmp_path / "tango.yaml").write_text("- 1\n")
     with pytest.raises(InputError, match=r"tango.yaml:1: found a list; allowed: a mapping"):
         files.read_cell(tmp_path)
+
+
+def test_yaml_that_nobody_has_written_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    (tmp_path / "machine.yaml").write_text("- 1\n" * 100_001)
+    with pytest.raises(InputError, match="400004 characters of YAML; at most 400000"):
+        files.read_machine(tmp_path / "machine.yaml")
+
+
+@pytest.mark.parametrize(("text", "line"), [("a: 1\n---\nb: 2\n", 2), ("a: 1\nb: *c\n", 2), ("a: [1\nb: 2\n", 2)])
+def test_what_is_no_yaml_is_said_with_its_line(tmp_path: Path, text: str, line: int) -> None:
+    (tmp_path / "machine.yaml").write_text(text)
+    with pytest.raises(InputError, match=f"machine.yaml:{line}: not valid YAML"):
+        files.read_machine(tmp_path / "machine.yaml")

@@ -128,3 +128,27 @@ def test_one_folder_of_readings_is_written_by_one_run(tmp_path):
     with held(out):
         result = Result("run", "-C", cell, "--port", Control(cell).url, "--yes", "--readings", out / "readings.csv")
     assert (result.code, "'tango run' (process" in result.err) == (3, True), result.err
+
+
+@pytest.mark.parametrize("words", [("plan", "-C"), ("simulate", "-C")])
+def test_nothing_is_planned_or_simulated_into_a_folder_where_a_run_is_at_work(tmp_path, words):
+    write_example(tmp_path / "cell", "hu40t")
+    before = {file: file.read_bytes() for file in (tmp_path / "cell").rglob("*") if file.is_file()}
+    done, begun = threading.Event(), threading.Event()
+
+    def run():
+        with holding(tmp_path / "cell", "tango run"):
+            begun.set()
+            done.wait(60)
+
+    other = threading.Thread(target=run)
+    other.start()
+    begun.wait(60)
+    try:
+        result = Result(*words, tmp_path / "cell")
+    finally:
+        done.set()
+        other.join()
+    assert result.code == 3
+    assert "'tango run'" in result.err and "at work in this folder" in result.err
+    assert {file: file.read_bytes() for file in (tmp_path / "cell").rglob("*") if file.is_file()} == before

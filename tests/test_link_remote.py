@@ -1,4 +1,4 @@
-"""The disk of a control over the network: real servers of FTP, FTPS and SFTP; program put and compared, records followed."""
+"""The disk of a control over the network: real servers of FTP, FTPS, SFTP and SMB; program put and compared, records followed."""
 
 import os
 import re
@@ -96,16 +96,51 @@ def ssh_server(tmp_path, folder):
     return Server(folder, f"sftp://{user}@127.0.0.1:{port}{folder}", more, process.kill)
 
 
+def smb_server(tmp_path, folder):
+    """A Samba of its own: its users, sockets and locks are in tmp_path."""
+    own = tmp_path / "samba"
+    own.mkdir()
+    user = subprocess.run(["id", "-un"], capture_output=True, text=True, check=True).stdout.strip()
+    port = free_port()
+    places = ("lock", "state", "cache", "pid", "private")
+    settings = {
+        "smb ports": port,
+        "interfaces": "127.0.0.1",
+        "bind interfaces only": "yes",
+        "server role": "standalone server",
+        "passdb backend": f"tdbsam:{own / 'passdb.tdb'}",
+        "ncalrpc dir": own / "ncalrpc",
+        "log file": own / "log",
+        "disable netbios": "yes",
+        "load printers": "no",
+        **{("private dir" if place == "private" else f"{place} directory"): own / place for place in places},
+    }
+    for place in places:
+        (own / place).mkdir()
+    text = "".join(f"{key} = {value}\n" for key, value in settings.items())
+    (own / "smb.conf").write_text(f"[global]\n{text}[control]\npath = {folder}\nread only = no\n")
+    word = f"{WORD}\n{WORD}\n"
+    command = ["smbpasswd", "-c", own / "smb.conf", "-s", "-a", user]
+    subprocess.run(command, input=word, text=True, check=True, capture_output=True)
+    server = [shutil.which("smbd") or "/usr/sbin/smbd", "-F", "--no-process-group", "-s", own / "smb.conf", "-l", own]
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    process = subprocess.Popen(server, start_new_session=True, **quiet)  # it ends its whole group
+    listening(port, process)
+    return Server(folder, f"smb://{user}@127.0.0.1:{port}/control", "", process.terminate)
+
+
 KINDS = {
     "ftp": lambda tmp_path, folder: ftp_server(tmp_path, folder, False),
     "ftps": lambda tmp_path, folder: ftp_server(tmp_path, folder, True),
     "sftp": ssh_server,
+    "smb": smb_server,
 }
-NEEDED = {"ftps": ("openssl",), "sftp": ("sshd", "ssh-keygen")}
+NEEDED = {"ftps": ("openssl",), "sftp": ("sshd", "ssh-keygen"), "smb": ("smbd", "smbpasswd")}
 
 
 def marked(kind):
-    return pytest.param(kind, marks=[pytest.mark.system(*NEEDED[kind])] if kind in NEEDED else [])
+    marks = [pytest.mark.system(*NEEDED[kind])] if kind in NEEDED else []
+    return pytest.param(kind, marks=[*marks, *([pytest.mark.long] if kind == "smb" else [])])
 
 
 @pytest.fixture(params=[marked(kind) for kind in KINDS])
@@ -175,7 +210,7 @@ def place(server, name):
 @pytest.mark.long
 @pytest.mark.parametrize(
     "server",
-    ["ftp", *(pytest.param(k, marks=[pytest.mark.long, pytest.mark.system(*NEEDED[k])]) for k in ("ftps", "sftp"))],
+    ["ftp", *(pytest.param(k, marks=[pytest.mark.long, pytest.mark.system(*NEEDED[k])]) for k in ("ftps", "sftp", "smb"))],
     indirect=True,
 )
 def test_a_whole_run_brings_the_program_and_follows_the_records(server, tmp_path):
@@ -200,7 +235,7 @@ def test_a_whole_run_brings_the_program_and_follows_the_records(server, tmp_path
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("server", [marked("ftp"), marked("ftps")], indirect=True)
+@pytest.mark.parametrize("server", [marked("ftp"), marked("ftps"), marked("smb")], indirect=True)
 def test_a_password_that_is_wrong_is_said_without_it(server):
     with pytest.raises(LinkError) as error:
         open_port(parse(server.url().replace(WORD, "falsch7"), remote.OPTIONS))

@@ -15,6 +15,7 @@ from ..capability.programs import program as capability_program
 from ..files import artefact_text, blamed_on, drawn_sizes, read_cell, strategy_text
 from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
+from ..link.lock import holding
 from ..records import InputError
 from . import _trusted
 from ._common import Output, cell_option, json_option, json_text
@@ -138,14 +139,17 @@ def command(
 def _write(files: Mapping[Path, Content], beside: Mapping[str, tuple[Path, Content]], folder: Path, post: str | None) -> None:
     """files of the program, those of other options, folder of the cell, --post → all are written, or none.
 
-    Raises InputError where one would replace what the plan is made from, or another one, or cannot be written.
+    Raises InputError where one would replace what the plan is made from, or another one, or cannot be written; LinkError while
+    another program is at work in the folder.
     """
     _kept("--out", files, folder, post)
     for option, (file, _) in beside.items():
         _kept(option, [file], folder, post)
         if any(same(file, other) for other in files):
             raise InputError(f"{option}: found {file}, a file of the program itself; allowed: another name")
-    write_together({**files, **dict(beside.values())})
+    within = any(file.resolve().is_relative_to(folder.resolve()) for file in files)
+    with holding(folder, "tango plan") if within else nullcontext():  # not while a run executes what stands there
+        write_together({**files, **dict(beside.values())})
 
 
 def _kept(option: str, files: Iterable[Path], folder: Path, post: str | None) -> None:

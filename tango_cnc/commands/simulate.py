@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
 
 from ..files import blamed_on, read_cell, read_world, readings_text, write_text
 from ..files.origin import MEASURED, SIMULATED, set_aside, simulated, write_origin
+from ..link.lock import holding
 from ..plan import last_moves, plan
 from ..records import Array, Cell, InputError
 from ._common import Output, cell_option, json_option, write_json
@@ -101,12 +103,13 @@ def command(
         readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed, moved, control)
     target = output or folder / SIMULATED
     text = readings_text(readings, None if exact else 6)
-    same = target.exists() and target.read_bytes() == text.encode()
-    kept = None if same or (output is not None and simulated(target)) else set_aside(target)
-    if kept is not None:
-        click.echo(f"what was in {target} is kept as {kept}", err=True)
-    write_text(target, text)
-    write_origin(target, folder, "simulated", kept)
+    with holding(target.parent, "tango simulate") if target.parent.is_dir() else nullcontext():
+        same = target.exists() and target.read_bytes() == text.encode()
+        kept = None if same or (output is not None and simulated(target)) else set_aside(target)
+        if kept is not None:
+            click.echo(f"what was in {target} is kept as {kept}", err=True)
+        write_text(target, text)
+        write_origin(target, folder, "simulated", kept)
     if output is None and (folder / MEASURED).exists():
         click.echo(
             f"{folder / MEASURED} was measured and stays what commands read; --readings {target} reads the simulated ones", err=True

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, TypeVar
 
 import yaml
 
@@ -18,7 +18,7 @@ from ..records import Id, InputError, Vector
 
 NUMERAL = re.compile(r"-?\d+")
 LARGEST = 1 << 28  # bytes of a file that is read whole
-LONGEST = 1 << 20  # characters of YAML
+LONGEST = 400_000  # characters of YAML: what can be read in about a second
 DEEPEST = 50  # levels of nesting
 MOST_VALUES = 1_000_000  # that a YAML file stands for
 SHOWN = 200  # characters of a wrong value
@@ -45,7 +45,6 @@ class Scalar:
     line: int
     value: str
     style: str | None
-    start_mark: ClassVar[None] = None  # what yaml asks of an anchor given twice, and the complaint about that does not need
 
 
 @dataclass(slots=True)
@@ -55,7 +54,6 @@ class Series:
     tag: str
     line: int
     value: list[Raw]
-    start_mark: ClassVar[None] = None
 
 
 @dataclass(slots=True)
@@ -65,58 +63,75 @@ class Pairs:
     tag: str
     line: int
     value: list[tuple[Raw, Raw]]
-    start_mark: ClassVar[None] = None
 
 
 Raw = Scalar | Series | Pairs
+R = TypeVar("R", Scalar, Series, Pairs)
 
 
-class _Loader(yaml.SafeLoader):
+# Words and brackets of a YAML text by libyaml, where it is there: yaml's own parser takes a minute for a megabyte.
+EVENTS: type[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _Composer:
     """Composes `Raw` in place of yaml's own nodes, whose marks take ten times the memory of what they mark."""
 
-    def __init__(self, stream: str) -> None:
-        super().__init__(stream)
-        self._depth = 0
+    def __init__(self, text: str) -> None:
+        self._events: Any = EVENTS(text)
+        self._anchors: dict[str, Raw] = {}
         self._words: dict[str, str] = {}  # the same word again and again is kept once
+        self._kinds: dict[tuple[str, bool], str] = {}  # plain word → its tag
 
-    def compose_scalar_node(self, anchor: Any) -> Any:
-        event = self.get_event()
-        tag = self._tag(yaml.ScalarNode, event, event.value)
-        node = Scalar(tag, event.start_mark.line, self._words.setdefault(event.value, event.value), event.style)
-        return self._anchored(anchor, node)
+    def document(self) -> Raw | None:
+        """→ the one document of the text, None where there is none. Raises yaml.YAMLError, RecursionError."""
+        take = self._events.get_event
+        take()
+        if isinstance(take(), yaml.StreamEndEvent):
+            return None
+        raw = self._node(take(), 0)
+        take()
+        event = take()
+        if not isinstance(event, yaml.StreamEndEvent):
+            raise yaml.MarkedYAMLError(problem="a second document begins here", problem_mark=event.start_mark)
+        return raw
 
-    def compose_sequence_node(self, anchor: Any) -> Any:
-        event = self.get_event()
-        node = self._anchored(anchor, Series(self._tag(yaml.SequenceNode, event), event.start_mark.line, []))
-        self._deeper()
-        while not self.check_event(yaml.SequenceEndEvent):
-            node.value.append(self.compose_node(node, 0))
-        self.get_event()
-        self._depth -= 1
-        return node
-
-    def compose_mapping_node(self, anchor: Any) -> Any:
-        event = self.get_event()
-        node = self._anchored(anchor, Pairs(self._tag(yaml.MappingNode, event), event.start_mark.line, []))
-        self._deeper()
-        while not self.check_event(yaml.MappingEndEvent):
-            node.value.append((self.compose_node(node, 0), self.compose_node(node, 0)))
-        self.get_event()
-        self._depth -= 1
-        return node
-
-    def _deeper(self) -> None:
-        self._depth += 1
-        if self._depth > DEEPEST:
+    def _node(self, event: Any, depth: int) -> Raw:
+        if depth > DEEPEST:
             raise RecursionError
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in self._anchors:
+                raise yaml.MarkedYAMLError(problem=f"the alias {event.anchor!r} stands for nothing", problem_mark=event.start_mark)
+            return self._anchors[event.anchor]
+        line = event.start_mark.line
+        if isinstance(event, yaml.ScalarEvent):
+            tag = self._plain(event) if event.tag in (None, "!") else event.tag
+            return self._anchored(event.anchor, Scalar(tag, line, self._words.setdefault(event.value, event.value), event.style))
+        take = self._events.get_event
+        if isinstance(event, yaml.SequenceStartEvent):
+            series = self._anchored(event.anchor, Series(_tagged(event, "seq"), line, []))
+            while not isinstance(inner := take(), yaml.SequenceEndEvent):
+                series.value.append(self._node(inner, depth + 1))
+            return series
+        pairs = self._anchored(event.anchor, Pairs(_tagged(event, "map"), line, []))
+        while not isinstance(inner := take(), yaml.MappingEndEvent):
+            key = self._node(inner, depth + 1)
+            pairs.value.append((key, self._node(take(), depth + 1)))
+        return pairs
 
-    def _tag(self, kind: type[yaml.Node], event: Any, value: str | None = None) -> str:
-        return str(self.resolve(kind, value, event.implicit) if event.tag in (None, "!") else event.tag)
+    def _plain(self, event: Any) -> str:
+        known = (event.value, event.implicit[0])
+        if known not in self._kinds:
+            self._kinds[known] = str(self._events.resolve(yaml.ScalarNode, event.value, event.implicit))
+        return self._kinds[known]
 
-    def _anchored(self, anchor: Any, node: Any) -> Any:
+    def _anchored(self, anchor: str | None, node: R) -> R:
         if anchor is not None:
-            self.anchors[anchor] = node
+            self._anchors[anchor] = node
         return node
+
+
+def _tagged(event: Any, kind: str) -> str:
+    return f"tag:yaml.org,2002:{kind}" if event.tag in (None, "!") else str(event.tag)
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,7 +296,7 @@ def parse(file: Path, text: str) -> Node:
     try:
         if len(text) > LONGEST:
             raise complaint(file, None, "", f"{len(text)} characters of YAML", f"at most {LONGEST}; is it another kind of file?")
-        raw: Any = yaml.compose(text, Loader=_Loader)
+        raw = _Composer(text).document()
         _limited(file, raw)
     except RecursionError:
         raise complaint(file, None, "", f"nested deeper than {DEEPEST} levels", "see docs/formats.md for its keys") from None

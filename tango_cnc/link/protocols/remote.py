@@ -2,7 +2,7 @@
 
     put ──read back, the same──▶ waiting ──start mark of the program──▶ running ──end mark──▶ done
 
-`ftp://`, `ftps://`, `sftp://`. The path is the file that the program writes its records into; `program=` is where the
+`ftp://`, `ftps://`, `sftp://`, `smb://` (the first folder of the path is the share). The path is the file that the program writes its records into; `program=` is where the
 program goes, a file or a folder that ends in /. Nothing is started from here: the person does that at the control. Without
 `program=` the person brings the program there too. What the file says is taken as in `file`.
 """
@@ -22,9 +22,10 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "passphrase": (),  # of the key
     "key": (),  # sftp: a private key
     "hostkey": (),  # sftp: SHA256:… of the control's key, where it is not in known_hosts
+    "domain": (),  # smb: of the user, where the server asks for one
     "verify": ("yes", "no"),  # ftps: no: the control's certificate is not looked at
 }
-SCHEMES: Mapping[str, str] = {"ftp": "ftp", "ftps": "ftps", "sftp": "sftp"}
+SCHEMES: Mapping[str, str] = {"ftp": "ftp", "ftps": "ftps", "sftp": "sftp", "smb": "smb"}
 
 
 class Client(file.Client):

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import ftplib
 import ssl
+from collections.abc import Iterator
 from io import BytesIO
 from typing import Any, Protocol
 from urllib.parse import SplitResult, unquote
 
 from ...records import InputError, LinkError
 
-PORTS = {"ftp": 21, "ftps": 21, "sftp": 22}
+PORTS = {"ftp": 21, "ftps": 21, "sftp": 22, "smb": 445}
 PATIENCE = 10.0  # s for an answer
 
 
@@ -161,6 +162,65 @@ class Sftp:
             self._client.close()
 
 
+class Smb:
+    """A share of Windows, Samba or a control, by smbprotocol (SMB 2 and 3); the first folder of a path is the share.
+
+    The record file is opened so that its writer can go on writing, and rename or delete it.
+    """
+
+    def __init__(self, parts: SplitResult, options: dict[str, str]) -> None:
+        self._smb, self._errors = _needed("smbclient", "smb"), _needed("smbprotocol.exceptions", "smb")
+        self._host, self._port = parts.hostname or "", parts.port or PORTS["smb"]
+        self._connections: dict[str, Any] = {}  # of this store alone: a connection that broke is not found again
+        user, password = unquote(parts.username or ""), options.get("password") or unquote(parts.password or "")
+        named = f"{options['domain']}\\{user}" if options.get("domain") else user
+        self._to = {"port": self._port, "connection_cache": self._connections}
+        with self._asked():
+            self._smb.register_session(self._host, named or None, password or None, connection_timeout=PATIENCE, **self._to)
+
+    @contextlib.contextmanager
+    def _asked(self) -> Iterator[None]:
+        """Within it, what the library raises is a LinkError or an OSError."""
+        try:
+            yield
+        except self._errors.SMBOSError as error:  # made anew, a missing file is a FileNotFoundError
+            raise OSError(error.errno, error.strerror) from None
+        except (self._errors.LogonFailure, self._errors.AccessDenied) as error:
+            raise LinkError(f"the control refuses: {error.message}") from None
+        except (self._errors.SMBException, ValueError) as error:  # ValueError: what it could not connect to
+            raise OSError(str(error)) from None
+
+    def _path(self, path: str) -> str:
+        return "\\\\" + self._host + path.replace("/", "\\")
+
+    def size(self, path: str) -> int | None:
+        """path → bytes of the file, None when there is none."""
+        try:
+            with self._asked():
+                return int(self._smb.stat(self._path(path), **self._to).st_size)
+        except FileNotFoundError:
+            return None
+
+    def read(self, path: str, offset: int, most: int) -> bytes:
+        """path, from where, how many at most → bytes of the file."""
+        try:
+            with self._asked(), self._smb.open_file(self._path(path), "rb", share_access="rwd", **self._to) as file:
+                file.seek(offset)
+                return bytes(file.read(most))
+        except FileNotFoundError:
+            return b""
+
+    def write(self, path: str, data: bytes) -> None:
+        """path, bytes → the file has them."""
+        with self._asked(), self._smb.open_file(self._path(path), "wb", **self._to) as file:
+            file.write(data)
+
+    def close(self) -> None:
+        """Hangs up."""
+        with contextlib.suppress(Exception):
+            self._smb.reset_connection_cache(connection_cache=self._connections)
+
+
 def _needed(module: str, extra: str) -> Any:
     import importlib
 
@@ -171,7 +231,9 @@ def _needed(module: str, extra: str) -> Any:
 
 
 def store(scheme: str, parts: SplitResult, options: dict[str, str]) -> Store:
-    """ftp, ftps or sftp, host and user, settings → open store. Raises OSError, LinkError, InputError."""
+    """ftp, ftps, sftp or smb, host and user, settings → open store. Raises OSError, LinkError, InputError."""
     if scheme == "sftp":
         return Sftp(parts, options)
+    if scheme == "smb":
+        return Smb(parts, options)
     return Ftp(parts, options, scheme == "ftps")
