@@ -2,9 +2,10 @@
 
     put ──read back, the same──▶ waiting ──start mark of the program──▶ running ──end mark──▶ done
 
-`ftp://`, `ftps://`, `sftp://`, `smb://` (the first folder of the path is the share). The path is the file that the program writes its records into; `program=` is where the
-program goes, a file or a folder that ends in /. Nothing is started from here: the person does that at the control. Without
-`program=` the person brings the program there too. What the file says is taken as in `file`.
+`ftp://`, `ftps://`, `sftp://`, `smb://` (the first folder of its path is the share). The path is the file that the program
+writes its records into; `program=` is where the program goes, a file or a folder that ends in /. Nothing is started from here:
+the person does that at the control. Without `program=` the person brings the program there too. What the file says is taken as
+in `file`.
 """
 
 from __future__ import annotations
