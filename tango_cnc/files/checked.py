@@ -100,11 +100,12 @@ class _Composer:
             raise RecursionError
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self._anchors:
-                raise yaml.MarkedYAMLError(problem=f"the alias {event.anchor!r} stands for nothing", problem_mark=event.start_mark)
+                where: Any = event.start_mark  # libyaml's own kind of mark
+                raise yaml.MarkedYAMLError(problem=f"the alias {event.anchor!r} stands for nothing", problem_mark=where)
             return self._anchors[event.anchor]
         line = event.start_mark.line
         if isinstance(event, yaml.ScalarEvent):
-            tag = self._plain(event) if event.tag in (None, "!") else event.tag
+            tag = self._plain(event) if event.tag in (None, "!") else str(event.tag)
             return self._anchored(event.anchor, Scalar(tag, line, self._words.setdefault(event.value, event.value), event.style))
         take = self._events.get_event
         if isinstance(event, yaml.SequenceStartEvent):
