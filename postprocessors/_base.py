@@ -28,31 +28,14 @@ from tango_cnc.nearest import suggestion
 from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
 from ._confirmed import confirmed
+from ._options import GATE, UNPROVEN, memory, stated
+from ._options import PROVES as PROVES
+from ._options import Option as Option
+from ._options import with_defaults as with_defaults
 
 FOLDER = Path(__file__).parent
 BLANK = "000000000000"  # stands for the mark while the mark is computed
 MARK = re.compile(r"\bPROGRAM ([0-9A-F]{12})\b")
-CODES = re.compile(r"[A-Z0-9 .\-]*")  # what an option may put into a program: words, no brackets, comments or line ends
-
-
-@dataclass(frozen=True)
-class Option:
-    """A field of the control's profile: `controller:` keys of tango.yaml other than post, port and confirmed.
-
-    An unverified default is printed into the program and by `tango plan` until the profile states the field itself.
-    """
-
-    name: str
-    default: Any
-    meaning: str
-    verified: bool = False
-    choices: tuple[Any, ...] = ()
-    codes: bool = False  # the text goes into the program as it stands
-
-
-PROVES = ("finger", "facet", "none")
-GATE = Option("gate", "finger", "what proves the probe alive; a facet where nobody is there", True, PROVES)
-UNPROVEN = "nothing proves the probe alive before the first descent: a flat battery drives the stylus into the table"
 
 
 @dataclass(frozen=True)
@@ -119,10 +102,12 @@ class Post:
     further: Callable[[Mapping[str, Any]], tuple[str, ...]] = field(default=lambda given: ())  # doubts that an option brings
     companions: Callable[[Job], Mapping[str, Lines]] = field(default=lambda job: {})  # file name → lines that the control needs too
     gate: Step | None = None  # the slow move before the first descent during which somebody touches the stylus
+    memory: int = 0  # kB that a program may have where the profile states nothing; 0: it is never split for its size
 
     def __post_init__(self) -> None:
-        if self.gate is not None and not any(option.name == GATE.name for option in self.options):
-            object.__setattr__(self, "options", (*self.options, GATE))
+        further = ((GATE,) if self.gate is not None else ()) + ((memory(self.memory),) if self.memory else ())
+        has = {option.name for option in self.options}
+        object.__setattr__(self, "options", (*self.options, *(option for option in further if option.name not in has)))
 
 
 def is_own(name: str) -> bool:
@@ -171,35 +156,9 @@ def settings(post: Post, given: Mapping[str, Any]) -> dict[str, Any]:
             raise InputError(
                 f"controller: found the unknown key {key!r}; allowed: post, port, confirmed, {', '.join(known)}.{hint}"
             )
-    values = {name: _value(option, given[name]) if name in given else option.default for name, option in known.items()}
+    values = {name: stated(option, given[name]) if name in given else option.default for name, option in known.items()}
     unverified(post, given)  # for what it complains of
     return values
-
-
-def _value(option: Option, value: Any) -> Any:
-    kind = type(option.default)
-    if kind is str and isinstance(value, int) and str(value) in option.choices:
-        value = str(value)  # 44 without quotes
-    fits = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value, fits = float(value), True
-    if not fits or (option.choices and value not in option.choices):
-        words = {int: "a whole number", float: "a number", str: "a text", bool: "true or false", dict: "a mapping (key: value)"}
-        allowed = ", ".join(str(c) for c in option.choices) or words.get(kind, kind.__name__)
-        raise InputError(f"controller.{option.name}: found {value!r}; allowed: {allowed} ({option.meaning})")
-    if kind is float and not math.isfinite(value):
-        raise InputError(f"controller.{option.name}: found {value!r}; allowed: a finite number")
-    if option.codes and not CODES.fullmatch(value):
-        raise InputError(f"controller.{option.name}: found {value!r}; allowed: capital letters, digits, blanks, points and signs")
-    return value
-
-
-def with_defaults(options: tuple[Option, ...], **defaults: Any) -> tuple[Option, ...]:
-    """options of a family, name=value → the same with other defaults. Raises KeyError for a name that is none of them."""
-    for name in defaults:
-        if name not in {option.name for option in options}:
-            raise KeyError(name)
-    return tuple(replace(option, default=defaults.get(option.name, option.default)) for option in options)
 
 
 def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ POST = Post(
     extension="NC",
     language="macro_b",
     options=with_defaults(OPTIONS, program_number=7700, probe_on="G65 P8832", probe_off="G65 P8833"),
+    memory=512,
     doubts=(*DOUBTS, "G31, #5021, #5041, #5061 and DPRNT are those of Fanuc", "IF and THEN stand in one block"),
     **steps(Words()),
 )

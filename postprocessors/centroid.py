@@ -220,6 +220,7 @@ POST = Post(
     extension="cnc",
     language="centroid",
     options=OPTIONS,
+    memory=512,
     doubts=DOUBTS,
     stem=lambda job: "tango",
     link="file",

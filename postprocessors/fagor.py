@@ -269,6 +269,7 @@ POST = Post(
     extension="NC",
     language="fagor",
     options=OPTIONS,
+    memory=512,
     doubts=DOUBTS,
     stem=lambda job: named(job, "TANGO"),
     **common.steps(globals()),

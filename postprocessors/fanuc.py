@@ -4,4 +4,4 @@ from ._base import Post
 from ._macro_b import DOUBTS, OPTIONS, steps
 from ._macro_b_text import Words
 
-POST = Post(title="Fanuc macro B", extension="nc", language="macro_b", options=OPTIONS, doubts=DOUBTS, **steps(Words()))
+POST = Post(title="Fanuc macro B", extension="nc", language="macro_b", options=OPTIONS, memory=512, doubts=DOUBTS, **steps(Words()))

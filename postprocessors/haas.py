@@ -21,6 +21,7 @@ POST = Post(
         must_be_off={4011: 51},
         wait="G103 P1",
     ),
+    memory=512,
     doubts=(
         *DOUBTS,
         "dynamic work offset G254 and tool centre point control G234 are off, and so are the settings for mirror images",

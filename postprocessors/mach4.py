@@ -183,6 +183,7 @@ POST = Post(
     extension="nc",
     language="mach4",
     options=OPTIONS,
+    memory=512,
     doubts=DOUBTS,
     link="file",
     companions=scripts,

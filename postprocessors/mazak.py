@@ -9,6 +9,7 @@ POST = Post(
     extension="EIA",
     language="macro_b",
     options=with_defaults(OPTIONS, must_be_off={4011: 51, 4018: 16, 4019: 51.1}),
+    memory=512,
     doubts=(*DOUBTS, "#5021, #5041 and #5061 are those of Fanuc", "DPRNT goes to the port that parameters of the control choose"),
     **steps(Words()),
 )

@@ -13,6 +13,7 @@ POST = Post(
     extension="nc",
     language="macro_b",
     options=with_defaults(OPTIONS, must_be_off={4011: 51, 4018: 16, 4019: 51.1}),
+    memory=512,
     doubts=(*DOUBTS, "#5021, #5041 and #5061 and DPRNT are those of Fanuc", "IF and THEN stand in one block"),
     **steps(Words()),
 )

@@ -306,6 +306,7 @@ POST = Post(
     extension="MIN",
     language="osp",
     options=OPTIONS,
+    memory=512,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",
     **common.steps(globals()),

@@ -262,6 +262,7 @@ POST = Post(
     extension="MPF",
     language="siemens",
     options=OPTIONS,
+    memory=512,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",
     **common.steps(globals()),

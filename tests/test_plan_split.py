@@ -14,10 +14,11 @@ import pytest
 from test_run import STRATEGY, Result
 from test_run_simulated import agree, controller
 
-from postprocessors._base import companions, load, mark_of, names, of_part, program, settings
+from postprocessors._base import Post, companions, load, mark_of, names, of_part, program, settings
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan, plan_hash, split
+from tango_cnc.program import parts
 from tango_cnc.readback import check
 from tango_cnc.records import InputError, Plan
 
@@ -108,6 +109,56 @@ def test_programs_of_another_plan_are_named_whatever_their_ending_and_of_a_resum
     assert "O7700.nc is of another plan" in other and "rest/tango.ngc is of another plan" in other
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    """All 393 touches of HU40T."""
+    folder = tmp_path_factory.mktemp("thesis") / "cell"
+    write_example(folder, "hu40t")
+    return plan(read_cell(folder), "warn")
+
+
+SMALL = [name for name in names() if "memory" in settings(load(name), {})]
+
+
+@pytest.mark.parametrize("post", [n if n == "fanuc" else pytest.param(n, marks=pytest.mark.long) for n in SMALL])
+def test_a_program_too_long_for_the_control_is_split_unless_the_profile_says_none(post: str, whole: Plan) -> None:
+    dialect = load(post)
+    found = parts(dialect, whole, {})
+    sizes = [length(dialect, part, (i, len(found))) for i, part in enumerate(found, 1)]
+    assert max(sizes) <= 512_000
+    assert len(found) == {"fagor": 3, "okuma": 1}.get(post, 2)
+    assert [touch.number for part in found for touch in part.touches] == [touch.number for touch in whole.touches]
+    assert parts(dialect, whole, {"memory": "none"}) == (whole,)
+
+
+@pytest.mark.parametrize("post", ["linuxcnc", "grbl", "mach3", "heidenhain"])
+def test_where_no_memory_is_small_nothing_is_split_and_a_short_program_stays_whole(post: str, whole: Plan) -> None:
+    assert parts(load(post), whole, {}) == (whole,)
+    assert parts(load("fanuc"), golden(), {}) == (golden(),)
+
+
+def length(post: Post, part: Plan, of: tuple[int, int]) -> int:
+    """Characters of a program as they arrive on the control."""
+    return len("\r\n".join(program(post, part, of_part(post, {}, of), plan_hash(part), of)[2]())) + 2
+
+
+def test_an_indexation_longer_than_the_memory_is_refused_by_its_touches() -> None:
+    with pytest.raises(InputError, match=r"controller.memory: found 5 kB; touches 1 … 3 are of one indexation.*none where"):
+        parts(load("fanuc"), golden(), {"memory": 5})
+    with pytest.raises(InputError, match=r"controller.memory: found 'no'; allowed: a whole number, or none"):
+        parts(load("fanuc"), golden(), {"memory": "no"})
+
+
+def test_plan_and_dry_run_split_what_the_cell_says_is_too_long(tmp_path: Path) -> None:
+    shutil.copytree(GOLDEN / "cell", tmp_path / "cell")
+    file = tmp_path / "cell" / "tango.yaml"
+    file.write_text(file.read_text().replace("post: fanuc", "post: fanuc, memory: 12"))
+    programs = json.loads(Result("plan", "-C", tmp_path / "cell", "--json", "-").out)["programs"]
+    assert [(p["first"], p["last"]) for p in programs] == [(1, 3), (4, 6)]
+    assert all((tmp_path / "cell" / "program" / Path(p["program"]).name).stat().st_size < 12_000 for p in programs)
+    assert "part 2 of 2: touches 4 … 6" in Result("plan", "-C", tmp_path / "cell", "--dry-run").out
+
+
 def test_a_dry_run_shows_the_parts() -> None:
     result = Result("plan", "-C", GOLDEN / "cell", "--dry-run", "--split", 3)
     assert [line for line in result.out.splitlines() if "part" in line] == [
@@ -157,4 +208,4 @@ def test_a_part_alone_is_not_sent_as_if_it_were_the_plan(cell: Path) -> None:
     assert Result("plan", "-C", cell, "--split", 3).code == 0
     result = Result("run", "-C", cell, "--program", cell / "program" / "O7705.nc", "--port", "socket://127.0.0.1:1")
     assert result.code == 2
-    assert "found part 2 of 3; a part alone is no whole plan: 'tango run --split N'" in result.err
+    assert "found part 2 of 3; a part alone is no whole plan: 'tango run' without --program" in result.err

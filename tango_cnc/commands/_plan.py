@@ -54,11 +54,8 @@ def warnings(plan: Plan) -> list[str]:
     return lines
 
 
-def dry(whole: Plan, most: int | None) -> Iterator[str]:
-    """plan, touches a program may make → its moves, under the part of it that they belong to where there are several."""
-    from .. import plan as planner
-
-    parts = (whole,) if most is None else planner.split(whole, most)
+def dry(parts: Sequence[Plan]) -> Iterator[str]:
+    """parts of a plan → its moves, under the part of it that they belong to where there are several."""
     for number, part in enumerate(parts, 1):
         if len(parts) > 1:
             yield f"part {number} of {len(parts)}: touches {part.touches[0].number} … {part.touches[-1].number}"

@@ -43,7 +43,8 @@ DRAWN = (".png", ".svg", ".pdf")
     "most",
     type=click.IntRange(1),
     metavar="N",
-    help="Write several programs of at most N touches, cut between indexations; 'tango run --split N' runs them in turn.",
+    help="Write several programs of at most N touches, cut between indexations; 'tango run --split N' runs them in turn. "
+    "Default: as few programs as fit controller.memory.",
 )
 @click.option("--dry-run", is_flag=True, help="Print the moves instead of writing programs.")
 @click.option(
@@ -70,7 +71,7 @@ def command(
     from postprocessors import _base as posts
 
     from .. import plan as planner
-    from ..program import programs, stale
+    from ..program import parts, programs, stale
     from ..report import path, pictures
 
     if dry_run and json_file is not None:
@@ -105,11 +106,14 @@ def command(
         drawn = path.picture(made, indexation)
         beside["--picture"] = picture, partial(pictures.encoded, drawn, picture.suffix[1:].lower())
     if dry_run:
-        if dialect is not None:  # the moves of a cell for no control yet can be looked at all the same
+        if dialect is None:  # the moves of a cell for no control yet can be looked at all the same
+            shown = (made,) if most is None else planner.split(made, most)
+        else:
             with blamed_on(folder / "tango.yaml") if options else nullcontext():
                 posts.begins(dialect, made, options)
+                shown = parts(dialect, made, options, most)
         _write({}, beside, folder, post)
-        for line in dry(made, most):
+        for line in dry(shown):
             click.echo(line)
         return
     assert name is not None and dialect is not None

@@ -42,7 +42,8 @@ PAUSE = 0.3  # s between two looks at the journal of another program
     "most",
     type=click.IntRange(1),
     metavar="N",
-    help="Run several programs of at most N touches one after the other, as 'tango plan --split N' writes them.",
+    help="Run several programs of at most N touches one after the other, as 'tango plan --split N' writes them. "
+    "Default: as few programs as fit controller.memory.",
 )
 @click.option("--port", metavar="URL", help="Instead of controller.port, e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff.")
 @click.option(

@@ -13,6 +13,7 @@ from .. import plan as planner
 from .. import readback
 from ..files.checked import read_text
 from ..records import InputError, Plan
+from .parts import parts
 from .record import Program
 
 PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
@@ -22,9 +23,11 @@ PART = re.compile(r"\bPLAN [0-9A-F]{12} PART (\d+) OF (\d+)\b")
 def programs(post: posts.Post, whole: Plan, options: Mapping[str, Any], most: int | None = None) -> list[Program]:
     """post, plan, `controller` keys, touches a program may make → its programs in their order, each read back.
 
+    Without a number of touches there are as many programs as `memory` of the profile asks for, mostly one.
+
     Raises InputError for options and numbers that cannot be written, and naming the line that must not reach a machine.
     """
-    plans = (whole,) if most is None else planner.split(whole, most)
+    plans = parts(post, whole, options, most)
     plan_mark, found = planner.plan_hash(whole), []
     beside = posts.companions(post, whole, options)
     for number, plan in enumerate(plans, 1):
@@ -59,7 +62,7 @@ def from_file(file: Path, post: posts.Post, whole: Plan, options: Mapping[str, A
     if several := PART.search(text):
         raise InputError(
             f"{file}: found part {several[1]} of {several[2]}; a part alone is no whole plan: "
-            "'tango run --split N' with the N of 'tango plan' runs all parts in their order"
+            "'tango run' without --program, with the --split N of 'tango plan' if there was one, runs all parts in their order"
         )
     lines = text.splitlines()
     try:

@@ -1,0 +1,68 @@
+"""Options of a post: what a profile may state, with what it means, and what it may not be."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from typing import Any
+
+from tango_cnc.records import InputError
+
+CODES = re.compile(r"[A-Z0-9 .\-]*")  # what an option may put into a program: words, no brackets, comments or line ends
+
+
+@dataclass(frozen=True)
+class Option:
+    """A field of the control's profile: `controller:` keys of tango.yaml other than post, port and confirmed.
+
+    An unverified default is printed into the program and by `tango plan` until the profile states the field itself.
+    """
+
+    name: str
+    default: Any
+    meaning: str
+    verified: bool = False
+    choices: tuple[Any, ...] = ()
+    instead: str = ""  # a word that may stand in place of a value
+    codes: bool = False  # the text goes into the program as it stands
+
+
+PROVES = ("finger", "facet", "none")
+GATE = Option("gate", "finger", "what proves the probe alive; a facet where nobody is there", True, PROVES)
+UNPROVEN = "nothing proves the probe alive before the first descent: a flat battery drives the stylus into the table"
+
+
+def memory(most: int) -> Option:
+    """kB → the option of posts whose control keeps programs in a small memory."""
+    return Option("memory", most, "kB that a program may have; a longer one is split", True, instead="none")
+
+
+def stated(option: Option, value: Any) -> Any:
+    """option, value of its key → the value as posts take it. Raises InputError for one that it cannot have."""
+    if option.instead and value == option.instead:
+        return value
+    kind = type(option.default)
+    if kind is str and isinstance(value, int) and str(value) in option.choices:
+        value = str(value)  # 44 without quotes
+    fits = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value, fits = float(value), True
+    if not fits or (option.choices and value not in option.choices):
+        words = {int: "a whole number", float: "a number", str: "a text", bool: "true or false", dict: "a mapping (key: value)"}
+        allowed = ", ".join(str(c) for c in option.choices) or words.get(kind, kind.__name__)
+        allowed += f", or {option.instead}" * bool(option.instead)
+        raise InputError(f"controller.{option.name}: found {value!r}; allowed: {allowed} ({option.meaning})")
+    if kind is float and not math.isfinite(value):
+        raise InputError(f"controller.{option.name}: found {value!r}; allowed: a finite number")
+    if option.codes and not CODES.fullmatch(value):
+        raise InputError(f"controller.{option.name}: found {value!r}; allowed: capital letters, digits, blanks, points and signs")
+    return value
+
+
+def with_defaults(options: tuple[Option, ...], **defaults: Any) -> tuple[Option, ...]:
+    """options of a family, name=value → the same with other defaults. Raises KeyError for a name that is none of them."""
+    for name in defaults:
+        if name not in {option.name for option in options}:
+            raise KeyError(name)
+    return tuple(replace(option, default=defaults.get(option.name, option.default)) for option in options)
