@@ -25,7 +25,8 @@ def parts(post: posts.Post, whole: Plan, options: Mapping[str, Any], most: int |
     room = posts.settings(post, options).get("memory", "none")
     if room == "none":
         return (whole,)
-    found, most = (whole,), len(whole.touches)
+    found: tuple[Plan, ...] = (whole,)
+    most = len(whole.touches)
     while (largest := max(sizes := _sizes(post, whole, options, found))) > room * KB:
         longest = found[sizes.index(largest)]
         if len(planner.split(longest, 1)) == 1:
