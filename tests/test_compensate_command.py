@@ -97,6 +97,30 @@ def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     values = json.loads(again.output)["values"]
     assert max(abs(v["new"] - v["present"]) for v in values) < 0.2 * max(abs(v["present"]) for v in values)
     assert [e["event"] for e in loop.history(mill)] == ["proposed", "written", "kept"]
+    # The nights' history has the same, newest first, in its chain; taking it out again is one more entry with its reason.
+    listed = json.loads(run("history", "list", "-C", mill, "--json", "-").output)["compensations"]
+    assert [e["event"] for e in listed] == ["kept", "written", "proposed"]
+    outcome = json.loads(done.output)
+    for name in ("before_um", "promised_um", "measured_um"):
+        assert listed[0][name] == outcome[name]
+    assert listed[2]["promised_um"] == listed[0]["promised_um"] < listed[2]["before_um"]
+    silent = run("compensate", "-C", mill, "--rolled-back", 1)
+    assert isinstance(silent.exception, InputError) and "--reason" in str(silent.exception)
+    assert run("compensate", "-C", mill, "--rolled-back", 1, "--reason", "the spindle was changed").exit_code == 0
+    shown = run("history", "list", "-C", mill).output.splitlines()
+    assert "rolled back" in shown[1] and "the spindle was changed" in shown[1] and len(shown) == 5
+    assert "4 entries" in run("history", "verify", "-C", mill).output
+
+
+def test_a_history_that_cannot_be_written_gets_the_event_later(cell: Path, tmp_path: Path) -> None:
+    mill = copied(cell, tmp_path / "mill")
+    (mill / "nightly.yaml").write_text("nightly: 1\nhistory: away/history.db\n")
+    done = run("compensate", "-C", mill, "--target", "siemens")
+    assert done.exit_code == 0 and "no such folder" in done.output
+    (mill / "away").mkdir()
+    assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
+    listed = json.loads(run("history", "list", "-C", mill, "--json", "-").output)["compensations"]
+    assert [e["event"] for e in listed] == ["written", "proposed"]
 
 
 def _volume(folder: Path) -> str:

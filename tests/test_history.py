@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from tango_cnc.cli import tango
-from tango_cnc.history import Decision, History, Knowledge, opened
+from tango_cnc.history import Decision, History, Knowledge, add_compensations, compensations, opened
 from tango_cnc.records import InputError, LinkError
 
 
@@ -24,6 +24,14 @@ def record(day: int, machine: str = "M", **more: Any) -> dict[str, Any]:
         "parameters": {"EX0C": {"value": 0.001 * day, "std": 0.0002, "unit": "mm"}},
         **more,
     }
+
+
+COMPENSATION = {"utc": "2026-10-03T09:00:00Z", "compensation": 1, "target": "siemens"}
+EVENTS = (
+    {**COMPENSATION, "event": "proposed", "promise": {"rms_before_um": {"value": 30.0}, "rms_after_um": {"value": 2.0}}},
+    {**COMPENSATION, "event": "written", "utc": "2026-10-03T10:00:00Z"},
+    {**COMPENSATION, "event": "rolled back", "utc": "2026-10-03T11:00:00Z", "measured_um": 58.0, "text": "a sign is wrong"},
+)
 
 
 def knowledge(day: int) -> Knowledge:
@@ -52,8 +60,9 @@ def test_what_was_added_comes_back_whole(history: History) -> None:
 
 
 def test_rows_cannot_be_changed_through_the_database(history: History, tmp_path: Path) -> None:
+    add_compensations(history, "M", "/cells/m", EVENTS)
     plain = sqlite3.connect(tmp_path / "history.db")
-    for table in ("entry", "night", "night_record", "night_parameter", "night_readings", "night_estimate"):
+    for table in ("entry", "night", "night_record", "night_parameter", "night_readings", "night_estimate", "compensation"):
         column = "id" if table == "entry" else "entry_id"
         for change in (f"UPDATE {table} SET {column} = 9", f"DELETE FROM {table}"):
             with pytest.raises(sqlite3.Error, match="append-only"):
@@ -69,6 +78,7 @@ SPOILT = {
     "the covariance": "UPDATE night_estimate SET numbers = (SELECT numbers FROM night_estimate WHERE entry_id = 1)",
     "the record": "UPDATE night_record SET json = replace(json, 'nothing has', 'much has') WHERE entry_id = 2",
     "a decision": "UPDATE decision SET owner = 'somebody else'",
+    "an event of a compensation": "UPDATE compensation SET measured_um = 0.1",
     "a link": "UPDATE entry SET previous = hash WHERE id = 2",
     "an entry that is gone": "DELETE FROM entry WHERE id = 2",
     "the moment of an entry": "UPDATE entry SET utc = '2026-10-02T03:00:00Z' WHERE id = 2",
@@ -83,6 +93,7 @@ def test_who_removes_the_triggers_and_changes_something_is_found(tmp_path: Path,
             alarms = [{"id": f"2026-10-{day:02d}-1"}]
             history.add_night(record(day, alarms=alarms), f"touch\n{day}\n", knowledge(day))
         history.decide("M", Decision("2026-10-03-1", "accept", "Ann"))
+        add_compensations(history, "M", "/cells/m", EVENTS)
         assert history.verify() == ()
     plain = sqlite3.connect(file)
     for (name,) in plain.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
@@ -110,6 +121,25 @@ def test_a_decision_needs_an_alarm_an_owner_and_a_known_action(history: History)
     history.decide("M", Decision("2026-10-04-1", "repaired", "Ann", "new clamp", utc="2026-10-04T08:00:00Z"))
     assert history.open_alarms("M") == ()
     assert history.decisions("M") == (Decision("2026-10-04-1", "repaired", "Ann", "new clamp", None, "2026-10-04T08:00:00Z", "M"),)
+
+
+def test_what_happened_to_a_compensation_is_added_once_and_in_order(history: History) -> None:
+    assert add_compensations(history, "M", "/cells/m", EVENTS[:1]) == 1
+    assert add_compensations(history, "M", "/cells/m", EVENTS) == 2
+    assert add_compensations(history, "M", "/cells/m", EVENTS) == 0
+    found = compensations(history, "M")
+    assert [(e.event, e.before_um, e.promised_um, e.measured_um, e.text) for e in found] == [
+        ("rolled back", None, None, 58.0, "a sign is wrong"),
+        ("written", None, None, None, ""),
+        ("proposed", 30.0, 2.0, None, ""),
+    ]
+    with pytest.raises(InputError, match="'forgotten'"):
+        add_compensations(history, "M", "/cells/m", [{**COMPENSATION, "event": "forgotten"}])
+    with pytest.raises(InputError, match="compensation"):
+        add_compensations(history, "M", "/cells/m", [{"event": "written"}])
+    with pytest.raises(InputError, match="finite"):
+        add_compensations(history, "M", "/cells/m", [{**EVENTS[2], "measured_um": float("nan")}])
+    assert len(compensations(history, "M", since="2026-10-03T10:00:00Z")) == 2 and history.verify() == ()
 
 
 def test_a_fleet_says_who_is_late_and_who_alarms(history: History) -> None:

@@ -15,9 +15,9 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 from support import postgres
-from test_history import knowledge, record
+from test_history import EVENTS, knowledge, record
 
-from tango_cnc.history import Decision, opened
+from tango_cnc.history import Decision, add_compensations, compensations, opened
 from tango_cnc.history.copy import copied
 from tango_cnc.records import InputError
 
@@ -56,9 +56,13 @@ def test_nights_decisions_trends_and_the_chain(place: Place) -> None:
         assert stored.night.headline == "µm, “7”" and stored.readings == "touch\n7\n"
         assert stored.knowledge is not None and np.allclose(stored.knowledge.covariance, knowledge(7).covariance)
         assert history.decisions("M")[0].until == "2026-11-01"
+        add_compensations(history, "M", "/cells/m", EVENTS)
+        assert add_compensations(history, "M", "/cells/m", EVENTS) == 0
+        assert [e.event for e in compensations(history, "M")] == ["rolled back", "written", "proposed"]
         assert history.verify() == ()
-        with pytest.raises(DBAPIError, match="append-only"), history.engine.begin() as connection:
-            connection.execute(text("UPDATE night SET verdict = 'good'"))
+        for change in ("UPDATE night SET verdict = 'good'", "UPDATE compensation SET text = ''", "DELETE FROM compensation"):
+            with pytest.raises(DBAPIError, match="append-only"), history.engine.begin() as connection:
+                connection.execute(text(change))
         with pytest.raises(InputError, match="finite"):
             history.add_night(record(8, residual={"rms_um": float("inf")}))
         assert len(history.nights("M")) == 7
@@ -144,6 +148,7 @@ def test_a_history_of_the_first_schema_is_read_and_goes_on(tmp_path: Path) -> No
         assert history.open_alarms("M") == () and history.decisions("M")[0].owner == "Ann"
         assert history.verify() == ()
         history.add_night(record(3), "touch\n3\n", knowledge(3))
+        assert add_compensations(history, "M", "/cells/m", EVENTS) == 3
         assert history.verify() == ()
 
 

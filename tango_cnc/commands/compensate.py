@@ -17,6 +17,7 @@ from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
 from . import _compensate, _program
 from ._common import Output, cell_option, json_option, write_json
+from ._compensated import recorded
 from ._trust import despite_option, judged, usable
 
 PLACE = "Act 10"  # in the list of commands
@@ -56,6 +57,8 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--check", "checked", type=path, metavar="DIR", help="Compare the files of a compensation with what was written.")
 @click.option("--written", type=int, metavar="N", help="Note that compensation N has been loaded into the control.")
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
+@click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
+@click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
 @click.option("--tcp", is_flag=True, help="With --measured: the readings were made with tool centre point control on.")
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
@@ -86,6 +89,8 @@ def command(**options: Any) -> int:
         return _history(folder, options["json_file"])
     if options["written"] is not None:
         return _written(folder, options["written"])
+    if options["rolled_back"] is not None:
+        return _rolled_back(folder, options["rolled_back"], options["reason"])
     cell = read_cell(folder)
     if options["measured"] is not None:
         return _measured(cell, options)
@@ -118,6 +123,8 @@ def command(**options: Any) -> int:
     if options["dry_run"]:
         return 0
     kept = loop.store(folder, proposal, _now(), options["out"])
+    if options["out"] is None:
+        recorded(folder)
     click.echo(_next(kept, proposal), err=taken)
     return 0
 
@@ -167,7 +174,22 @@ def _written(folder: Path, number: int) -> int:
     if (state := loop.state(folder, number)) != "proposed":
         raise InputError(f"--written: found compensation {number}, which is noted as {state}; allowed: one that is proposed")
     loop.note(folder, kept, _now(), "written")
+    recorded(folder)
     click.echo(f"compensation {number} ({kept.record['target']}) is noted as written; measure again, then --measured {number}")
+    return 0
+
+
+def _rolled_back(folder: Path, number: int, reason: str | None) -> int:
+    kept = loop.one(folder, number)
+    if not (reason or "").strip():
+        raise InputError('--reason: found none; allowed: why it was taken out again, e.g. --reason "the spindle was changed"')
+    if (state := loop.state(folder, number)) not in ("written", "kept", "not as promised"):
+        raise InputError(
+            f"--rolled-back: found compensation {number}, which is noted as {state}; allowed: one that is in the control"
+        )
+    loop.note(folder, kept, _now(), "rolled back", text=reason)
+    recorded(folder)
+    click.echo(f"compensation {number} ({kept.record['target']}) is noted as rolled back: {reason}")
     return 0
 
 
@@ -194,6 +216,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     found = loop.outcome(kept, result, list(again.held), tcp=options["tcp"])
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text)
+    recorded(cell.folder)
     data = {"format": "tango-compensation-outcome/1", "compensation": number, "verdict": found.verdict, **figures}
     data["measured_interval_um"] = [round(found.measured.low, 4), round(found.measured.high, 4)]
     if not write_json(options["json_file"], data):

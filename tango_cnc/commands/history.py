@@ -18,7 +18,7 @@ from ..report.units import shown
 from ._common import json_option, table, write_json
 
 if TYPE_CHECKING:
-    from ..history import History
+    from ..history import Compensation, History
 
 PLACE = "Keep 20"
 
@@ -75,11 +75,11 @@ def _machine(history: History, folder: Path, name: str | None) -> str:
 def _night(history: History, machine: str, which: str) -> int:
     """history, machine, 'last', a date or the number of an entry → the entry. Raises InputError."""
     nights = history.nights(machine)
+    if not nights:
+        raise InputError(f"history: found no night of {machine} yet; 'tango nightly' adds one, 'tango history list' shows the rest")
     found = [n for n in nights if which in ("last", str(n.entry), n.night, n.start_utc)]
     if not found:
-        raise InputError(
-            f"night: found {which!r}; allowed: last, a date such as {nights[0].night if nights else '2026-11-23'}, an entry"
-        )
+        raise InputError(f"night: found {which!r}; allowed: last, a date such as {nights[0].night}, the number of a night's entry")
     measured = [n for n in found if n.touches]
     return (measured or found)[0].entry
 
@@ -90,15 +90,30 @@ def _night(history: History, machine: str, which: str) -> int:
 @click.option("--since", metavar="DATE", help="From this date on.")
 @json_option
 def list_(history: History, machine: str, last: int | None, since: str | None, json_file: str | None) -> None:
-    """Nights, newest first."""
+    """Nights and what happened to compensations, newest first."""
+    from ..history import compensations
+
     nights = history.nights(machine, last, since)
-    if write_json(json_file, {"format": "tango-history-list/1", "machine": machine, "nights": [vars(n) for n in nights]}):
+    events = compensations(history, machine, nights[-1].start_utc if last is not None and nights else since)
+    data = {"nights": [vars(n) for n in nights], "compensations": [vars(e) for e in events]}
+    if write_json(json_file, {"format": "tango-history-list/1", "machine": machine, **data}):
         return
-    rows = [["entry", "night", "kind", "status", "verdict", "µm", "what"]]
+    rows = []
     for n in nights:
         volume = "" if n.volume_um is None else f"{n.volume_um:.1f}"
-        rows.append([str(n.entry), n.night, n.kind, n.status, n.verdict, volume, n.headline])
-    click.echo(table(rows, "><<<<><"))
+        rows.append((n.start_utc, n.entry, [n.night, n.kind, n.status, n.verdict, volume, n.headline]))
+    for e in events:
+        rows.append((e.utc, e.entry, [e.utc[:10], "compensation", e.event, "", "", _said(e)]))
+    rows.sort(key=lambda row: row[:2], reverse=True)
+    head = ["entry", "date", "kind", "status", "verdict", "µm", "what"]
+    click.echo(table([head, *([str(entry), *row] for _, entry, row in rows)], "><<<<><"))
+
+
+def _said(event: Compensation) -> str:
+    what = f"{event.number} ({event.target})"
+    if event.event == "proposed" and event.before_um is not None and event.promised_um is not None:
+        return f"{what}: {event.promised_um:.2f} µm rms of {event.before_um:.2f} µm are to be left"
+    return f"{what}: {event.text}" if event.text else what
 
 
 @command.command()

@@ -55,6 +55,7 @@ def command(
     from ..nightly.notify import Notifier
     from ..plan import plan
     from ._cell_nights import nights_of
+    from ._compensated import recorded
     from ._night_world import RealClock, RealControl, RealDisk
 
     if sum([dry_run, status, tell, kind is not None]) > 1:
@@ -81,6 +82,7 @@ def command(
     with opened(place) as history:
         if dry_run:
             return _dry(control, analysis, history, clock.now(), disk, settings, json_file)
+        recorded(folder, history)
         world = World(_Held(clock.now()), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
         record = night(cell.machine.name, str(folder.resolve()), settings, world)
     try:

@@ -1,6 +1,21 @@
 """Everything that every night found, append-only, in SQLite or PostgreSQL: docs/nightly.md."""
 
-from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend
+from .compensated import add_compensations, compensations
+from .records import ACTIONS, Compensation, Decision, Knowledge, Night, Standing, Stored, Trend
 from .store import FORMAT, History, opened
 
-__all__ = ["ACTIONS", "FORMAT", "Decision", "History", "Knowledge", "Night", "Standing", "Stored", "Trend", "opened"]
+__all__ = [
+    "ACTIONS",
+    "FORMAT",
+    "Compensation",
+    "Decision",
+    "History",
+    "Knowledge",
+    "Night",
+    "Standing",
+    "Stored",
+    "Trend",
+    "add_compensations",
+    "compensations",
+    "opened",
+]

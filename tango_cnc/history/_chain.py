@@ -30,6 +30,12 @@ def content_of_decision(row: Mapping[str, Any]) -> str:
     return sha256(canonical([row[key] for key in ("alarm", "action", "until", "owner", "note", "utc")]))
 
 
+def content_of_compensation(row: Mapping[str, Any]) -> str:
+    """columns of a compensation's event → SHA-256."""
+    names = ("number", "target", "event", "text", "before_um", "promised_um", "measured_um", "line", "utc")
+    return sha256(canonical([row[name] for name in names]))
+
+
 def link(machine: str, number: int, kind: str, utc: str, content: str, previous: str) -> str:
     """what an entry says, hash of the one before it → its hash."""
     return sha256(canonical([machine, number, kind, utc, content, previous]))

@@ -13,7 +13,7 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, Operati
 
 from ..records import InputError, LinkError
 
-HEAD = "0001"
+HEAD = "0002"
 WAIT = 30  # s that a writer waits for another one
 ALLOWED = "the name of an SQLite file, or postgresql://user:password@host/database"
 

@@ -38,7 +38,7 @@ entry = Table(
     Column("id", Integer, primary_key=True),
     Column("machine_id", ForeignKey("machine.id"), nullable=False),
     Column("number", Integer, nullable=False),  # 1, 2, 3 … within a machine
-    Column("kind", String(20), nullable=False),  # night, decision, state
+    Column("kind", String(20), nullable=False),  # night, decision, compensation
     Column("utc", String(32), nullable=False),
     Column("content", String(64), nullable=False),  # SHA-256 of what the entry holds
     Column("previous", String(64), nullable=False),  # hash of the entry before it, 64 zeros for the first
@@ -121,4 +121,27 @@ decision = Table(
     Index("ix_decision_machine", "machine_id", "utc"),
 )
 
-APPEND_ONLY = ("entry", "night", "night_record", "night_parameter", "night_readings", "night_estimate", "decision")
+# One event of a compensation: proposed, written, kept, not as promised, rolled back.
+compensation = Table(
+    "compensation",
+    metadata,
+    Column("entry_id", ForeignKey("entry.id"), primary_key=True),
+    Column("machine_id", ForeignKey("machine.id"), nullable=False),
+    Column("number", Integer, nullable=False),  # of the compensation within its cell
+    Column("target", String(40), nullable=False),
+    Column("event", String(20), nullable=False),
+    Column("text", Text, nullable=False),  # the reason; empty where the event says all
+    Column("before_um", Float),  # µm rms over the volume of the compensation
+    Column("promised_um", Float),
+    Column("measured_um", Float),
+    Column("line", Text, nullable=False),  # of compensations/history.jsonl, JSON
+    Column("line_sha256", String(64), nullable=False),
+    Column("utc", String(32), nullable=False),
+    UniqueConstraint("machine_id", "line_sha256"),
+    Index("ix_compensation_machine", "machine_id", "utc"),
+)
+
+APPEND_ONLY = (
+    *("entry", "night", "night_record", "night_parameter", "night_readings", "night_estimate", "decision"),
+    "compensation",
+)

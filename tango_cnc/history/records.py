@@ -78,6 +78,21 @@ class Decision:
 
 
 @dataclass(frozen=True)
+class Compensation:
+    """One event of a compensation; µm are rms over the volume that it was made for."""
+
+    entry: int  # unique in the history
+    utc: str
+    number: int  # of the compensation within its cell
+    target: str
+    event: str  # proposed, written, kept, not as promised, rolled back
+    text: str  # the reason, empty where the event says all
+    before_um: float | None
+    promised_um: float | None
+    measured_um: float | None
+
+
+@dataclass(frozen=True)
 class Standing:
     """One machine of a fleet: its last night, and what is late."""
 

@@ -324,7 +324,10 @@ class History:
     def _verified(self, name: str) -> Iterator[str]:
         machine = self._machine(name)
         rows = self._rows(select(t.entry).where(t.entry.c.machine_id == machine).order_by(t.entry.c.number))
-        decisions = {r.entry_id: r for r in self._rows(select(t.decision).where(t.decision.c.machine_id == machine))}
+        decisions, compensations = (
+            {r.entry_id: r for r in self._rows(select(table).where(table.c.machine_id == machine))}
+            for table in (t.decision, t.compensation)
+        )
         previous = _chain.FIRST
         for place, row in enumerate(rows, 1):
             what = f"{name}: entry {row.number} ({row.kind}, {row.utc})"
@@ -336,11 +339,13 @@ class History:
             content = self._content(row.id) if row.kind == "night" else None
             if row.kind == "decision" and row.id in decisions:
                 content = _chain.content_of_decision(decisions[row.id]._asdict())
+            if row.kind == "compensation" and row.id in compensations:
+                content = _chain.content_of_compensation(compensations[row.id]._asdict())
             if content != row.content:
                 yield f"{what} is not what was added"
             previous = row.hash
         of_machine = select(t.night.c.entry_id).where(t.night.c.machine_id == machine)
-        loose = {r.entry_id for r in self._rows(of_machine)} | set(decisions)
+        loose = {r.entry_id for r in self._rows(of_machine)} | set(decisions) | set(compensations)
         yield from (f"{name}: entry {i} is not in the chain" for i in sorted(loose - {row.id for row in rows}))
 
     def _content(self, entry: int) -> str | None:
