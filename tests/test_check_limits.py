@@ -1,0 +1,142 @@
+"""How near a probe may come: just inside each limit it is refused by name, just outside it passes.
+
+How near it really comes is computed by tests/support/distances.py, which knows nothing of the check.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+from support import distances
+from support.blockcell import block, machine
+
+from tango_cnc.check import solid
+from tango_cnc.check.collision import Pose, obstruction
+from tango_cnc.plan import sweep
+from tango_cnc.records import Approach, Artefact, Ball, Facet, Obstacle, Probe
+
+PROBE = Probe(150.0, 3.0, 0.0005, stylus_radius=1.5, body_radius=20.0, body_length=90.0, nose_radius=40.0)
+APPROACH = Approach(10.0, 5.0, 180.0)
+UP, ASIDE = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+HELD = {"stem": 1.0, "body": 2.0, "spindle nose": 2.0, "tip": 1.0}  # mm of air that the documentation promises
+LOOK = 0.5  # mm: half the way between two poses that are judged is kept beside it
+HEIGHT = {"stem": (10.0, 30.0), "body": (85.0, 100.0), "spindle nose": (200.0, 400.0)}
+RADIUS = {"stem": 1.5, "body": 20.0, "spindle nose": 40.0}
+FLOATING = Artefact("one facet", {"f": Facet("f", (-3.0, 0, 0), (1.0, 0, 0))})
+
+
+def refusal(artefact: Artefact, normal=ASIDE, tip=(0.0, 0.0, 0.0), probe: Probe = PROBE, facet="f", table=False) -> str:
+    """→ why one touch of a facet cannot be made, '' when it can; without a table unless stated."""
+    on_it = solid(artefact)
+    pose = Pose((facet,), np.array([tip]), np.array([normal]), UP[None])
+    found = obstruction(pose, probe, APPROACH, artefact, on_it if table else replace(on_it, table=None))
+    return found[0].why if found else ""
+
+
+def nearest(body: distances.Body) -> float:
+    """→ mm between the probe and the body, on all of the way from the end of the search to behind the stand-off."""
+    tips = np.arange(-5.0, 11.51, 0.1)[:, None] * ASIDE
+    return distances.distance(tips, np.broadcast_to(UP, tips.shape), PROBE, [body], 5.0)
+
+
+def box(part: str, air: float) -> Obstacle:
+    """A box that is `air` beside that part of the probe, or below its tip; not where the whole tip comes down, at the stand-off."""
+    if part == "tip":
+        return Obstacle("box", (-50.0, -50.0, -60.0), (50.0, 50.0, -3.0 - air))
+    low, high = HEIGHT[part]
+    return Obstacle("box", (-50.0, RADIUS[part] + air, low), (5.0, 200.0, high))
+
+
+@pytest.mark.parametrize("part", HELD)
+@pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
+def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
+    air = HELD[part] + beyond
+    artefact = replace(FLOATING, obstacles=(box(part, air),))
+    body = solid(artefact).obstacles[0]
+    assert nearest(distances.Body(body.corner, body.normal)) == pytest.approx(air, abs=1e-3)
+    why = refusal(artefact)
+    assert (f"the {part} would hit obstacle 1" in why) if beyond < 0 else not why
+
+
+@pytest.mark.parametrize("part", HELD)
+@pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
+def test_a_ball_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
+    air, size = HELD[part] + beyond, 8.0
+    height = sum(HEIGHT[part]) / 2 if part != "tip" else -3.0 - air - size
+    centre = (0.0, RADIUS[part] + air + size if part != "tip" else 0.0, height)
+    artefact = replace(FLOATING, balls={"b": Ball("b", centre, size)})
+    assert nearest(distances.Body(np.array([centre]), np.zeros((0, 3)), size)) == pytest.approx(air, abs=1e-3)
+    why = refusal(artefact)
+    assert (f"the {part} would hit ball b" in why) if beyond < 0 else not why
+
+
+@pytest.mark.parametrize("kind", ["obstacle 1", "ball b"])
+@pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
+def test_what_comes_down_to_the_stand_off_is_as_wide_as_the_tip(kind: str, beyond: float) -> None:
+    """Something stands beside the stem there, 20 mm above where the tip ends up."""
+    air, down = HELD["tip"] + beyond, np.array([[APPROACH.standoff, 0.0, 0.0]])
+    beside = PROBE.tip_radius + air
+    if kind == "ball b":
+        centre = (APPROACH.standoff, beside + 8.0, 20.0)
+        artefact = replace(FLOATING, balls={"b": Ball("b", centre, 8.0)})
+        body = distances.Body(np.array([centre]), np.zeros((0, 3)), 8.0)
+    else:
+        artefact = replace(FLOATING, obstacles=(Obstacle("box", (-50.0, beside, 10.0), (50.0, 200.0, 30.0)),))
+        body = distances.Body(solid(artefact).obstacles[0].corner, solid(artefact).obstacles[0].normal)
+    wide = replace(PROBE, stylus_radius=PROBE.tip_radius)
+    assert distances.distance(down, UP[None], wide, [body], 5.0) == pytest.approx(air, abs=1e-3)
+    why = refusal(artefact)
+    assert (f"the tip would hit {kind} on the way to the stand-off" in why) if beyond < 0 else not why
+
+
+@pytest.mark.parametrize(("thick", "passes"), [(2.85, False), (2.75, True)])
+def test_a_stem_keeps_two_tenths_off_the_ball_that_its_tip_touches(thick: float, passes: bool) -> None:
+    """The facet leans to the spindle by 6°: the stem is nearest to the ball where the tip is."""
+    normal = np.array([math.cos(0.1), 0.0, math.sin(0.1)])
+    ball, facet = Ball("b", (0.0, 0.0, 0.0), 30.0), Facet("f", tuple(30 * normal), tuple(normal), "b")
+    why = refusal(Artefact("ball", {"f": facet}, {"b": ball}), normal, 33 * normal, replace(PROBE, stylus_radius=thick))
+    assert (why == "") == passes and (passes or "the stem would hit ball b" in why)
+
+
+@pytest.mark.parametrize(("leaves", "passes"), [(0.05, False), (0.15, True)])
+def test_a_stem_as_thick_as_its_tip_needs_a_facet_that_it_leaves(leaves: float, passes: bool) -> None:
+    """It is 0.1 mm thinner than the tip; at its upper end, 60 mm up, it has to be 0.2 mm off the facet."""
+    cosine = leaves / 60
+    why = refusal(FLOATING, np.array([math.sqrt(1 - cosine**2), 0.0, cosine]), probe=replace(PROBE, stylus_radius=2.9))
+    assert (why == "") == passes and (passes or "not thinner than the tip" in why)
+
+
+@pytest.mark.parametrize(("air", "passes"), [(0.9, False), (1.1, True)])
+def test_a_tip_that_searches_a_ball_ends_above_the_table(air: float, passes: bool) -> None:
+    """A ball that stands out of the table by a few millimetres, touched from above: the search goes on 5 mm behind the contact."""
+    top = max(corner[2] for corner in solid(block()).corners[0])
+    contact = (0.0, 0.0, top + air + 5.0)
+    ball, facet = Ball("b", (0.0, 0.0, contact[2] - 10.0), 10.0), Facet("f", contact, (0.0, 0.0, 1.0), "b")
+    artefact = Artefact("sunk ball", {**{n: f for n, f in block().facets.items() if f.ball is None}, "f": facet}, {"b": ball})
+    why = refusal(artefact, UP, (0.0, 0.0, contact[2] + 3.0), table=True)
+    assert (why == "") == passes and (passes or "the tip would hit the table" in why)
+
+
+@pytest.mark.parametrize("nose", [0.0, 60.0])
+def test_what_turns_with_the_probe_holds_all_of_it(nose: float) -> None:
+    """Points on stem, body and nose, up to 300 mm behind the nose, lie within the hull of the balls that are swept."""
+    whole = machine("wCBXfZY(S)t")
+    own = replace(whole.probe, nose_radius=nose)
+    centre, size = sweep.probe(replace(whole, probe=own))
+    hull = Delaunay(centre[1:])  # all but the ball of the tip are points
+    rng = np.random.default_rng(4)
+    turn = rng.uniform(0, 2 * np.pi, 2000)
+    foot = np.array(whole.spindle.point) - own.length * UP
+    thickness = [
+        (own.length - own.body_length, own.length, own.body_radius),
+        (own.length, own.length + 300, max(nose, own.body_radius)),
+    ]
+    for low, high, radius in thickness:
+        around = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(2000)]) * radius * (1 - 1e-9)
+        points = foot + around + rng.uniform(low + 1e-6, high - 1e-6, 2000)[:, None] * UP
+        assert (hull.find_simplex(points, tol=1e-9) >= 0).all()
+    assert np.allclose(centre[0], foot) and size[0] == max(own.tip_radius, own.stylus_radius) and not size[1:].any()
