@@ -65,3 +65,4 @@ class Judgement:
     remarks: tuple[str, ...] = ()  # sentences that change no verdict
     suspicions: tuple[Suspicion, ...] = ()  # most likely first
     untrusted: tuple[str, ...] = ()  # names of parameters
+    incomplete: bool = False  # so much of what was planned is missing that nobody acts on it without being told to

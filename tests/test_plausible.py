@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from click.testing import CliRunner
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
+from tango_cnc.report.verdict import Check, worst_of
 
 
 def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -94,13 +96,45 @@ def test_every_command_that_shows_numbers_says_so(command: str, cell: Path, caps
         assert called(capsys, command, "-C", cell, "--readings", readings_of(cell), "--despite")[0] == 0
 
 
-def test_half_of_the_readings_is_doubtful(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def halved(cell: Path) -> None:
     file = readings_of(cell)
     head, *rows = file.read_text(encoding="utf-8").splitlines()
     file.write_text("\n".join([head, *rows[::2]]) + "\n", encoding="utf-8")
+
+
+def test_half_of_the_readings_is_incomplete_and_not_used_unless_told(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    halved(cell)
     code, data = estimated(capsys, cell)
-    assert (code, data["verdict"]) == (0, "doubtful")
-    assert any(reason.startswith("196 of 393 planned touches are missing") for reason in data["reasons"])
+    assert (code, data["verdict"], data["incomplete"]) == (1, "doubtful", True)
+    (reason,) = (r for r in data["reasons"] if r.startswith("196 of 393 planned touches are missing"))
+    assert reason.endswith("197 are there; go on with 'tango run --resume', or measure again")
+    assert estimated(capsys, cell, "--despite")[0] == 0
+    code, _, err = called(capsys, "design", "-C", cell, "--goal", "check", "--minutes", "3", "--readings", readings_of(cell))
+    assert code == 1 and "design --readings: the estimate is incomplete and is not used" in err
+
+
+@pytest.mark.long
+def test_a_report_on_half_of_the_readings_has_nothing_green(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    halved(cell)
+    code, out, _ = called(capsys, "report", "-C", cell, "--readings", readings_of(cell), "--no-pictures", "--json", "-")
+    data = json.loads(out)
+    assert (code, data["overall"], data["verdict"]) == (1, "stop", "doubtful")
+    assert 'class="check good"' not in (cell / "report.html").read_text(encoding="utf-8")
+
+
+def test_nothing_is_green_beside_what_the_diagnosis_cannot_explain() -> None:
+    good = Check("fit", "good", "1.0 ×", "fits")
+    unexplained = Check("diagnosis", "look", "unexplained", "something acts", undermines=True)
+    found = worst_of([good, unexplained])
+    assert (found.level, found.worst) == ("look", unexplained)
+    assert not any(c.level == "good" and not c.open for c in found.checks)
+    assert not worst_of([good, replace(unexplained, undermines=False)]).checks[0].open
+
+
+def test_touches_that_are_not_predicted_make_an_estimate_doubtful(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, data = estimated(capsys, cell, "--terms", "S1")
+    assert data["verdict"] == "doubtful"
+    assert any("times as far off as predicted" in reason for reason in data["reasons"])
 
 
 def test_who_knows_less_of_a_machine_states_it(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

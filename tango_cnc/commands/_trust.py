@@ -22,7 +22,7 @@ SHOWN = 3  # suspicions that a person reads
 despite_option: Decorator = click.option(
     "--despite",
     is_flag=True,
-    help="Go on with a result that is implausible: it is shown all the same, and the exit status is that of the rest.",
+    help="Go on with a result that is implausible or incomplete: the exit status is then that of the rest.",
 )
 
 
@@ -88,22 +88,22 @@ def said_of_origin(source: Path) -> str:
 
 def usable(judgement: Judgement, despite: bool, what: str) -> None:
     """judgement, --despite, what would be made of the estimate → nothing. Raises TangoError when it may not be used."""
-    if judgement.verdict == "implausible" and not despite:
+    if status(judgement, despite):
         lines = "\n".join(told(judgement))
-        raise TangoError(f"{what}: the estimate is implausible and is not used (--despite uses it all the same)\n{lines}")
+        why = "implausible" if judgement.verdict == "implausible" else "incomplete"
+        raise TangoError(f"{what}: the estimate is {why} and is not used (--despite uses it all the same)\n{lines}")
 
 
 def status(judgement: Judgement, despite: bool) -> int:
     """judgement, --despite → exit status."""
-    return int(judgement.verdict == "implausible" and not despite)
+    return int((judgement.verdict == "implausible" or judgement.incomplete) and not despite)
 
 
 def told(judgement: Judgement) -> list[str]:
     """judgement → lines for people; none but remarks where the result is trustworthy."""
     lines = []
     if judgement.verdict != "trustworthy":
-        what = "do not act on these numbers" if judgement.verdict == "implausible" else "look at this before you act on the numbers"
-        lines.append(f"{judgement.verdict.upper()}: {what}")
+        lines.append(_head(judgement))
         lines += [f"  {text}" for text in judgement.reasons]
         lines += suspected(judgement)
     if judgement.untrusted:
@@ -111,11 +111,21 @@ def told(judgement: Judgement) -> list[str]:
     return lines + [f"note: {text}" for text in judgement.remarks]
 
 
+def _head(judgement: Judgement) -> str:
+    if judgement.verdict == "implausible":
+        return "IMPLAUSIBLE: do not act on these numbers"
+    if judgement.incomplete:
+        return "INCOMPLETE: too little of the plan was measured to act on these numbers; --despite takes what there is"
+    return "DOUBTFUL: look at this before you act on the numbers"
+
+
 def suspected(judgement: Judgement) -> list[str]:
     """judgement → the most likely mistakes, for people."""
     if not judgement.suspicions:
         return []
     first, *others = judgement.suspicions[:SHOWN]
+    if first.kind == "missing_touches":  # the reason above says it already
+        return [f"less likely: {s.text} ({_where(s)})" for s in others]
     lines = [f"most likely: {first.text} ({_where(first)}: {first.change})"]
     if first.before > 0:
         lines += [f"  this leaves {first.after * 1e3:.4g} µm of {first.before * 1e3:.4g} µm (root mean square of all touches)"]
@@ -136,6 +146,7 @@ def members(judgement: Judgement) -> dict[str, Any]:
         "remarks": list(judgement.remarks),
         "suspicions": [_suspicion(s) for s in judgement.suspicions],
         "untrusted": list(judgement.untrusted),
+        "incomplete": judgement.incomplete,
     }
 
 

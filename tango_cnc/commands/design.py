@@ -12,9 +12,10 @@ from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
 from ..files import read_cell, read_readings, read_terms, write_text
 from ..plan import last_motion, plan
-from ..records import Cell, InputError
+from ..records import Cell, InputError, Readings
 from ..touches import Touches, of_facets
 from ._common import Output, cell_option, json_option, write_json
+from ._trust import despite_option, judged, usable
 from .check import positioning_feed
 
 PLACE = "Plan 10"  # in the list of commands
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     "--terms", help="What is to be estimated, instead of S4 (volume, D, A, condition) or S3: S1 … S4 or a list, e.g. S3,EYX2."
 )
 @click.option("--degree", type=click.IntRange(1, 6), default=3, show_default=True, help="Highest degree of the polynomials of S4.")
+@despite_option
 @json_option
 def command(
     folder: Path,
@@ -69,13 +71,14 @@ def command(
     separate: tuple[str, str] | None,
     terms: str | None,
     degree: int,
+    despite: bool,
     json_file: str | None,
 ) -> int:
     """Chooses touches for a goal: a strategy, and a bound on what any plan of that time could reach.
 
     The file of -o is a strategy as 'check', 'plan' and 'run' take it: name it in tango.yaml. Time is that of this machine, by its
     rapids, accelerations and clamps and the positioning feed of its post. With --separate: indexations to append to the strategy
-    that tell two causes apart. Exit status 1 when limits are not kept.
+    that tell two causes apart. Exit status 1 when limits are not kept, and when --readings give no plausible estimate.
     """
     if facets is not None:
         return _facets(facets, output)
@@ -85,7 +88,8 @@ def command(
         if not write_json(json_file, as_json(found)):
             click.echo(as_text(found))
         return 0
-    asked = _wish(cell, goal, minutes, within, readings, volume, terms, degree)
+    before = None if readings is None else _before(cell, readings, despite)
+    asked = _wish(cell, goal, minutes, within, before, readings, volume, terms, degree)
     return _design(cell, *asked, regular=regular, compare=compare, output=output, picture=picture, json_file=json_file)
 
 
@@ -102,11 +106,19 @@ def _facets(text: str, output: Path | None) -> int:
     return 0
 
 
+def _before(cell: Cell, source: Path, despite: bool) -> Readings:
+    """Readings of an earlier run. Raises TangoError where nothing may be made of what they say."""
+    readings = read_readings(source, cell.machine, cell.artefact)
+    usable(judged(cell, readings, cell.terms, source=source)[1], despite, "design --readings")
+    return readings
+
+
 def _wish(
     cell: Cell,
     goal: str | None,
     minutes: float | None,
     within: float | None,
+    before: Readings | None,
     readings: Path | None,
     volume: str | None,
     terms: str | None,
@@ -116,7 +128,6 @@ def _wish(
     from ..design import goals, propose, touching
 
     aim = goals.read(goal or "volume")
-    before = None if readings is None else read_readings(readings, cell.machine, cell.artefact)
     source = "--within"
     if within is None and before is not None:
         within, source = touching.known_within(cell, before), f"learned from {readings}"

@@ -6,6 +6,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,11 @@ from .. import __version__
 from ..files import read_cell, read_readings, read_terms, write_text
 from ..files.origin import current
 from ..files.targets import KEPT, sources
+from ..judgement import Judgement
 from ..records import InputError
 from ..report import page, pdf, terminal
-from ..report.facts import Paper, Wishes, effects, gather
+from ..report.facts import Facts, Paper, Wishes, effects, gather, verdict
+from ..report.texts import texts
 from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
 from ._common import Output, cell_option, json_option, write_json
@@ -101,12 +104,20 @@ def command(
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.render(found, templates))
     data = page.as_json(found) | {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})
-    if not write_json(json_file, data | members(judgement)):
+    if not write_json(json_file, data | members(overall(judgement, found))):
         click.echo("".join(f"{line}\n" for line in told(judgement)), nl=False)
         click.echo(terminal.summary(found))
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
-    return status(judgement, despite)
+    return status(judgement, despite) or int(data["overall"] == "stop" and not despite)
+
+
+def overall(judgement: Judgement, found: Facts) -> Judgement:
+    """what is thought of the numbers, facts → the worst of it and of every check of the report that says something of them."""
+    checks = verdict(found, texts()).checks
+    bad = [c.text for c in checks if c.trust and c.level != "good" and c.name != "plausible"]
+    worst = "doubtful" if bad and judgement.verdict == "trustworthy" else judgement.verdict
+    return replace(judgement, verdict=worst, reasons=(*judgement.reasons, *bad))
 
 
 def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) -> Paper:

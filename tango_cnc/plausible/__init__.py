@@ -61,6 +61,7 @@ def judge(cell: Cell, readings: Readings, result: Estimate | None, *, search: bo
         tuple(r.text for r in found if r.verdict == "trustworthy"),
         suspicions,
         tuple(untrusted),
+        any(r.incomplete for r in found),
     )
 
 

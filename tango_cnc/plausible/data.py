@@ -13,7 +13,8 @@ from ..kinematics import chain, spindle_axis, tip
 from ..records import Array, Cell, Readings
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
-HALF = 0.5  # share below which a machine is hardly measured
+ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
+HARDLY = 0.25  # share below which a machine is hardly measured
 AWAY = -0.02  # least cosine between normal and spindle: other facets face away, and plans leave them out
 TURNED = 0.1  # degrees between the rotary positions of strategy and readings that are the same position
 FEW = 8  # numbers that a sentence names
@@ -30,6 +31,7 @@ class Remark(NamedTuple):
     kind: str = ""  # of a mistake with the readings; empty: a symptom, for which the mistake has to be looked for
     key: str = ""  # column of the readings
     change: str = ""
+    incomplete: bool = False
 
 
 def remarks(cell: Cell, readings: Readings) -> Iterator[Remark]:
@@ -83,8 +85,10 @@ def _missing(cell: Cell, readings: Readings) -> Iterator[Remark]:
         )
         if share < NEEDED:
             hint = "go on with 'tango run --resume', or measure again" if gone else "look for what kept them from contact"
-            verdict: Verdict = "implausible" if share < HALF / 2 else "doubtful"
-            yield Remark(verdict, f"{text}: {hint}", numbers, "missing_touches", "touch", hint)
+            verdict: Verdict = "implausible" if share < HARDLY else "doubtful"
+            there = f"{expected - len(lacking)} are there; " if share < ENOUGH else ""
+            told = f"{text}: {there}{hint}"
+            yield Remark(verdict, told, numbers, "missing_touches", "touch", hint, incomplete=share < ENOUGH)
         else:
             yield Remark("trustworthy", text, numbers)
     if beyond := sorted({int(t) for t in readings.touch if not 1 <= t <= len(facets)}):

@@ -262,7 +262,7 @@ def _diagnosis(f: Facts, t: Callable[..., str]) -> Check:
         return Check("diagnosis", "look", str(d.verdict), t("check.diagnosis_look", causes=causes), todo)
     names = ", ".join(r.covariate for r in d.unexplained)
     todo = t("todo.diagnosis_unexplained")
-    return Check("diagnosis", "look", str(d.verdict), t("check.diagnosis_unexplained", causes=names), todo)
+    return Check("diagnosis", "look", str(d.verdict), t("check.diagnosis_unexplained", causes=names), todo, undermines=True)
 
 
 def _limit(f: Facts, t: Callable[..., str]) -> Check:

@@ -18,7 +18,7 @@ OUTLIERS = 0.1  # of the touches
 class Check:
     """One question put to the result: its level, what was found, and what to do when it is not good.
 
-    `open` marks a check that judges nothing: none was asked for, or another one says stop, so that it cannot be relied on.
+    `open` marks a check that judges nothing: none was asked for, or another one takes away what it relies on.
     """
 
     name: str
@@ -28,6 +28,7 @@ class Check:
     todo: str = ""
     trust: bool = True  # whether it says something of the numbers; the limit says something of the machine
     open: bool = False
+    undermines: bool = False  # what was found takes away what the others rely on: none of them stays good
 
 
 @dataclass(frozen=True)
@@ -40,10 +41,11 @@ class Verdict:
 
 
 def worst_of(checks: Sequence[Check]) -> Verdict:
-    """checks → verdict. Of several equally bad ones the first decides; with a stop no check stays good."""
+    """checks → verdict. Of several equally bad ones the first decides; with a stop, or one that undermines, none stays good."""
     level: Level = ORDER[max((ORDER.index(c.level) for c in checks), default=0)]
     worst = next((c for c in checks if c.level == level), None) if level != "good" else None
-    shown = tuple(replace(c, open=True) if level == "stop" and c.level == "good" else c for c in checks)
+    nothing_good = level == "stop" or any(c.undermines for c in checks)
+    shown = tuple(replace(c, open=True) if nothing_good and c.level == "good" else c for c in checks)
     return Verdict(level, worst, shown)
 
 
