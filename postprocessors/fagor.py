@@ -3,9 +3,10 @@
 G100 moves until contact in programmed coordinates, so the constant difference between machine and programmed positions is read once
 with the axes at rest (P1 P2 P3) and taken off every target; each touch reads it again and stops when it has changed. What stands
 near the table is always asked: has the move arrived, did the probe see anything. A stop is #ERROR with its text and M30 behind it.
+#WRITE takes five identifiers: those of a record are its coordinates, so that its flag is in the text and it has no sum.
 
 Local parameters only:  P1 P2 P3 frame · P4 flag · P5 touches without contact · P6 P7 P8 contact · P9 P10 P11 rotary axes
-P12 P13 P14 distances · P15 sum
+P12 P13 P14 distances
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ CHANGED = 0.001  # mm
 LAG = 1.0  # mm that the axes may have run on between the contact and their stop
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
 FOUND = ("P6", "P7", "P8", "P9", "P10", "P11")
-FLAG, MISSES, SHORT, WAY, GAP, SUM = "P4", "P5", "P12", "P13", "P14", "P15"
+FLAG, MISSES, SHORT, WAY, GAP = "P4", "P5", "P12", "P13", "P14"
+FLAGS = (1, 2, 0)  # contact, early, none
 
 OPTIONS = (
     Option("reset", "G17 G40 G53 G71 G80 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
@@ -67,7 +69,7 @@ DOUBTS = (
     "D0 takes the tool offset away, and #MCS before G0 turns a rotary axis in machine coordinates",
     "no mirror image, scaling or polar coordinates are on: nothing here cancels them",
     "$IF and $ENDIF stand alone, brackets are square, #ERROR stops until reset",
-    "#OPEN with A appends, #WRITE takes as many numbers in one line as a record has and prints them with a decimal point",
+    "#OPEN with A appends, #WRITE takes five numbers in one line and prints them with a decimal point",
     "a probe that is off stops nothing: protected moves protect only while it is on",
 )
 
@@ -176,12 +178,11 @@ def gate(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
-    """One line: touch, flag, machine coordinates, spindle, their sum."""
-    found, turned, letter = _found(job), common.spindle(job, leg.to["S"]), job.options["conversion"]
-    places = " ".join(f"{name}%{letter}" for name in found)
-    yield f"{SUM}={'+'.join(found.values())}+{turned}"
-    text = f"P{leg.touch.number} H%{letter} {places} S{rolled(degrees(leg.to['S']), 4):.4f} K%{letter}"
-    yield f'#WRITE ["{text}",{",".join((FLAG, *found.values(), SUM))}]'
+    """One line, by its flag: touch, flag, machine coordinates, spindle."""
+    found, letter = _found(job), job.options["conversion"]
+    places = " ".join(f"{name}%{letter}" for name in found) + f" S{rolled(degrees(leg.to['S']), 4):.4f}"
+    for flag in FLAGS:
+        yield from _if(f"{FLAG}=={flag}", f'#WRITE ["P{leg.touch.number} H{flag} {places}",{",".join(found.values())}]')
 
 
 def end(job: Job) -> Iterator[str]:
@@ -269,6 +270,7 @@ POST = Post(
     extension="NC",
     language="fagor",
     options=OPTIONS,
+    summed=False,
     memory=512,
     doubts=DOUBTS,
     stem=lambda job: named(job, "TANGO"),

@@ -283,7 +283,7 @@ def test_the_public_cell_is_measured_by_what_is_left_and_gives_its_parameters(sh
     (folder / "world.yaml").write_text(yaml.safe_dump(world), encoding="utf-8")
     with (folder / "tango.yaml").open("a", encoding="utf-8") as profile:
         profile.write("controller: {post: fanuc}\n")
-    with controller(folder, "--tcp", "127.0.0.1:0") as url:
+    with controller(folder, "--tcp", "127.0.0.1:0", once=False) as url:
         result = Result("run", "-C", folder, "--port", url, "--timeout", "30")
     assert result.code == 0, result.err
     told = json.loads(Result("estimate", "-C", folder, "--json", "-").out)

@@ -37,7 +37,7 @@ def the_same_parameters(folder, link, options, port):
     write_example(folder, "hu40t")
     world = (folder / "world.yaml").read_text()
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
-    with controller(folder, *options) as url:
+    with controller(folder, *options, once=False) as url:
         result = Result("run", "-C", folder, "--port", port.format(url), "--timeout", "60")
     assert result.code == 0, result.err
     assert Result("simulate", "-C", folder, "-o", folder / "simulated.csv").code == 0

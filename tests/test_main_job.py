@@ -32,7 +32,7 @@ def thesis_cell(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Itera
     (folder / "strategy.yaml").write_text(strategy_text(strategy), encoding="utf-8")
     (folder / "world.yaml").write_text(world_text(world), encoding="utf-8")
     process = subprocess.Popen(
-        [sys.executable, "-m", "sim_controller", "--cell", str(folder), "--tcp", "127.0.0.1:0", "--once"],
+        [sys.executable, "-m", "sim_controller", "--cell", str(folder), "--tcp", "127.0.0.1:0"],
         stdout=subprocess.PIPE,
         text=True,
     )

@@ -9,7 +9,9 @@ import pytest
 from support import controls
 from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
 
+from postprocessors._base import load, settings
 from sim_controller.languages import fagor
+from tango_cnc.readback import check
 from tango_cnc.records import Artefact, InputError, Plan
 
 FILE = "C:\\CNC8070\\USERS\\PRG\\TANGO.TXT"
@@ -119,9 +121,29 @@ def test_a_contact_variable_of_the_named_axes_only_is_read_for_those(made: Plan)
 
 
 def test_a_line_of_too_many_numbers_stops_at_the_first_record(made: Plan) -> None:
-    ran = run(lines_of(made), made, identifiers=5)
+    ran = run(lines_of(made), made, identifiers=4)
     assert ran.flags(made) == []
     assert "IDENTIFIERS" in str(ran.alarm)
+
+
+def test_a_write_takes_five_identifiers_and_a_record_has_no_more(made: Plan) -> None:
+    six = code(made, '#OPEN ["C:\\A.TXT","A"]', "P1=1", f'#WRITE ["{"%D" * 6}"{",P1" * 6}]')
+    assert "IDENTIFIERS" in str(six.alarm)
+    assert {line.count("%D") for line in lines_of(made) if line.startswith('#WRITE ["P')} == {5}
+
+
+def test_a_touch_that_would_write_no_line_or_two_is_refused(made: Plan) -> None:
+    text = "\n".join(lines_of(made))
+    for old, new in (("$IF P4==0\n#WRITE", "$IF P4==1\n#WRITE"), ("$IF P4==2\n#WRITE", "$IF P4>0\n#WRITE")):
+        wrong = text.replace(old, new).splitlines()
+        with pytest.raises(InputError, match=r"two lines are written of one touch"):
+            check(lambda wrong=wrong: iter(wrong), made, settings(load("fagor"), {}), {})
+    wrong = text.replace("$IF P4==0\n#WRITE", "$IF P4==7\n#WRITE").splitlines()
+    with pytest.raises(InputError, match="is read before it has a value"):
+        check(lambda: iter(wrong), made, settings(load("fagor"), {}), {})
+    wrong = text.replace("H0 X", "H2 X").splitlines()
+    with pytest.raises(InputError, match="the flag is 2 where"):
+        check(lambda: iter(wrong), made, settings(load("fagor"), {}), {})
 
 
 @pytest.mark.parametrize(

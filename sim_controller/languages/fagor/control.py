@@ -67,7 +67,7 @@ class Profile:
     base_offset: Mapping[str, float] = field(default_factory=dict)  # mm and deg, of the PLC: G53 leaves it in
     transformation: bool = False  # RTCP is active from the start: here a shift that nobody expects
     waits: bool = True  # variables of positions wait for the axes; else they are as old as the last dwell
-    identifiers: Decimal = Decimal(16)  # that #WRITE takes in one line
+    identifiers: Decimal = Decimal(5)  # that #WRITE takes in one line
     decimals: Decimal = Decimal(4)  # of a number that #WRITE prints
     parameters: Decimal = Decimal(25)  # the last local one
 

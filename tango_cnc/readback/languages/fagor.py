@@ -1,8 +1,8 @@
 """Programs for Fagor 8060, 8065, 8070: G100 says nothing of what it met, so the text itself has to look and to stop.
 
 Facts: $IF … $ENDIF stand alone; #ERROR stops, and M30 behind it ends the program whatever #ERROR does; P0 … P25 are the program's
-own. Which variables hold the position of an axis, by machine and by programmed coordinates, that of the contact, and whether there
-was one, is taken from the profile.
+own. #WRITE takes five identifiers, so that a touch has three lines, one a flag, of which one is written. Which variables hold the
+position of an axis, by machine and by programmed coordinates, that of the contact, and whether there was one, the profile says.
 """
 
 from __future__ import annotations
@@ -27,13 +27,16 @@ IF = re.compile(r"\$IF (.+)")
 ERROR = re.compile(r'#ERROR \["[A-Z0-9 .]+"\]')
 SHOWN = re.compile(r'#MSG \["[A-Z0-9 .-]+"\]')
 OPEN = re.compile(r'#OPEN \["[A-Z]:[^"]+","A"\]')
-TEXT = re.compile(r'#WRITE \["P(\d+) H%(\.4F|[A-Z])((?: [A-Z]%(?:\.4F|[A-Z]))+) S(\d+\.\d*) K%(?:\.4F|[A-Z])",([^"]+)\]')
+TEXT = re.compile(r'#WRITE \["P(\d+) H([012])((?: [A-Z]%(?:\.4F|[A-Z]))+) S(\d+\.\d*)",([^"]+)\]')
+FLAGS = 3  # lines of a touch, of which it writes one
+IDENTIFIERS = 5  # of a #WRITE
 START = re.compile(r'#WRITE \["TANGO START ([0-9A-F]{12}) (\d+)"\]')
 END = re.compile(r'#WRITE \["TANGO END ([0-9A-F]{12}) (\d+)"\]')
 SPELT = [("!=", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
 LOCAL = range(26)
 SAME_AS = {"G71": "G21"}  # what is millimetres here
+TOLD = "A_TOLD"  # the flag that a world has written
 STALE = 66666.0  # in the contact variable after a move that met nothing: a real one may keep what it held before
 
 
@@ -70,6 +73,7 @@ class _Program:
         self._asked = self._untooled = False
         self._begun = self._opened = self._closed = self.over = False
         self._mark = ""
+        self._told: list[tuple[str, ...]] = []  # lines of this touch so far: what each says but for its flag
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -88,6 +92,8 @@ class _Program:
             self._begun = True
         elif self._within:
             self._in_if(line)
+        elif self._told and not IF.fullmatch(line):
+            raise InputError(f"a touch has {FLAGS} lines, one a flag; {len(self._told)} of them are here")
         elif match := IF.fullmatch(line):
             self._if(match[1])
         elif match := ASSIGN.fullmatch(line):
@@ -176,11 +182,15 @@ class _Program:
         if line == "$ENDIF" and self._within != "error":
             self._within = ""
             self._machine.does(_every_branch)
+            self._records()
         elif self._within == "if" and ERROR.fullmatch(line):
             self._within = "error"
         elif self._within == "error" and line == "M30":
             self._within = "end"
             self._machine.does(_stop)
+        elif self._within == "if" and (match := TEXT.fullmatch(line)):
+            self._within = "told"
+            self._tells(match)
         elif self._within == "if" and (match := ASSIGN.fullmatch(line)):
             self._machine.does(self._assignment(match[1], match[2]))
         else:
@@ -209,14 +219,41 @@ class _Program:
             self._machine.start(match[1], float(match[2]), self._mark)
         elif match := END.fullmatch(line):
             self._machine.end(match[1], float(match[2]))
-        elif match := TEXT.fullmatch(line):
-            letters, values = re.findall(r" ([A-Z])%", match[3]), match[5].split(",")
-            if len(values) != len(letters) + 2 or len(set(re.findall(r"%(\.4F|[A-Z])", line))) != 1:
-                raise InputError(f"{len(values)} values for {len(letters) + 2} places, which all have to be of one kind")
-            places = dict(zip(letters, map(self._spelt, values[1:-1]), strict=True)) | {"S": match[4], "K": self._spelt(values[-1])}
-            self._machine.record(match[1], self._spelt(values[0]), places)
         else:
             raise InputError("no line that a program of this kind may have here")
+
+    def _tells(self, match: re.Match[str]) -> None:
+        """One of the lines of a touch: a world in whose branch it stands writes its flag."""
+        if not self._opened or self._closed:
+            raise InputError("no line that a program of this kind may have here")
+        flag, first, said = float(match[2]), not self._told, (match[1], match[3], match[4], match[5])
+        if not first and said != self._told[0]:
+            raise InputError("the lines of a touch differ in more than their flag")
+        self._told.append(said)
+
+        def does(world: World) -> None:
+            if first:
+                world.shared.pop(TOLD, None)
+            if world.branch and TOLD in world.shared:
+                raise InputError(f"two lines are written of one touch where {world.what}")
+            if world.branch:
+                world.shared[TOLD] = flag
+
+        self._machine.does(does)
+
+    def _records(self) -> None:
+        """All lines of a touch have been read: each world has written one of them."""
+        if len(self._told) < FLAGS:
+            return
+        number, words, spindle, given = self._told[0]
+        self._told = []
+        letters, values = re.findall(r" ([A-Z])%", words), given.split(",")
+        if len(values) != len(letters) or len(set(re.findall(r"%(\.4F|[A-Z])", words))) != 1:
+            raise InputError(f"{len(values)} values for {len(letters)} places, which all have to be of one kind")
+        if len(values) > IDENTIFIERS:
+            raise InputError(f"found {len(values)} identifiers; allowed: {IDENTIFIERS} in a #WRITE")
+        places = dict(zip(letters, map(self._spelt, values), strict=True)) | {"S": spindle}
+        self._machine.record(number, f"#<{TOLD}>", places | {"K": "+".join(f"[{text}]" for text in places.values())})
 
     def _expressed(self, text: str) -> str:
         """expression as this control spells it → as the reader of expressions does."""
