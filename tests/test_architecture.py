@@ -42,6 +42,7 @@ INTERNAL: dict[str, str | None] = {
     "history": "records files state",
     "nightly": f"{NUMERIC} files history state report.units",
     "nc": f"{NUMERIC} files iso230 compensate",
+    "instruments": f"{NUMERIC} files iso230 nearest",
     "acceptance": f"{NUMERIC} files iso230 judgement",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
     "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement",

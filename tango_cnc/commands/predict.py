@@ -11,9 +11,9 @@ import numpy as np
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..nc import features, predict
-from ..records import TangoError
+from ..records import InputError, TangoError
 from ..report import pictures
-from . import _program
+from . import _program, _test
 from ._common import Output, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, usable
 
@@ -21,7 +21,7 @@ PLACE = "Act 20"  # in the list of commands
 
 
 @click.command()
-@click.argument("source", type=click.Path(path_type=Path, exists=True, dir_okay=False), metavar="PROGRAM")
+@click.argument("source", type=click.Path(path_type=Path, exists=True, dir_okay=False), metavar="[PROGRAM]", required=False)
 @cell_option
 @click.option("--readings", "file", type=click.Path(path_type=Path), metavar="FILE", help="Readings [default: those of the cell].")
 @click.option("--terms", help="Instead of the cell's: S1 … S4 or a list, e.g. S3,EYX2.")
@@ -31,14 +31,19 @@ PLACE = "Act 20"  # in the list of commands
     "--features", "checks", type=click.Path(path_type=Path), metavar="FILE", help="Features of the part (docs/compensate.md)."
 )
 @click.option("--limit-um", type=click.FloatRange(0, min_open=True), metavar="L", help="Exit 1 where the tip is further away.")
+@_test.test_options
 @despite_option
 @click.option("--picture", type=Output(), metavar="FILE", help="Draw the way and its deviation (.png .svg .pdf; needs matplotlib).")
 @json_option
 def command(**options: Any) -> int:
     """Foretells the deviation of the tool tip along an NC program, and what it means for features of the part.
 
+    With --test NAME in place of a program it foretells what a ball bar, an R-test or a laser shows, and compares --measured.
+    Exit status 1 where a measured figure differs.
+
     Only errors that were estimated are known. Points where an axis is beyond what was touched are counted and marked.
     """
+    _one_of_two(options)
     if options["picture"] is not None:
         pictures.needed()
     cell = read_cell(options["folder"])
@@ -47,13 +52,18 @@ def command(**options: Any) -> int:
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
     result, judgement = judged(cell, readings, terms, options["degree"], source=origin)
     usable(judgement, options["despite"], "predict")
+    if options["test"] is not None:
+        shown, text, differs = _test.foretold(cell.folder, result, options)
+        if not write_json(options["json_file"], shown):
+            click.echo(text)
+        return differs
     setup, known = _program.setup_of(cell, options), _program.found_of(result)
     source: Path = options["source"]
     language = _program.language_of(source, cell, options["language"])
     touched = predict.touched_of(result.model.touches)
     wanted = features.read(options["checks"]) if options["checks"] is not None else None
-    with _program.blamed(source, language), _program.opened(source) as text:
-        way, labels = predict.along(text, language, setup, known, touched)
+    with _program.blamed(source, language), _program.opened(source) as lines:
+        way, labels = predict.along(lines, language, setup, known, touched)
     if not way.points:
         raise TangoError(f"{source}: found no motion at feed, so there is nothing to foretell")
     found = features.foretell(wanted, setup, known, labels, touched) if wanted is not None else []
@@ -64,6 +74,22 @@ def command(**options: Any) -> int:
         click.echo(_text(data))
     limit = options["limit_um"]
     return 1 if limit is not None and way.largest > limit else 0
+
+
+ONLY_PROGRAM = ("zero", "language", "tools", "checks", "limit_um", "picture")
+ONLY_TEST = ("radius", "at", "measured", "instrument_um")
+
+
+def _one_of_two(options: dict[str, Any]) -> None:
+    """Raises InputError unless there is a program or a test, with the options of that one."""
+    if (options["source"] is None) == (options["test"] is None):
+        found = "neither" if options["test"] is None else "both"
+        raise InputError(f"predict: found {found}; allowed: an NC program, or --test NAME, e.g. --test circle-XY")
+    for name in ONLY_PROGRAM if options["test"] is not None else ONLY_TEST:
+        if options[name]:
+            option = {"tools": "tool", "checks": "features"}.get(name, name).replace("_", "-")
+            allowed = "without --test" if options["test"] is not None else "with --test NAME"
+            raise InputError(f"predict: found --{option}; allowed: {allowed}")
 
 
 def _data(source: Path, way: predict.Way, found: list[features.Foretold]) -> dict[str, Any]:

@@ -68,14 +68,14 @@ def signed(result: Estimate, length: float | None = None, thermal: Thermal | Non
     machine = result.model.touches.machine
     all_of_it, at = whole(result), reference(machine, over, length)
     asks = asked(machine, all_of_it.coefficients, over, at)
-    asks, all_of_it = (asks, all_of_it) if thermal is None else _expanded(asks, all_of_it, scale(thermal, at_reference))
-    found = [_told(ask, all_of_it) for ask in asks]
+    asks, all_of_it = (asks, all_of_it) if thermal is None else expanded(asks, all_of_it, scale(thermal, at_reference))
+    found = [told(ask, all_of_it) for ask in asks]
     state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
     return Sheet((*found, *_relative(asks, found, all_of_it)), at, all_of_it.sigma, all_of_it.freedom, state)
 
 
-def _expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
-    """→ the same with one coefficient more: what temperature adds to every scale, mm/mm."""
+def expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
+    """figures, machine, what temperature adds to every scale (mm/mm) → the same with this as one coefficient more."""
     found = []
     for ask in asks:
         feels = np.zeros((*ask.curve.shape[:-1], 1))
@@ -109,7 +109,8 @@ def _worst(ask: Ask, w: Whole) -> tuple[Array, float]:
     return centred[i], float(std[i]) * ask.factor
 
 
-def _told(ask: Ask, w: Whole) -> OnPart:
+def told(ask: Ask, w: Whole) -> OnPart:
+    """figure as it depends on the coefficients, machine → value and interval, or withheld with the reason."""
     weights, std = _worst(ask, w)
     axis = ask.own[2:3] if ask.range is not None else ""
     positions = len(np.unique(np.round(w.touches.axis(axis), 3))) if axis in w.touches.machine.names else 0
@@ -158,7 +159,7 @@ def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
 def _relative(asks: list[Ask], found: list[OnPart], w: Whole) -> list[OnPart]:
     """→ differences and sums of two withheld figures of one kind that the touches do decide."""
     left = [a for a, f in zip(asks, found, strict=True) if f.value is None and not a.is_range]
-    told = []
+    given = []
     for i, two in enumerate(left):
         for one in left[:i]:
             if one.kind != two.kind or one.own == two.own:
@@ -167,8 +168,8 @@ def _relative(asks: list[Ask], found: list[OnPart], w: Whole) -> list[OnPart]:
                 ask = Ask(two.kind, f"{two.name} {word} {one.name}", two.unit, two.factor, two.curve + sign * one.curve, two.own)
                 if _worst(ask, w)[1] <= UNDECIDED[ask.unit]:
                     value, interval = _interval(ask, w)
-                    told.append(OnPart(ask.kind, ask.name, ask.unit, value, interval, None, "relative: neither is known alone"))
-    return told
+                    given.append(OnPart(ask.kind, ask.name, ask.unit, value, interval, None, "relative: neither is known alone"))
+    return given
 
 
 def _list(words: tuple[str, ...]) -> str:

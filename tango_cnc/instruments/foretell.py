@@ -1,0 +1,149 @@
+"""A test, foretold: every reading and figure with its interval, out of the fit with every error motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import kinematics
+from ..estimate import Estimate
+from ..iso230.onpart import Ask
+from ..iso230.poses import at_poses, steady
+from ..iso230.signed import OnPart, expanded, told
+from ..iso230.temperature import Thermal, scale
+from ..iso230.whole import whole
+from ..kinematics import Slot
+from ..records import Array
+from ..terms import Coefficient
+from .path import Path
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure: the mean, or largest minus smallest, over some readings (or over `weights` of them)."""
+
+    kind: str
+    name: str
+    weights: Array  # (r, q·n): a range over r combinations of readings; r = 1: a number
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """What an instrument should show, µm; readings are about what setting it up takes out."""
+
+    path: Path
+    figures: tuple[OnPart, ...]
+    rows: tuple[Row, ...]
+    value: Array  # (q, n)
+    std: Array  # (q, n)
+    covariance: Array  # (q·n, q·n) µm²
+    free: Array  # (q·n, q·n): readings → readings without what setting it up takes out
+    temperature: str
+
+
+def foretell(result: Estimate, path: Path, thermal: Thermal | None = None, at_reference: bool = False) -> Foretold:
+    """estimate, path, temperatures, whether the instrument gives lengths at 20 °C → what it should show.
+
+    Raises TangoError where there are too few touches.
+    """
+    w = whole(result)
+    curve = np.einsum("qni,nip->qnp", path.ways, _shift(path, w.coefficients))
+    q, n, p = curve.shape
+    free = _free(path)
+    readings, rows = free @ curve.reshape(q * n, p), rows_of(path)
+    kind = "positioning" if path.name.startswith("laser") else ""
+    asks = [Ask(r.kind, r.name, "µm", 1e3, _weighed(r, readings), "") for r in rows]
+    every = Ask(kind, "", "µm", 1e3, readings, "", command=np.asarray(free @ np.tile(path.command, q)))
+    if thermal is not None and kind:
+        (every,), more = expanded([every], w, scale(thermal, at_reference))
+        asks = [replace(a, curve=_weighed(r, every.curve)) for a, r in zip(asks, rows, strict=True)]
+        w = more
+    covariance = every.curve @ w.covariance @ every.curve.T * 1e6
+    std = np.sqrt(np.clip(np.diag(covariance), 0.0, None)).reshape(q, n)
+    value = (every.curve @ w.values * 1e3).reshape(q, n)
+    state = "not stated" if thermal is None or not kind else "20 °C" if at_reference else "as found"
+    return Foretold(path, tuple(told(a, w) for a in asks), rows, value, std, covariance, free, state)
+
+
+def _weighed(row: Row, readings: Array) -> Array:
+    found = row.weights @ readings
+    return found[0] if len(found) == 1 else found
+
+
+def _shift(path: Path, coefficients: Sequence[Coefficient]) -> Array:
+    """→ (n, 3, p) mm per unit of each coefficient: the tool relative to the workpiece, table frame."""
+    poses, n = at_poses(path.machine, path.position, path.direction), len(path.command)
+    run = kinematics.trace(poses.chain, path.position)
+    found = np.zeros((n, 3, len(coefficients)))
+    levers = [kinematics.sensitivity(poses.chain, run, np.tile(e, (n, 1))).slots for e in np.eye(3)]
+    for j, c in enumerate(coefficients):
+        if steady(c, poses):
+            found[:, :, j] = np.stack([lever[c.slot] for lever in levers], axis=1) * c.regressor(poses)[:, None]
+    return found
+
+
+def _free(path: Path) -> Array:
+    """→ (q·n, q·n): takes out where the ball or reflector was put on the table, and for a rotary axis the length of the tool.
+
+    Touches cannot tell the length of the probe from where a rotary axis is along it, and the ball's own tool has its own length.
+    """
+    q, n = path.ways.shape[:2]
+    along = []
+    if path.name.split("-")[0] not in ("laser", "circle"):
+        chain = kinematics.chain(path.machine)
+        run, slot = kinematics.trace(chain, path.position), Slot("t", "stylus", 2)
+        along = [np.stack([kinematics.sensitivity(chain, run, np.tile(e, (n, 1))).slots[slot] for e in np.eye(3)], axis=1)]
+    placed = list(path.ways)
+    if along:
+        placed = [np.column_stack([p, np.sum(w * along[0], axis=1)]) for p, w in zip(placed, path.ways, strict=True)]
+    groups = [list(range(q))] if path.joint else [[i] for i in range(q)]
+    found = np.eye(q * n)
+    for group in groups:
+        rows = np.concatenate([np.arange(i * n, (i + 1) * n) for i in group])
+        columns = np.vstack([placed[i] for i in group])
+        found[np.ix_(rows, rows)] -= columns @ np.linalg.pinv(columns, rcond=1e-9)
+    return found
+
+
+def rows_of(path: Path) -> tuple[Row, ...]:
+    """path → the figures that a person reads off such a test."""
+    q, n = path.ways.shape[:2]
+    every = np.eye(q * n).reshape(q * n, q, n)
+    there, back = path.sense > 0, path.sense < 0
+    if path.name.startswith("laser"):
+        plus, minus = _by_command(path, there), _by_command(path, back)
+        both = [c for c in plus if c in minus]
+        found = []
+        if both:
+            mean = np.array([(plus[c] + minus[c]) / 2 for c in both])
+            jump = np.array([plus[c] - minus[c] for c in both])
+            found = [Row("ISO 230-2", "E, bidirectional systematic deviation", every[:, 0, :].T)]
+            found += [Row("ISO 230-2", "M, range of mean bidirectional deviation", mean)] if len(both) > 1 else []
+            found += [Row("ISO 230-2", "mean reversal value", jump.mean(axis=0)[None])]
+        for sign, rows in (("+", plus), ("−", minus)):
+            if len(rows) > 1:
+                found.append(Row("ISO 230-2", f"E{sign}, unidirectional systematic deviation", np.array(list(rows.values()))))
+        return tuple(found)
+    found = []
+    for i, channel in enumerate(path.channels):
+        choices = (("both ways", there | back), ("positive", there), ("negative", back))
+        kind = "ISO 230-4" if path.name.startswith("circle") else path.name
+        word = "circular deviation" if kind == "ISO 230-4" else f"{channel} deviation"
+        for way, chosen in choices:
+            if chosen.sum() > 1 and (way == "both ways" or not chosen.all()):
+                found.append(Row(kind, f"{word}, {way}", every[:, i, chosen].T))
+        if kind == "ISO 230-4" and there.any() and back.any():
+            found.append(Row(kind, "mean radial deviation", every[:, 0, :].mean(axis=1)[None]))
+    return tuple(found)
+
+
+def _by_command(path: Path, chosen: NDArray[np.bool_]) -> dict[float, Array]:
+    """→ {command: weights (n,)} of the mean reading there."""
+    found = {}
+    for c in np.unique(np.round(path.command[chosen], 6)):
+        at = (chosen & (np.abs(path.command - c) < 1e-6)).astype(float)
+        found[float(c)] = at / at.sum()
+    return found

@@ -1,0 +1,134 @@
+"""What ball bar, R-test and laser should show, against a machine that an independent program wrote out and measured."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cache
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tango_cnc.cli import tango
+from tango_cnc.estimate import Estimate
+from tango_cnc.files import read_cell
+from tango_cnc.instruments import Compared, Foretold, Wanted, compare, foretell, names_of, path_of, read_measured
+from tango_cnc.iso230 import ranges
+from tango_cnc.records import InputError
+from tests.support.instrument_truth import EXAMPLES, foretold, machine_and_estimate, shown
+from tests.support.truth import Truth
+
+NOISE = 0.3  # µm, of one reading of an instrument
+
+
+@cache
+def machine(example: str, seed: int) -> tuple[Truth, Estimate]:
+    return machine_and_estimate(example, seed)
+
+
+@pytest.mark.parametrize("name", ["laser-X", "circle-XY", "rotary-C"])
+def test_the_interval_of_every_figure_holds_what_the_instrument_shows(name: str) -> None:
+    truth, result = machine("hu40t", 5)
+    told = foretold(result, name)
+    real = shown(truth, told)[1]
+    given = [f for f in told.figures if f.value is not None and f.interval is not None]
+    assert len(given) >= 3
+    for f in given:
+        assert f.interval is not None and f.value is not None
+        assert f.interval[0] - 1e-3 <= real[f.name] <= f.interval[1] + 1e-3, f.name
+
+
+def test_a_large_error_of_location_is_foretold_with_its_size() -> None:
+    """C stands 60 µm from where it should: an R-test goes round twice that."""
+    truth, result = machine("hu40t", 5)
+    told = foretold(result, "rotary-C")
+    real = shown(truth, told)[1]
+    sizes = [(f.value, real[f.name]) for f in told.figures if f.value is not None and real[f.name] > 20]
+    assert sizes, "too small to show anything"
+    for value, size in sizes:
+        assert value == pytest.approx(size, rel=0.25)
+
+
+def file_of(truth: Truth, told: Foretold, file: Path, wrong: float = 0.0) -> Path:
+    """A CSV file as the instrument's program writes it; `wrong` µm/mm or µm/rad are added."""
+    reading, _ = shown(truth, told, NOISE)
+    first = "angle_deg" if told.path.turns else "position_mm"
+    lines = [",".join([first, "direction", *(f"{c}_um" for c in told.path.channels)])]
+    for i, (c, s) in enumerate(zip(told.path.command, told.path.sense, strict=True)):
+        at = math.degrees(c) if told.path.turns else c
+        values = ",".join(f"{v + wrong * c:.4f}" for v in reading[:, i])
+        lines.append(f"{at:.6f},{'+' if s > 0 else '-'},{values}")
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(("name", "wrong"), [("laser-X", 0.2), ("circle-XY", 20.0), ("rotary-C", 30.0)])
+def test_a_measured_file_agrees_and_one_of_another_machine_differs(name: str, wrong: float, tmp_path: Path) -> None:
+    truth, result = machine("hu40t", 5)
+    before, over = foretold(result, name), ranges(result.model.touches)
+    wanted, channels = Wanted(name, "rtest", before.path.radius), before.path.channels
+    at_file: list[Foretold] = []
+
+    def found(wrong: float) -> Compared:
+        own = read_measured(file_of(truth, before, tmp_path / f"{wrong}.csv", wrong), channels, before.path.turns)
+        if not at_file:
+            path = path_of(result.model.touches.machine, over, wanted, own.command, own.sense)
+            at_file.append(foretell(result, path))
+        return compare(at_file[0], own, 4 * NOISE)
+
+    right, other = found(0.0), found(wrong)
+    assert all(f.verdict != "differs" for f in right.figures) and right.inside > 0.9
+    assert any(f.verdict == "agrees" for f in right.figures)
+    assert any(f.verdict == "differs" for f in other.figures) and other.rms > 2 * right.rms
+
+
+def test_from_a_cell_to_a_prediction_and_a_comparison_on_the_command_line(tmp_path: Path) -> None:
+    runner, cell = CliRunner(), tmp_path / "cell"
+    assert runner.invoke(tango, ["init", str(cell), "--example", "hu40t"]).exit_code == 0
+    assert runner.invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
+    call = ["predict", "-C", str(cell), "--test", "circle-XY", "--json", "-"]
+    data = json.loads(runner.invoke(tango, call).stdout)
+    assert data["format"] == "tango-test/1" and len(data["readings"]) == 144
+    lines = ["angle_deg;direction;radial_um"]
+    lines += [f"{r['angle_deg']:.6f};{r['direction']};{r['um'][0] + 40:.3f}".replace(".", ",") for r in data["readings"]]
+    file = tmp_path / "ballbar.csv"
+    file.write_text("\n".join(lines), encoding="utf-8")
+    done = runner.invoke(tango, [*call, "--measured", str(file)], standalone_mode=False)
+    found = json.loads(done.stdout)["compared"]
+    by_name = {f["name"]: f for f in found["figures"]}
+    assert done.return_value == 1 and by_name["mean radial deviation"]["verdict"] == "differs"
+    assert by_name["circular deviation, positive"]["verdict"] == "agrees"
+    for wrong in (["predict"], ["predict", str(file), "--test", "K1"], ["predict", str(file), "--radius", "50"]):
+        assert runner.invoke(tango, [*wrong, "-C", str(cell)]).exit_code != 0
+
+
+def test_names_that_a_machine_cannot_make_are_refused_with_those_it_can() -> None:
+    two_at_table = read_cell(EXAMPLES / "trunnion").machine
+    assert {"K1", "BK1", "BK2"} <= set(names_of(two_at_table))
+    assert "AK1" in names_of(read_cell(EXAMPLES / "fork_head").machine) or "CK1" in names_of(
+        read_cell(EXAMPLES / "fork_head").machine
+    )
+    over = {n: (-100.0, 100.0) for n in two_at_table.names}
+    for wanted in (Wanted("AK1"), Wanted("laser-B"), Wanted("circle-XY", "theodolite")):
+        with pytest.raises(InputError, match="allowed"):
+            path_of(two_at_table, over, wanted)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "angle_deg,radial_um\n0,1\n",
+        "angle_deg,direction,radial_um\n0,sideways,1\n",
+        "angle_deg,direction,radial_um\n0,+,much\n",
+        "angle_deg,direction,radial_um\n0,+,nan\n",
+        "angle_deg,direction,radial_um\n0,+\n",
+        "angle_deg,direction,radial_um\n0,+,1\n",
+    ],
+)
+def test_a_file_that_is_none_is_refused_by_name(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "ballbar.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"ballbar\.csv"):
+        read_measured(file, ("radial",), True)
