@@ -26,6 +26,7 @@ _FLAG, _AT, _FRAME, _STOPPED, _MISSED = 120, 121, 131, 150, 151
 _MACHINE, _WORK, _PROBE, _STOP = 83, 800, 825, 1003
 _WAIT = ["While IsMoving()", "  Sleep 20", "Wend"]
 _DONE = f"Call SetVar({DONE}, GetVar({CALL}))"
+SHORTEST = 0.26  # mm of a G31: below 0.254 RS274/NGC complains, and what Mach3 does then nobody has written down
 _HALF_DEGREE = 0.00872664626  # rad
 
 
@@ -131,8 +132,10 @@ def _protected() -> list[str]:
             "End If",
         ]
     off = " + ".join(f"Abs(GetOEMDRO({_MACHINE + PLACE[n]}) - {n})" for n in "XYZ")
+    ways = [f"({n} - GetOEMDRO({_MACHINE + PLACE[n]}))" for n in "XYZ"]
     return [
         *goals,
+        *_stop(f"Sqr({' + '.join(f'{way} * {way}' for way in ways)}) < {SHORTEST}", "START IS TOO NEAR TO THE TARGET. MOVE Z 1 MM"),
         _code("G31", "XYZ", f"GetVar({FEED})"),
         *_WAIT,
         f"Off = {off}",

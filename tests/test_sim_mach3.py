@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -141,6 +142,18 @@ def test_a_macro_of_another_set_refuses(made: Plan) -> None:
         parts[old] = other[first : first + len(parts[old])]
         ran = run(lines_of(made), made, stored=[line for lines in parts.values() for line in lines])
         assert "MACROS ARE NOT THOSE OF THIS PROGRAM" in ran.why and not ran.flags(made)[1:], code
+
+
+def test_a_move_shorter_than_the_control_takes_stops_with_a_text_before_the_control_complains(made: Plan) -> None:
+    """RS274/NGC: no G31 to a place nearer than 0.254 mm; here the first move is made a second time."""
+    lines = lines_of(made)
+    at = lines.index("M881") + 1
+    again = [*lines[:at], "#114=3", "M881", *lines[at:]]
+    stopped(run(again, made), "START IS TOO NEAR TO THE TARGET", 1)
+    text = "\n".join(library(made))
+    unasked = re.sub(r"\n *If Sqr[^\n]*< 0\.26 Then\n.*?End If", "", text, count=1, flags=re.DOTALL)
+    assert unasked != text
+    assert "too close" in run(again, made, stored=unasked.splitlines()).why
 
 
 def test_a_machine_in_inches_is_found_at_the_first_move(made: Plan) -> None:

@@ -40,6 +40,7 @@ class Profile:
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # H → mm
     inches: bool = False  # native units, in which machine positions are shown
     ahead: Mapping[str, float] = field(default_factory=lambda: {"N": 3.0})  # lines carried out after a stop
+    shortest: float = 0.254  # mm, of a G31: RS274/NGC's hundredth of an inch, which Mach3 is remembered to have inherited
     one_axis: bool = False  # a motion board whose G31 moves the first axis only
 
 
@@ -144,6 +145,9 @@ class Control:
             if feed <= 0:
                 raise Alarm("MACH3", "Cannot probe with zero feed rate", raw)
             first = dict([next(iter(axes.items()))]) if self._profile.one_axis else axes
+            goal, here = self._frames.target(axes), self._frames.machine()
+            if math.dist([goal[n] for n in axes if n in "XYZ"], [here[n] for n in axes if n in "XYZ"]) < self._profile.shortest:
+                raise Alarm("MACH3", "Start point and end point of probe move are too close", raw)
             skip = self._motion.skip(self._frames.target(first), feed)
             self._hit |= self._frames.probed(skip)
         elif 53 in codes:
