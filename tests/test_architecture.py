@@ -71,6 +71,7 @@ LIBRARIES = {
     "lupa": ("sim_controller.languages.mach4",),
     "pymodbus": ("tango_cnc.link.transport", "sim_controller"),
     "paramiko": ("tango_cnc.link.transport",),
+    "asyncua": ("tango_cnc.link.transport",),
     "matplotlib": ("tango_cnc.report", "tango_cnc.history", "tango_cnc.reproduce", "tango_cnc.commands", "tango_cnc.web"),
     "mpl_toolkits": ("tango_cnc.report", "tango_cnc.reproduce"),
     "jinja2": ("tango_cnc.report", "tango_cnc.web"),
@@ -92,7 +93,7 @@ TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_layout", "_secrets"}
+LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_layout", "_nodes", "_secrets"}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.

@@ -24,7 +24,7 @@ DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
 PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")
 REMOTE = ("ftp", "ftps", "sftp", "smb")  # disks of controls
-WAYS = (*SCHEMES, "tcp", "rtu", "rsh", "file", *REMOTE)  # how a protocol may travel: what its SCHEMES may name
+WAYS = (*SCHEMES, "tcp", "rtu", "rsh", "opcua", "file", *REMOTE)  # how a protocol may travel: what its SCHEMES may name
 LAST_PORT = 65535
 HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")
 LONGEST = 2000  # characters of a URL
@@ -72,7 +72,7 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         unit = int(number)
     if scheme in ("serial", "rtu") and not target:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
-    if scheme in ("socket", "rfc2217", "tcp", "rsh") and not _host(target):
+    if scheme in ("socket", "rfc2217", "tcp", "rsh", "opcua") and not _host(target):
         raise InputError(
             f"port {url!r}: found {target!r}; allowed: host:port, port 1 … {LAST_PORT}, e.g. socket://192.168.1.20:8193"
         )
@@ -83,7 +83,7 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
             raise InputError(f"port {url!r}: found no host, or no file on it; allowed: e.g. {example}")
     if scheme == "file" and not target:
         raise InputError(f"port {url!r}: no file; e.g. file:///mnt/control/TANGO.TXT, on Windows file://Z:/TANGO.TXT")
-    uart = scheme not in ("socket", "tcp", "rsh", "file", *REMOTE) and not target.startswith(PTY)
+    uart = scheme not in ("socket", "tcp", "rsh", "opcua", "file", *REMOTE) and not target.startswith(PTY)
     line: dict[str, str] = {}
     told: dict[str, str] = {}
     known: dict[str, tuple[str, ...]] = {**LINE, **options}

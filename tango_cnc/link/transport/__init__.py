@@ -33,12 +33,13 @@ from ._line import Transport as Transport
 from ._line import reason
 from ._linuxcnc import LinuxCnc
 from ._modbus import Modbus
+from ._opcua import OpcUa
 from ._port import Port
 from ._remote import Remote
 from ._tcp import Tcp
 
 OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc, "file": File}
-OPENERS |= dict.fromkeys(REMOTE, Remote)
+OPENERS |= {"opcua": OpcUa, **dict.fromkeys(REMOTE, Remote)}
 
 
 def ports() -> list[tuple[str, str]]:

@@ -1,0 +1,240 @@
+"""A control with an OPC UA server: the program goes there as a file, its records come through variables, one by one.
+
+    ask ▶ { put ▶ read back, the same } ▶ start mark ▶ { record read twice ▶ on disk ▶ taken } ▶ end mark
+
+`opcua://host:port`. Nothing is started from here: the person does that at the control. The control's program puts each record
+into variables (`opcua.yaml`), adds 1 to `record` and waits until `taken` is the same. Point 0 is the start mark. Nothing moves
+before it has been taken, and it is taken only when it is the one of this run.
+
+The lines between this client and the transport are requests and answers in words, one a line:
+
+    ask               ASK Sinumerik%20One 6.2            what the server calls itself
+    put 4F38…         PUT <SHA-256 of what was read back>
+    get               GET record=5 point=0 flag=…        every variable, in one request
+    alarm             ALARM 10720%20software%20limit
+    take 5            TAKE                               5 is written to `taken`
+                      ! why                              the server refuses, or a variable has no value
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Generator, Mapping
+from urllib.parse import unquote
+
+from ...records import InputError
+from .._client import Begun, Ended, Event, Identified, Job, Refused, Touched
+from .._dialogue import Dialogue, Stop, Talk
+from .._nodes import DIGITS, Nodes, read_nodes
+
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "nodes": (),  # a file with the names of the variables
+    "program": (),  # NodeId of a folder or a file of the server, where the program goes
+    "name": (),  # of the program in that folder
+    "user": (),
+    "password": (),
+    "path": (),  # of the endpoint, where the server has one
+}
+SCHEMES: Mapping[str, str] = {"opcua": "opcua"}
+WORD, END = 1 << 16, 0xFFFF  # records count modulo WORD; point of the end mark
+READS = 5  # times that a record is read until two readings agree
+WRITES = 3  # times that `taken` is written until it stands there
+HELLO = b"ask\nget\n"
+SUM = 0.0002  # mm by which the sum of places with four decimals may be off, for each of them
+Values = dict[str, float]
+
+
+class Client(Dialogue):
+    """Brings the program, then takes its records one by one."""
+
+    drives = False  # the control's program runs by itself from record to record
+
+    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
+        """job, {option: value of `OPTIONS`} → client. Raises InputError for nodes that cannot carry the records."""
+        self._job, self._nodes = job, read_nodes(options.get("nodes", ""))
+        for letter in job.letters:
+            if letter not in self._nodes.position:
+                raise InputError(
+                    f"nodes: position: found {' '.join(self._nodes.position)}; allowed: all that move, {letter} is missing"
+                )
+        self._program = job.program.encode() if options.get("program") else b""
+        self.brought = not self._program
+        self.advice = "start the program at the control" + ("; it was compared by reading it back" if self._program else "")
+        self._put = self._begun = False
+        self._count = 0  # records taken
+        super().__init__(job.start_patience)
+
+    @classmethod
+    def hello(cls, options: Mapping[str, str]) -> bytes:
+        """{option: value} → bytes that ask the server what it is and read every variable."""
+        return HELLO
+
+    @classmethod
+    def told(cls, data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
+        """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
+        lines = data.decode("latin-1").splitlines()
+        asked = [line for line in lines if line.startswith("ASK ")]
+        got = [line for line in lines if line.startswith("GET ")]
+        said = [f"OPC UA server: {unquote(asked[0][4:])}"] if asked else ["no OPC UA server has answered"]
+        said += [unquote(line[2:]) for line in lines if line.startswith("! ")]
+        if not asked or not got:
+            return False, said
+        try:
+            nodes = read_nodes(options.get("nodes", ""))
+            values = _values(got[0], nodes)
+        except (ValueError, InputError) as error:
+            return False, [*said, str(error)]
+        said.append(f"every variable has a value; the last record is {values['record']:.0f}, taken {values['taken']:.0f}")
+        fine = values.get("state") not in nodes.alarms
+        return fine, said if fine else [*said, "the control is in alarm"]
+
+    @property
+    def sent(self) -> tuple[int, int]:
+        """→ (bytes of the program that stand at the control and were compared, bytes in all)."""
+        return len(self._program) * self._put, len(self._program)
+
+    def stop(self) -> bool:
+        """The user wants an end → False: no further record is taken, so the control waits at its next one."""
+        return False
+
+    def _late(self) -> str:
+        return "put a record into its variables" if self._begun else "begun the program"
+
+    def _conversation(self) -> Talk:
+        said = yield from self._ask("ask", "ASK ")
+        self._events.append(Identified(f"OPC UA: {unquote(said)}"))
+        values = yield from self._look()
+        if self._program:
+            back = yield from self._ask(f"put {self._program.hex()}", "PUT ")
+            if back != hashlib.sha256(self._program).hexdigest():
+                raise Stop("the program that was read back from the control is not the one that was put there: start nothing")
+            self._put = True
+        taken, last = int(values["taken"]), int(values["record"])
+        if last != taken and values["point"] == 0 and self._ours(values):
+            last = (last - 1) % WORD  # the control was started first and waits with the start mark
+        while True:
+            values = yield from self._look()
+            if int(values["taken"]) != taken:
+                raise Stop(f"{values['taken']:.0f} stands in taken where {taken} was: another program takes the records")
+            number, due = int(values["record"]), (last + 1) % WORD
+            if number == last:
+                continue
+            if number != due:
+                raise Stop(
+                    f"record {number} came where record {due} was due: another program takes them, or the control began anew"
+                )
+            values = yield from self._steady(values, number)
+            ended = self._handed_over(values)
+            self._done()
+            self._count += self._begun
+            self._allowed = self._job.patience[min(self._count - 1, len(self._job.patience) - 1)]
+            yield from self._take(number)  # goes out when what the record said is on disk
+            if ended is not None:
+                self._events.append(Ended(ended, self._job.mark))
+                return
+            taken = last = number
+
+    def _ask(self, request: str, answer: str) -> Generator[str, str, str]:
+        """request, how its answer begins → the rest of the answer. Raises Stop when the server refuses."""
+        line = yield request
+        if not line.startswith(answer):
+            raise Stop(f"the control refuses: {unquote(line.removeprefix('! '))}")
+        return line.removeprefix(answer)
+
+    def _look(self) -> Generator[str, str, Values]:
+        """→ {what it means: value}. Raises Stop in an alarm; a variable that has no value now is looked at again."""
+        while True:
+            line = yield "get"
+            if line.startswith("!"):
+                self._doubts(line)
+                continue
+            try:
+                values = _values(line, self._nodes)
+            except ValueError as error:
+                self._doubts(str(error))
+                continue
+            self._doubted = 0
+            if values.get("state") in self._nodes.alarms:
+                text = (yield from self._ask("alarm", "ALARM ")) if self._nodes.text else ""
+                raise Stop(f"the control is in alarm{': ' if text else ''}{unquote(text)}")
+            return values
+
+    _doubted = 0
+
+    def _doubts(self, line: str) -> None:
+        self._doubted += 1
+        if self._doubted >= READS:
+            raise Stop(f"the variables cannot be read: {unquote(line.removeprefix('! '))}")
+
+    def _steady(self, values: Values, number: int) -> Generator[str, str, Values]:
+        """a first reading of a record → two that agree. Raises Stop when none do."""
+        for _ in range(READS):
+            again = yield from self._look()
+            if again == values and again["record"] == number:
+                return again
+            values = again
+        raise Stop(f"the variables keep changing although record {number} has not been taken")
+
+    def _take(self, number: int) -> Generator[str, str, None]:
+        """Writes that a record has been taken, until it stands there."""
+        for _ in range(WRITES):
+            yield from self._ask(f"take {number}", "TAKE")
+            if int((yield from self._look())["taken"]) == number:
+                return
+        raise Stop("what is written as taken does not stand there afterwards: do the nodes fit the control?")
+
+    def _ours(self, values: Values) -> bool:
+        return (_mark(values, self._nodes), int(values["count"])) == (self._job.mark.rjust(DIGITS, "0"), len(self._job.numbers))
+
+    def _handed_over(self, values: Values) -> int | None:
+        """One record → its event; the touches made, where it is the end mark. Raises Stop for another program."""
+        point, count = int(values["point"]), int(values["count"])
+        if not self._ours(values):
+            ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
+            found = f"{_mark(values, self._nodes)} with {count} touches"
+            raise Stop(f"the control runs program {found}, this run is {ours}: bring the new program to the control")
+        if (point == 0) is self._begun:
+            raise Stop("the control began the program a second time" if point == 0 else "a record came before the start mark")
+        if point == 0:
+            self._begun = True
+            self._events.append(Begun(self._job.mark, count))
+        elif point == END:
+            return count
+        else:
+            self._events.append(self._record(values))
+        return None
+
+    def _record(self, values: Values) -> Event:
+        place = {letter: values[letter] for letter in self._job.letters}
+        point, flag = int(values["point"]), int(values["flag"])
+        text = f"P{point} H{flag} " + " ".join(f"{letter}{value:.4f}" for letter, value in place.items())
+        if flag not in (0, 1, 2):
+            return Refused(f"flag {flag}; it is 0 (no contact), 1 (contact) or 2 (early contact)", text)
+        off = values["sum"] - sum(place.values()) if self._job.summed and self._nodes.sum else 0.0
+        if abs(off) > SUM * (len(place) + 1):
+            return Refused(f"the places add up to {sum(place.values()):.4f}, and sum is {values['sum']:.4f}", text)
+        return Touched(point, flag, place, text)
+
+
+def _values(line: str, nodes: Nodes) -> Values:
+    """answer to `get` → {what it means: value}. Raises ValueError for what is missing, no number, or no whole number."""
+    found = {}
+    for word in line.split()[1:]:
+        name, _, text = word.partition("=")
+        found[name] = float(text)
+        if not math.isfinite(found[name]):
+            raise ValueError(f"{name}: found {text}; allowed: a finite number")
+    if not line.startswith("GET ") or set(found) != set(nodes.looked_at):
+        raise ValueError("not all variables were read")
+    for name, value in found.items():
+        whole = name not in (*nodes.position, "sum")
+        if whole and (value != int(value) or (name in ("record", "taken", "point") and not 0 <= value < WORD)):
+            raise ValueError(f"{name}: found {value:g}; allowed: a whole number{' of 0 … 65535' if name != 'state' else ''}")
+    return found
+
+
+def _mark(values: Values, nodes: Nodes) -> str:
+    """values → the hash of the program that the control runs."""
+    each = DIGITS // len(nodes.mark)
+    return "".join(f"{int(values[f'mark{i}']):0{each}X}" for i in range(len(nodes.mark)))

@@ -1,0 +1,176 @@
+"""An OPC UA server that stands in for a control: R parameters, an alarm, a file system; it runs the program that it is given.
+
+It is written from docs/link.md and OPC 10000-5 (FileType, FileDirectoryType), not from the client.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from asyncua import ua
+from asyncua.sync import Server
+
+from sim_controller.probing import rig
+from sim_controller.session import Session, Setup
+from tango_cnc.files import read_cell, read_world
+
+FOLDER = "ns=2;s=/NC/MPF.DIR"
+R = {"record": 700, "taken": 701, "point": 702, "flag": 703, "count": 704, "sum": 708}
+MARK, PLACE = (705, 706, 707), dict(zip("XYZABCS", range(710, 717), strict=True))
+NUMBER = re.compile(r"([A-Z])\s*([-+]?)\s*([0-9]*\.?[0-9]*)")
+
+
+class Gone(Exception):
+    """The control was switched off."""
+
+
+class Control:
+    """The server, its variables and files. `taken` waits as the program of a control does."""
+
+    def __init__(self, port: int, files: bool = True) -> None:
+        self.files: dict[str, bytearray] = {}
+        self._made: set[str] = set()  # files that have a node
+        self.on, self.spoil = True, lambda data: data
+        self._open: dict[int, tuple[str, int]] = {}
+        self.server = Server()
+        self.server.set_endpoint(f"opc.tcp://127.0.0.1:{port}/")
+        self.server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+        self.url = f"opcua://127.0.0.1:{port}"
+        self.server.register_namespace("http://example.org/one")
+        objects = self.server.nodes.objects
+        self._nodes = {}
+        for number in range(700, 720):
+            node = objects.add_variable(f"ns=2;s=/Channel/Parameter/R[u1,{number}]", f"2:R{number}", 0.0)
+            node.set_writable(number == R["taken"])
+            self._nodes[number] = node
+        self.alarm = objects.add_variable("ns=2;s=/Channel/State/chanAlarm[u1]", "2:chanAlarm", 0)
+        self.text = objects.add_variable("ns=2;s=/Nck/SequencedAlarms/alarmNo", "2:alarmNo", "")
+        if files:
+            self._folder = objects.add_folder(FOLDER, "2:MPF.DIR")
+            self._method(self._folder, "CreateFile", self._create, "si", "nu")
+        self.server.start()
+
+    def _method(self, parent, name, function, takes, gives):
+        kinds = {"s": "String", "i": "Boolean", "n": "NodeId", "u": "UInt32", "b": "Byte", "d": "ByteString", "l": "Int32"}
+        made = [[getattr(ua.VariantType, kinds[letter]) for letter in letters] for letters in (takes, gives)]
+
+        def called(_, *arguments):
+            values = function(*[argument.Value for argument in arguments])
+            return [ua.Variant(value, kind) for value, kind in zip(values, made[1], strict=True)]
+
+        at = parent.nodeid.Identifier
+        parent.add_method(ua.NodeId(f"{at}.{name}", 2), ua.QualifiedName(name, 2), called, *made)
+
+    def keep(self, name: str, text: bytes) -> None:
+        """A file that is there already."""
+        made, self.files[name] = name in self._made, bytearray(text)
+        if made:
+            return
+        file = self._folder.add_object(ua.NodeId(f"/NC/{name}", 2), ua.QualifiedName(name, 2))
+        self._method(file, "Open", lambda mode: self._opened(name, mode), "b", "u")
+        self._method(file, "Close", lambda handle: [][: self._open.pop(handle) is None], "u", "")
+        self._method(file, "Write", self._write, "ud", "")
+        self._method(file, "Read", self._read, "ul", "d")
+        self._made.add(name)
+
+    def _create(self, name, _):
+        threading.Thread(target=self.keep, args=(name, b"")).start()  # the server's own loop waits for this call
+        while name not in self._made:
+            time.sleep(0.01)
+        return [ua.NodeId(f"/NC/{name}", 2), 0]
+
+    def _opened(self, name, mode):
+        handle = len(self._open) + 1000 + int(time.monotonic() * 1000) % 100000
+        if mode & 4:
+            self.files[name].clear()
+        self._open[handle] = (name, 0)
+        return [handle]
+
+    def _write(self, handle, data):
+        self.files[self._open[handle][0]] += self.spoil(data)
+        return []
+
+    def _read(self, handle, most):
+        name, at = self._open[handle]
+        piece = bytes(self.files[name][at : at + most])
+        self._open[handle] = (name, at + len(piece))
+        return [piece]
+
+    def anew(self) -> None:
+        """Variables are 0, files empty, the alarm gone."""
+        for number in self._nodes:
+            self.put(number, 0.0)
+        self.alarm.write_value(0)
+        self.spoil = lambda data: data
+        for content in self.files.values():
+            content.clear()
+
+    def put(self, number: int, value: float) -> None:
+        """R parameter, value → written."""
+        self._nodes[number].write_value(float(value))
+
+    def read(self, number: int) -> float:
+        """R parameter → its value."""
+        return float(self._nodes[number].read_value())
+
+    def printed(self, data: bytes) -> None:
+        """A line that a program prints → its variables; returns when it has been taken."""
+        text = data.translate(None, b"\x00\x11\x12\x13\x14\x7f").decode("ascii").strip()
+        if not text:
+            return
+        if text.startswith("TANGO START"):
+            _, _, mark, count = text.split()
+            for place, number in enumerate(MARK):
+                self.put(number, int(mark.rjust(12, "0")[4 * place : 4 * place + 4], 16))
+            self.put(R["count"], int(count))
+            self.put(R["point"], 0)
+        elif text.startswith("TANGO END"):
+            self.put(R["point"], 65535)
+        else:
+            words = {letter: float(sign + digits) for letter, sign, digits in NUMBER.findall(text)}
+            self.put(R["point"], words["P"])
+            self.put(R["flag"], words["H"])
+            self.put(R["sum"], words["K"])
+            for letter, number in PLACE.items():
+                self.put(number, words.get(letter, 0.0))
+        self.given()
+
+    def given(self) -> None:
+        """One more record → waits until it has been taken."""
+        number = (int(self.read(R["record"])) + 1) % 65536
+        self.put(R["record"], number)
+        while self.read(R["taken"]) != number:
+            if not self.on:
+                raise Gone
+            time.sleep(0.005)
+
+    def start(self, cell: Path, text: Callable[[], str], family: str = "macro_b") -> threading.Thread:
+        """cell with a world, what gives the program when it is there → the person who starts it at the control."""
+
+        def run() -> None:
+            while self.on and not text():
+                time.sleep(0.05)
+            read = read_cell(cell)
+            session = Session(rig(read.machine, read.artefact, read_world(cell / "world.yaml"), 1), Setup(family))
+            with contextlib.suppress(Gone):
+                session.run(session.control(self.printed), iter([line for line in text().splitlines() if line.strip() != "%"]))
+
+        thread = threading.Thread(target=run, daemon=True)
+        thread.start()
+        return thread
+
+
+@contextlib.contextmanager
+def control(port: int, **options: bool) -> Iterator[Control]:
+    """port → a control that is switched on."""
+    one = Control(port, **options)
+    try:
+        yield one
+    finally:
+        one.on = False
+        one.server.stop()

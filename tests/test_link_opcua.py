@@ -1,0 +1,156 @@
+"""A control with an OPC UA server, played by a server of asyncua: program put and compared, records taken one by one."""
+
+import json
+import re
+import threading
+
+import pytest
+from support.linkparts import job
+from support.opcua import FOLDER, MARK, R, control
+from test_link_remote import PROGRAM, free_port
+from test_link_same_parameters import SIGMAS, estimate
+from test_run import STRATEGY, Result
+from test_run_simulated import agree
+
+from tango_cnc.commands.init import write_example
+from tango_cnc.link._nodes import STANDARD, read_nodes
+from tango_cnc.link.protocols import opcua
+from tango_cnc.link.transport import open_port, parse
+from tango_cnc.records import InputError, LinkError
+
+
+@pytest.fixture(scope="module")
+def running():
+    with control(free_port()) as one:
+        yield one
+
+
+@pytest.fixture
+def server(running):
+    running.anew()
+    return running
+
+
+def opened(server, more=""):
+    return open_port(parse(f"{server.url}{more}", opcua.OPTIONS))
+
+
+def asked(line, request):
+    line.write(request + b"\n")
+    return line.read(0.0).decode().strip()
+
+
+@pytest.fixture
+def cell(tmp_path):
+    folder = tmp_path / "cell"
+    write_example(folder, "hu40t")
+    (folder / "strategy.yaml").write_text(STRATEGY)
+    (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", (folder / "world.yaml").read_text()))
+    return folder
+
+
+def test_a_program_is_put_read_back_and_replaced_only_when_it_is_ours(server):
+    line = opened(server, f"?program={FOLDER}&name=TANGO.MPF")
+    put = b"put " + PROGRAM.hex().encode()
+    first = asked(line, put)
+    assert re.fullmatch("PUT [0-9a-f]{64}", first) and asked(line, put) == first
+    assert bytes(server.files["TANGO.MPF"]) == PROGRAM
+    server.spoil = lambda data: data.replace(b"8700", b"8701")
+    assert asked(line, put) != first  # what came back is not what was put
+    server.keep("PART.MPF", b"O17 (PART 17)\nM30\n")
+    other = opened(server, f"?program={FOLDER}&name=PART.MPF")
+    assert "is%20no%20program%20of" in asked(other, put)
+    assert bytes(server.files["PART.MPF"]) == b"O17 (PART 17)\nM30\n"
+    line.close()
+    other.close()
+
+
+def test_variables_are_read_in_one_request_and_taken_is_written_in_its_own_type(server):
+    line = opened(server)
+    server.put(R["record"], 7)
+    assert "record=7.0" in asked(line, b"get")
+    assert asked(line, b"take 7") == "TAKE" and server.read(R["taken"]) == 7.0
+    assert asked(line, b"ask").startswith("ASK ")
+    line.close()
+
+
+def test_a_run_brings_the_program_and_takes_every_record(server, cell):
+    server.put(R["record"], 65533)  # counted on from runs of before, and from 65535 to 0
+    server.put(R["taken"], 65533)
+    person = server.start(cell, lambda: bytes(server.files.get("TANGO.MPF", b"")).decode() if len(server._open) == 0 else "")
+    result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
+    assert result.code == 0, result.err
+    assert agree(cell)
+    person.join(5)
+    assert server.read(R["record"]) == server.read(R["taken"]) == (65533 + 9) % 65536  # 7 touches and two marks
+    assert "FreeOpcUa" in json.loads((cell / "readings.json").read_text())["controller"]["identity"]
+
+
+def test_another_program_is_not_taken(server, cell):
+    def person():
+        for place, number in enumerate(MARK):
+            server.put(number, 10 + place)
+        server.put(R["count"], 7)
+        server.put(R["point"], 0)
+        server.put(R["record"], 1)
+
+    threading.Timer(1.0, person).start()
+    result = Result("run", "-C", cell, "--port", server.url, "--timeout", "20")
+    assert result.code == 3 and "the control runs program 000A000B000C with 7 touches" in result.err
+    assert server.read(R["taken"]) == 0
+
+
+def test_an_alarm_ends_the_run_in_the_words_of_the_control(server, cell):
+    server.alarm.write_value(2)
+    server.text.write_value("10720 software limit")
+    result = Result("run", "-C", cell, "--port", server.url, "--timeout", "20")
+    assert result.code == 3 and "the control is in alarm: 10720 software limit" in result.err
+
+
+def test_link_test_says_what_the_server_is_and_which_variable_is_missing(server, cell, tmp_path):
+    result = Result("link-test", "-C", cell, "--port", server.url)
+    assert result.code == 0 and "every variable has a value; the last record is 0, taken 0" in result.out
+    (tmp_path / "nodes.yaml").write_text(STANDARD.read_text().replace("R[u1,704]", "R[u1,9704]"))
+    result = Result("link-test", "-C", cell, "--port", f"{server.url}?nodes={tmp_path / 'nodes.yaml'}", "--seconds", "1")
+    assert result.code == 1 and "count (ns=2;s=/Channel/Parameter/R[u1,9704]) has no good value: BadNodeIdUnknown" in result.out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("R[u1,704]", "R[u1,703]", "is there twice"),
+        ("ns=2;s=/Channel/Parameter/R[u1,704]", "R704", "a NodeId"),
+        ('  X: "', '  W: "', "axes X Y Z"),
+    ],
+)
+def test_a_file_of_nodes_that_is_wrong_is_named_with_its_line(tmp_path, old, new, why):
+    (tmp_path / "nodes.yaml").write_text(STANDARD.read_text().replace(old, new))
+    with pytest.raises(InputError, match=rf"nodes\.yaml:\d+.*{why}"):
+        read_nodes(str(tmp_path / "nodes.yaml"))
+
+
+def test_nobody_there_is_said_at_once():
+    with pytest.raises(LinkError, match="does not open"):
+        open_port(parse(f"opcua://127.0.0.1:{free_port()}", opcua.OPTIONS))
+
+
+def test_a_machine_with_an_axis_that_has_no_node_is_refused(tmp_path):
+    (tmp_path / "nodes.yaml").write_text("".join(text for text in STANDARD.read_text().splitlines(True) if "  C: " not in text))
+    with pytest.raises(InputError, match="C is missing"):
+        opcua.Client(job(), {"nodes": str(tmp_path / "nodes.yaml")})
+
+
+@pytest.mark.long
+def test_the_whole_strategy_of_the_example_gives_the_parameters_of_the_simulated_machine(server, tmp_path):
+    folder = tmp_path / "cell"
+    write_example(folder, "hu40t")
+    (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", (folder / "world.yaml").read_text()))
+    person = server.start(folder, lambda: bytes(server.files.get("TANGO.MPF", b"")).decode() if not server._open else "")
+    result = Result("run", "-C", folder, "--port", f"{server.url}?program={FOLDER}", "--timeout", "60")
+    assert result.code == 0, result.err
+    person.join(5)
+    assert Result("simulate", "-C", folder, "-o", folder / "simulated.csv").code == 0
+    true, got = estimate(folder, "simulated.csv"), estimate(folder, "readings.csv")
+    away = [abs(p["value"] - true["parameters"][n]["value"]) / max(p["std"], 1e-12) for n, p in got["parameters"].items()]
+    print(f"\nresidual {got['residual']['rms_um']:.3f} µm rms, {len(away)} parameters within {max(away):.1f} standard deviations")
+    assert got["residual"]["rms_um"] < 1.0 and max(away) < SIGMAS
