@@ -124,6 +124,8 @@ def test_a_dry_run_looks_at_it_and_at_its_options(cell: Path, capsys: pytest.Cap
         ('    yield f"G131', '    return f"G131', "acme.py: a step gave the text 'G131 "),
         ('    yield f"G131', '    word = f"G131', "acme.py: 'NoneType' object is not iterable; a step is a function of job"),
         ('    yield "M30"', "    yield 30", "post ACME 3000: a step gave 30; allowed: lines of text"),
+        ('    yield "M30"', '    yield "M30\\x13"', r"post ACME 3000: the line 'M30\\x13' has characters that no control reads"),
+        ('    yield "M30"', '    yield "M30 \u00fc"', "post ACME 3000: the line 'M30 \u00fc' has characters that no control reads"),
     ],
 )
 def test_a_step_that_is_none_is_told_so(cell: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str) -> None:

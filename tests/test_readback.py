@@ -138,6 +138,16 @@ def test_the_probe_is_asked_when_the_axes_stand() -> None:
     assert "#1004 is read before anything has waited for the axes to stand" in told
 
 
+@pytest.mark.parametrize("before", ["SUPA D0 G1 X=$AA_IM", "SUPA D0 G1 MEAS=1 ", "SUPA D0 G0 B="], ids=["free", "guarded", "turn"])
+def test_siemens_asks_the_probe_once_more_after_every_move(before: str) -> None:
+    """The answer of before is of another place."""
+    lines = lines_of("siemens", golden())
+    moved = next(i for i, line in enumerate(lines) if line.startswith(before))
+    asked = next(i for i in range(moved, len(lines)) if lines[i].startswith("IF $A_PROBE"))
+    told = refused([*lines[:asked], *lines[asked + 1 :]], "siemens")
+    assert "moves without having asked whether the probe is deflected" in told
+
+
 def test_a_reset_line_that_states_no_plane_is_refused() -> None:
     reset = {"reset": "G40 G49 G69 G80 G90 G94 M5"}
     assert "something moves before G17 is stated, see controller.reset" in refused(lines_of("fanuc", golden(), **reset), **reset)
@@ -236,6 +246,7 @@ def test_nothing_happens_behind_the_marks_of_a_program_and_its_plan(post: str) -
         ("#20=1.", "#5221=1.", "found #5221 given a value"),
         ("PCLOS\n", "", "the program ends without end mark, PCLOS"),
         ("POPEN\n", "POPEN\nPOPEN\n", "a second POPEN"),
+        ("PCLOS\n", "PCLOS\nPCLOS\n", "a second PCLOS"),
     ],
 )
 def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
@@ -311,6 +322,10 @@ SHOWN = 'TG_TEXT=SPRINT("P2 H%D X%.4F Y%.4F Z%.4F B%.4F C%.4F S0.0000 K%.4F",TG_
         ("SETAL(65002)\nM0\nM30", "SETAL(65002)\nRET", "TG_STOP_2 is no place where this program stops"),
         ("IF TG_ERROR<>0 GOTOF TG_STOP_6\nSTOPRE", "STOPRE", "although nothing can be written"),
         (" G90 G94 M5\nD0", " G91 G94 M5\nD0", "no line that a program of this kind"),
+        (",TG_C,TG_SUM)", ",TG_SUM)", "6 values for 7 places"),
+        ("ENDIF\n", "", "an IF within an IF|no line that an IF may have"),
+        ("ENDIF\n", "M0\nENDIF\n", "no line that an IF may have"),
+        ("ENDIF\n", "IF TG_FLAG==1\nENDIF\n", "an IF within an IF"),
     ],
 )
 def test_what_is_dangerous_on_siemens_is_named(old: str, new: str, words: str) -> None:

@@ -172,6 +172,7 @@ class Journal:
                 os.fsync(self._handle)
             else:
                 _sync_folder(file.parent)
+            if not self.entries:  # new, or cut off before its first line was finished
                 self.add(Opened(FORMAT))
         except OSError as error:
             self.close()
