@@ -17,7 +17,10 @@ import click
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from . import __version__, commands
+from .nearest import printable
 from .records import TangoError
+
+MESSAGE = 10_000  # characters at most
 
 FOR = re.compile(r'"""`tango [a-z0-9-]+`: (.+?)\.?(?:"""|\n)')  # first line of a command's file: what the command is for
 PLACE = re.compile(r'^PLACE = "(\w+) (\d+)"', re.MULTILINE)
@@ -73,7 +76,7 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
     try:
         result = call(*args, **kwargs)
     except TangoError as error:
-        click.echo(f"tango: {error}", err=True)
+        click.echo(f"tango: {printable(str(error), MESSAGE)}", err=True)
         return error.exit_code
     except click.ClickException as error:
         error.show()

@@ -11,7 +11,6 @@ calculates backwards from its own kinematics. A probed position is told in the s
 from __future__ import annotations
 
 import importlib
-import json
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tango_cnc.files.readjson import read_json
 from tango_cnc.records import Array, InputError, Machine
 
 from ..world import Control, nominal_machine, tip_in_table
@@ -95,8 +95,8 @@ def read(folder: Path, machine: Machine, *, tcp: bool = True) -> Control:
     """
     file = folder / "compensation.json"
     try:
-        target = json.loads(file.read_text(encoding="utf-8"))["target"]
-    except (OSError, ValueError, KeyError, TypeError):
+        target = read_json(file, "what 'tango compensate' wrote")["target"]
+    except (InputError, KeyError):
         raise InputError(f"--compensation: found {folder} without a compensation.json that names a target; allowed: a folder "
                          "that 'tango compensate' has written") from None  # fmt: skip
     if target not in targets():

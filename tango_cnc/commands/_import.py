@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from datetime import UTC, datetime
@@ -10,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ..files import read_cell, read_readings
+from ..files.checked import complaint
 from ..files.nightly import Nightly
+from ..files.readjson import read_json
 from ..history import History
 from ..nightly import Finding, Measured, World, night
 from ..plan import plan
@@ -36,6 +37,16 @@ class _Old:
         return Measured(self._readings, self._text, len(self._readings), seconds, "", hashes)
 
 
+def _begun(file: Path, stamp: object) -> datetime | None:
+    """readings.json, its `start_utc` → that time, None where there is none. Raises InputError for what is no time."""
+    if not stamp:
+        return None
+    try:
+        return datetime.fromisoformat(str(stamp)).astimezone(UTC)
+    except (ValueError, OverflowError):
+        raise complaint(file, None, "start_utc", repr(stamp), "a time such as 2026-05-01T06:00:00Z") from None
+
+
 def imported(history: History, folders: Sequence[Path]) -> Iterator[tuple[Path, dict[str, Any]]]:
     """history, cells with readings.csv → (cell, record of the night), oldest first. Raises InputError before anything is added."""
     found = []
@@ -44,10 +55,9 @@ def imported(history: History, folders: Sequence[Path]) -> Iterator[tuple[Path, 
         file = folder / "readings.csv"
         readings = read_readings(file, cell.machine, cell.artefact)
         beside = file.with_suffix(".json")
-        origin = json.loads(beside.read_text(encoding="utf-8")) if beside.exists() else {}
-        stamp = origin.get("start_utc")
-        when = datetime.fromisoformat(stamp) if stamp else datetime.fromtimestamp(file.stat().st_mtime, UTC)
-        found.append((when.astimezone(UTC), cell, readings, file.read_text(encoding="utf-8"), origin))
+        origin = read_json(beside, "what 'tango run' wrote") if beside.exists() else {}
+        when = _begun(beside, origin.get("start_utc")) or datetime.fromtimestamp(file.stat().st_mtime, UTC)
+        found.append((when, cell, readings, file.read_text(encoding="utf-8"), origin))
     found.sort(key=lambda item: item[0])
     for when, cell, *_ in found:
         known = history.nights(cell.machine.name) if cell.machine.name in history.machines() else ()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..files import read_cell, readings_text, write_text
+from ..files.readjson import read_json
 from ..records import InputError
 from ._common import Output, cell_option, json_option, table, write_json
 from ._plan import obstructed_option
@@ -146,7 +146,6 @@ def _state(found: Found) -> str:
 def _named(file: Path) -> str | None:
     """journal → the hash of its last line that readings.json beside it names, None when it names none."""
     try:
-        origin = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        return read_json(file.with_suffix(".json"), "").get("journal_hash")
+    except InputError:
         return None
-    return origin.get("journal_hash") if isinstance(origin, dict) else None

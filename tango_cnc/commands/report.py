@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,6 +15,7 @@ import click
 from .. import __version__
 from ..files import read_cell, read_readings, read_terms, write_text
 from ..files.origin import current
+from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..judgement import Judgement
 from ..records import InputError
@@ -126,12 +126,7 @@ def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) ->
     origin_file = source.with_suffix(".json")
     origin: Mapping[str, Any] | None = None
     if origin_file.exists():
-        try:
-            origin = json.loads(origin_file.read_text(encoding="utf-8"))
-        except ValueError:
-            raise InputError(f"{origin_file}: no JSON; allowed: what 'tango run' wrote. Restore it, or move it away") from None
-        if not isinstance(origin, dict):
-            raise InputError(f"{origin_file}: found no object; allowed: what 'tango run' wrote. Restore it, or move it away")
+        origin = read_json(origin_file, "what 'tango run' wrote. Restore it, or move it away")
         names.append(origin_file)
     files = []
     for name in dict.fromkeys(n.resolve() for n in names if n.is_file()):

@@ -19,6 +19,8 @@ import numpy as np
 
 from ..estimate import Estimate
 from ..files import write_text
+from ..files.checked import read_text
+from ..files.readjson import parse_json
 from ..records import InputError, TangoError
 from .fit import Figure, Known, intervals, known
 from .proposal import FORMAT, Proposal, as_json
@@ -79,9 +81,9 @@ def history(cell: Path) -> list[dict[str, Any]]:
     if not file.exists():
         return []
     result = []
-    for i, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+    for i, line in enumerate(read_text(file).splitlines(), 1):
         try:
-            event = json.loads(line)
+            event = parse_json(line)
             result.append({"compensation": int(event["compensation"]), "event": str(event["event"]), **event})
         except (ValueError, KeyError, TypeError):
             raise InputError(f"{file}:{i}: found {line[:60]!r}; allowed: an event as this program writes it") from None
@@ -114,9 +116,11 @@ def load(folder: Path) -> dict[str, Any]:
     """folder of a compensation → its record. Raises InputError when it is not as it was written."""
     file = folder / RECORD
     try:
-        record: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        record: dict[str, Any] = parse_json(read_text(file))
         whole = record["format"] == FORMAT and record["digest"] == digest(record)
-    except FileNotFoundError:
+    except InputError:
+        if file.exists():
+            raise
         raise InputError(f"{folder}: found no {RECORD}; allowed: a folder that 'tango compensate' has written") from None
     except (ValueError, KeyError, TypeError):
         whole = False

@@ -100,9 +100,9 @@ def _hull(node: Node) -> Obstacle:
         if "points" in fields:
             points = np.array([item.vector() for item in fields["points"].list()]).reshape(-1, 3)
             return Obstacle("hull", points=corners("points", points))
-        name = fields["file"].text()
+        name, drawing = fields["file"].text(), fields["file"].named(node.file.parent)
         shift = fields["shift"].vector() if "shift" in fields else (0.0, 0.0, 0.0)
-        return Obstacle("hull", points=read_hull(node.file.parent / name, shift), file=name)
+        return Obstacle("hull", points=read_hull(drawing, shift), file=name)
     except InputError as error:
         raise (
             error if str(error).startswith(f"{node.file}:") else InputError(f"{node.file}:{node.line}: {node.path}: {error}")

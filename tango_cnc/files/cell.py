@@ -39,7 +39,7 @@ def read_cell(folder: Path) -> Cell:
 
 def _files(folder: Path, nodes: dict[str, Node]) -> dict[str, Path]:
     """folder of a cell, {what: name of its file} → paths. Raises InputError when a file that nothing names may be meant."""
-    files = {key: folder / node.text() for key, node in nodes.items()}
+    files = {key: node.named(folder) for key, node in nodes.items()}
     others = sorted({f.name for f in folder.glob("*.yaml")} - {f.name for f in files.values()} - {"tango.yaml"})
     for key, file in files.items():
         if file == folder or (not file.exists() and suggestion(file.name, others)):
@@ -82,6 +82,7 @@ def _controller(node: Node) -> Controller:
     options = {key: child.plain() for key, child in items.items() if key not in ("post", "port")}
     if not isinstance(post := items["post"].plain(), str):
         raise items["post"].wrong("the name of a dialect, e.g. fanuc, or the path of your own .py file")
+    items["post"].named(node.file.parent)
     return Controller(post, port, options)
 
 

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import yaml
 
+from ..nearest import printable as printable
 from ..nearest import suggestion as suggestion
 from ..records import Id, InputError, Vector
 
@@ -34,7 +35,16 @@ MISSING = {  # file name → what to do when it is not there
 def complaint(file: Path | str, line: int | None, key: str, found: str, allowed: str) -> InputError:
     """where, what was found, what is allowed → the error to raise; one form for every file."""
     place = f"{file}:{line}" if line else f"{file}"
+    found = printable(found)
     return InputError(f"{place}: {key}: found {found}; allowed: {allowed}" if key else f"{place}: {found}; {allowed}")
+
+
+def there(file: Path) -> bool:
+    """file that a text names → whether there is one; no for a name that no file can have."""
+    try:
+        return file.exists()
+    except (OSError, ValueError):
+        return False
 
 
 @dataclass(slots=True)
@@ -209,6 +219,17 @@ class Node:
             raise self.wrong(", ".join(allowed) + "." + suggestion(value, allowed))
         return value
 
+    def named(self, folder: Path) -> Path:
+        """scalar, folder → the file of that name, there or not. Raises InputError for a name that no file can have."""
+        file = folder / self.text()
+        try:
+            file.lstat()
+        except (FileNotFoundError, NotADirectoryError, PermissionError):
+            return file
+        except (OSError, ValueError) as error:
+            raise self.wrong(f"a name that a file can have ({error.strerror if isinstance(error, OSError) else error})") from None
+        return file
+
     def identifier(self) -> Id:
         """integer or string → id as text."""
         return self.text()
@@ -353,8 +374,9 @@ def read_text(file: Path) -> str:
         raise complaint(file, None, "", "no such file", MISSING.get(file.name, "check the path; it starts from here")) from None
     except UnicodeDecodeError:
         raise complaint(file, None, "", "not UTF-8 text", "save the file as UTF-8") from None
-    except OSError as error:
-        raise complaint(file, None, "", f"cannot be read ({error.strerror})", "check the path and its permissions") from None
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error)
+        raise complaint(file, None, "", f"cannot be read ({why})", "check the path and its permissions") from None
 
 
 def load(file: Path) -> Node:

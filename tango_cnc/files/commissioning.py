@@ -14,13 +14,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ..records import InputError
+from .checked import load, printable
 from .write import dump, write_text
 
 NAME = "commissioning.yaml"
@@ -56,16 +55,27 @@ def read_commissioning(folder: Path) -> tuple[Proof, ...]:
     if not file.is_file():
         return ()
     try:
-        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        data = load(file).plain()
         if data["format"] != FORMAT:
             raise InputError(f"{file}: format: found {data['format']!r}; allowed: {FORMAT}")
-        proofs = tuple(Proof(**item) for item in data["proofs"])
-    except (yaml.YAMLError, KeyError, TypeError, OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: is no {FORMAT} file: {error}; move it away and run 'tango commission' again") from None
+        proofs = tuple(_proof(item) for item in data["proofs"])
+    except (KeyError, TypeError) as error:
+        said = printable(str(error))
+        raise InputError(f"{file}: is no {FORMAT} file: {said}; move it away and run 'tango commission' again") from None
     for proof in proofs:
         if proof.verdict not in VERDICTS:
             raise InputError(f"{file}: verdict of {proof.belief}: found {proof.verdict!r}; allowed: {', '.join(VERDICTS)}")
     return proofs
+
+
+def _proof(item: Mapping[str, Any]) -> Proof:
+    """one of the file → proof. Raises TypeError for members that no proof has."""
+    proof = Proof(**item)
+    for field in fields(Proof):
+        value = getattr(proof, field.name)
+        if not isinstance(value, (float, int, type(None)) if field.name == "value" else str) or isinstance(value, bool):
+            raise TypeError(f"{field.name}: found {value!r}")
+    return proof
 
 
 def latest(proofs: Iterable[Proof], profile: str) -> dict[str, Proof]:

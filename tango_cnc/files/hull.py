@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Array, Artefact, InputError, Vector
-from .checked import FURTHEST
+from .checked import FURTHEST, printable
 
 KINDS = (".stl", ".obj", ".ply")
 LARGEST = 20_000.0  # mm: no fixture is larger; a drawing in other units often is
@@ -44,7 +44,9 @@ def read_hull(file: Path, shift: Vector = (0.0, 0.0, 0.0)) -> tuple[Vector, ...]
         drawing: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False)
         points = np.array(drawing.vertices, dtype=np.float64)
     except Exception as error:  # whatever a reader of foreign files comes upon
-        raise InputError(f"{file}: cannot be read as {file.suffix[1:].upper()}: {error}; {AGAIN}") from None
+        raise InputError(f"{file}: cannot be read as {file.suffix[1:].upper()}: {printable(str(error))}; {AGAIN}") from None
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"{file}: found corners that have no X, Y and Z; allowed: a solid; {AGAIN}")
     if expected is not None and 3 * len(drawing.faces) != expected:
         raise InputError(
             f"{file}: found {expected} vertices, of which {3 * len(drawing.faces)} can be read; allowed: a whole ASCII STL, with "

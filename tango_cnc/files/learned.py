@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..records import InputError, TermItem
-from .checked import load, suggestion
+from .checked import load, suggestion, there
 from .write import dump
 
 FOLDER = "learned"
@@ -50,10 +50,10 @@ def resolved(item: TermItem, folder: Path | None) -> TermItem:
         return item
     name = str(item.get("name", ""))
     file = folder / FOLDER / f"{name}.yaml"
-    if not name or not file.is_file():
+    if not name or not there(file):
         known = [f.stem for f in sorted((folder / FOLDER).glob("*.yaml"))]
         raise InputError(
-            f"{folder}: found the learned shape {name!r}, which has no file {file}; allowed: "
+            f"{folder}: found the learned shape {name[:80]!r}, which has no file in {folder / FOLDER}; allowed: "
             f"{', '.join(known) or 'none yet: tango diagnose --learn NAME writes one'}.{suggestion(name, known)}"
         )
     found = read_learned(file)

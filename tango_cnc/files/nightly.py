@@ -49,6 +49,8 @@ def read_nightly(folder: Path) -> Nightly:
     for key, node in fields.items():
         if key in ("history", "owner", "sensor"):
             given[key] = node.text()
+            if key == "history" and "://" not in node.text():
+                node.named(folder)
         elif key in positive:
             given[key] = node.number(above=0, high=100_000)
         elif key == "false_alarm_nights":

@@ -19,6 +19,7 @@ from typing import Any
 
 from ..records import InputError
 from .checked import load, parse
+from .readjson import read_json
 from .write import write_text
 
 FORMAT = "tango-origin/1"
@@ -69,9 +70,9 @@ def write_origin(readings: Path, folder: Path, made_by: str, kept: str | None = 
 
 def read_origin(readings: Path) -> dict[str, Any] | None:
     """readings.csv → what is known of them, None when nothing is."""
-    with suppress(OSError, ValueError):
-        data = json.loads(origin_file(readings).read_text(encoding="utf-8"))
-        if isinstance(data, dict) and data.get("format") == FORMAT:
+    with suppress(InputError):
+        data = read_json(origin_file(readings), FORMAT)
+        if data.get("format") == FORMAT:
             return data
     return None
 

@@ -38,10 +38,14 @@ def sources(folder: Path) -> Iterator[Path]:
     yield root
     with suppress(InputError):
         fields = dict(load(root).items())
-        files = {key: folder / fields[key].text() for key in ("machine", "artefact", "strategy") if key in fields}
+        files: dict[str, Path] = {}
+        for key in ("machine", "artefact", "strategy"):
+            with suppress(KeyError, InputError):  # a name that no file can have is not written to either
+                files[key] = fields[key].named(folder)
         yield from files.values()
-        if (post := _text(fields.get("controller"), "post")) is not None:
-            yield folder / post
+        with suppress(InputError):
+            if (post := _named(fields.get("controller"), "post")) is not None:
+                yield post.named(folder)
         if "artefact" in files:
             yield from _drawings(files["artefact"])
     yield from (folder / name for name in KEPT)
@@ -50,13 +54,13 @@ def sources(folder: Path) -> Iterator[Path]:
 def _drawings(artefact: Path) -> Iterator[Path]:
     obstacles = dict(load(artefact).items()).get("obstacles")
     for item in obstacles.list() if obstacles is not None else ():
-        if (name := _text(item, "file")) is not None:
-            yield artefact.parent / name
+        with suppress(InputError):
+            if (name := _named(item, "file")) is not None:
+                yield name.named(artefact.parent)
 
 
-def _text(node: Node | None, key: str) -> str | None:
-    found = dict(node.items()).get(key) if node is not None else None
-    return None if found is None else found.text()
+def _named(node: Node | None, key: str) -> Node | None:
+    return dict(node.items()).get(key) if node is not None else None
 
 
 def spared(what: str, file: Path, folder: Path, more: Iterable[Path] = (), replaces: str | None = None) -> None:

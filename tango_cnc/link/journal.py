@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..files.readjson import parse_json
 from ..records import InputError, LinkError
 from .entries import Entry, Opened, entry_of, plain
 from .lock import lock
@@ -73,8 +74,8 @@ def _read(line: bytes) -> tuple[dict[str, Any], Entry]:
     if not intact:
         raise ValueError("a damaged line: its check sum is another one")
     try:
-        found = json.loads(data)
-    except (ValueError, RecursionError):
+        found = parse_json(data.decode())
+    except ValueError:
         raise ValueError("a line that is no JSON") from None
     if not isinstance(found, dict):
         raise ValueError("a line that is no entry")

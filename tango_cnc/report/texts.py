@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from ..files.checked import printable, read_text
 from ..records import InputError
 
 LANGUAGE = "en"
@@ -56,13 +57,15 @@ def texts_of(folder: Path | None) -> Texts:
     if file is None or not file.exists():
         return texts()
     try:
-        own = _flat(tomllib.loads(file.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        own = _flat(tomllib.loads(read_text(file)))
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: {error}; allowed: TOML like texts/en.toml of the program") from None
     base = texts()
     for key, text in own.items():
         if key not in base:
-            raise InputError(f"{file}: found the unknown key {key!r}; allowed: the keys of texts/en.toml of the program")
+            raise InputError(
+                f"{file}: found the unknown key {printable(key, 80)!r}; allowed: the keys of texts/en.toml of the program"
+            )
         wanted, found = _fields(base(key)), _fields(text)
         if found - wanted:
             raise InputError(

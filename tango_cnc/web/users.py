@@ -17,6 +17,8 @@ from pathlib import Path
 import argon2
 
 from ..files import write_text
+from ..files.checked import printable
+from ..files.readjson import read_json
 from ..records import InputError
 from .settings import ROLES, Role
 
@@ -41,20 +43,17 @@ class User:
 
 def read_users(file: Path) -> dict[str, tuple[str, Role]]:
     """users file → {name: (hash, role)}. Raises InputError for a file that is none, or that others may read."""
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{file}: {error.strerror}; make it with 'tango serve --users {file} --add-user NAME'") from None
-    except ValueError:
-        raise InputError(f"{file}: no JSON; allowed: what 'tango serve --add-user' writes") from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT or not isinstance(data.get("users"), dict):
+    if not file.exists():
+        raise InputError(f"{file}: no such file; make it with 'tango serve --users {file} --add-user NAME'")
+    data = read_json(file, "what 'tango serve --add-user' writes")
+    if data.get("format") != FORMAT or not isinstance(data.get("users"), dict):
         raise InputError(f"{file}: found no {FORMAT}; allowed: what 'tango serve --add-user' writes")
     if os.name == "posix" and file.stat().st_mode & 0o077:
         raise InputError(f"{file}: others may read it; allowed: its owner alone (chmod 600 {file})")
     found: dict[str, tuple[str, Role]] = {}
     for name, row in data["users"].items():
         if not NAME.fullmatch(name) or not isinstance(row, dict) or row.get("role") not in ROLES:
-            raise InputError(f"{file}: {name}: found {row!r:.80}; allowed: hash and role, one of {', '.join(ROLES)}")
+            raise InputError(f"{file}: {printable(name, 80)}: found {row!r:.80}; allowed: hash and role, one of {', '.join(ROLES)}")
         found[name] = (str(row.get("hash")), row["role"])
     return found
 

@@ -1,0 +1,61 @@
+"""Files that nobody has written are read or refused in a sentence: no traceback, no hang, no number that is none.
+
+    python -m pytest -m campaign tests/test_files_spoilt.py                  10^5 of each kind of file: some hours
+    TANGO_MUTANTS=3000 python -m pytest -m campaign tests/test_files_spoilt.py    less of it
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from support.mutants import READERS, TEXTS, campaign, cell
+
+from tango_cnc import files
+from tango_cnc.files.readjson import parse_json
+from tango_cnc.nearest import printable
+from tango_cnc.records import InputError
+
+FEW = 8
+MANY = int(os.environ.get("TANGO_MUTANTS", "100000"))
+
+
+@pytest.mark.untrusted
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("kind", READERS)
+def test_a_few_spoilt_files(kind: str, tmp_path: Path) -> None:
+    assert campaign(kind, tmp_path, range(FEW)) == {}
+
+
+@pytest.mark.campaign
+@pytest.mark.untrusted
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("kind", READERS)
+def test_many_spoilt_files(kind: str, tmp_path: Path) -> None:
+    assert campaign(kind, tmp_path, range(1_000_000, 1_000_000 + MANY)) == {}
+
+
+@pytest.mark.parametrize("name", ["m" * 300 + ".yaml", "x/" * 3000, "a\\0b"], ids=["long", "deep", "with a NUL"])
+@pytest.mark.parametrize("key", ["machine", "artefact", "strategy"])
+def test_a_name_that_no_file_can_have_is_said_with_its_line(tmp_path: Path, key: str, name: str) -> None:
+    cell(tmp_path)
+    (tmp_path / "tango.yaml").write_text(TEXTS["tango.yaml"].replace(f"{key}.yaml", f'"{name}"'))
+    with pytest.raises(InputError, match=rf"tango.yaml:\d: {key}: found .*; allowed: a name that a file can have"):
+        files.read_cell(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text", ["[NaN]", "[Infinity]", "[1e999]", "[-1e999]", '["\\ud800"]', "[" * 3000, "9" * 5000], ids=lambda text: text[:9]
+)
+def test_json_without_finite_numbers_and_whole_characters_is_none(text: str) -> None:
+    with pytest.raises(ValueError):
+        parse_json(text)
+    assert parse_json(json.dumps(["😀", 1e308])) == ["😀", 1e308]
+
+
+def test_a_message_shows_the_beginning_and_the_end_of_what_is_too_long() -> None:
+    shown = printable("found " + "x" * 5000 + "; correct it", 100)
+    assert len(shown) < 120 and shown.startswith("found x") and shown.endswith("; correct it")
+    assert printable("\ud800") == "\\ud800"
