@@ -1,7 +1,7 @@
 """Files that nobody has written are read or refused in a sentence: no traceback, no hang, no number that is none.
 
-    python -m pytest -m campaign tests/test_files_spoilt.py                  10^5 of each kind of file: some hours
-    TANGO_MUTANTS=3000 python -m pytest -m campaign tests/test_files_spoilt.py    less of it
+python -m pytest -m campaign tests/test_files_spoilt.py                  10^5 of each kind of file: some hours
+TANGO_MUTANTS=3000 python -m pytest -m campaign tests/test_files_spoilt.py    less of it
 """
 
 from __future__ import annotations
