@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 def trusting(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Posts that tests write are trusted, but where trust is what is tested; what is trusted is not kept at the user's."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.getbasetemp() / "config"))
+    monkeypatch.setattr(sys, "pycache_prefix", sys.pycache_prefix)
     if request.node.get_closest_marker("untrusted") is None:
         monkeypatch.setattr("tango_cnc.commands._trusted.known", lambda file: True)
 

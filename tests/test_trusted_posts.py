@@ -1,8 +1,13 @@
 """A post that a cell names is a program: it does not run before somebody has trusted it."""
 
+import importlib.util
+import py_compile
+from pathlib import Path
+
 import pytest
 from test_run import STRATEGY, Result
 
+from tango_cnc.commands import _trusted
 from tango_cnc.commands.init import write_example
 
 POST = """\
@@ -53,6 +58,48 @@ def test_what_was_trusted_runs_until_it_is_changed(cell):
     (cell / "mine.py").write_text(POST + "# another line\n")
     assert "you have not trusted it" in Result("plan", "-C", cell).err
     assert not (cell / "ran").exists()
+
+
+BESIDE = {  # files beside a post, and one of them that somebody changes after it was trusted
+    "a module": ("import parts", ["parts.py"]),
+    "a module within a function": ("def step():\n    import parts", ["parts.py"]),
+    "a module of a module": ("from parts import one", ["parts.py", "deep.py"]),
+    "a package": ("import pack.inner", ["pack/__init__.py", "pack/inner.py"]),
+    "a name from a package": ("from pack import inner", ["pack/__init__.py", "pack/inner.py"]),
+    "a compiled module": ("import parts", ["parts.pyc"]),
+    "a library": ("import parts", ["parts.cpython-311-x86_64-linux-gnu.so"]),
+}
+
+
+@pytest.mark.untrusted
+@pytest.mark.parametrize("case", BESIDE)
+def test_what_it_imports_from_beside_itself_is_trusted_with_it(cell, case):
+    line, names = BESIDE[case]
+    (cell / "mine.py").write_text(f"{POST}\n{line}\n")
+    for name in names:
+        (cell / name).parent.mkdir(exist_ok=True)
+        (cell / name).write_text("import deep\n")
+    (cell / "stranger.py").write_text("")
+    for name in names:
+        assert Result("trust", cell / "mine.py").code == 0
+        (cell / "stranger.py").write_text(f"# changed before {name}\n")
+        assert _trusted.known(cell / "mine.py")
+        (cell / name).write_text("import deep\n# changed\n")
+        result = Result("plan", "-C", cell)
+        assert "you have not trusted it" in result.err and name in result.err
+    assert not (cell / "ran").exists()
+
+
+@pytest.mark.untrusted
+def test_a_compiled_file_in_the_cell_does_not_run_instead_of_the_text_that_was_trusted(cell):
+    (cell / "other.py").write_text(POST.replace('"ran"', '"other"'))
+    cached = Path(importlib.util.cache_from_source(str(cell / "mine.py")))
+    never = py_compile.PycInvalidationMode.UNCHECKED_HASH  # Python does not compare it with the text
+    cached.parent.mkdir()
+    py_compile.compile(str(cell / "other.py"), cfile=str(cached), invalidation_mode=never)
+    assert Result("trust", cell / "mine.py").code == 0
+    Result("plan", "-C", cell)
+    assert (cell / "ran").exists() and not list(cell.rglob("other"))
 
 
 @pytest.mark.untrusted

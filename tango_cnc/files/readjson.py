@@ -23,10 +23,10 @@ def _finite(text: str) -> float:
     return value
 
 
-def parse_json(text: str) -> Any:
-    """text → plain values, numbers finite. Raises ValueError: what is wrong with it."""
+def parse_json(text: str, *, finite: bool = True) -> Any:
+    """text → plain values, numbers finite unless somebody else looks at them. Raises ValueError: what is wrong with it."""
     try:
-        found = json.loads(text, parse_constant=_none, parse_float=_finite)
+        found = json.loads(text, parse_constant=_none, parse_float=_finite) if finite else json.loads(text)
         if HALF.search(text):
             json.dumps(found, ensure_ascii=False).encode()
     except RecursionError:

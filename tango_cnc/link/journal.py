@@ -74,7 +74,7 @@ def _read(line: bytes) -> tuple[dict[str, Any], Entry]:
     if not intact:
         raise ValueError("a damaged line: its check sum is another one")
     try:
-        found = parse_json(data.decode())
+        found = parse_json(data.decode(), finite=False)
     except ValueError:
         raise ValueError("a line that is no JSON") from None
     if not isinstance(found, dict):
