@@ -59,15 +59,37 @@ def test_pooled_standard_deviation_by_hand() -> None:
         capability.repeatability(np.array([1.0]))
 
 
-def test_wetness_is_found_through_drift() -> None:
-    rng = np.random.default_rng(3)
-    film = np.tile(np.repeat([0.0, 0.002], 100), 3)
-    values = film + 0.0007 * rng.standard_normal(600) + np.linspace(0, 0.004, 600)
-    found = capability.wetness(values, 100)
-    assert found.effect == pytest.approx(0.002, abs=0.0003) and found.p_value < 0.01
-    assert capability.wetness(values - film, 100).p_value > 0.01
-    with pytest.raises(InputError, match="four or more"):
-        capability.wetness(values[:300], 100)
+def wetted(seed: int, film: float, warming: float = 0.012) -> np.ndarray:
+    """600 touches, wet and dry in turn every 100, on a machine that warms up and wanders."""
+    rng, n = np.random.default_rng(seed), np.arange(600)
+    wander = np.cumsum(0.0001 * rng.standard_normal(600)) + warming * (1 - np.exp(-n / 150))
+    return np.asarray(film * (n // 100 % 2) + 0.0006 * rng.standard_normal(600) + wander)
+
+
+def test_a_film_is_found_through_a_warm_up_and_nothing_where_there_is_none() -> None:
+    wet = capability.wetness(wetted(3, 0.001), 100)
+    assert wet.effect == pytest.approx(0.001, abs=2.5 * wet.effect_std) and wet.p_value < 0.01
+    assert len(wet.edges) == 5 and wet.detectable < 0.001
+    assert capability.wetness(wetted(3, 0.0), 100).p_value > 0.01
+    with pytest.raises(InputError, match="three or more"):
+        capability.wetness(wetted(3, 0.001)[:200], 100)
+
+
+def test_the_last_touches_alone_know_what_state_they_are_in() -> None:
+    """Touches 301 to 400 are wet: the first block of the last 300 is no dry one."""
+    late = capability.wetness(wetted(4, 0.002), 100, last=300)
+    assert len(late.means) == 3
+    assert late.effect == pytest.approx(0.002, abs=3 * late.effect_std) and late.p_value < 0.01
+    for wrong in (250, 700):
+        with pytest.raises(InputError, match="whole blocks"):
+            capability.wetness(wetted(4, 0.002), 100, last=wrong)
+
+
+def test_a_drift_inside_a_window_is_no_repeatability() -> None:
+    values = 0.0006 * np.random.default_rng(5).standard_normal(300) + np.linspace(0, 0.06, 300)
+    found = capability.repeatability(values, 25)
+    assert found.pooled > 1.7 * 0.0006
+    assert found.detrended == pytest.approx(0.0006, rel=0.1) and found.detrended_dof == 12 * 23
 
 
 def test_grid_tells_surface_from_drift_and_repeatability() -> None:

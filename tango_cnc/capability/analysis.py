@@ -38,6 +38,8 @@ class Repeatability:
     std: float  # of all touches: drift included
     pooled: float  # within windows: drift excluded
     dof: int
+    detrended: float  # within windows, a straight drift through each taken out
+    detrended_dof: int
 
 
 def repeatability(values: Array, window: int = 25) -> Repeatability:
@@ -49,12 +51,18 @@ def repeatability(values: Array, window: int = 25) -> Repeatability:
         raise InputError(f"capability: found {len(values)} touches in windows of {window}; allowed: two or more of each")
     windows = [values[i : i + window] for i in range(0, len(values), window)]
     pooled, dof = _pooled(windows)
-    return Repeatability(len(values), float(np.ptp(values)), float(np.std(values, ddof=1)), pooled, dof)
+    straight, left = _pooled(windows, 1) if max(map(len, windows)) > 2 else (pooled, dof)
+    return Repeatability(len(values), float(np.ptp(values)), float(np.std(values, ddof=1)), pooled, dof, straight, left)
 
 
-def _pooled(windows: Sequence[Array]) -> tuple[float, int]:
-    dof = sum(len(w) - 1 for w in windows)
-    total = sum(float(np.sum((w - w.mean()) ** 2)) for w in windows)
+def _pooled(windows: Sequence[Array], degree: int = 0) -> tuple[float, int]:
+    """windows, degree of what is taken out of each → pooled standard deviation, degrees of freedom."""
+    total, dof = 0.0, 0
+    for w in windows:
+        if len(w) > degree + 1:
+            columns = np.vander(np.linspace(-1.0, 1.0, len(w)), degree + 1)
+            rest = w - columns @ np.linalg.lstsq(columns, w, rcond=None)[0]
+            total, dof = total + float(rest @ rest), dof + len(w) - degree - 1
     return math.sqrt(total / dof), dof
 
 
@@ -65,29 +73,39 @@ class Wetness:
     means: Array  # (b,)
     stds: Array  # (b,)
     range_of_means: float
-    effect: float  # wet minus dry, a straight drift taken out
+    edges: Array  # (b − 1,) wet minus dry at every change, from the touches beside it
+    effect: float  # wet minus dry of all changes together, drift allowed for
     effect_std: float
     p_value: float
+    detectable: float  # the film that such a test finds (p < 0.05) in 80 of 100 cases
 
 
-def wetness(values: Array, block: int = 100) -> Wetness:
-    """(n,) mm, touches of a block → block means and the effect of the film. Raises InputError for fewer than four blocks."""
+def wetness(values: Array, block: int = 100, time: Array | None = None, last: int | None = None) -> Wetness:
+    """(n,) mm, touches of a block, (n,) s, how many of the last touches to use (default: all) → block means, film.
+
+    The film shows where dry becomes wet: a drift has no step there. It is modelled as a random walk under white noise (generalised
+    least squares), so that touches near a change count most. Raises InputError for fewer than three blocks, or `last` that is
+    not whole blocks.
+    """
     count = len(values) // block
-    if count < 4:
+    first = 0 if last is None else count - last // block
+    if count - first < 3 or first < 0 or (last or 0) % block:
         raise InputError(
-            f"capability wetness: found {count} blocks of {block} touches; allowed: four or more (dry, wet, dry, wet …)"
+            f"capability wetness: found {count - max(first, 0)} blocks of {block} touches; allowed: three or more whole blocks "
+            "(dry, wet, dry, wet …)"
         )
-    blocks = values[: count * block].reshape(count, block)
+    used = slice(first * block, count * block)
+    blocks = values[used].reshape(count - first, block)
     means = blocks.mean(axis=1)
-    wet = np.arange(count) % 2
-    columns = np.column_stack([np.ones(count), np.arange(count), wet])
-    inverse = np.linalg.inv(columns.T @ columns)
-    fit = inverse @ columns.T @ means
-    rest = means - columns @ fit
-    dof = count - 3
-    spread = math.sqrt(float(rest @ rest) / dof * inverse[2, 2])
-    p = float(2 * special.stdtr(dof, -abs(fit[2]) / spread)) if spread > 0 else 0.0
-    return Wetness(means, blocks.std(axis=1, ddof=1), float(np.ptp(means)), float(fit[2]), spread, p)
+    state = np.repeat(np.arange(first, count) % 2, block).astype(float)
+    t = np.arange(len(values), dtype=float) if time is None else time
+    _, _, film, spread = _random_walk(t[used], values[used], np.diff(state))
+    side = max(2, block // 5)
+    edges = (blocks[1:, :side].mean(axis=1) - blocks[:-1, -side:].mean(axis=1)) * np.diff(state[::block])
+    dof = len(state) - 3  # steps, less film, walk and white noise
+    p = float(2 * special.stdtr(dof, -abs(film) / spread)) if spread > 0 else 0.0
+    power = float(special.stdtrit(dof, 0.975) + special.ndtri(0.8)) * spread
+    return Wetness(means, blocks.std(axis=1, ddof=1), float(np.ptp(means)), edges, film, spread, p, power)
 
 
 @dataclass(frozen=True)
@@ -149,7 +167,7 @@ def drift(time: Array, values: Array) -> Drift:
     if len(values) < 5:
         raise InputError(f"capability drift: found {len(values)} touches in a direction; allowed: five or more")
     t = time - time[0]
-    walk = _random_walk(t, values)
+    walk = _random_walk(t, values)[:2]
     spread = float(np.sum((values - values.mean()) ** 2))
 
     def rest(log_tau: float) -> tuple[float, Array]:
@@ -166,29 +184,38 @@ def drift(time: Array, values: Array) -> Drift:
     )
 
 
-def _random_walk(t: Array, values: Array) -> tuple[float, float]:
-    """(m,) s, (m,) mm → random walk after one hour and white noise, mm, by restricted maximum likelihood (Harville 1977).
+def _random_walk(t: Array, values: Array, known: Array | None = None) -> tuple[float, float, float, float]:
+    """(m,) s, (m,) mm, (m − 1,) steps of a state → random walk after one hour, white noise, effect of the state and its std, mm.
 
-    The steps of the series do not know its mean; their covariance has three diagonals.
+    By restricted maximum likelihood (Harville 1977). The steps of the series do not know its mean; their covariance has three
+    diagonals.
     """
     steps, hours = np.diff(values), np.maximum(np.diff(t), 1e-9) / 3600
     size = float(np.mean(steps**2))
     if size == 0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
 
-    def minus_log_likelihood(x: Array) -> float:
+    def fitted(x: Array) -> tuple[float, float, float]:
         walk, white = size * np.exp(x)
         bands = np.vstack([walk * hours / hours.mean() + 2 * white, np.full(len(steps), -white)])
         factor = linalg.cholesky_banded(bands, lower=True)
-        along = linalg.cho_solve_banded((factor, True), steps)
-        return float(2 * np.sum(np.log(factor[0])) + steps @ along)
+        level = 2 * float(np.sum(np.log(factor[0])))
+        if known is None:
+            return level + float(steps @ linalg.cho_solve_banded((factor, True), steps)), 0.0, 0.0
+        along = linalg.cho_solve_banded((factor, True), known)
+        weight = float(known @ along)
+        effect = float(steps @ along) / weight
+        rest = steps - effect * known
+        level += math.log(weight) + float(rest @ linalg.cho_solve_banded((factor, True), rest))
+        return level, effect, weight**-0.5
 
     starts = [np.array([a, b]) for a, b in ((-1.0, -1.5), (-6.0, -0.7), (-0.1, -6.0))]
     options = {"xatol": 1e-4, "fatol": 1e-8}
     bounds = [(-18.0, 2.0)] * 2
-    found = [optimize.minimize(minus_log_likelihood, x, method="Nelder-Mead", bounds=bounds, options=options) for x in starts]
-    walk, white = size * np.exp(min(found, key=lambda f: float(f.fun)).x)
-    return math.sqrt(walk / hours.mean()), math.sqrt(white)
+    found = [optimize.minimize(lambda x: fitted(x)[0], x, method="Nelder-Mead", bounds=bounds, options=options) for x in starts]
+    best = min(found, key=lambda f: float(f.fun)).x
+    walk, white = size * np.exp(best)
+    return math.sqrt(walk / hours.mean()), math.sqrt(white), *fitted(best)[1:]
 
 
 @dataclass(frozen=True)
@@ -281,7 +308,7 @@ def _by_group(columns: Array, group: NDArray[np.integer[Any]], count: int) -> Ar
 def budget_lines(kind: Kind, results: dict[str, Any]) -> list[dict[str, Any]]:
     """kind, results by direction → lines of uncertainty.yaml: root mean square over the directions."""
     if kind == "repeatability":
-        return [{"source": "repeatability", "std": _rms([r.pooled for r in results.values()])}]
+        return [{"source": "repeatability", "std": _rms([r.detrended for r in results.values()])}]
     if kind == "wetness":
         seen = [abs(r.effect) for r in results.values() if r.p_value < 0.05]
         return [{"source": "wetness", "range": max(seen)}] if seen else []

@@ -35,6 +35,9 @@ PLACE = "Understand 60"  # in the list of commands
 @click.option("--window", type=click.IntRange(2), help="Touches pooled together [default: 25, on a grid 5].")
 @click.option("--block", type=click.IntRange(2), default=100, show_default=True, help="Wetness: touches between dry and wet.")
 @click.option(
+    "--last", type=click.IntRange(2), help="Wetness: only so many of the last touches, when the machine is warm [default: all]."
+)
+@click.option(
     "--budget", type=Output(replaces="uncertainty.yaml"), metavar="FILE", help="Put the numbers into this uncertainty.yaml."
 )
 @click.option("--world", type=Output(replaces="world.yaml"), metavar="FILE", help="Put the numbers into this world.yaml.")
@@ -48,6 +51,7 @@ def command(
     file: Path | None,
     window: int | None,
     block: int,
+    last: int | None,
     budget: Path | None,
     world: Path | None,
     json_file: str | None,
@@ -63,7 +67,7 @@ def command(
         return
     readings = read_readings(current(folder, file), cell.machine, cell.artefact)
     touches = from_readings(cell.machine, cell.artefact, readings)
-    results = _analyse(kind, touches, window, block)
+    results = _analyse(kind, touches, window, block, last)
     lines = capability.budget_lines(kind, results)
     noise, effects = capability.world_effects(kind, results)
     data = {
@@ -107,7 +111,7 @@ def _controller(cell: Cell) -> dict[str, Any]:
     return {"post": cell.controller.post, **port, **cell.controller.options}
 
 
-def _analyse(kind: Kind, touches: Touches, window: int | None, block: int) -> dict[str, Any]:
+def _analyse(kind: Kind, touches: Touches, window: int | None, block: int, last: int | None) -> dict[str, Any]:
     """→ results by direction (by `ball` for lobing)."""
     if kind == "lobing":
         return {"ball": capability.lobing(touches)}
@@ -121,7 +125,7 @@ def _analyse(kind: Kind, touches: Touches, window: int | None, block: int) -> di
         if kind == "repeatability":
             results[name] = capability.repeatability(values, window or 25)
         elif kind == "wetness":
-            results[name] = capability.wetness(values, block)
+            results[name] = capability.wetness(values, block, touches.time[rows], last)
         elif kind == "drift":
             results[name] = capability.drift(touches.time[rows], values)
         else:
@@ -178,4 +182,9 @@ def _text(kind: Kind, results: Mapping[str, Any]) -> str:
     for name in shown:
         label = name.replace("_", " ") + (" (s)" if name in ("duration", "tau") else "")
         rows.append([label, *(f"{getattr(r, name) * unlike.get(name, 1e3):.3g}" for r in results.values())])
-    return table(rows, "<" + ">" * len(results))
+    text = table(rows, "<" + ">" * len(results))
+    if kind == "wetness":
+        text += "\n\nwet minus dry at every change, µm: " + "; ".join(
+            f"{name} " + ", ".join(f"{e * 1e3:+.2f}" for e in r.edges) for name, r in results.items()
+        )
+    return text

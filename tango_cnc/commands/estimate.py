@@ -164,6 +164,8 @@ def as_json(result: Estimate, judgement: Judgement | None = None) -> dict[str, A
 
 def as_text(result: Estimate) -> str:
     """estimate → what a person reads on the terminal."""
+    from ..iso230.signed import withheld
+
     rows = [["parameter", "value", "std", ""]]
     for name, p in {**result.parameters, **result.setup}.items():
         factor, unit = shown(p.unit)
@@ -181,6 +183,7 @@ def as_text(result: Estimate) -> str:
     if offsets:
         lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")
     lines += [f"cannot be seen: {text}" for text in summary([c.text for c in result.selection.unseen])]
+    lines += [f"ISO figure withheld: {text}" for text in withheld(result)]
     if len(result.outliers):
         worst = ", ".join(str(i) for i in result.outliers[:10]) + (" …" if len(result.outliers) > 10 else "")
         weight = "kept; leave them out with --exclude-outliers" if result.rejected is None else "they have no weight"
