@@ -51,7 +51,7 @@ class Axis:
     kind: Literal["linear", "rotary", "spindle"]
     direction: Vector
     point: Vector = (0.0, 0.0, 0.0)
-    travel: tuple[float, float] | None = None  # mm or rad
+    travel: tuple[float, float] | None = None  # mm or rad; None: the spindle, or an endless rotary axis
     rapid: float | None = None  # mm/min or rad/min
     acceleration: float | None = None  # m/s² or rad/s²
     clamp_time: float = 0.0  # s
@@ -68,6 +68,7 @@ class Probe:
     body_radius: float = 32.0  # mm
     body_length: float = 100.0  # mm, the thick part nearest the spindle nose
     nose_radius: float = 0.0  # mm, of the spindle nose above the body; less than that of the body counts as it
+    max_feed: float = 3000.0  # mm/min of measuring that probe and stylus stand: what touch-trigger probes are released for
 
 
 @dataclass(frozen=True)
@@ -209,6 +210,9 @@ class Indexation:
     facets: tuple[Id, ...]
 
 
+OBSTRUCTED = ("leave-out-facing-away", "leave-out", "refuse", "warn")  # the first is usual; docs/formats.md
+
+
 @dataclass(frozen=True)
 class Strategy:
     """Indexations in the order of measurement."""
@@ -216,6 +220,7 @@ class Strategy:
     name: str
     approach: Approach
     indexations: tuple[Indexation, ...]
+    obstructed: str | None = None  # what becomes of touches that a straight stylus cannot make; None: nothing is stated
 
 
 @dataclass(frozen=True)

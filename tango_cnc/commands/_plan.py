@@ -26,9 +26,8 @@ CONFIRM = "confirm on your control and state it under controller: in tango.yaml,
 obstructed_option: Decorator = click.option(
     "--obstructed",
     type=click.Choice(list(OBSTRUCTED)),
-    default=USUAL,
-    show_default=True,
-    help="Touches that a straight stylus cannot make. leave-out-facing-away: those on facets that face away from the spindle are "
+    help=f"Touches that a straight stylus cannot make [default: obstructed of strategy.yaml, else {USUAL}]. "
+    "leave-out-facing-away: those on facets that face away from the spindle are "
     "named and not in the program; where anything else is in the probe's way, it is an error. leave-out: none of them is in the "
     "program. refuse: all are errors. warn: those on facets that face away ARE in the program, for a stylus that gets there; a "
     "straight one would be driven into the table.",

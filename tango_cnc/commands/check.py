@@ -12,6 +12,7 @@ import numpy as np
 
 from ..duration import duration, saved, spoken
 from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms, write_text
+from ..files.normals import refuse_inward
 from ..identify import condition_number, scaled_condition_number, select, summary
 from ..model import known, linearise
 from ..plan import last_motion, plan
@@ -33,7 +34,9 @@ NAMED = 8  # touches that are named one by one
 @obstructed_option
 @click.option("--picture", type=Output(), metavar="FILE", help="Draw axes, pivots and facets as .svg.")
 @json_option
-def command(folder: Path, terms: str | None, degree: int, obstructed: str, picture: Path | None, json_file: str | None) -> int:
+def command(
+    folder: Path, terms: str | None, degree: int, obstructed: str | None, picture: Path | None, json_file: str | None
+) -> int:
     """Validates the cell, plans it, and says what the touches of the program would and would not tell.
 
     What 'tango plan' would refuse is refused here too: the whole program is made and read back, and nothing is written. Exit
@@ -43,6 +46,7 @@ def command(folder: Path, terms: str | None, degree: int, obstructed: str, pictu
     if picture is not None and picture.suffix.lower() != ".svg":
         raise InputError(f"--picture: found {picture}; allowed: a file that ends in .svg")
     cell = read_cell(folder)
+    refuse_inward(cell)
     if picture is not None:
         from ..report.machine_svg import drawing
 

@@ -13,6 +13,7 @@ import click
 from ..capability.programs import KINDS, Kind
 from ..capability.programs import program as capability_program
 from ..files import artefact_text, blamed_on, drawn_sizes, read_cell, strategy_text
+from ..files.normals import refuse_inward
 from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
 from ..link.lock import holding
@@ -59,7 +60,7 @@ def command(
     folder: Path,
     post: str | None,
     out: Path | None,
-    obstructed: str,
+    obstructed: str | None,
     capability: Kind | None,
     most: int | None,
     dry_run: bool,
@@ -83,6 +84,7 @@ def command(
             raise InputError(f"--picture: found {str(picture)!r}; allowed: a name that ends with {', '.join(DRAWN)}")
         pictures.needed()
     cell = read_cell(folder)
+    refuse_inward(cell)
     name = post or (cell.controller.post if cell.controller else None)
     if name is None and not dry_run:
         raise InputError(f"{folder / 'tango.yaml'}: no controller.post; state it there or with --post ({', '.join(posts.names())})")

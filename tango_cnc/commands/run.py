@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..files import blamed_on, read_cell
+from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, cell_option, dialect
@@ -74,7 +75,7 @@ def command(
     watching: bool,
     yes: bool,
     timeout: float | None,
-    obstructed: str,
+    obstructed: str | None,
     transcript: str | None,
     json_file: str | None,
 ) -> None:
@@ -98,6 +99,7 @@ def command(
         return
     spared("--readings", target, folder, replaces="readings.csv")
     cell = read_cell(folder)
+    refuse_inward(cell)
     if cell.controller is None:
         raise InputError(
             f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import click
+import numpy as np
+from numpy.typing import NDArray
 
 from ..files import blamed_on, read_cell, read_world, readings_text, write_text
+from ..files.normals import refuse_inward
 from ..files.origin import MEASURED, SIMULATED, set_aside, simulated, write_origin
 from ..link.lock import holding
-from ..plan import last_moves, plan
-from ..records import Array, Cell, InputError
+from ..plan import last_moves, plan, reachable
+from ..records import Array, Cell, InputError, Strategy
 from ._common import Output, cell_option, json_option, write_json
 
 PLACE = "Measure 40"  # in the list of commands
@@ -26,6 +30,17 @@ def _list_effects(context: click.Context, _parameter: click.Parameter, wanted: b
         click.echo(f"{cause}: {keys}\n    {text}")
     click.echo("Keys in brackets have a default. Units and signs: docs/effects.md")
     context.exit()
+
+
+def _made(cell: Cell) -> tuple[Strategy, NDArray[np.int64] | None, Array | None]:
+    """cell → strategy that is simulated, numbers of its touches where the strategy states `obstructed`, and as `_moved`.
+
+    Raises InputError for what the strategy's own `obstructed` refuses.
+    """
+    if cell.strategy.obstructed is None:
+        return cell.strategy, None, _moved(cell)
+    made = plan(cell)
+    return reachable(cell), np.array([t.number for t in made.touches]), last_moves(made)
 
 
 def _moved(cell: Cell) -> Array | None:
@@ -93,14 +108,17 @@ def command(
             f"{output.with_name(SIMULATED)}"
         )
     cell = read_cell(folder)
+    refuse_inward(cell)
     control = read(compensation, cell.machine, tcp=not no_tcp) if compensation is not None else None
     world_file = world_file or folder / "world.yaml"
     world = read_world(world_file)
-    moved = _moved(cell)
+    strategy, numbers, moved = _made(cell)
     if moved is None:
         click.echo("the strategy cannot be planned ('tango plan' says why): the last motions go from touch to touch", err=True)
     with blamed_on(world_file):
-        readings = simulate(cell.machine, cell.artefact, cell.strategy, world, cycles, days, seed, moved, control)
+        readings = simulate(cell.machine, cell.artefact, strategy, world, cycles, days, seed, moved, control)
+    if numbers is not None:
+        readings = replace(readings, touch=numbers[readings.touch - 1])
     target = output or folder / SIMULATED
     text = readings_text(readings, None if exact else 6)
     with holding(target.parent, "tango simulate") if target.parent.is_dir() else nullcontext():

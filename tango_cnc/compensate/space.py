@@ -147,6 +147,8 @@ def limits_of(
             low, high = float(touches.axis(name).min()), float(touches.axis(name).max())
             if high - low < 1e-6:  # an axis that never moved: a table of one point is none
                 low, high = low - (1.0 if name in machine.linear else 0.01), high + (1.0 if name in machine.linear else 0.01)
+        elif travel is None and name in machine.rotary:
+            low, high = -np.pi, np.pi
         elif travel is None:
             raise InputError(f"machine: axis {name} has no travel; give it one, or name the volume (--volume {name}=LOW:HIGH)")
         else:

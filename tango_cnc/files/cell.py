@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from ..judgement import Tolerances
 from ..records import LINEAR, ROTARY, Axis, Cell, Controller, InputError, Machine, Probe, TermItem, World
+from .angles import angle
 from .artefact import read_artefact
 from .checked import FURTHEST, Node, complaint, load, suggestion
 from .learned import resolved
@@ -33,7 +34,7 @@ def read_cell(folder: Path) -> Cell:
     machine, artefact = read_machine(files["machine"]), read_artefact(files["artefact"])
     strategy = read_strategy(files["strategy"], machine, artefact)
     terms = _terms(fields["terms"], folder) if "terms" in fields else ("S3",)
-    controller = _controller(fields["controller"]) if "controller" in fields else None
+    controller = _controller(fields["controller"], machine) if "controller" in fields else None
     return Cell(folder, machine, artefact, strategy, terms, controller)
 
 
@@ -74,7 +75,7 @@ def _terms(node: Node, folder: Path | None) -> tuple[TermItem, ...]:
     return tuple(resolved(item, folder) for item in items)
 
 
-def _controller(node: Node) -> Controller:
+def _controller(node: Node, machine: Machine) -> Controller:
     items = dict(node.items())
     if "post" not in items:
         raise complaint(node.file, node.line, node.path, "no key 'post'", "'post' is required here, e.g. post: fanuc")
@@ -83,6 +84,11 @@ def _controller(node: Node) -> Controller:
     if not isinstance(post := items["post"].plain(), str):
         raise items["post"].wrong("the name of a dialect, e.g. fanuc, or the path of your own .py file")
     items["post"].named(node.file.parent)
+    rapids = {axis.name: axis.rapid for axis in machine.axes if axis.kind == "linear" and axis.rapid is not None}
+    feed = options.get("positioning_feed")
+    if rapids and isinstance(feed, int | float) and feed > min(rapids.values()):
+        slowest = min(rapids, key=lambda name: rapids[name])
+        raise items["positioning_feed"].wrong(f"at most {rapids[slowest]:g} mm/min, the rapid of {slowest} in machine.yaml")
     return Controller(post, port, options)
 
 
@@ -118,17 +124,22 @@ def _axis(name: str, node: Node) -> Axis:
     required = ["kind", "direction"]
     if kind != "linear":
         required.append("point")
-    if kind != "spindle":
+    given = dict(node.items())
+    endless = kind == "rotary" and "endless" in given and given["endless"].boolean()
+    if kind != "spindle" and not endless:
         required.append("travel")
-    fields = node.fields(required, ["point", "travel", "rapid", "acceleration", "clamp_time"])
+    own = ["endless"] if kind == "rotary" else []
+    fields = node.fields(required, ["point", "travel", "rapid", "acceleration", "clamp_time", *own])
     fields["kind"].text([kind])
     scale = 1.0 if kind == "linear" else math.pi / 180
     travel = None
     if "travel" in fields:
-        low, high = (item.position() for item in fields["travel"].list(2))
+        if endless:
+            raise fields["travel"].wrong("either travel or endless: true; an endless axis has no travel", "both")
+        low, high = (item.position() if kind == "linear" else angle(item) for item in fields["travel"].list(2))
         if low >= high:
-            raise fields["travel"].wrong("[low, high] with low below high", f"[{low:g}, {high:g}]")
-        travel = (low * scale, high * scale)
+            raise fields["travel"].wrong("[low, high] with low below high", f"[{low / scale:g}, {high / scale:g}]")
+        travel = (low, high)
     return Axis(
         name,
         kind,  # type: ignore[arg-type]
@@ -142,7 +153,9 @@ def _axis(name: str, node: Node) -> Axis:
 
 
 def _probe(node: Node) -> Probe:
-    fields = node.fields(["length", "tip_radius", "repeatability"], ["stylus_radius", "body_radius", "body_length", "nose_radius"])
+    fields = node.fields(
+        ["length", "tip_radius", "repeatability"], ["stylus_radius", "body_radius", "body_length", "nose_radius", "max_feed"]
+    )
     none = ("repeatability", "nose_radius")  # these may be 0
     if "repeatability" in fields and (value := fields["repeatability"].number(0, FURTHEST)) > COARSEST:
         raise fields["repeatability"].wrong(f"at most {COARSEST:g} mm: one standard deviation of a touch, in mm", f"{value:g}")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ..records import Approach, Artefact, Find, Indexation, Machine, Strategy
+from ..records import OBSTRUCTED, Approach, Artefact, Find, Indexation, Machine, Strategy
+from .angles import angle
 from .checked import Node, load, suggestion
 
 # How near a touch may begin and how little past the facet it may end, mm. A probe comes free within hundredths of a mm, controls
@@ -17,21 +17,21 @@ LEAST = {
     "search": (0.1, "a contact nearer than that to the end of the move is taken for none; raise search"),
 }
 LONGEST = 1000.0  # mm of stand-off and search: a probe that looks further at measuring feed looks for minutes
-FASTEST = 3000.0  # mm/min of measuring: what touch-trigger probes of machine tools are released for
 CLEAR_OF_ZONE = 0.5  # mm from where the measuring move of a double touch begins to its search zone
 
 
 def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
     """strategy.yaml of a machine and artefact → strategy. Raises InputError for a facet or axis that nothing defines."""
-    fields = load(file).fields(["name", "approach", "indexations"])
+    fields = load(file).fields(["name", "approach", "indexations"], ["obstructed"])
     approach = fields["approach"].fields(["standoff", "search", "feed"], ["find"])
     indexations = [_indexation(item, machine, artefact) for item in fields["indexations"].list()]
     if not indexations:
         raise fields["indexations"].wrong("at least one indexation", "none")
-    return Strategy(fields["name"].text(), _approach(approach), tuple(indexations))
+    obstructed = fields["obstructed"].text(OBSTRUCTED) if "obstructed" in fields else None
+    return Strategy(fields["name"].text(), _approach(approach, machine.probe.max_feed), tuple(indexations), obstructed)
 
 
-def _approach(fields: Mapping[str, Node]) -> Approach:
+def _approach(fields: Mapping[str, Node], fastest: float) -> Approach:
     given = {key: child for key, child in fields.items() if key != "find"}
     values = {
         key: child.number(0.1, 100_000) if key == "feed" else child.number(above=0, high=LONGEST) for key, child in given.items()
@@ -39,15 +39,22 @@ def _approach(fields: Mapping[str, Node]) -> Approach:
     for key, (least, why) in LEAST.items():
         if values[key] < least:
             raise fields[key].wrong(f"a finite number at least {least:g}: {why}")
-    if values["feed"] > FASTEST:
-        raise fields["feed"].wrong(f"at most {FASTEST:g} mm/min: faster, probes overrun and styli break", f"{values['feed']:g}")
+    _bearable(fields["feed"], values["feed"], fastest)
     single = Approach(values["standoff"], values["search"], values["feed"])
-    return replace(single, find=_find(fields["find"].fields(["feed", "retreat"]), single)) if "find" in fields else single
+    return replace(single, find=_find(fields["find"].fields(["feed", "retreat"]), single, fastest)) if "find" in fields else single
 
 
-def _find(fields: Mapping[str, Node], single: Approach) -> Find:
+def _bearable(node: Node, feed: float, fastest: float) -> None:
+    if feed > fastest:
+        raise node.wrong(
+            f"at most {fastest:g} mm/min (machine.yaml: probe.max_feed): faster, probes overrun and styli break", f"{feed:g}"
+        )
+
+
+def _find(fields: Mapping[str, Node], single: Approach, fastest: float) -> Find:
     """The measuring move begins outside of its search zone, so that a probe that is not free by then shows as an early contact."""
     feed, retreat = fields["feed"].number(0.1, 100_000), fields["retreat"].number(above=0)
+    _bearable(fields["feed"], feed, fastest)
     if feed < single.feed:
         raise fields["feed"].wrong(f"at least {single.feed:g}, the measuring feed: finding is to be the quicker touch")
     least = max(LEAST["standoff"][0], single.search + CLEAR_OF_ZONE)
@@ -64,7 +71,7 @@ def _find(fields: Mapping[str, Node], single: Approach) -> Find:
 def _indexation(node: Node, machine: Machine, artefact: Artefact) -> Indexation:
     fields = node.fields([*machine.rotary, "facets"], ["S"])
     position = {name: 0.0 for name in (*machine.rotary, "S")}
-    position |= {name: math.radians(child.position()) for name, child in fields.items() if name != "facets"}
+    position |= {name: angle(child) for name, child in fields.items() if name != "facets"}
     facets = []
     for item in fields["facets"].list():
         facet = item.identifier()

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from ..records import Artefact, Axis, Facet, Id, Machine, Obstacle, Strategy, World
+from ..records import Artefact, Axis, Facet, Id, Machine, Obstacle, Probe, Strategy, World
 from .tolerances import tolerances_given
 
 
@@ -60,7 +60,8 @@ def _degrees(value: float) -> float:
 
 def machine_text(machine: Machine) -> str:
     """machine → text of machine.yaml."""
-    probe = {key: value for key, value in vars(machine.probe).items() if value or key != "nose_radius"}
+    usual = ("nose_radius", "max_feed")  # not written where they are as usual
+    probe = {k: v for k, v in vars(machine.probe).items() if k not in usual or v != getattr(Probe, k)}
     axes = {axis.name: _axis(axis) for axis in machine.axes}
     data = {"name": machine.name, "topology": machine.topology, "axes": axes, "probe": probe}
     given = tolerances_given(machine.tolerances)
@@ -74,6 +75,8 @@ def _axis(axis: Axis) -> dict[str, Any]:
         data["point"] = list(axis.point)
     if axis.travel is not None:
         data["travel"] = [unit(value) for value in axis.travel]
+    elif axis.kind == "rotary":
+        data["endless"] = True
     if axis.rapid is not None:
         data["rapid"] = unit(axis.rapid)
     if axis.acceleration is not None:
@@ -129,7 +132,8 @@ def strategy_text(strategy: Strategy) -> str:
     approach = {key: value for key, value in vars(strategy.approach).items() if value is not None}
     if strategy.approach.find is not None:
         approach["find"] = dict(vars(strategy.approach.find))
-    return dump({"name": strategy.name, "approach": approach, "indexations": indexations})
+    own = {} if strategy.obstructed is None else {"obstructed": strategy.obstructed}
+    return dump({"name": strategy.name, "approach": approach, **own, "indexations": indexations})
 
 
 def world_text(world: World) -> str:

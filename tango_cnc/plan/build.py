@@ -46,13 +46,15 @@ STRAIGHT = 1e-6  # mm aside
 SAID = {"contact": "contact", "standoff": "stand-off", "end": "search end", "over": "clear level"}
 
 
-def plan(cell: Cell, obstructed: str = USUAL) -> Plan:
+def plan(cell: Cell, obstructed: str | None = None) -> Plan:
     """cell → plan. Raises InputError naming touch, facet, indexation and axis of what cannot be reached.
 
-    `obstructed`, a key of `OBSTRUCTED`: touches that a straight probe cannot make are an error, or are listed in the plan and not
-    in its touches, whose numbers stay those of the strategy. With 'warn' those on facets that face away from the spindle are
-    planned all the same and listed as doubtful: whoever wrote the strategy may have another stylus in mind.
+    `obstructed`, a key of `OBSTRUCTED`, else what the strategy states, else the usual: touches that a straight probe cannot make
+    are an error, or are listed in the plan and not in its touches, whose numbers stay those of the strategy. With 'warn' those on
+    facets that face away from the spindle are planned all the same and listed as doubtful: whoever wrote the strategy may have
+    another stylus in mind.
     """
+    obstructed = obstructed or cell.strategy.obstructed or USUAL
     shared = scene(cell.machine, cell.artefact, cell.strategy)
     facet, at = _order(cell.strategy, shared.facet)
     blocked = _blocked(shared, facet, at)
@@ -81,11 +83,12 @@ def plan(cell: Cell, obstructed: str = USUAL) -> Plan:
     return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubtful)
 
 
-def reachable(cell: Cell, obstructed: str = USUAL) -> Strategy:
+def reachable(cell: Cell, obstructed: str | None = None) -> Strategy:
     """cell → its strategy without the touches that plan leaves out, and without indexations of which none is left.
 
     Raises InputError when there is none at all.
     """
+    obstructed = obstructed or cell.strategy.obstructed or USUAL
     shared, strategy = scene(cell.machine, cell.artefact, cell.strategy), cell.strategy
     facet, at = _order(strategy, shared.facet)
     out = {row for row, found in _blocked(shared, facet, at).items() if _fate(found, obstructed) == "left out"}

@@ -59,7 +59,7 @@ class VolumeMap:
 def grid(machine: Machine, touches: Touches, levels: int | None = None, over: str = "travel") -> Array:
     """machine, touches, points an axis, `travel` or `probed` → (n, k) mm rad; the spindle stays at 0.
 
-    `travel`: each axis' travel, more than one turn of a rotary axis cut to one. `probed`: the range that was touched.
+    `travel`: each axis' travel, more than one turn of a rotary axis cut to one, one turn of an endless axis. `probed`: the range that was touched.
     Raises InputError for an axis without a travel or a grid that is too large.
     """
     names = (*machine.linear, *machine.rotary)
@@ -73,6 +73,8 @@ def grid(machine: Machine, touches: Touches, levels: int | None = None, over: st
         travel = machine.axis(name).travel
         if over == "probed":
             low, high = float(touches.axis(name).min()), float(touches.axis(name).max())
+        elif travel is None and name in machine.rotary:
+            low, high = -np.pi, np.pi
         elif travel is None:
             raise InputError(f"machine: axis {name} has no travel; give it one, or use the touched range (--over probed)")
         else:
