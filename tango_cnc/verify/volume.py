@@ -59,7 +59,7 @@ class VolumeMap:
 def grid(machine: Machine, touches: Touches, levels: int | None = None, over: str = "travel") -> Array:
     """machine, touches, points an axis, `travel` or `probed` → (n, k) mm rad; the spindle stays at 0.
 
-    `travel`: each axis' travel, more than one turn of a rotary axis cut to one, one turn of an endless axis. `probed`: the range that was touched.
+    `travel`: each axis' travel, one turn of a rotary axis that has more or is endless. `probed`: the range that was touched.
     Raises InputError for an axis without a travel or a grid that is too large.
     """
     names = (*machine.linear, *machine.rotary)
