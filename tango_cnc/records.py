@@ -7,7 +7,7 @@ column per axis in the order of `Machine.names`: X Y Z, then the rotary letters 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -208,9 +208,6 @@ class Indexation:
 
     position: Mapping[str, float]
     facets: tuple[Id, ...]
-
-
-OBSTRUCTED = ("leave-out-facing-away", "leave-out", "refuse", "warn")  # the first is usual; docs/formats.md
 
 
 @dataclass(frozen=True)
@@ -416,20 +413,10 @@ class Readings:
     def rows(self, keep: NDArray[Any]) -> Readings:
         """(n,) mask or (m,) indices → the readings of those rows, in that order."""
         index = np.arange(len(self))[keep]
-        return Readings(
-            self.axes,
-            self.touch[index],
-            self.time[index],
-            tuple(self.facet[i] for i in index),
-            self.position[index],
-            self.direction[index],
-            tuple(self.status[i] for i in index),
-            self.cycle[index],
-            self.day[index],
-            None if self.feed is None else self.feed[index],
-            {name: values[index] for name, values in self.temperatures.items()},
-            None if self.segment is None else self.segment[index],
-        )
+        names = ("touch", "time", "position", "direction", "cycle", "day", "feed", "segment")
+        taken: dict[str, Any] = {n: None if (v := getattr(self, n)) is None else v[index] for n in names}
+        taken |= {name: tuple(getattr(self, name)[i] for i in index) for name in ("facet", "status")}
+        return replace(self, **taken, temperatures={name: values[index] for name, values in self.temperatures.items()})
 
     @property
     def ok(self) -> NDArray[np.bool_]:

@@ -13,7 +13,8 @@ from tango_cnc import plan as planner
 from tango_cnc.cli import tango
 from tango_cnc.files import machine_text, read_cell, read_machine, strategy_text
 from tango_cnc.files.normals import inward
-from tango_cnc.records import OBSTRUCTED, InputError
+from tango_cnc.files.strategy import OBSTRUCTED
+from tango_cnc.records import InputError
 
 EXAMPLES = sorted(f.parent for f in (Path(__file__).parents[1] / "examples").glob("*/tango.yaml"))
 HU40T = next(f for f in EXAMPLES if f.name == "hu40t")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ..records import OBSTRUCTED, Approach, Artefact, Find, Indexation, Machine, Strategy
+from ..records import Approach, Artefact, Find, Indexation, Machine, Strategy
 from .angles import angle
 from .checked import Node, load, suggestion
 
@@ -16,6 +16,7 @@ LEAST = {
     "standoff": (2.0, "there the probe has to be free again, which takes a way back from the contact; raise standoff"),
     "search": (0.1, "a contact nearer than that to the end of the move is taken for none; raise search"),
 }
+OBSTRUCTED = ("leave-out-facing-away", "leave-out", "refuse", "warn")  # the first is usual; what they do: docs/formats.md
 LONGEST = 1000.0  # mm of stand-off and search: a probe that looks further at measuring feed looks for minutes
 CLEAR_OF_ZONE = 0.5  # mm from where the measuring move of a double touch begins to its search zone
 
