@@ -39,6 +39,10 @@ ROLLOVER = Option(
 TOLERANCE = Option("tolerance", 0.02, "mm from its target within which a move has not been stopped", verified=True)
 MISSED = Option("misses", 3, "touches in a row without contact after which the program stops: the probe may be dead", verified=True)
 TOUCHING = f"{TOUCH} - THE PROBE MOVES UP SLOWLY FOR 20 S"
+AFTER = (  # what a header says of stops
+    "AFTER A STOP - RESET. SWITCH THE PROBE OFF. MOVE UP ALONG THE TOOL BY HAND",
+    "BEFORE ANYTHING TURNS. THEN TANGO RUN --RESUME MAKES THE MISSING TOUCHES",
+)
 LETTING_GO = "LET GO OF THE STYLUS"
 UNTOUCHED, UNMET = (
     "STYLUS WAS NOT TOUCHED",
@@ -119,7 +123,7 @@ def counted(job: Job) -> Iterator[str]:
 def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
     """job, form of a comment, notes on this control → what a person has to know before starting it, doubts last."""
     yield remark % "START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
-    for note in (*notes, *doubted(job, 110)):
+    for note in (*notes, *AFTER, *doubted(job, 110)):
         yield remark % note
 
 

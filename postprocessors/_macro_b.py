@@ -103,6 +103,8 @@ class _Steps:
         for remark in common.counted(job):
             yield f"({remark})"
         yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
+        for remark in (*common.AFTER, *(f"A STOP LEAVES THE PORT OPEN - {close} IN MDI CLOSES IT" for close in self.words.close)):
+            yield f"({remark})"
         for remark in common.doubted(job, 80):
             yield f"({remark})"
         if job.options["length_check"]:

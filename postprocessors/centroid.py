@@ -186,6 +186,7 @@ def end(job: Job) -> Iterator[str]:
     yield f"GOTO {LAST}"
     for label, text in enumerate((*STOPS[:-1], common.unproven(job)), 9001):
         yield f"N{label}"
+        yield from filter(None, [job.options["probe_off"]])
         yield f'M225 #{SECONDS} "TANGO STOPPED. {text}"'
         yield f"GOTO {LAST}"
     yield f"N{LAST}"

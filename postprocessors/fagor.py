@@ -87,11 +87,11 @@ def begin(job: Job) -> Iterator[str]:
     yield "D0"
     if options["probe_input"]:
         yield f"#SELECT PROBE [{options['probe_input']}]"
+    yield f'#OPEN ["{options["output"]}","A"]'
     yield from _at_rest(job)
     for name, parameter in FRAME.items():
         yield f"{parameter}={_machine(job, name)}-{_programmed(job, name)}"
     yield f"{MISSES}=0"
-    yield f'#OPEN ["{options["output"]}","A"]'
     yield f'#WRITE ["TANGO START {job.mark} {len(plan.touches)}"]'
 
 
@@ -104,9 +104,9 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield from _at_rest(job)
     yield _measure(job, place, job.options["positioning_feed"])
     yield f"{SHORT}={_distance(job, place)}"
-    yield from _stop_if(f"{SHORT}>{number(job.options['tolerance'])}", "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE")
+    yield from _stop_if(job, f"{SHORT}>{number(job.options['tolerance'])}", "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE")
     if job.options["met"]:
-        yield from _stop_if(f"{_met(job)}!=0", "PROBE MET SOMETHING ON ITS WAY")
+        yield from _stop_if(job, f"{_met(job)}!=0", "PROBE MET SOMETHING ON ITS WAY")
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
@@ -121,7 +121,7 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             yield from common.unclamped(job, name, f"#MCS G0 {name}{there}")
             yield f"{SHORT}=ABS[{there}-{_machine(job, name)}]"
             yield f"{SHORT}=ABS[SIN[{SHORT}/2.]]"
-            yield from _stop_if(f"{SHORT}>{number(ARRIVED, 6)}", "ROTARY AXIS NOT IN PLACE")
+            yield from _stop_if(job, f"{SHORT}>{number(ARRIVED, 6)}", "ROTARY AXIS NOT IN PLACE")
 
 
 retract = clear = back = move
@@ -147,7 +147,7 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
     for name, parameter in found.items():
         yield f"{parameter}={_contact(job, name) if name in 'XYZ' else _machine(job, name)}"
     yield f"{GAP}={'+'.join(f'ABS[{_machine(job, n)}-{_programmed(job, n)}-{FRAME[n]}]' for n in FRAME)}"
-    yield from _stop_if(f"{GAP}>{number(CHANGED)}", "WORK OFFSET CHANGED")
+    yield from _stop_if(job, f"{GAP}>{number(CHANGED)}", "WORK OFFSET CHANGED")
     yield f"{SHORT}={_distance(job, place)}"
     way = [f"[{found[name]}-{common.signed(value)}]" for name, value in start.items()]
     yield f"{WAY}=SQRT[{'+'.join(f'{part}*{part}' for part in way)}]"
@@ -158,17 +158,17 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
     if job.options["met"]:
         yield from _if(f"{_met(job)}==0", f"{FLAG}=0")
     yield from _if(f"{FLAG}==0", *(f"{found[name]}={_machine(job, name)}" for name in "XYZ"), f"{GAP}=0")
-    yield from _stop_if(f"{GAP}>{number(LAG)}", "CONTACT DOES NOT FIT WHERE THE AXES STAND")
+    yield from _stop_if(job, f"{GAP}>{number(LAG)}", "CONTACT DOES NOT FIT WHERE THE AXES STAND")
     yield f"{MISSES}={MISSES}+1"
     yield from _if(f"{FLAG}!=0", f"{MISSES}=0")
-    yield from _stop_if(f"{MISSES}>={job.options['misses']}", "NO CONTACT. IS THE PROBE ALIVE")
+    yield from _stop_if(job, f"{MISSES}>={job.options['misses']}", "NO CONTACT. IS THE PROBE ALIVE")
 
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow move up during which somebody touches the stylus, and back; or a facet that proves the probe, and off it."""
     yield f'#MSG ["{common.proves(job, leg)}"]'
     yield from _measured(proving(job), leg)
-    yield from _stop_if(f"{FLAG}==0", common.unproven(job))
+    yield from _stop_if(job, f"{FLAG}==0", common.unproven(job))
     if leg.kind == "prove":
         yield _off(job, leg)
         return
@@ -195,11 +195,13 @@ def end(job: Job) -> Iterator[str]:
 def _at_rest(job: Job) -> Iterator[str]:
     """A probe that is deflected may have no edge to give: what follows would not be guarded."""
     if job.options["probe_state"]:
-        yield from _stop_if(f"{job.options['probe_state']}!=0", "PROBE IS DEFLECTED")
+        yield from _stop_if(job, f"{job.options['probe_state']}!=0", "PROBE IS DEFLECTED")
 
 
-def _stop_if(condition: str, text: str) -> Iterator[str]:
-    yield from _if(condition, f'#ERROR ["TANGO {text}"]', "M30")
+def _stop_if(job: Job, condition: str, text: str) -> Iterator[str]:
+    """No way out leaves the probe on or the file open."""
+    off = filter(None, [job.options["probe_off"]])
+    yield from _if(condition, *off, "#CLOSE", f'#ERROR ["TANGO {text}"]', "M30")
 
 
 def _if(condition: str, *then: str) -> Iterator[str]:

@@ -223,6 +223,7 @@ def end(job: Job) -> Iterator[str]:
         if label == UNTOUCHED and job.options["gate"] == "none":
             continue
         yield f"LBL {label}"
+        yield from filter(None, [job.options["probe_off"]])
         yield f"STOP ; {common.unproven(job) if label == UNTOUCHED else text}"
         yield "M30"
         yield "LBL 0"

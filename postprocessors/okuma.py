@@ -243,6 +243,7 @@ def _stops(job: Job, *labels: str) -> Iterator[str]:
     """A stop says its text again and again: an alarm that is cancelled does not let the program go on."""
     for label in labels:
         yield label
+        yield from filter(None, [job.options["probe_off"]])
         yield f"VUACM[1]='{NO_FACET if label == UNTOUCHED and job.options['gate'] == 'facet' else STOPS[label]}'"
         yield f"VDOUT[{job.options['alarm']}]={label[2:]}"
         yield f"GOTO {label}"

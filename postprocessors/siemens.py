@@ -187,6 +187,9 @@ def end(job: Job) -> Iterator[str]:
         if which == UNTOUCHED and job.options["gate"] == "none":
             continue
         yield f"TG_STOP_{which}:"
+        yield from filter(None, [job.options["probe_off"]])  # no way out leaves the probe on or the device taken
+        if _is_device(job):
+            yield f'EXTCLOSE(TG_ERROR,"{job.options["output"]}")'
         yield f'MSG("TANGO {common.unproven(job) if which == UNTOUCHED else text}")'
         if job.options["alarm"]:
             yield f"SETAL({job.options['alarm'] + which - 1})"

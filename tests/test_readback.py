@@ -423,8 +423,36 @@ SWITCHES = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}, "probe_on": "M720"
     ],
 )
 def test_the_words_of_the_profile_stand_where_they_belong(post: str, old: str, new: str, words: str) -> None:
+    if post == "fagor" and old == "M721\n":  # the first ones stand in its stops
+        old, new = "$ENDIF\nM721\n", "$ENDIF\n"
     lines = changed(bare(post, golden(), **SWITCHES), old, new)
     assert words in refused(renumbered(lines) if post == "heidenhain" else lines, post, **SWITCHES)
+
+
+@pytest.mark.parametrize("post", ["centroid", "fagor", "heidenhain", "okuma", "siemens"])
+def test_no_stop_leaves_the_probe_on(post: str) -> None:
+    """On the others a stop is an alarm of the control, behind which nothing of the program is carried out."""
+    lines = bare(post, golden(), **SWITCHES)
+    at = [i for i, line in enumerate(lines) if line == "M721"]
+    assert len(at) > 4, "the end of the program, and its stops"
+    del lines[at[0] if post == "fagor" else at[-1]]
+    assert refused(renumbered(lines) if post == "heidenhain" else lines, post, **SWITCHES)
+
+
+@pytest.mark.parametrize(
+    ("post", "options", "close"), [("fagor", {}, "#CLOSE"), ("siemens", {"output": "/dev/ext/1"}, "EXTCLOSE(")]
+)
+def test_no_stop_leaves_the_file_open(post: str, options: dict[str, Any], close: str) -> None:
+    lines = bare(post, golden(), **options)
+    at = [i for i, line in enumerate(lines) if line.startswith(close)]
+    assert len(at) > 4
+    del lines[at[0] if post == "fagor" else at[-1]]
+    assert refused(lines, post, **options)
+
+
+@pytest.mark.parametrize("post", READ)
+def test_every_header_says_what_to_do_after_a_stop(post: str) -> None:
+    assert any("AFTER A STOP - RESET" in line for line in bare(post, golden())[:12])
 
 
 @pytest.mark.parametrize("post", READ)

@@ -53,14 +53,14 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
     """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
-    read_through(lines, lambda: _Program(plan, options, *_stops(lines())), tail=True)
+    read_through(lines, lambda: _Program(plan, options, *_stops(lines(), options.get("probe_off", ""))), tail=True)
 
 
 LANGUAGE = Language(reads, rehearse)
 
 
-def _stops(lines: Iterable[str]) -> tuple[set[int], int, int]:
-    """lines → labels at which the program says something and ends, the last label, the variable that every stop shows for so long.
+def _stops(lines: Iterable[str], off: str) -> tuple[set[int], int, int]:
+    """lines, words that switch the probe off → labels that say something and end, the last label, the variable of how long.
 
     Raises InputError when what stands behind the labels is anything else.
     """
@@ -71,9 +71,11 @@ def _stops(lines: Iterable[str]) -> tuple[set[int], int, int]:
     if not tail or not re.fullmatch(r"N\d+", tail[-1]):
         raise InputError("the last line is no label, with which a program ends")
     last, found, seconds = int(tail[-1][1:]), set(), -1
-    rest = tail[:-1]
-    for i in range(0, len(rest), 3):
-        label, said, jump = [*rest[i : i + 3], "", ""][:3]
+    rest, each = tail[:-1], 4 if off else 3
+    for i in range(0, len(rest), each):
+        label, *switched, said, jump = [*rest[i : i + each], *[""] * each][:each]
+        if off and switched != [off]:
+            raise InputError(f"{label} leaves the probe on: {off} is missing")
         match, going = STOP.fullmatch(said), GOTO.fullmatch(jump)
         if not re.fullmatch(r"N\d+", label) or not match or not going or int(going[1]) != last:
             raise InputError(f"{label} is no place where this program stops")

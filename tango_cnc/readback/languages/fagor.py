@@ -73,6 +73,8 @@ class _Program:
         self._asked = self._untooled = False
         self._begun = self._opened = self._closed = self.over = False
         self._mark = ""
+        self._due = {"#CLOSE", options.get("probe_off", "")} - {""}  # what every way out does first …
+        self._left: set[str] = set()  # … and this one has done
         self._told: list[tuple[str, ...]] = []  # lines of this touch so far: what each says but for its flag
 
     def finish(self) -> None:
@@ -165,7 +167,7 @@ class _Program:
         self._asked = False
 
     def _if(self, condition: str) -> None:
-        self._within = "if"
+        self._within, self._left = "if", set()
         if self._state and self._state in condition:
             self._asked = True
             twin = self._machine.base.twin("stop", "the probe is deflected")
@@ -183,7 +185,11 @@ class _Program:
             self._within = ""
             self._machine.does(_every_branch)
             self._records()
+        elif self._within == "if" and line in self._due:
+            self._left.add(line)
         elif self._within == "if" and ERROR.fullmatch(line):
+            if missing := sorted(self._due - self._left):
+                raise InputError(f"stops without {' and '.join(missing)}")
             self._within = "error"
         elif self._within == "error" and line == "M30":
             self._within = "end"

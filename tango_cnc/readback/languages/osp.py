@@ -66,11 +66,14 @@ class _Part:
     lines: list[str] = field(default_factory=list)
     names: dict[str, int] = field(default_factory=dict)
 
-    def stops(self, name: str) -> bool:
-        """sequence name → whether nothing comes out of there: a text, the alarm, and back to the name."""
+    def stops(self, name: str, off: str) -> bool:
+        """sequence name, words that switch the probe off → whether nothing comes out: these, a text, the alarm, and back."""
         at = self.names.get(name)
         if at is None:
             return False
+        if off and self.lines[at : at + 1] != [off]:
+            return False
+        at += bool(off)
         text, stop, again = [*self.lines[at : at + 3], "", "", ""][:3]
         return bool(TEXT.fullmatch(text) and STOP.fullmatch(stop)) and again == f"GOTO {name}"
 
@@ -190,7 +193,7 @@ class _Program:
 
     def _ask(self, condition: str, name: str) -> None:
         """A question in the main program, whose answer is a stop."""
-        if not self._parts[""].stops(name):
+        if not self._parts[""].stops(name, self._options.get("probe_off", "")):
             raise InputError(f"{name} is no place where this program stops for good")
         question = f"IF[{condition}]"
         if question in (NOT_AGAIN, LOST):
@@ -254,7 +257,7 @@ class _Program:
             else:
                 raise InputError(f"in {name}, {code!r}: no line that a program of this kind may have here")
             if target is not None:
-                if part.stops(target):
+                if part.stops(target, self._options.get("probe_off", "")):
                     world.stopped = True
                     world.local.pop()
                     return

@@ -49,21 +49,26 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
     """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
-    read_through(lines, lambda: _Program(plan, options, _stops(lines())), tail=True)
+    read_through(lines, lambda: _Program(plan, options, _stops(lines(), options.get("probe_off", ""))), tail=True)
 
 
 LANGUAGE = Language(reads, rehearse)
 
 
-def _stops(lines: Iterable[str]) -> set[str]:
-    """lines → labels behind the end of the program from which it never goes on."""
+def _stops(lines: Iterable[str], off: str) -> set[str]:
+    """lines, words that switch the probe off → labels behind the end that leave no probe on and never go on."""
     found: set[str] = set()
     label, held, behind = "", False, False
+    owed: set[str] = {off} - {""}  # what a way out has to do: switch the probe off, close the device
+    due: set[str] = set()
     for _, line in numbered(lines):
+        owed |= {"EXTCLOSE"} if OPEN.fullmatch(line) else set()
         if behind and line.endswith(":"):
-            label, held = line[:-1], False
+            label, held, due = line[:-1], False, set(owed)
+        elif behind and label and not held and (done := "EXTCLOSE" if CLOSE.fullmatch(line) else line) in due:
+            due.remove(done)
         elif behind and label:
-            if line == "M30" and held:
+            if line == "M30" and held and not due:
                 found.add(label)
             held = line == "M0" or (held and bool(STOPS.fullmatch(line)))
             label = label if STOPS.fullmatch(line) else ""

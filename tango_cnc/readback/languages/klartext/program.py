@@ -91,7 +91,9 @@ class _Program:
     def __init__(self, plan: Plan, options: Mapping[str, Any], bodies: Mapping[str, list[str]]) -> None:
         self._machine = Rehearsal(plan, options, self._read, latches=True, astray=beside_the_line)
         self._plan, self._options, self._bodies = plan, options, bodies
-        self._stops = {label for label, body in bodies.items() if body == ["STOP", "M30"]}
+        self._stops = {
+            label for label, body in bodies.items() if body == [*filter(None, [options.get("probe_off")]), "STOP", "M30"]
+        }
         names = options.get("axis_numbers") or {name: i for i, name in enumerate("XYZABC", 1)}
         self._axis = {str(number): name for name, number in names.items()}
         self._head = set(HEAD) | {
