@@ -29,6 +29,8 @@ from .terms import Coefficient
 WAVES = 12  # functions of the walk in each direction
 MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
 WORTH = 4.0  # twice the gain in log likelihood that a component needs
+STEPS = np.arange(-10.0, 10.5, 0.5)  # of the logarithm of a component's variance over the white one
+MISSED = 1.0  # of twice the log likelihood, at most, between a minimum and the nearest step: 0.25² times half of 32 groups
 LAPLACE = 0.01  # mm: mean size of a touch's residual that the start takes for granted beside what was known before
 LARGEST = 1500  # touches of which the noise is taken apart
 FAINT = 1e-4  # share of the largest singular value below which touches tell nothing of a direction
@@ -266,9 +268,14 @@ def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
         ratios[list(active)] = np.exp(np.clip(np.atleast_1d(found.x), -20, 25))
         return float(found.fun), ratios
 
+    def hopeful(k: int) -> bool:
+        """Whether component k alone may be worth it: no further off than MISSED by steps that a minimum cannot hide between."""
+        least = min(deviance(np.exp(x) * np.eye(len(seen))[k])[0] for x in STEPS)
+        return least < tried[0][0] - WORTH + MISSED
+
     none = np.zeros(len(seen))
     tried = [(deviance(none)[0], none, 0)]
-    tried += [(*best((k,)), 1) for k in range(len(seen))]
+    tried += [(*best((k,)), 1) for k in range(len(seen)) if hopeful(k)]
     if len(seen) > 1 and any(d < tried[0][0] - WORTH for d, _, k in tried if k == 1):
         tried.append((*best(tuple(range(len(seen)))), len(seen)))
     _, ratios, _ = min(tried, key=lambda item: item[0] + WORTH * item[2])
