@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from .. import check, kinematics
-from ..iso230.poses import at_poses, steady
+from ..iso230.poses import all_steady, at_poses
 from ..records import Array, Artefact, InputError, Machine
 from ..terms import Coefficient
 from ..verify.volume import set_up, setup_lever
@@ -112,7 +112,7 @@ def levers(machine: Machine, coefficients: Sequence[Coefficient], count: int, po
     moving = at_poses(machine, position, np.ones_like(position))
     run = kinematics.trace(where.chain, position)
     still, jumps = np.zeros((len(position), 3, count)), np.zeros((len(position), 3, count))
-    own = [j for j, c in enumerate(coefficients) if steady(c, where)]
+    own = all_steady(coefficients, where)
     regressors = {j: coefficients[j].regressor(where) for j in own}
     changes = {j: coefficients[j].regressor(moving) - regressors[j] for j in own}
     for i in range(3):

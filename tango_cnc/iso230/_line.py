@@ -11,7 +11,7 @@ import numpy as np
 from ..kinematics import axis_frame
 from ..records import COMPONENTS, Array, Axis, Machine
 from ..terms import Coefficient
-from .poses import at_poses, steady
+from .poses import all_steady, at_poses
 
 POINTS = 201
 
@@ -44,8 +44,9 @@ def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], l
     at_rest, inter, reversal = np.zeros((6, p)), np.zeros((6, p)), np.zeros(p)
     frame, base, sense = axis_frame(axis.name, axis.direction)
     own = base + (0 if axis.kind == "linear" else 3)
-    for j, c in enumerate(coefficients):
-        if c.slot.axis != axis.name or not steady(c, still):
+    for j in all_steady(coefficients, still):
+        c = coefficients[j]
+        if c.slot.axis != axis.name:
             continue
         value = c.regressor(still)
         if c.slot.stage == "inter":

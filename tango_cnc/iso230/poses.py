@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +31,14 @@ def steady(coefficient: Coefficient, poses: Touches) -> bool:
 
     What drifts is zero at time 0 and stays; what remembers the last move gives other values for the same poses backwards.
     """
-    if not coefficient.slot.axis or is_setup(coefficient.slot):
-        return False
+    return bool(all_steady([coefficient], poses))
+
+
+def all_steady(coefficients: Sequence[Coefficient], poses: Touches) -> list[int]:
+    """coefficients, poses → places of those that are `steady`; the poses are turned round once for all of them."""
     backwards = at_poses(poses.machine, poses.position[::-1], poses.direction[::-1])
-    return bool(np.allclose(coefficient.regressor(poses), coefficient.regressor(backwards)[::-1], rtol=1e-12, atol=1e-300))
+
+    def same(c: Coefficient) -> bool:
+        return np.allclose(c.regressor(poses), c.regressor(backwards)[::-1], rtol=1e-12, atol=1e-300)
+
+    return [j for j, c in enumerate(coefficients) if c.slot.axis and not is_setup(c.slot) and same(c)]

@@ -62,16 +62,21 @@ def signed(result: Estimate, length: float | None = None, thermal: Thermal | Non
 
     Raises TangoError where there are too few touches.
     """
+    asks, all_of_it, at = _all(result, length)
+    asks, all_of_it = (asks, all_of_it) if thermal is None else expanded(asks, all_of_it, scale(thermal, at_reference))
+    found = [told(ask, all_of_it) for ask in asks]
+    state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
+    return Sheet((*found, *_relative(asks, found, all_of_it)), at, all_of_it.sigma, all_of_it.freedom, state)
+
+
+def _all(result: Estimate, length: float | None = None) -> tuple[list[Ask], Whole, Reference]:
+    """estimate, tool length (mm; default: of the probe) → every figure, machine, where the other axes stand."""
     from . import ranges
 
     over = ranges(result.model.touches)
     machine = result.model.touches.machine
     all_of_it, at = whole(result), reference(machine, over, length)
-    asks = asked(machine, all_of_it.coefficients, over, at)
-    asks, all_of_it = (asks, all_of_it) if thermal is None else expanded(asks, all_of_it, scale(thermal, at_reference))
-    found = [told(ask, all_of_it) for ask in asks]
-    state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
-    return Sheet((*found, *_relative(asks, found, all_of_it)), at, all_of_it.sigma, all_of_it.freedom, state)
+    return asked(machine, all_of_it.coefficients, over, at), all_of_it, at
 
 
 def expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
@@ -94,7 +99,8 @@ def expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
 def withheld(result: Estimate) -> tuple[str, ...]:
     """estimate → a sentence for every ISO figure that these touches do not decide; one where they are too few for any."""
     try:
-        return signed(result).not_identifiable
+        asks, all_of_it, _ = _all(result)
+        return tuple(doubt[1] for ask in asks if (doubt := _undecided(ask, all_of_it)))
     except TangoError as error:
         return (str(error),)
 
@@ -109,16 +115,22 @@ def _worst(ask: Ask, w: Whole) -> tuple[Array, float]:
     return centred[i], float(std[i]) * ask.factor
 
 
+def _undecided(ask: Ask, w: Whole) -> tuple[tuple[str, ...], str] | None:
+    """figure, machine → the error motions it cannot be told from, and the sentence why it is withheld; None when it is not."""
+    weights, std = _worst(ask, w)
+    if std <= UNDECIDED[ask.unit]:
+        return None
+    mixed = _mixed(ask, weights, w)
+    others = f"cannot be told from {_list(mixed)}" if mixed else "is not decided by these touches"
+    return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
+
+
 def told(ask: Ask, w: Whole) -> OnPart:
     """figure as it depends on the coefficients, machine → value and interval, or withheld with the reason."""
-    weights, std = _worst(ask, w)
     axis = ask.own[2:3] if ask.range is not None else ""
     positions = len(np.unique(np.round(w.touches.axis(axis), 3))) if axis in w.touches.machine.names else 0
-    if std > UNDECIDED[ask.unit]:
-        mixed = _mixed(ask, weights, w)
-        others = f"cannot be told from {_list(mixed)}" if mixed else "is not decided by these touches"
-        text = f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
-        return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, mixed, text, positions)
+    if (doubt := _undecided(ask, w)) is not None:
+        return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, positions)
     value, interval = _interval(ask, w)
     return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", positions)
 

@@ -14,7 +14,7 @@ from .. import kinematics
 from ..kinematics import Slot
 from ..records import Array, Axis, Machine
 from ..terms import Coefficient
-from .poses import at_poses, steady
+from .poses import all_steady, at_poses
 
 POINTS = 61
 ARM = 100.0  # mm, of the points by whose ways the turn of the tool is told
@@ -74,7 +74,7 @@ def trajectory(
     shift, turn, reversal = np.zeros((POINTS, 3, p)), np.zeros((POINTS, 3, p)), np.zeros((3, p))
     nominal = kinematics.tip(still.chain, position)
     way = (nominal[-1] - nominal[0]) / np.linalg.norm(nominal[-1] - nominal[0])
-    use = [j for j, c in enumerate(coefficients) if steady(c, still)]
+    use = all_steady(coefficients, still)
     value = np.array([coefficients[j].regressor(still) for j in use])
     jump = np.array([(coefficients[j].regressor(forward) - v)[0] for j, v in zip(use, value, strict=True)])
     if not use:

@@ -20,7 +20,7 @@ from scipy import optimize
 
 from .. import kinematics
 from ..estimate import Estimate
-from ..iso230.poses import at_poses, is_setup, steady
+from ..iso230.poses import all_steady, at_poses, is_setup
 from ..kinematics import Errors
 from ..model import Model, errors
 from ..records import Array, InputError, Machine, TangoError
@@ -104,7 +104,7 @@ def volume(result: Estimate, position: Array) -> VolumeMap:
     poses = at_poses(touches.machine, position, np.zeros_like(position))
     nominal = kinematics.tip(poses.chain, position)
     outside, extrapolated = probed(touches, position)
-    own = [i for i, c in enumerate(result.model.coefficients) if steady(c, poses)]
+    own = all_steady(result.model.coefficients, poses)
     coefficients, values = [result.model.coefficients[i] for i in own], result.values[own]
     acting = errors(Model(poses, tuple(coefficients)), values)
     levers, reversal = _levers(coefficients, values, poses, acting)
