@@ -404,7 +404,7 @@ class Readings:
     cycle: NDArray[np.int64]  # (n,)
     day: NDArray[np.int64]  # (n,)
     feed: Array | None = None  # (n,) mm/min
-    temperatures: Mapping[str, Array] = field(default_factory=dict)  # °C
+    temperatures: Mapping[str, Array] = field(default_factory=dict)  # °C, NaN where it is not known
     segment: NDArray[np.int64] | None = None  # (n,) 1, and one more after each interruption; None: there was none
 
     def __len__(self) -> int:

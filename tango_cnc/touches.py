@@ -171,7 +171,7 @@ def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> T
         rows.day,
         np.array([f.point for f in facets]).reshape(-1, 3),
         np.array([f.normal for f in facets]).reshape(-1, 3),
-        dict(rows.temperatures),
+        {name: values for name, values in rows.temperatures.items() if np.isfinite(values).all()},  # no value is made up
     )
 
 

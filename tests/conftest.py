@@ -22,7 +22,7 @@ PACKAGES = {
     "socat": "socat",
     "pg_lsclusters": "postgresql",
 }
-PACKAGES |= {"sshd": "openssh-server"}
+PACKAGES |= {"sshd": "openssh-server", "mosquitto": "mosquitto"}
 
 # The same examples everywhere and every time; how long one takes depends on who shares the machine.
 settings.register_profile("tango", deadline=None, derandomize=True)

@@ -85,7 +85,7 @@ LIBRARIES = {
     "sqlalchemy": ("tango_cnc.history",),
     "alembic": ("tango_cnc.history",),
     "pyarrow": ("tango_cnc.history.exchange",),
-    "paho": ("tango_cnc.nightly.notify",),
+    "paho": ("tango_cnc.nightly.notify", "tango_cnc.link.transport"),
     "apprise": ("tango_cnc.nightly.notify",),
 }
 # Clients know bytes and seconds as arguments; clock, port and file belong to the session around them.
@@ -93,7 +93,7 @@ TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_layout", "_nodes", "_secrets"}
+LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_layout", "_nodes", "_secrets", "_sensors"}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.

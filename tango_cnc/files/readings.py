@@ -39,8 +39,9 @@ def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
     cells = {name: [row[i].strip() for _, row in body] for i, name in enumerate(header)}
     at = [line for line, _ in body]
 
-    def numbers(name: str) -> Array:
-        return np.array([finite(file, line, name, text, NUMBER) for line, text in zip(at, cells[name], strict=True)])
+    def numbers(name: str, empty: bool = False) -> Array:
+        texts = zip(at, cells[name], strict=True)
+        return np.array([finite(file, line, name, text, NUMBER) if text or not empty else math.nan for line, text in texts])
 
     def whole(name: str) -> np.ndarray:
         values = numbers(name) if name in cells else np.ones(len(body))
@@ -78,7 +79,7 @@ def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
         whole("cycle"),
         whole("day"),
         numbers("feed") if "feed" in cells else None,
-        {name[2:]: numbers(name) for name in header if name.startswith("T_")},
+        {name[2:]: numbers(name, empty=True) for name in header if name.startswith("T_")},
         whole("segment") if "segment" in cells else None,
     )
 
@@ -156,7 +157,7 @@ def readings_text(readings: Readings, decimals: int | None = 6) -> str:
         values = [shown(at[column[a]] if a in "XYZ" else math.degrees(at[column[a]])) for a in axes]
         signs = [f"{readings.direction[i, column[a]]:.0f}" for a in axes]
         more = [] if readings.feed is None else [f"{readings.feed[i]:g}"]
-        more += [f"{temperature[i]:.3f}" for temperature in readings.temperatures.values()]
+        more += ["" if math.isnan(temperature[i]) else f"{temperature[i]:.3f}" for temperature in readings.temperatures.values()]
         more += [] if readings.segment is None else [str(readings.segment[i])]
         writer.writerow(
             [

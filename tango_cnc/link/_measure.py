@@ -37,10 +37,12 @@ from ._address import Address, linked, parse, spoken
 from ._client import Job
 from ._readings import missing, provenance, readings_of
 from ._secrets import shown
+from ._sensors import read_sensors
 from .entries import Doubted, End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
 from .session import Moved, Session, Step, step_of
 from .transport import open_port
+from .transport._sensors import Watch
 
 QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
 FLOOR, TIMES = 30.0, 3.0  # silence allowed before a touch: s, and multiples of its predicted time
@@ -97,10 +99,12 @@ def measure(
         if said:
             watch(Step(0, count, 0.0, None, "; ".join(said)))
 
+    sensors = Watch(read_sensors(cell.folder))
     announced(1)
     confirm(jobs[0].plan, programs[0])
     transport = open_port(address)
     try:
+        sensors.start()
         if not before:
             _set_aside(file)
         journal = Journal(file, resume=bool(before))
@@ -123,6 +127,7 @@ def measure(
                             stop=stop,
                             boot=_boot(),
                             hidden=address.hidden,
+                            sensors=sensors.values,
                         )
                         session.run(transport)
             except LinkError as error:
@@ -132,6 +137,7 @@ def measure(
         finally:
             journal.close()
     finally:
+        sensors.close()
         transport.close()
 
 

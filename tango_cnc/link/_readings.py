@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Plan, Readings
+from ..records import Array, Plan, Readings
 from .entries import Again, Doubted, End, Entry, Identity, Reading, Segment
 
 Entries = Sequence[Entry]
@@ -35,8 +35,16 @@ def readings_of(entries: Entries, plan: Plan) -> Readings | None:
         np.ones(len(found), dtype=np.int64),
         np.ones(len(found), dtype=np.int64),
         np.full(len(found), plan.strategy.approach.feed),
+        temperatures=_temperatures(found),
         segment=segment if segment.max() > 1 else None,
     )
+
+
+def _temperatures(found: Sequence[Reading]) -> dict[str, Array]:
+    """readings of a journal → {sensor: (n,) °C}, NaN where nobody said it."""
+    names = list(dict.fromkeys(name for entry in found for name in entry.temperatures or {}))
+    said = {name: [(entry.temperatures or {}).get(name) for entry in found] for name in names}
+    return {name: np.array([np.nan if value is None else value for value in values]) for name, values in said.items()}
 
 
 def missing(entries: Entries, plan: Plan) -> tuple[int, ...]:

@@ -69,6 +69,7 @@ class Reading:
     drift_um: float | None
     direction: tuple[int, ...]  # of the last motion of every axis: -1, 0, 1
     record: str
+    temperatures: Mapping[str, float | None] | None = None  # °C, of sensors.yaml; None where nobody said it
 
 
 @dataclass(frozen=True)

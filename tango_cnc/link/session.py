@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TextIO
@@ -115,6 +115,7 @@ class Session:
         stop: Callable[[], int] = lambda: 0,
         boot: str = "",
         hidden: tuple[str, ...] = (),
+        sensors: Callable[[], Mapping[str, float | None]] = dict,
     ) -> None:
         """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day, `stop` the user's wishes.
 
@@ -123,7 +124,7 @@ class Session:
         self._job, self._client, self._journal, self._watch = job, client, journal, watch
         self._clock, self._now, self._gate = clock, now, gate or Gate()
         self._transcript, self._stop = Transcript(transcript, clock, hidden), stop
-        self._boot = boot
+        self._boot, self._sensors = boot, sensors
         self._touches = {touch.number: touch for touch in job.plan.touches}
         self._directions = last_motion(job.plan)
         self._zero: float | None = None  # clock at the time zero of the readings
@@ -322,6 +323,7 @@ class Session:
             drift_um=drift,
             direction=tuple(int(sense) for sense in self._directions[place]),
             record=text,
+            temperatures=dict(self._sensors()) or None,
         )
         self._journal.add(entry)
         return entry

@@ -67,7 +67,7 @@ def three(knowledge: Knowledge) -> tuple[tuple[str, ...], Array, Array]:
 
 def warmth(readings: Readings, sensor: str | None) -> dict[str, Array]:
     """readings, sensor → {sensor: (n,) °C} that count."""
-    found = {name: np.asarray(values) for name, values in readings.temperatures.items()}
+    found = {name: np.asarray(values) for name, values in readings.temperatures.items() if np.isfinite(values).all()}
     return {sensor: found[sensor]} if sensor in found else found
 
 

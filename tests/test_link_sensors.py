@@ -1,0 +1,186 @@
+"""Temperatures of the shop beside a run: an MTConnect agent, a real MQTT broker, and what happens when they fail."""
+
+import http.server
+import json
+import math
+import shutil
+import subprocess
+import threading
+import time
+
+import numpy as np
+import pytest
+from paho.mqtt import publish
+from test_link_remote import free_port, listening
+from test_run import STRATEGY, Control, Result, readings
+
+from tango_cnc.commands.init import write_example
+from tango_cnc.files import read_cell
+from tango_cnc.link._sensors import Sensor, Sensors, read_sensors
+from tango_cnc.link.transport import _sensors
+from tango_cnc.link.transport._sensors import Watch, current, payload
+from tango_cnc.records import InputError
+from tango_cnc.touches import from_readings
+
+STREAM = """<?xml version="1.0"?>
+<MTConnectStreams xmlns="urn:mtconnect.org:MTConnectStreams:1.3"><Streams><DeviceStream name="one"><ComponentStream>
+<Samples><Temperature dataItemId="t1" name="bed" timestamp="2026-05-01T06:00:00Z">{bed}</Temperature>
+<Temperature dataItemId="t2" timestamp="2026-05-01T06:00:00Z">UNAVAILABLE</Temperature></Samples>
+</ComponentStream></DeviceStream></Streams></MTConnectStreams>"""
+
+
+@pytest.fixture
+def agent():
+    """What stands in for an agent: its url and, in `says`, its answer."""
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(server.says)
+
+        def log_message(self, *_):
+            pass
+
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.says, server.url = STREAM.format(bed=21.5).encode(), f"http://127.0.0.1:{server.server_port}/current"
+    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
+    yield server
+    server.shutdown()
+
+
+@pytest.fixture
+def cell(tmp_path):
+    folder = tmp_path / "cell"
+    write_example(folder, "hu40t")
+    (folder / "strategy.yaml").write_text(STRATEGY)
+    return folder
+
+
+def slowly(_, line):
+    time.sleep(0.05)
+    return line
+
+
+def until(condition):
+    for _ in range(200):
+        if condition():
+            return
+        time.sleep(0.02)
+    raise AssertionError("it has not happened")
+
+
+def test_a_run_notes_the_temperatures_and_leaves_empty_what_nobody_says(cell, agent):
+    (cell / "sensors.yaml").write_text(
+        f"sensors:\n  bed: {{mtconnect: '{agent.url}', item: bed}}\n  oil: {{mtconnect: '{agent.url}', item: t2}}\n"
+        f"  gone: {{mtconnect: 'http://127.0.0.1:{free_port()}/current', item: x}}\n"
+    )
+    control = Control(cell, edit=slowly)
+    result = Result("run", "-C", cell, "--port", control.url, "--timeout", "20")
+    assert result.code == 0, result.err
+    got = readings(cell)
+    assert set(got.temperatures) == {"bed", "oil", "gone"}
+    assert got.temperatures["bed"][-1] == 21.5
+    assert np.isnan(got.temperatures["oil"]).all() and np.isnan(got.temperatures["gone"]).all()
+    assert "nan" not in (cell / "readings.csv").read_text()
+    made = read_cell(cell)
+    whole = not np.isnan(got.temperatures["bed"]).any()
+    assert set(from_readings(made.machine, made.artefact, got).temperatures) == (
+        {"bed"} if whole else set()
+    )  # the sensors of diagnose
+
+
+def test_a_value_that_is_unavailable_or_old_is_not_kept(agent):
+    watch = Watch(Sensors((Sensor("bed", "mtconnect", agent.url, "t1"),), every=0.05, old=0.5))
+    watch.start()
+    until(lambda: watch.values() == {"bed": 21.5})
+    agent.says = STREAM.format(bed="UNAVAILABLE").encode()
+    until(lambda: watch.values() == {"bed": None})
+    agent.says = STREAM.format(bed=22).encode()
+    until(lambda: watch.values() == {"bed": 22.0})
+    agent.says = b"out of order"
+    until(lambda: watch.values() == {"bed": None})  # it has grown old
+    watch.close()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"<a",
+        b"{}",
+        b'<!DOCTYPE a [<!ENTITY b "21.5">]><a dataItemId="t">&b;</a>',
+        '<!DOCTYPE a><a dataItemId="t">1</a>'.encode("utf-16"),
+        b'<a dataItemId="t">1</a>' + b" " * _sensors.LARGEST,
+    ],
+)
+def test_an_answer_that_is_no_agents_is_refused(data):
+    with pytest.raises(ValueError):
+        current(data)
+
+
+def test_no_answer_however_it_is_spoilt_is_a_temperature_of_nothing():
+    watch = Watch(Sensors((Sensor("bed", "mtconnect", "http://x/", "t1"),)))
+    for text in ("nan", "inf", "1e9", "-273", "", "21,5", "UNAVAILABLE"):
+        watch._came("bed", text)
+        assert watch.values() == {"bed": None}, text
+
+
+@pytest.mark.parametrize(
+    ("data", "key", "said"),
+    [
+        (b"21.5\n", "", "21.5"),
+        (b'{"celsius": 21.5}', "celsius", "21.5"),
+        (b'{"celsius": true}', "celsius", ""),
+        (b"[1]", "celsius", ""),
+        (b"{", "celsius", ""),
+        (b"\xff", "", ""),
+        (b"[" * 100_000, "celsius", ""),
+    ],
+)
+def test_what_a_message_says(data, key, said):
+    assert payload(data, key) == said
+
+
+@pytest.mark.system("mosquitto")
+def test_messages_of_a_broker_count_and_kept_ones_do_not(tmp_path):
+    port = free_port()
+    (tmp_path / "conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\npersistence false\n")
+    command = [shutil.which("mosquitto"), "-c", tmp_path / "conf"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as broker:
+        try:
+            listening(port, broker)
+            publish.single("shop/room", "19.0", retain=True, hostname="127.0.0.1", port=port)
+            url = f"mqtt://127.0.0.1:{port}/shop"
+            room, oil = Sensor("room", "mqtt", f"{url}/room"), Sensor("oil", "mqtt", f"{url}/oil", key="celsius")
+            watch = Watch(Sensors((room, oil)))
+            watch.start()
+
+            def said():
+                publish.single("shop/oil", json.dumps({"celsius": 30.25}), hostname="127.0.0.1", port=port)
+                return watch.values()["oil"] == 30.25
+
+            until(said)
+            assert watch.values()["room"] is None
+            publish.single("shop/room", "19.5", hostname="127.0.0.1", port=port)
+            until(lambda: watch.values()["room"] == 19.5)
+        finally:
+            broker.terminate()
+    watch.close()
+    assert math.isclose(watch.values()["room"], 19.5)  # the broker is gone, the value not yet old
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("sensors: {bed: {mtconnect: 'ftp://x/current', item: a}}", "http://"),
+        ("sensors: {'a b': {mtconnect: 'http://x/current', item: a}}", "letters, digits and _"),
+        ("sensors: {bed: {mqtt: 'mqtt://x'}}", "mqtt://"),
+        ("sensors: {bed: {mqtt: 'mqtt://x/a', item: b}}", "item"),
+        ("every: 0\nsensors: {}", "every"),
+    ],
+)
+def test_a_file_of_sensors_that_is_wrong_is_named_with_its_line(tmp_path, text, why):
+    (tmp_path / "sensors.yaml").write_text(text)
+    with pytest.raises(InputError, match=rf"sensors\.yaml:\d+.*{why}"):
+        read_sensors(tmp_path)
