@@ -9,6 +9,7 @@ from textwrap import wrap
 from typing import Any
 
 from tango_cnc.gate import PROVING, TOUCH
+from tango_cnc.gate import RELEASE as RELEASE
 from tango_cnc.records import OFF, InputError, Machine
 
 from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
@@ -48,7 +49,6 @@ UNTOUCHED, UNMET = (
     "STYLUS WAS NOT TOUCHED",
     "PROBE DID NOT NOTICE FACET",
 )  # or the probe is dead, off, or wired to another input: nothing has come near the table
-RELEASE = 5  # s for the hand to go
 STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "record", "back", "probe_off", "end", "gate")
 
 

@@ -7,11 +7,13 @@ positioning feed of the dialect. Without it the moves are taken to be rapid.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
-from .records import OFF, Axis, Move, Plan
+from .gate import ALIVE_TIME, RELEASE, gate, served
+from .records import OFF, Axis, Move, Plan, Touch
 
+PROOF = "prove the probe alive"  # in each program
 FIND = "find and back"  # the first of two touches: to the facet, off it, and to where the measuring move begins
 PARTS = {
     "retract": "retract and clear",
@@ -42,8 +44,11 @@ def _axis_time(axis: Axis, distance: float) -> float:
     return trapezoid(distance, speed, acceleration * (1000 if axis.kind == "linear" else 1))
 
 
-def of_moves(plan: Plan, feed: float | None = None) -> Iterator[float]:
-    """plan, mm/min of protected moves → s for each of its moves, one at a time; a measuring move ends at the nominal contact."""
+def of_moves(plan: Plan, feed: float | None = None, moves: Iterable[tuple[Move, Touch]] | None = None) -> Iterator[float]:
+    """plan, mm/min of protected moves → s for each of its moves, one at a time; a measuring move ends at the nominal contact.
+
+    `moves`: those of a program, with their touches, where it makes more than the plan.
+    """
     axes = {axis.name: axis for axis in plan.machine.axes}
     at: dict[str, float] = {}
     approach = plan.strategy.approach
@@ -53,7 +58,8 @@ def of_moves(plan: Plan, feed: float | None = None) -> Iterator[float]:
             "find": approach.standoff / (approach.find.feed / 60),
             "probe": approach.find.retreat / (approach.feed / 60),
         }
-    for move, touch in plan.served:
+    search["prove"] = approach.standoff / (approach.feed / 60)
+    for move, touch in plan.served if moves is None else moves:
         yield search[move.kind] if move.kind in search else _move_time(axes, at, move, feed)
         if move.kind in search:
             contact = dict(zip(plan.machine.names, touch.contact, strict=True))
@@ -84,6 +90,16 @@ def duration(plan: Plan, feed: float | None = None) -> dict[str, float]:
     for move, time in zip(plan.moves, of_moves(plan, feed), strict=True):
         result[PARTS[move.kind]] += time
     return result
+
+
+def proof(plan: Plan, which: str, feed: float | None = None) -> float:
+    """plan, value of the option gate, mm/min of protected moves → s at most that a program takes to prove the probe alive."""
+    if which == "finger":
+        up = gate(plan)
+        return ALIVE_TIME + RELEASE + (math.dist(up.start, up.end) / (feed / 60) if feed else 0.0)
+    if which == "facet":
+        return sum(of_moves(plan, feed, served(plan, which))) - sum(of_moves(plan, feed))
+    return 0.0
 
 
 def saved(plan: Plan, feed: float | None = None) -> float | None:

@@ -17,6 +17,7 @@ from .records import InputError, Move, MoveKind, Plan, Touch
 
 ALIVE = 10.0  # mm of the slow move during which somebody touches the stylus, before the first descent
 ALIVE_TIME = 20.0  # s of it, for a person to get there
+RELEASE = 5  # s for the hand to go
 TOUCH = "TOUCH THE STYLUS"  # what a program shows then, word by word
 BEHIND = 0.5  # mm behind its facet where the search ends that proves the probe: every stylus gives way by more
 ABOVE = math.cos(math.radians(45.0))  # of the angle between tool and facet normal: touched from above

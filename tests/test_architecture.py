@@ -24,7 +24,7 @@ INTERNAL: dict[str, str | None] = {
     "identify": "records kinematics touches terms model",
     "estimate": "records kinematics touches terms model identify",
     "check": "records kinematics",
-    "duration": "records",
+    "duration": "records gate",
     "gate": "records",
     "commission": "records gate plan",
     "locate": "records kinematics plan",

@@ -86,7 +86,7 @@ def test_touches_that_a_straight_stylus_cannot_make_are_counted_and_listed_and_t
     assert sum(found["facets"].values()) == 358
     made = plan(read_cell(contract))
     assert found["predicted_time_s"]["probe"] == pytest.approx(358 * 10 / 3)
-    assert sum(found["predicted_time_s"].values()) == pytest.approx(sum(duration(made).values()))
+    assert sum(found["predicted_time_s"].values()) == pytest.approx(sum(duration(made).values()))  # no post: nothing is proven
     assert call("check", "-C", contract) == 0
     said = capsys.readouterr().out
     assert "358 of 393 touches on 36 facets at 28 indexations" in said
@@ -162,6 +162,17 @@ def test_predicted_time_is_the_sum_of_its_parts(short: Path, capsys: pytest.Capt
     parts = found["predicted_time_s"]
     assert all(math.isfinite(s) and s >= 0 for s in parts.values()) and len(parts) > 2
     assert sum(parts.values()) > 5 * 60
+
+
+def test_a_program_takes_the_time_in_which_it_proves_the_probe_alive(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A finger: 20 s of slow motion, 5 s to let go, 10 mm back at 3000 mm/min. A facet: down to it, 10 mm at 180 mm/min, back."""
+    _, found = checked(capsys, "-C", short)
+    assert found["predicted_time_s"]["prove the probe alive"] == pytest.approx(25.2)
+    profile = (short / "tango.yaml").read_text(encoding="utf-8")
+    for which, low, high in (("none", 0, 0), ("facet", 10 / 3, 60)):
+        (short / "tango.yaml").write_text(profile.replace("post: fanuc", f"post: fanuc\n  gate: {which}"), encoding="utf-8")
+        _, found = checked(capsys, "-C", short)
+        assert low <= found["predicted_time_s"].get("prove the probe alive", 0) <= high
 
 
 def test_axes_that_index_turn_one_after_the_other(cell: Path) -> None:
@@ -260,7 +271,7 @@ def test_the_whole_program_is_read_back(cell: Path, capsys: pytest.CaptureFixtur
     (cell / "tango.yaml").write_text(profile.replace("post: fanuc", "post: ./forgetful.py"), encoding="utf-8")
     assert call("check", "-C", cell) == 2
     said = capsys.readouterr()
-    assert "the program ends before the retract move of touch 393" in said.err and not said.out
+    assert "the program ends before the retract move of touch 325" in said.err and not said.out
 
 
 def test_numbers_that_are_words_need_no_quotes_and_terms_have_to_be_stated(cell: Path) -> None:

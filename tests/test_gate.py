@@ -28,6 +28,9 @@ from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
 from tango_cnc.records import InputError, Plan, World
 
+QUICK = ("fanuc", "siemens")  # of two families by default; the others take as long each and run in CI
+DIALECTS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(EVERY)]
+BY_LINE = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(EVERY) if name != "heidenhain"]
 NEAR = ("contact", "collision")  # what must not happen where nobody has proven the probe alive
 
 
@@ -77,7 +80,7 @@ def events(found: Ran) -> list[str]:
     return [event for event, _ in found.events]
 
 
-@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("name", DIALECTS)
 def test_a_finger_opens_the_way_to_the_table(name: str) -> None:
     found = ran(name, golden())
     assert not found.why and not found.stops
@@ -85,7 +88,7 @@ def test_a_finger_opens_the_way_to_the_table(name: str) -> None:
     assert events(found).count("contact") == len(golden().touches)
 
 
-@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("name", DIALECTS)
 @pytest.mark.parametrize("who", [{"probe": "dead"}, {"probe": "other"}, {"probe": "inverted"}, {"person": False}], ids=str)
 def test_without_it_nothing_comes_near_the_table(name: str, who: Mapping[str, Any]) -> None:
     found = ran(name, golden(), **who)
@@ -95,7 +98,7 @@ def test_without_it_nothing_comes_near_the_table(name: str, who: Mapping[str, An
     assert not height or min(height) >= gate(golden()).start[golden().machine.column("Z")] - 1e-6
 
 
-@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("name", DIALECTS)
 def test_what_a_dead_probe_does_where_nobody_asks_for_a_finger_is_said_before(name: str) -> None:
     found = ran(name, golden(), {"gate": "none"}, probe="dead")
     assert "collision" in events(found)
@@ -112,7 +115,7 @@ def refused(name: str, made: Plan, lines: list[str]) -> bool:
     return False
 
 
-@pytest.mark.parametrize("name", sorted(set(EVERY) - {"heidenhain"}))  # whose blocks count: a line less is refused by its number
+@pytest.mark.parametrize("name", BY_LINE)  # whose blocks count: a line less is refused by its number
 def test_the_read_back_refuses_a_program_without_it(name: str) -> None:
     made = golden()
     lines = list(program(load(name), made, {}, plan_hash(made))[2]())
@@ -158,7 +161,7 @@ def bent(found: Ran) -> float:
     return max((data["depth"] for event, data in found.events if event == "bent"), default=0.0)
 
 
-@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("name", DIALECTS)
 def test_a_facet_from_above_proves_the_probe_where_nobody_is_there(name: str) -> None:
     made = golden()
     found = ran(name, made, FACET, person=False)
@@ -170,7 +173,7 @@ def test_a_facet_from_above_proves_the_probe_where_nobody_is_there(name: str) ->
     readback.check(lambda: iter(lines), made, settings_of(load(name), FACET), files, written_in=load(name).language)
 
 
-@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("name", DIALECTS)
 @pytest.mark.parametrize("probe", WAYS_IT_FAILS)
 def test_at_the_facet_a_probe_that_says_nothing_gives_way_and_is_found(name: str, probe: str) -> None:
     found = ran(name, golden(), FACET, person=False, probe=probe)
@@ -181,7 +184,7 @@ def test_at_the_facet_a_probe_that_says_nothing_gives_way_and_is_found(name: str
     assert not [line for line in found.lines if line.strip().startswith("P")]
 
 
-@pytest.mark.parametrize("name", sorted(set(EVERY) - {"heidenhain"}))  # whose blocks count: a line less is refused by its number
+@pytest.mark.parametrize("name", BY_LINE)  # whose blocks count: a line less is refused by its number
 def test_the_read_back_refuses_a_facet_that_stops_nothing_or_that_is_pressed_deeper(name: str) -> None:
     made = golden()
     options = settings_of(load(name), FACET)

@@ -10,7 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
-from ..duration import duration, saved, spoken
+from ..duration import PROOF, duration, proof, saved, spoken
 from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms, write_text
 from ..files.normals import refuse_inward
 from ..identify import condition_number, scaled_condition_number, select, summary
@@ -58,9 +58,10 @@ def command(
     except InputError as error:
         # Whatever is beyond leaving out is still an error, and says so.
         made, refused = plan(cell, "leave-out"), str(error)
-    _postable(cell, made)
+    proven = _postable(cell, made)
     with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
-        data = check(cell, made, cell.terms if terms is None else read_terms(terms, cell.folder), degree, positioning_feed(cell))
+        asked = cell.terms if terms is None else read_terms(terms, cell.folder)
+        data = check(cell, made, asked, degree, positioning_feed(cell), proven)
     data["refused"] = refused
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
@@ -79,17 +80,23 @@ def positioning_feed(cell: Cell) -> float | None:
     return float(feed) if isinstance(feed, int | float) and feed > 0 else None
 
 
-def _postable(cell: Cell, made: Plan) -> None:
-    """cell, its plan → nothing. Raises InputError for what 'tango plan' would refuse: the whole program is made and read back."""
+def _postable(cell: Cell, made: Plan) -> float | None:
+    """cell, its plan → s in which its programs prove the probe alive; None without a post.
+
+    Raises InputError for what 'tango plan' would refuse: the whole program is made and read back.
+    """
+    from postprocessors import _base as posts
+
     from ..program import programs
 
     if cell.controller is None:
-        return
+        return None
     post, port, options = dialect(cell), cell.controller.port, cell.controller.options
     with blamed_on(cell.folder / "tango.yaml"):
         if port is not None:
             _port(port, post.link)
-        programs(post, made, options)
+        which = posts.settings(post, options).get("gate", "none")
+        return sum(proof(program.plan, which, positioning_feed(cell)) for program in programs(post, made, options))
 
 
 def _port(port: str, link: str) -> None:
@@ -101,8 +108,10 @@ def _port(port: str, link: str) -> None:
         raise InputError(f"controller.port: found {port!r}, in it {str(error).removeprefix(f'port {port!r}: ')}") from None
 
 
-def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed: float | None = None) -> dict[str, Any]:
-    """cell, plan, terms, mm/min of protected moves → counts, condition number, expected std, what is not seen, predicted time.
+def check(
+    cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed: float | None = None, proven: float | None = None
+) -> dict[str, Any]:
+    """cell, plan, terms, mm/min of protected moves, s of the proof → counts, condition number, std, what is not seen, predicted time.
 
     All but `touches` and `with_left_out` is of the touches of the plan: these will be measured.
     """
@@ -122,7 +131,7 @@ def check(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed
         "facets": {facet: count[facet] for facet in cell.artefact.facets},
         "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
         **_told(cell, made, terms, degree),
-        "predicted_time_s": duration(made, feed),
+        "predicted_time_s": duration(made, feed) | ({PROOF: proven} if proven else {}),
         "positioning_feed": feed,
         "drawings": drawn_sizes(cell.artefact),
     }

@@ -121,7 +121,7 @@ def command(
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
-            _ask(part, shown(address), positioning_feed(cell), _unproven(cell))
+            _ask(program.plan, shown(address), positioning_feed(cell), _unproven(cell), _gate(cell, post))
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, _Live(json_file) as live, _transcript(transcript) as heard:
@@ -207,16 +207,24 @@ def _unproven(cell: Cell) -> list[str]:
     return [e.says for e in experiments() if e.danger == 1 and (e.belief not in proven or proven[e.belief].verdict != "PASS")]
 
 
-def _ask(part: Plan, address: str, feed: float | None, unproven: list[str]) -> None:
+def _gate(cell: Cell, post: Post) -> str:
+    """cell, its post → what proves the probe alive in its programs."""
+    from postprocessors import _base as posts
+
+    assert cell.controller is not None
+    return str(posts.settings(post, cell.controller.options).get("gate", "none"))
+
+
+def _ask(part: Plan, address: str, feed: float | None, unproven: list[str], which: str) -> None:
     """Raises click.Abort unless the person at the machine agrees, also to what nobody has proven of this control."""
-    from ..duration import duration, spoken
+    from ..duration import duration, proof, spoken
 
     for text in unproven:
         click.echo(f"not proven on this control: {text}", err=True)
     if unproven:
         click.echo("'tango commission' proves it high above the table, in minutes.", err=True)
 
-    time = spoken(sum(duration(part, feed).values()))
+    time = spoken(sum(duration(part, feed).values()) + proof(part, which, feed))
     click.echo(
         f"{part.machine.name} on {address} will make {len(part.touches)} touches in about {time}. "
         "Probe in the spindle, switched on, clear of the table; hand on feed hold.",
