@@ -111,7 +111,7 @@ def _port(port: str, link: str) -> None:
 def check(
     cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed: float | None = None, proven: float | None = None
 ) -> dict[str, Any]:
-    """cell, plan, terms, mm/min of protected moves, s of the proof → counts, condition number, std, what is not seen, predicted time.
+    """cell, plan, terms, mm/min of protected moves, s of the proof → counts, condition, std, what is not seen, predicted time.
 
     All but `touches` and `with_left_out` is of the touches of the plan: these will be measured.
     """
