@@ -16,6 +16,7 @@ from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
 from tango_cnc.history import opened
+from tango_cnc.nightly.words import changed
 from tango_cnc.report import morning
 from tango_cnc.report.units import Units
 from tango_cnc.web.app import create
@@ -47,8 +48,8 @@ def signed_in(app_folder: Path, users: Path, role: str = "operate") -> TestClien
 
 def test_the_fleet_shows_every_machine_with_its_verdict(site: TestClient) -> None:
     text = site.get("/").text
-    assert "1 machines: 0 good, 1 need somebody" in text or "need somebody" in text
-    assert 'href="/machine/HU40T-like"' in text and ">Good<" in text
+    assert "Need somebody: 1." in text and "Alarm open" in text and "waits for somebody" in text  # although the last night was good
+    assert 'href="/machine/HU40T-like"' in text and ">Good<" not in text
     assert text.count("<title>2026-") == 30  # a sign a night
 
 
@@ -80,6 +81,48 @@ def test_the_morning_page_stands_alone_in_inch_too() -> None:
     text = morning.render(record, units=Units("inch"))
     assert "M &lt;b&gt;" in text and "µin" in text and "+779.5" in text
     assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_a_night_without_a_diagnosis_and_one_that_was_missed_have_a_page() -> None:
+    """Not every night diagnoses; of one that never began only its date is known."""
+    record = night("M", 3)
+    del record["diagnosis"], record["plausible"], record["next"], record["change"]
+    assert "Nothing beyond what the machine does every night." in morning.render(record)
+    bare = {k: record[k] for k in ("format", "machine", "night", "start_utc", "end_utc", "kind")}
+    text = morning.render({**bare, "status": "missed", "verdict": "not_measured", "headline": "no night began", "why": "no night began"})
+    assert "No night began" in text and "tango nightly --status" in text
+
+
+@pytest.mark.parametrize(
+    ("metric", "inch"),
+    [
+        ("axis C has moved along X by +20.3 ± 0.5 µm", "axis C has moved along X by +799 ± 20 µin"),
+        ("at X −250.0 mm, 45 µm are allowed", "at X −9.843 in, 1772 µin are allowed"),
+        ("a scale of 13.7 µm/m", "a scale of 13.7 µin/in"),
+    ],
+)
+def test_sentences_are_told_in_inch(metric: str, inch: str) -> None:
+    assert Units("inch").sentence(metric) == inch and Units().sentence(metric) == metric
+
+
+def test_no_page_of_an_inch_shop_has_a_length_in_metric(folder: Path) -> None:
+    app = create(Settings((folder,)))
+    app.state.tango.units = Units("inch")
+    with TestClient(app, base_url=HOST, client=("127.0.0.1", 5000)) as client:
+        for path in ("/", "/alarms", *(f"/machine/HU40T-like{p}" for p in PAGES)):
+            text = re.sub(r"<[^>]*>", " ", client.get(path).text)
+            assert not re.findall(r".{20}µm.*|.{20}\d mm\b.*", text), path
+
+
+def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
+    text = site.get("/machine/HU40T-like").text
+    assert "Alarm open" in text and "An alarm of 2026-11-05 waits for somebody" in text
+    assert 'class="verdict good"' not in text and "Decide about the open alarm above." in text
+
+
+def test_a_change_is_named_by_its_axis_before_its_symbol() -> None:
+    assert changed("EX0C", "+20.3 ± 0.5 µm") == "axis C has moved along X by +20.3 ± 0.5 µm since last night (EX0C)"
+    assert changed("EA0B", "+9 µrad") == "axis B tilted about X has changed by +9 µrad since last night (EA0B)"
 
 
 def test_without_a_report_the_page_says_how_to_write_one(site: TestClient, folder: Path) -> None:

@@ -99,5 +99,5 @@ class Standing:
     machine: str
     last: Night | None
     nights: int
-    alarms_open: int  # alarms of the last 30 days without a decision
+    alarms_open: int  # alarms without a decision
     late: bool  # no complete night for longer than asked for

@@ -30,7 +30,6 @@ from ._database import connect
 from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend
 
 FORMAT = "tango-night/1"
-OPEN = 30  # days that an alarm without a decision counts in a fleet
 _NIGHT = (
     *("night", "start_utc", "end_utc", "kind", "status", "verdict", "headline"),
     *("alarms", "p_value", "touches", "rms_um", "volume_um", "duration_s"),
@@ -281,12 +280,11 @@ class History:
             .order_by(t.night.c.entry_id)
         )
         last = {row.name: _night(row) for row in rows}
-        recent = _stamp(datetime.fromisoformat(now_utc) - timedelta(days=OPEN))
         alarmed = self._rows(
             select(t.machine.c.name, t.night_record.c.json)
             .join(t.night, t.night.c.entry_id == t.night_record.c.entry_id)
             .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-            .where(t.night.c.alarms > 0, t.night.c.start_utc >= recent)
+            .where(t.night.c.alarms > 0)
         )
         answered = select(t.machine.c.name, t.decision.c.alarm).join(t.machine, t.machine.c.id == t.decision.c.machine_id)
         decided = {(row.name, row.alarm) for row in self._rows(answered)}
@@ -299,8 +297,8 @@ class History:
             found.append(Standing(name, last.get(name), nights, waiting[name], complete is None or complete < limit))
         return tuple(sorted(found, key=lambda s: (not (s.alarms_open or s.late), s.machine)))
 
-    def open_alarms(self, machine: str, last: int = 30) -> tuple[Mapping[str, Any], ...]:
-        """machine, how many of its nights → their alarms that nobody has decided about, newest first."""
+    def open_alarms(self, machine: str, last: int | None = None) -> tuple[Mapping[str, Any], ...]:
+        """machine, how many of its nights with an alarm (None: all) → their alarms that nobody has decided about, newest first."""
         decided = {d.alarm for d in self.decisions(machine)}
         alarms = (alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"])
         return tuple(alarm for alarm in alarms if alarm["id"] not in decided)

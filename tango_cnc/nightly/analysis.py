@@ -18,6 +18,7 @@ from ..history import Knowledge
 from ..identify import Selection
 from ..model import Model
 from ..records import Array, Cell, Readings
+from ..report.texts import texts
 from ..report.units import shown
 from ..state import (
     Frame,
@@ -40,7 +41,7 @@ from ..state.volume import levers, over_volume
 from ..touches import from_readings
 from . import parts
 from .ports import Measured, Past
-from .words import CAUSES, value
+from .words import cause_texts, changed, value
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
@@ -145,7 +146,7 @@ class Nights:
             return "full", f"repaired since the last full run: {repaired[-1].note or repaired[-1].alarm}"
         std = over_volume(self.lever, state.mean, predicted(state, day).covariance).std * 1e3
         if std > self.settings.volume_std_um:
-            return "full", f"the volume is only known to {std:.1f} µm, {self.settings.volume_std_um:g} are allowed"
+            return "full", f"the volume is only known to {std:.1f} µm, {self.settings.volume_std_um:g} µm are allowed"
         return "check", "nothing is too uncertain"
 
     # After ----------------------------------------------------------------------------------------------------------
@@ -349,11 +350,12 @@ class Nights:
             if tonight.p_noise < tonight.p_machine:
                 seen_sigma = float(np.sqrt(tonight.noise[0] / max(tonight.noise[1], 1)))
                 sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
-                text = f"single touches scatter by {seen_sigma * 1e3:.2f} µm, {sigma_of(ahead) * 1e3:.2f} µm is usual"
+                usual = f"{sigma_of(ahead) * 1e3:.2f} µm"
+                text = texts()("changed.noise_level", size=f"{seen_sigma * 1e3:.2f} µm", usual=usual)
                 cause, size, std, unit, parameter = "noise_level", seen_sigma, 0.0, "mm", "probe"
             else:
                 sigmas = float(np.sqrt(max(tonight.statistic / tonight.scale - tonight.dof, 0.0)))
-                text = "the machine is not as it was, and no single cause explains it"
+                text = texts()("changed.unknown")
                 cause, size, std, unit, parameter = "unknown", 0.0, 0.0, "", "several"
                 if named is not None:
                     alarm["instead"] = [named.hypothesis.parameter, *named.instead]
@@ -362,8 +364,8 @@ class Nights:
             cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
             size, std, text = self._said(ahead, named)
             alarm["instead"] = list(named.instead)
-        on_part, do = CAUSES[cause]
         effect = abs(size) * 1e3 if unit == "mm" else self._on_part(ahead, named) if named is not None else 0.0
+        on_part, do = cause_texts(cause, effect)
         return alarm | {
             **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
             **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
@@ -373,22 +375,21 @@ class Nights:
         h = named.hypothesis
         if h.cause == "temperature":
             worst = self._on_part(ahead, named)
-            return worst / 1e3, 0.0, f"the machine has moved with its temperature: up to {worst:.1f} µm over the volume"
+            return worst / 1e3, 0.0, texts()("changed.temperature", size=f"{worst:.1f} µm")
         if len(h.axes) == 3 and h.cause in ("table", "stylus"):
             size = named.length
-            towards = ", ".join(f"{a} {v * 1e3:+.1f}" for a, v in zip(h.axes, named.size, strict=True))
-            what = "the table has moved" if h.cause == "table" else "the tip of the stylus has moved"
+            towards = ", ".join(f"{a} {v * 1e3:+.1f} µm" for a, v in zip(h.axes, named.size, strict=True))
             finite = named.std[np.isfinite(named.std)]
             return (
                 size,
                 float(finite.max()) if len(finite) else 0.0,
-                f"{what} by {size * 1e3:.1f} µm ({towards} µm) since last night",
+                texts()(f"changed.{h.cause}", size=f"{size * 1e3:.1f} µm", towards=towards),
             )
         size, std = float(named.size[0]), float(named.std[0])
-        what = {"facet": f"{h.parameter} is off its place", "pretravel": "the probe triggers later"}.get(
-            h.cause, f"{h.parameter} has changed"
-        )
-        return size, std, f"{what} by {value(size, h.unit, std)} since last night"
+        told = value(size, h.unit, std)
+        if h.cause in ("facet", "pretravel"):
+            return size, std, texts()(f"changed.{h.cause}", size=told, **({"name": h.parameter} if h.cause == "facet" else {}))
+        return size, std, changed(h.parameter, told)
 
     def _on_part(self, ahead: State, named: Named) -> float:
         """→ µm, what the change does at the worst pose of the volume."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..report.texts import texts
 from ..report.units import shown
+from ..report.words import spoken
 
 SUBJECT = {
     "good": "as it should be",
@@ -14,46 +17,25 @@ SUBJECT = {
     "doubtful": "readings in doubt",
     "not_measured": "NOT MEASURED",
 }
-# cause → what it means for a part, what to do
-CAUSES = {
-    "axis_location": (
-        "parts machined at other positions of the rotary axes are off by this",
-        "ask who was at the machine; measure once more; then enter the new location in the control, or have the machine looked at",
-    ),
-    "scale": (
-        "lengths along this axis are off in proportion",
-        "check the scale and its temperature compensation; measure once more before anything is entered",
-    ),
-    "backlash": (
-        "positions reached from the two sides differ by twice this",
-        "check drive, coupling and guideway lubrication; measure once more before the reversal value is changed",
-    ),
-    "stylus": (
-        "a matter of the probe and of what is set up with it, not of parts by itself",
-        "look at the stylus, its seat and its screw; calibrate the probe; measure once more",
-    ),
-    "pretravel": (
-        "a matter of the probe: widths measured with it are off by twice this",
-        "look at stylus ball, battery and trigger force; calibrate the probe",
-    ),
-    "table": (
-        "work offsets on this table are off by this",
-        "look for a knock or a loose clamp of the table; set the work offsets up anew",
-    ),
-    "facet": ("nothing, unless the place is used for setting up", "clean the facet and look for a dent; leave it out if it stays"),
-    "temperature": (
-        "parts made warm and parts made cold differ by this",
-        "machine at the usual temperature, or let the compensation follow it; the next nights learn by how much",
-    ),
-    "noise_level": (
-        "every single touch is worth less; probed set-ups scatter by this",
-        "look at the probe: battery, stylus screw, chips; check the measuring feed",
-    ),
-    "unknown": (
-        "not known before a full run",
-        "run the full strategy and 'tango diagnose'; until then do not rely on the last values",
-    ),
-}
+PLACE = re.compile(r"E([XYZ])0([XYZABCS])")
+
+
+def cause_texts(cause: str, effect_um: float) -> tuple[str, str]:
+    """cause, µm that it does at most → what it means for a part, what to do (texts of tango_cnc/report/texts/en.toml)."""
+    t = texts()
+    return t(f"cause.{cause}.on_part", effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
+
+
+def changed(parameter: str, size: str) -> str:
+    """name of ISO 230-1 or a facet, size of its change → a sentence that names the axis before the symbol."""
+    t = texts()
+    plain = spoken(parameter)
+    if plain == parameter:
+        return t("changed.unnamed", name=parameter, size=size)
+    if match := PLACE.fullmatch(parameter):
+        what = t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
+        return t("changed.off", what=what, letter=match[1], size=size, name=parameter)
+    return t("changed.other", what=plain, size=size, name=parameter)
 
 
 def value(number: float, unit: str, std: float | None = None) -> str:
@@ -78,7 +60,7 @@ def headline(record: Mapping[str, Any]) -> str:
     beyond = [limit for limit in record["limits"] if limit["passed"] is False]
     if beyond:
         b = beyond[0]
-        return f"{b['what']} is {b['value']:.1f} {b['unit']}, {b['limit']:g} are allowed"
+        return f"{b['what']} is {b['value']:.1f} {b['unit']}, {b['limit']:g} {b['unit']} are allowed"
     part = f" (stopped after {record['touches']} of {record['planned']} touches)" if record["status"] == "partial" else ""
     open_ones = [limit for limit in record["limits"] if limit["passed"] is None]
     if open_ones:

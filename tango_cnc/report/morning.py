@@ -11,7 +11,7 @@ from markupsafe import Markup
 from ..records import InputError
 from . import svg
 from .page import environment, rendered, value_text
-from .texts import Texts, texts_of
+from .texts import Texts, texts, texts_of
 from .units import Units
 from .verdict import Level
 
@@ -43,41 +43,44 @@ def context(
     return {
         "t": t,
         "units": u,
-        "night": record,
+        "night": {"status": "complete", "why": "", "kind": "", "start_utc": "", "end_utc": "", "touches": 0, "planned": 0, **record},
+        "sentence": lambda text: sentence(text, u),
+        "headline": sentence(record.get("headline"), u),
         "level": level,
         "word": t(f"morning.{record.get('verdict')}") if f"morning.{record.get('verdict')}" in t else str(record.get("verdict")),
         "alarms": alarms,
         "first": alarms[0] if alarms else None,
-        "failed": [p for p in record.get("preflight") or () if not p.get("passed")],
+        "failed": [{"do": "", "found": "", **p} for p in record.get("preflight") or () if not p.get("passed")],
         "preflight": record.get("preflight") or (),
         "limits": [_limit(x, u) for x in record.get("limits") or ()],
         "parameters": _parameters(record, u),
         "volume": _volume(record, u),
         "strip": strip,
-        "next": record.get("next") or {},
-        "plausible": record.get("plausible") or {},
-        "diagnosis": record.get("diagnosis") or {},
+        "next": {"kind": "", **(record.get("next") or {}), "why": u.sentence(str((record.get("next") or {}).get("why") or ""))},
+        "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u)},
+        "diagnosis": {"verdict": "", **(record.get("diagnosis") or {})},
         "temperatures": record.get("temperatures") or {},
         "hashes": record.get("hashes") or {},
         "versions": record.get("versions") or {},
-        "change": record.get("change") or {},
+        "change": _change(record, u),
         "residual": record.get("residual") or {},
     }
 
 
 def _alarm(a: Mapping[str, Any], decision: Any, u: Units, t: Texts) -> dict[str, Any]:
-    size = ""
-    if a.get("size") is not None:
-        factor, unit = u.coefficient(str(a.get("unit") or "mm"))
-        value, std = float(a["size"]) * factor, abs(float(a.get("std") or 0.0) * factor)
-        size = f"{'+' if value > 0 else ''}{value_text(value, std or abs(value) / 30)} ± {std:.2g} {unit}"
+    text = sentence(a.get("text"), u)
+    size = _amount(a, u)
+    if " ± " in text or u.sentence("0 µm").split()[1] in text:  # it says its size already
+        size = ""
     owner = (decision.owner if decision is not None else None) or a.get("owner")
     return {
         **a,
+        "text": text,
+        "night": str(a.get("id") or "")[:10],
         "cause": str(a.get("cause") or "").replace("_", " "),
         "amount": size,
-        "on_part": a.get("on_part") or "",
-        "todo": a.get("do") or "",
+        "on_part": sentence(_told(a, "on_part", u, t), u),
+        "todo": sentence(_told(a, "do", u, t), u),
         "instead": [str(x).replace("_", " ") for x in a.get("instead") or ()],
         "owner": owner,
         "decision": decision,
@@ -85,11 +88,44 @@ def _alarm(a: Mapping[str, Any], decision: Any, u: Units, t: Texts) -> dict[str,
     }
 
 
+def sentence(text: Any, u: Units) -> str:
+    """text of a record, units → the same as a sentence: a capital in front, lengths in these units."""
+    found = u.sentence(str(text or ""))
+    return found[:1].upper() + found[1:]
+
+
+def _told(a: Mapping[str, Any], member: str, u: Units, t: Texts) -> str:
+    """→ the shop's text where the record has the program's own; what the record says otherwise."""
+    key, effect = f"cause.{a.get('cause')}.{member}", f"{float(a.get('on_part_um') or 0.0):.1f} µm"
+    own = str(a.get(member) or "")
+    return t(key, effect=effect) if key in t and own == texts()(key, effect=effect) else own
+
+
+def _amount(a: Mapping[str, Any], u: Units) -> str:
+    """→ '+20.3 ± 0.5 µm'; without ± where no uncertainty is on record."""
+    if not a.get("size"):
+        return ""
+    factor, unit = u.coefficient(str(a.get("unit") or "mm"))
+    value, std = float(a["size"]) * factor, abs(float(a.get("std") or 0.0) * factor)
+    decimals = 0 if std >= 10 else 1 if std >= 0.095 or not std else 2
+    number = f"{value:+.{decimals}f}".replace("-", "−")
+    return f"{number} ± {std:.{decimals}f} {unit}" if std else f"{number} {unit}"
+
+
 def _limit(x: Mapping[str, Any], u: Units) -> dict[str, Any]:
     factor, unit = u.of(str(x.get("unit") or ""))
     shown = {key: None if x.get(key) is None else f"{float(x[key]) * factor:.1f}" for key in ("value", "low", "high", "limit")}
     state = "open" if x.get("passed") is None else "good" if x["passed"] else "stop"
     return {**x, **shown, "unit": unit, "state": state}
+
+
+def _reasons(record: Mapping[str, Any], u: Units) -> list[str]:
+    return [sentence(r, u) for r in (record.get("plausible") or {}).get("reasons") or ()]
+
+
+def _change(record: Mapping[str, Any], u: Units) -> dict[str, Any]:
+    found = record.get("change") or {}
+    return {**found, "text": f"{sentence(found.get('text'), u).rstrip('.')}." if found.get("text") else ""}
 
 
 def _volume(record: Mapping[str, Any], u: Units) -> dict[str, str]:

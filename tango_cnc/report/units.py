@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
 INCH = 25.4  # mm
+AMOUNT = re.compile(r"([+\-−]?\d+(?:\.\d+)?)((?: ± \d+(?:\.\d+)?)?)([ \u00a0])(µm|mm)(?![\w/²³])")
 
 
 def shown(unit: str) -> tuple[float, str]:
@@ -46,6 +48,25 @@ class Units:
     def per_mm(self) -> float:
         """→ shown number of one mm of position."""
         return 1.0 if self.system == "mm" else 1.0 / INCH
+
+    def sentence(self, text: str) -> str:
+        """a sentence with lengths in µm and mm → the same in the units of this system; the name of a unit follows each length."""
+        if self.system == "mm":
+            return text
+
+        def converted(match: re.Match[str]) -> str:
+            small = match[4] == "µm"
+            factor, label, digits = (1000.0 / INCH, self.small, -1) if small else (1 / INCH, self.large, 2)
+
+            def number(found: str) -> str:
+                sign = found[0] if found[0] in "+-−" else ""
+                decimals = max(len(found.partition(".")[2]) + digits, 0)
+                return f"{sign}{float(found.lstrip('+-−')) * factor:.{decimals}f}"
+
+            spread = f" ± {number(match[2][3:])}" if match[2] else ""
+            return f"{number(match[1])}{spread}{match[3]}{label}"
+
+        return AMOUNT.sub(converted, text).replace("µm/m", "µin/in")
 
     def coefficient(self, unit: str) -> tuple[float, str]:
         """unit of a coefficient (mm, rad, mm/mm …) → factor and unit for people."""

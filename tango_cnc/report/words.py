@@ -14,9 +14,10 @@ _STYLUS = re.compile(r"E([XYZ])t")
 ABOUT = {"A": "X", "B": "Y", "C": "Z"}
 
 
-def spoken(name: str, machine: Machine, t: Texts | None = None) -> str:
-    """coefficient, machine, texts → what it is, in words; the name itself for one that is not geometry."""
+def spoken(name: str, machine: Machine | None = None, t: Texts | None = None) -> str:
+    """coefficient, machine (None: X, Y, Z are linear), texts → what it is, in words; the name itself for one that is not geometry."""
     t = t or texts()
+    linear = "XYZ" if machine is None else machine.linear
     if "-" in name:
         first, second = (part[1] for part in name.split("-"))
         return t("parameter.scale_against", a=first, b=second)
@@ -25,7 +26,7 @@ def spoken(name: str, machine: Machine, t: Texts | None = None) -> str:
         what = t("parameter.spindle") if axis == "S" else t("parameter.axis", axis=axis)
         if letter in "XYZ":
             return t("parameter.off", what=what, letter=letter)
-        key = "parameter.square" if axis in machine.linear else "parameter.tilted"
+        key = "parameter.square" if axis in linear else "parameter.tilted"
         return t(key, what=what, about=ABOUT[letter])
     if match := _BACK.fullmatch(name):
         return t("parameter.backlash", axis=match[1])
@@ -37,7 +38,7 @@ def spoken(name: str, machine: Machine, t: Texts | None = None) -> str:
         if letter == axis:
             return t("parameter.scale", axis=axis) if degree == 1 else t("parameter.positioning", axis=axis, part=part)
         if letter in "XYZ":
-            key = "parameter.straightness" if axis in machine.linear else "parameter.runout"
+            key = "parameter.straightness" if axis in linear else "parameter.runout"
             return t(key, axis=axis, letter=letter, part=part)
         return t("parameter.motion_tilt", axis=axis, about=ABOUT[letter], part=part)
     return name

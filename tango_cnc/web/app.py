@@ -26,6 +26,7 @@ from starlette.routing import BaseRoute, Route
 from ..records import TangoError
 from ..report.page import environment
 from ..report.texts import Texts, texts_of
+from ..report.morning import sentence
 from ..report.units import Units
 from . import pages
 from .guard import COOKIE, Buckets, Guard, same
@@ -219,6 +220,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     context = {
         "t": state.texts,
         "units": state.units,
+        "sentence": lambda text: sentence(text, state.units),
         "here": request.url.path,
         "session": session,
         "csrf": session.csrf if session else "",

@@ -38,7 +38,7 @@ def night(machine: str, number: int, verdict: str = "good", **more: Any) -> dict
         **{"format": "tango-night/1", "machine": machine, "cell": "/srv/cells/one", "night": start.strftime("%Y-%m-%d")},
         **{"start_utc": _stamp(start), "end_utc": _stamp(start + timedelta(seconds=250)), "duration_s": 250.0},
         **{"machine_time_s": 214.0, "kind": "full" if number % 7 == 0 else "check", "status": "complete", "why": ""},
-        **{"verdict": verdict, "headline": f"As the night before; largest error of the tool tip {worst:.0f} µm of 45 allowed"},
+        **{"verdict": verdict, "headline": f"As the night before; largest error of the tool tip {worst:.0f} µm, 45 µm are allowed"},
         "preflight": [{"check": "probe", "passed": True, "found": "answers, not triggered", "do": ""}],
         **{"touches": 74, "planned": 74, "alarms": [], "parameters": parameters},
         "change": {"p_value": 0.4, "statistic": 38.0, "dof": 38, "limit": 0.00137, "text": "One false alarm in 730 nights."},

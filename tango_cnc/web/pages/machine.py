@@ -24,15 +24,29 @@ def machine(request: Request) -> Response:
     state, found = state_of(request), machine_of(request)
     nights = state.places.nights(found, STRIP)
     values: dict[str, Any] = {"machine": found, "nights": nights[:10], "run": run_of(request, found), "level": "none"}
+    values["waiting"] = []
     if nights and found.history is not None:
         history, entry = found.history, nights[0].entry
         stored = state.places.kept(f"night {found.slug} {entry}", lambda: history.night(entry).record, 600)
         decisions = state.places.kept(f"decisions {found.slug}", lambda: history.decisions(found.name))
         values |= context(stored, decisions, state.units, state.texts)
         values["entry"] = entry
+        values["waiting"] = waiting = context({"alarms": _waiting(request, found)}, (), state.units, state.texts)["alarms"]
+        waiting[:] = [a for a in waiting if a["id"] not in {mine["id"] for mine in values["alarms"]}]
+        if waiting and values["level"] == "good":  # no green while an alarm waits
+            headline = values["headline"]
+            told = {"headline": state.texts("web.last_said", headline=headline[:1].lower() + headline[1:])}
+            values |= told | {"level": "look", "word": state.texts("web.alarm_open"), "quiet": True}
         values["strip"] = strip([(n.night, n.verdict, "") for n in reversed(nights)], state.texts("web.nights"))
         values["picture"] = _volume(request, found)
     return page(request, "machine.html", **values)
+
+
+def _waiting(request: Request, machine: Machine) -> Any:
+    """request, machine → its alarms that nobody has decided about, newest first."""
+    history = machine.history
+    assert history is not None
+    return state_of(request).places.kept(f"waiting {machine.slug}", lambda: history.open_alarms(machine.name))
 
 
 def run_of(request: Request, machine: Machine) -> Run | None:
