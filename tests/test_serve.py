@@ -89,7 +89,9 @@ def test_a_night_without_a_diagnosis_and_one_that_was_missed_have_a_page() -> No
     del record["diagnosis"], record["plausible"], record["next"], record["change"]
     assert "Nothing beyond what the machine does every night." in morning.render(record)
     bare = {k: record[k] for k in ("format", "machine", "night", "start_utc", "end_utc", "kind")}
-    text = morning.render({**bare, "status": "missed", "verdict": "not_measured", "headline": "no night began", "why": "no night began"})
+    text = morning.render(
+        {**bare, "status": "missed", "verdict": "not_measured", "headline": "no night began", "why": "no night began"}
+    )
     assert "No night began" in text and "tango nightly --status" in text
 
 

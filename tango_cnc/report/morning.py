@@ -43,7 +43,16 @@ def context(
     return {
         "t": t,
         "units": u,
-        "night": {"status": "complete", "why": "", "kind": "", "start_utc": "", "end_utc": "", "touches": 0, "planned": 0, **record},
+        "night": {
+            "status": "complete",
+            "why": "",
+            "kind": "",
+            "start_utc": "",
+            "end_utc": "",
+            "touches": 0,
+            "planned": 0,
+            **record,
+        },
         "sentence": lambda text: sentence(text, u),
         "headline": sentence(record.get("headline"), u),
         "level": level,

@@ -15,7 +15,7 @@ ABOUT = {"A": "X", "B": "Y", "C": "Z"}
 
 
 def spoken(name: str, machine: Machine | None = None, t: Texts | None = None) -> str:
-    """coefficient, machine (None: X, Y, Z are linear), texts → what it is, in words; the name itself for one that is not geometry."""
+    """coefficient, machine (None: X Y Z are linear), texts → what it is; the name itself for one that is not geometry."""
     t = t or texts()
     linear = "XYZ" if machine is None else machine.linear
     if "-" in name:

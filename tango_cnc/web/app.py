@@ -24,9 +24,9 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
+from ..report.morning import sentence
 from ..report.page import environment
 from ..report.texts import Texts, texts_of
-from ..report.morning import sentence
 from ..report.units import Units
 from . import pages
 from .guard import COOKIE, Buckets, Guard, same
