@@ -41,6 +41,7 @@ class Decision:
     limits: Limits
     inside: float  # probability that the true value lies inside the limits
     verdict: Verdict
+    uses: str = "one run"  # whose uncertainty: of one run, of the mean of repeated runs, or of the prediction of the next run
 
 
 def read_limits(file: Path, known: Sequence[str]) -> dict[str, Limits]:
@@ -125,6 +126,7 @@ def as_json(decisions: Sequence[Decision]) -> Mapping[str, object]:
             "limits": [end(d.limits.low), end(d.limits.high)],
             "probability_inside": d.inside,
             "verdict": d.verdict,
+            "uses": d.uses,
         }
         for d in decisions
     }

@@ -53,6 +53,11 @@ def as_json(found: Analysis, decisions: Sequence[conformity.Decision], factor: f
         }
         if found.std_of_mean is not None:
             data["std_of_mean"] = float(found.std_of_mean[i])
+        if found.four is not None:
+            data["repetitions"] = {"mean": float(found.four.mean[i])} | {
+                key.replace(" ", "_"): {"std": float(s.std[i]), "dof": float(s.dof[i]), "half_width": float(s.half[i])}
+                for key, s in (("of the mean", found.four.of_mean), *((n, found.four.of(n)) for n in ("one run", "prediction")))
+            }
         if factor is not None:
             data["expanded"] = float(factor * found.std[i])
         return data
@@ -122,7 +127,7 @@ def as_text(found: Analysis, decisions: Sequence[conformity.Decision], factor: f
     """analysis, decisions, coverage factor or None → what a person reads on the terminal."""
     blocks = [_values(found, factor), _joint(found), _contributions(found), _strong(found), _monte_carlo(found)]
     if found.repeated is not None:
-        blocks.append(_days_text(found))
+        blocks += [_four(found), _days_text(found)]
     if decisions:
         blocks.append(_decisions(found, decisions))
     blocks += [f"cannot be seen: {c.text}" for c in found.selection.unseen]
@@ -149,6 +154,22 @@ def _values(found: Analysis, factor: float | None) -> str:
         "days": "one run; covariance of the readings pooled by days (the process and what the machine does through a day)",
     }[found.pool]
     return f"Standard uncertainties u of: {source}\n" + table(rows, "<" + ">" * (len(rows[0]) - 2) + "<")
+
+
+def _four(found: Analysis) -> str:
+    four = found.four
+    if four is None:
+        return ""
+    rows = [["parameter", "mean", "± of the mean", "dof", "± one run", "± prediction", ""]]
+    for i in found.study.machine:
+        scale, unit = shown(found.study.model.coefficients[i].unit)
+        halves = [f"{scale * s.half[i]:.2f}" for s in (four.of_mean, four.one_run, four.prediction)]
+        label = found.selection.label(found.study.names[i])
+        rows.append([label, f"{scale * four.mean[i]:.2f}", halves[0], f"{four.of_mean.dof[i]:.1f}", *halves[1:], unit])
+    return (
+        f"{found.probability * 100:g} % by Student, from {four.text}. Of the mean and of one run: how far from the machine in the "
+        "long run; prediction: how far the next run from the mean\n" + table(rows, "<>>>>><")
+    )
 
 
 def _joint(found: Analysis) -> str:
@@ -251,13 +272,13 @@ def _p(values: Array | None, differs: Any, i: int) -> str:
 
 
 def _decisions(found: Analysis, decisions: Sequence[conformity.Decision]) -> str:
-    rows = [["limits (ISO 14253-1)", "value", "low", "high", "p inside", "", ""]]
+    rows = [["limits (ISO 14253-1)", "value", "low", "high", "p inside", "", "", "by the uncertainty of"]]
     names = [found.selection.label(n) for n in found.study.names]
     for d in decisions:
         scale, unit = shown(found.study.model.coefficients[names.index(d.name)].unit)
         numbers = (f"{scale * x:.2f}" for x in (d.value, d.limits.low, d.limits.high))
-        rows.append([d.name, *numbers, f"{d.inside:.4f}", unit, d.verdict])
-    return table(rows, "<>>>><<")
+        rows.append([d.name, *numbers, f"{d.inside:.4f}", unit, d.verdict, "the mean" if d.uses == "mean" else d.uses])
+    return table(rows, "<>>>><<<")
 
 
 def comparison_json(c: process.Comparison, condition: Sequence[float] | None = None) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from ..records import Cell, InputError
 from ..uncertainty import analysis
 from ..uncertainty.fleet import cluster
 from ..uncertainty.inputs import Line, read_budget
+from ..uncertainty.repetitions import NAMES
 from . import _uncertainty as report
 from ._common import cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
@@ -57,6 +59,12 @@ PLACE = "Understand 20"  # in the list of commands
     "--limits", type=click.Path(path_type=Path), metavar="FILE", help="Decide conformity; exit status 1 unless all conform."
 )
 @click.option("--subset", "subsets", multiple=True, metavar="LABEL=1-20,22", help="Compare indexation subsets (give two or more).")
+@click.option(
+    "--conform",
+    type=click.Choice(NAMES),
+    help="With repeated runs, whose uncertainty decides on limits: of their mean, of one run, or of where the next run will be "
+    "[default: mean].",
+)
 @click.option("--compare", "runs", multiple=True, metavar="LABEL=FILE", help="Compare readings files (give two or more).")
 @click.option("--dask", metavar="tcp://…", help="Spread the trials over this Dask cluster (extra 'fleet').")
 @despite_option
@@ -73,6 +81,7 @@ def command(
     dask: str | None,
     factor: float | None,
     despite: bool,
+    conform: str | None,
     json_file: str | None,
     **chosen: Any,
 ) -> int:
@@ -107,7 +116,7 @@ def command(
     with cluster(dask) if dask else nullcontext(map) as mapper:
         options = analysis.Options(**chosen, mapper=mapper)
         found = analysis.analyse(cell.machine, cell.artefact, readings, items, degree, lines, options)
-    decisions = _decide(found, limits)
+    decisions = _decide(found, limits, conform)
     if not write_json(json_file, report.as_json(found, decisions, factor) | members(judgement)):
         click.echo("".join(f"{line}\n" for line in told(judgement)) + report.as_text(found, decisions, factor))
     if given is None and found.pool == "none":
@@ -119,14 +128,26 @@ def command(
     return status(judgement, despite) if limits is None or conformity.all_conform(decisions) else 1
 
 
-def _decide(found: analysis.Analysis, limits: Path | None) -> list[conformity.Decision]:
+def _decide(found: analysis.Analysis, limits: Path | None, conform: str | None) -> list[conformity.Decision]:
+    if conform not in (None, "one run") and found.four is None:
+        raise InputError(f"--conform {conform}: found a single run; allowed: one run, or readings of several cycles or days")
     if limits is None:
         return []
     labels = {found.selection.label(found.study.names[int(i)]): int(i) for i in found.study.machine}
     wanted = conformity.read_limits(limits, list(labels))
+    if found.four is None:
+        return [
+            conformity.decide_from(name, found.samples(labels[name]), float(found.values[labels[name]]), limit)
+            for name, limit in wanted.items()
+        ]
+    uses = conform or "mean"
+    spread = found.four.of(uses)
     return [
-        conformity.decide_from(name, found.samples(labels[name]), float(found.values[labels[name]]), limit)
-        for name, limit in wanted.items()
+        replace(
+            conformity.decide(name, float(found.four.mean[i]), spread.fair(i, found.probability), limit, dof=float(spread.dof[i])),
+            uses=uses,
+        )
+        for name, limit, i in ((name, limit, labels[name]) for name, limit in wanted.items())
     ]
 
 

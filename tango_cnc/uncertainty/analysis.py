@@ -12,6 +12,7 @@ from ..identify import Selection
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from . import coverage, pooled, process, trials
 from .inputs import Line, Part, Scene, parts, stated
+from .repetitions import Repetitions, repetitions
 from .study import Study, study
 from .trials import Mapper
 
@@ -53,6 +54,7 @@ class Analysis:
     stable: bool
     probability: float
     digits: int
+    four: Repetitions | None = None  # mean, of the mean, one run, prediction: of repeated runs, (q,) each
 
     @property
     def std(self) -> Array:
@@ -107,12 +109,11 @@ def analyse(
             studies[kind] = study(found.model, found.values, found.sigma, (part, *constant))
     alone = study(found.model, found.values, found.sigma, own)
     std_by = {kind: s.std for kind, s in studies.items()} | {"budget": alone.std}
-    of_mean = None
-    if len(days) > 1:
-        scatter = several.values.mean(axis=1).std(axis=0, ddof=1) / np.sqrt(len(days))
-        fixed = replace(alone, parts=constant).std if constant else np.zeros_like(scatter)
-        of_mean = np.hypot(scatter, fixed)
-    return _finish(found, studies[pool], pool, several.mean, std_by, of_mean, several, options)
+    fixed = replace(alone, parts=constant).std if constant else np.zeros(len(several.mean))
+    outputs = studies[pool].outputs
+    four = repetitions(several.values[:, :, outputs], fixed[outputs], options.probability)
+    result = _finish(found, studies[pool], pool, several.mean, std_by, None, several, options)
+    return replace(result, std_of_mean=four.of_mean.std if len(days) > 1 else None, four=four)
 
 
 def _allows(kind: str, days: int, cycles: int) -> bool:
