@@ -7,11 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.compensated import example, measured, truth, write
+from scipy.stats import binomtest
+from support.compensated import example, first, measured, truth, write
+from test_compensate_closing import EXAMPLES, SETTINGS
 
 from sim_controller.compensation import read
-from tango_cnc.compensate import propose
-from tango_cnc.records import World
+from tango_cnc.compensate import propose, targets
+from tango_cnc.records import InputError, World
+
+MACHINES = 200
 
 
 def drawn(world: World, seed: int) -> World:
@@ -26,7 +30,7 @@ def kept(name: str, target: str, seeds: range, folder: Path) -> tuple[int, list[
     within, left = 0, []
     for seed in seeds:
         true = drawn(world, seed)
-        proposal = propose(measured(cell, true), target)
+        proposal = propose(measured(cell, true), target, SETTINGS.get(target, ()))
         control = read(write(proposal, folder / f"{name}{target}{seed}"), cell.machine)
         after, promise = truth(cell, true, proposal, control), proposal.fit.rms_after
         within += promise.low <= after <= promise.high
@@ -42,9 +46,20 @@ def test_promises_are_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("target", ["linuxcnc", "isg_csv", "siemens", "fagor"])
-@pytest.mark.parametrize("name", ["trunnion", "fork_head"])
+@pytest.mark.parametrize("target", targets.names())
+@pytest.mark.parametrize("name", EXAMPLES)
 def test_two_hundred_promises_are_kept(name: str, target: str, tmp_path: Path) -> None:
-    within, left = kept(name, target, range(200), tmp_path)
-    print(f"{name}, {target}: {within} of 200 within the promise, {np.mean(left):.2f} µm left on average")
-    assert within >= 180
+    """What was promised lies within its interval on 95 % of the machines: the count of 200 does not contradict it.
+
+    Of many pairs that keep their promise in exactly 95 %, one in forty fails here by chance.
+    """
+    try:
+        propose(first(name), target, SETTINGS.get(target, ()))
+    except InputError as error:
+        assert "allowed:" in str(error)
+        pytest.skip(f"{name}, {target}: refused: {error}")
+    within, left = kept(name, target, range(MACHINES), tmp_path)
+    share = binomtest(within, MACHINES).proportion_ci(0.95, method="wilson")
+    said = f"{name}, {target}: {within} of {MACHINES} within the promise, 95 % Wilson interval {share.low:.3f} to {share.high:.3f}"
+    print(f"{said}; {np.mean(left):.2f} µm left on average")
+    assert share.high >= 0.95, said
