@@ -109,6 +109,11 @@ def test_half_of_the_readings_is_incomplete_and_not_used_unless_told(cell: Path,
     (reason,) = (r for r in data["reasons"] if r.startswith("196 of 393 planned touches are missing"))
     assert reason.endswith("197 are there; go on with 'tango run --resume', or measure again")
     assert estimated(capsys, cell, "--despite")[0] == 0
+
+
+@pytest.mark.long
+def test_half_of_the_readings_makes_no_new_strategy(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    halved(cell)
     code, _, err = called(capsys, "design", "-C", cell, "--goal", "check", "--minutes", "3", "--readings", readings_of(cell))
     assert code == 1 and "design --readings: the estimate is incomplete and is not used" in err
 
