@@ -77,11 +77,10 @@ def test_variables_are_read_in_one_request_and_taken_is_written_in_its_own_type(
 def test_a_run_brings_the_program_and_takes_every_record(server, cell):
     server.put(R["record"], 65533)  # counted on from runs of before, and from 65535 to 0
     server.put(R["taken"], 65533)
-    person = server.start(cell, lambda: bytes(server.files.get("TANGO.MPF", b"")).decode() if len(server._open) == 0 else "")
-    result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
+    with server.attended(cell):
+        result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
     assert result.code == 0, result.err
     assert agree(cell)
-    person.join(5)
     assert server.read(R["record"]) == server.read(R["taken"]) == (65533 + 9) % 65536  # 7 touches and two marks
     assert "FreeOpcUa" in json.loads((cell / "readings.json").read_text())["controller"]["identity"]
 
@@ -145,10 +144,9 @@ def test_the_whole_strategy_of_the_example_gives_the_parameters_of_the_simulated
     folder = tmp_path / "cell"
     write_example(folder, "hu40t")
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", (folder / "world.yaml").read_text()))
-    person = server.start(folder, lambda: bytes(server.files.get("TANGO.MPF", b"")).decode() if not server._open else "")
-    result = Result("run", "-C", folder, "--port", f"{server.url}?program={FOLDER}", "--timeout", "60")
+    with server.attended(folder):
+        result = Result("run", "-C", folder, "--port", f"{server.url}?program={FOLDER}", "--timeout", "60")
     assert result.code == 0, result.err
-    person.join(5)
     assert Result("simulate", "-C", folder, "-o", folder / "simulated.csv").code == 0
     true, got = estimate(folder, "simulated.csv"), estimate(folder, "readings.csv")
     away = [abs(p["value"] - true["parameters"][n]["value"]) / max(p["std"], 1e-12) for n, p in got["parameters"].items()]

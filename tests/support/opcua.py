@@ -9,7 +9,7 @@ import contextlib
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from asyncua import ua
@@ -149,20 +149,32 @@ class Control:
                 raise Gone
             time.sleep(0.005)
 
-    def start(self, cell: Path, text: Callable[[], str], family: str = "macro_b") -> threading.Thread:
-        """cell with a world, what gives the program when it is there → the person who starts it at the control."""
+    @contextlib.contextmanager
+    def attended(self, cell: Path, file: str = "TANGO.MPF", family: str = "macro_b") -> Iterator[None]:
+        """cell with a world, name of the program → within it, somebody at the control starts every new program that comes."""
+        left = threading.Event()
+
+        def text() -> str:
+            return "" if self._open else bytes(self.files.get(file, b"")).decode()
 
         def run() -> None:
-            while self.on and not text():
-                time.sleep(0.05)
             read = read_cell(cell)
             session = Session(rig(read.machine, read.artefact, read_world(cell / "world.yaml"), 1), Setup(family))
-            with contextlib.suppress(Gone):
-                session.run(session.control(self.printed), iter([line for line in text().splitlines() if line.strip() != "%"]))
+            done = ""
+            while not left.wait(0.05):
+                if (program := text()) in ("", done):
+                    continue
+                done = program
+                with contextlib.suppress(Gone):
+                    session.run(session.control(self.printed), (line for line in done.splitlines() if line.strip() != "%"))
 
-        thread = threading.Thread(target=run, daemon=True)
-        thread.start()
-        return thread
+        person = threading.Thread(target=run, daemon=True)
+        person.start()
+        try:
+            yield
+        finally:
+            left.set()
+            person.join(5)
 
 
 @contextlib.contextmanager
