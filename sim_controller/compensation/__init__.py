@@ -100,7 +100,7 @@ def read(folder: Path, machine: Machine, *, tcp: bool = True) -> Control:
         raise InputError(f"--compensation: found {folder} without a compensation.json that names a target; allowed: a folder "
                          "that 'tango compensate' has written") from None  # fmt: skip
     if target not in targets():
-        raise InputError(f"{file}: target: found {target!r}; allowed: {', '.join(targets())}")
+        raise InputError(f"{file}: target: found {target!r:.80}; allowed: {', '.join(targets())}")
     module = importlib.import_module(f"{__name__}.{target}")
     try:
         found: Applied = module.read(folder, machine)

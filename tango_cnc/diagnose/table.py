@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from ..files.checked import complaint, read_text, suggestion
+from ..files.checked import complaint, printable, read_text, suggestion
 from ..records import Array, InputError
 from . import _explain, _gain
 from ._candidates import Candidate
@@ -62,7 +62,7 @@ def read_table(file: Path, response: Sequence[str], model: Sequence[str], covari
     def column(name: str, option: str) -> list[str]:
         if name not in header:
             raise InputError(
-                f"{option}: found {name!r}; allowed: a column of {file} ({', '.join(header)}).{suggestion(name, header)}"
+                f"{option}: found {name!r}; allowed: a column of {file} ({printable(', '.join(header))}).{suggestion(name, header)}"
             )
         return [row[header.index(name)].strip() for row in rows[1:]]
 

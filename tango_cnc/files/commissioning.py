@@ -57,14 +57,14 @@ def read_commissioning(folder: Path) -> tuple[Proof, ...]:
     try:
         data = load(file).plain()
         if data["format"] != FORMAT:
-            raise InputError(f"{file}: format: found {data['format']!r}; allowed: {FORMAT}")
+            raise InputError(f"{file}: format: found {data['format']!r:.80}; allowed: {FORMAT}")
         proofs = tuple(_proof(item) for item in data["proofs"])
     except (KeyError, TypeError) as error:
         said = printable(str(error))
         raise InputError(f"{file}: is no {FORMAT} file: {said}; move it away and run 'tango commission' again") from None
     for proof in proofs:
         if proof.verdict not in VERDICTS:
-            raise InputError(f"{file}: verdict of {proof.belief}: found {proof.verdict!r}; allowed: {', '.join(VERDICTS)}")
+            raise InputError(f"{file}: verdict of {proof.belief:.80}: found {proof.verdict!r:.80}; allowed: {', '.join(VERDICTS)}")
     return proofs
 
 

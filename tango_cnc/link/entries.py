@@ -121,7 +121,7 @@ def entry_of(data: Mapping[str, Any]) -> Entry:
     """
     kind = KINDS.get(data.get("kind", ""))
     if kind is None:
-        raise ValueError(f"kind: found {data.get('kind')!r}; allowed: {', '.join(KINDS)}")
+        raise ValueError(f"kind: found {data.get('kind')!r:.60}; allowed: {', '.join(KINDS)}")
     given: dict[str, Any] = {}
     for field in fields(kind):
         if field.name in data:

@@ -59,7 +59,7 @@ def texts_of(folder: Path | None) -> Texts:
     try:
         own = _flat(tomllib.loads(read_text(file)))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: {error}; allowed: TOML like texts/en.toml of the program") from None
+        raise InputError(f"{file}: {printable(str(error))}; allowed: TOML like texts/en.toml of the program") from None
     base = texts()
     for key, text in own.items():
         if key not in base:
@@ -68,9 +68,8 @@ def texts_of(folder: Path | None) -> Texts:
             )
         wanted, found = _fields(base(key)), _fields(text)
         if found - wanted:
-            raise InputError(
-                f"{file}: {key}: found {{{sorted(found - wanted)[0]}}}; allowed: {', '.join(sorted(wanted)) or 'none'}"
-            )
+            strange = printable(sorted(found - wanted)[0], 80)
+            raise InputError(f"{file}: {key}: found {{{strange}}}; allowed: {', '.join(sorted(wanted)) or 'none'}")
     return Texts({key: base(key) for key in base.keys} | own)
 
 
@@ -80,4 +79,4 @@ def _fields(text: str) -> set[str]:
     try:
         return {name for _, name, _, _ in string.Formatter().parse(text) if name}
     except ValueError as error:
-        raise InputError(f"texts.toml: found {text!r}; {error}; write {{{{ for a brace that is no name") from None
+        raise InputError(f"texts.toml: found {printable(text, 200)!r}; {error}; write {{{{ for a brace that is no name") from None

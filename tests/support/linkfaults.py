@@ -526,7 +526,8 @@ def _until_all_is_measured(port: str, protocol: str, folder: Path, turning: bool
     cell, made, _ = scene(turning)
     resume = 0
     for attempt in range(ATTEMPTS):
-        wanted = Wanted(port, protocol, "fanuc", folder / "readings.csv", resume=attempt > 0, start_timeout=60.0)
+        begun = attempt > 0 and (folder / "readings.journal").exists()  # a port that does not open starts nothing
+        wanted = Wanted(port, protocol, "fanuc", folder / "readings.csv", resume=begun, start_timeout=60.0)
         try:
             measure(cell, made, wanted, posting, lambda step: None, lambda part, program: None)
             return resume

@@ -51,7 +51,12 @@ def open_port(address: Address) -> Transport:
     """address → open transport. Raises LinkError saying what did not open, which ports there are and what to do."""
     try:
         port: Transport = OPENERS.get(address.scheme, Port)(address)
-    except (OSError, ValueError, serial.SerialException) as error:  # SerialException is an OSError; ValueError: baud rates
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        serial.SerialException,
+    ) as error:  # SerialException is an OSError; ValueError: baud rates
         raise LinkError(f"port {address.url} does not open: {reason(error)}. {_advice(address, error)}") from None
     if address.scheme in ("tcp", "rtu"):
         return port

@@ -34,6 +34,8 @@ class Transport(Protocol):
 def reason(error: Exception) -> str:
     """error of the system → why, in its words."""
     number = getattr(error, "errno", None)
+    if isinstance(error, EOFError):
+        return "the connection was closed"
     if isinstance(error, TimeoutError):
         return f"no answer within {PATIENCE:.0f} s"
     return os.strerror(number) if isinstance(number, int) and number > 0 else str(error)

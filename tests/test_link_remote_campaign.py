@@ -1,0 +1,68 @@
+"""The disk of a control over a bad network, 60 touches a session: nothing is lost, nothing invented, everything ends.
+
+python -m pytest -m long tests/test_link_remote_campaign.py                          60 sessions
+TANGO_SESSIONS=3000 python -m pytest -m campaign tests/test_link_remote_campaign.py    as many as you like
+"""
+
+from __future__ import annotations
+
+import os
+import random
+from collections import Counter
+
+import pytest
+from support.diskfaults import Disk, Net, disk_session
+from support.linkfaults import Ledger, judged, patched
+from support.linkparts import FakeClock
+
+from tango_cnc.link.protocols import remote
+from tango_cnc.link.transport import _remote, open_port, parse
+from tango_cnc.records import LinkError
+
+CAMPAIGN = int(os.environ.get("TANGO_SESSIONS", "5000"))
+ENDED = 100 * 3600.0  # s of the clock of a session: a run that hangs passes it
+
+
+def sessions(seeds, tmp_path, monkeypatch):
+    """→ what was injected in all of them; prints the row of the scoreboard."""
+    resumed, injected, totals = 0, Counter(), [0, 0, 0]
+    for seed in seeds:
+        clock = FakeClock()
+        patched(monkeypatch, clock)
+        folder = tmp_path / str(seed)
+        ledger, again, happened = disk_session(seed, folder, monkeypatch, clock)
+        resumed += again
+        injected.update(happened)
+        verdict = judged(folder, ledger)
+        assert verdict == (0, 0, 0), f"seed {seed}: {verdict} lost, invented, unsafe; {ledger.unsafe}"
+        assert clock.seconds < ENDED, f"seed {seed}: hung"
+        totals = [a + b for a, b in zip(totals, verdict, strict=True)]
+    print(
+        f"\nremote, seeds {seeds.start} to {seeds.stop - 1}: {len(seeds)} sessions, {injected.total()} injected {dict(injected)}, "
+        f"{resumed} times resumed, lost invented unsafe: {totals}, hung 0, 3/n = {3 / len(seeds):.2g}"
+    )
+    return injected
+
+
+def test_a_few_sessions_over_a_bad_network(tmp_path, monkeypatch):
+    assert sessions(range(1), tmp_path, monkeypatch).total() > 0
+
+
+@pytest.mark.long
+def test_sixty_sessions_over_a_bad_network(tmp_path, monkeypatch):
+    assert set(sessions(range(100, 160), tmp_path, monkeypatch)) == set(Disk.KINDS)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("part", range(20))
+def test_thousands_of_sessions_over_a_bad_network(part, tmp_path, monkeypatch):
+    many = -(-CAMPAIGN // 20)
+    sessions(range(10_000 + many * part, 10_000 + many * (part + 1)), tmp_path, monkeypatch)
+
+
+@pytest.mark.parametrize("kind", ["closed", "reset", "outage"])
+def test_a_control_that_hangs_up_while_it_is_asked_for_its_file_is_a_sentence(monkeypatch, kind):
+    disk = Disk(Ledger(), FakeClock(), random.Random(1), {kind: 1.0})
+    monkeypatch.setattr(_remote, "store", lambda scheme, parts, options: Net(disk))
+    with pytest.raises(LinkError, match=r"does not open: .+\. Is the controller"):
+        open_port(parse("ftp://anna@localhost/records/TANGO.TXT", remote.OPTIONS))
