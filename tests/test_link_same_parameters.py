@@ -2,11 +2,9 @@
 
 import json
 import re
-import subprocess
 import sys
 
 import pytest
-from test_link_remote import KINDS, NEEDED, place
 from test_run import Result
 from test_run_simulated import controller
 
@@ -36,39 +34,11 @@ def test_the_same_parameters_over_every_link(tmp_path, link):
 
 
 def the_same_parameters(folder, link, options, port):
-    quiet(folder)
-    with controller(folder, *options, once=False) as url:
-        result = Result("run", "-C", folder, "--port", port.format(url), "--timeout", "60")
-    compared(folder, link, result)
-
-
-@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.system(*NEEDED.get(k, ()))) for k in ("ftp", "sftp", "smb")])
-def test_the_same_parameters_over_the_disk_of_the_control(kind, tmp_path):
-    """The program goes to the disk, somebody starts it there, its record file is followed."""
-    folder, disk = tmp_path / "cell", tmp_path / "control"
-    quiet(folder)
-    disk.mkdir()
-    server = KINDS[kind](tmp_path, disk)
-    command = [sys.executable, "-m", "sim_controller", "--cell", folder]
-    command += ["--start", disk / "O8700.NC", "--records", disk / "TANGO.TXT"]
-    with subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL) as control:
-        try:
-            result = Result("run", "-C", folder, "--port", server.url(program=place(server, "O8700.NC")), "--timeout", "60")
-        finally:
-            control.kill()
-            server.stop()
-    compared(folder, kind, result)
-
-
-def quiet(folder):
-    """The example, whose machine has no noise."""
     write_example(folder, "hu40t")
     world = (folder / "world.yaml").read_text()
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
-
-
-def compared(folder, link, result):
-    """What was measured gives the parameters of the true machine."""
+    with controller(folder, *options, once=False) as url:
+        result = Result("run", "-C", folder, "--port", port.format(url), "--timeout", "60")
     assert result.code == 0, result.err
     assert Result("simulate", "-C", folder, "-o", folder / "simulated.csv").code == 0
     true, got = estimate(folder, "simulated.csv"), estimate(folder, "readings.csv")
