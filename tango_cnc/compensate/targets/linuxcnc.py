@@ -14,7 +14,7 @@ from ..space import Held, Lever, by_slot
 from . import Fact, Job, Option
 from ._parts import centre, rotary_order, rows, scale_of, tables, trims
 
-TEXT = "LinuxCNC: COMP_FILE of every joint; pins of xyzac-trt-kins, xyzbc-trt-kins or 5axiskins; parameters of matrixkins"
+TEXT = "LinuxCNC: COMP_FILE of every joint; pins of xyzac-trt-kins or xyzbc-trt-kins; parameters of matrixkins"
 SOURCE_COMP = "LinuxCNC docs/src/config/ini-config.adoc; src/emc/motion/usrmotintf.cc, command.c, control.c"
 SOURCE_TRT = "LinuxCNC src/emc/kinematics/trtfuncs.c"
 FACTS = (
@@ -167,7 +167,9 @@ def steps(job: Job) -> list[str]:
             "Copy the .comp files into the folder of the configuration.",
             "Add the lines of compensation.ini to the [JOINT_n] sections of the .ini file, and take BACKLASH out of them.",
         ]
-    if module(job) != "trivkins":
+    if module(job) == "5axiskins":
+        result.append("Leave 5axiskins.pivot-length as it is. This target corrects the joints only, not the pivots of a head.")
+    elif module(job) != "trivkins":
         result.append(
             "Add the lines of compensation.hal to the .hal file after the line that loads the kinematics, in place of lines that "
             "set the same pins."
