@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from test_readback import changed, golden, lines_of, read_back, refused
 
-DEFLECTED = '$IF V.G.PRBST1!=0\n#ERROR ["TANGO PROBE IS DEFLECTED"]\nM30\n$ENDIF\n'
+DEFLECTED = '$IF V.G.PRBST1!=0\n#CLOSE\n#ERROR ["TANGO PROBE IS DEFLECTED"]\nM30\n$ENDIF\n'
 MET = "V.A.MEASOK.X+V.A.MEASOK.Y+V.A.MEASOK.Z"
 
 
@@ -102,11 +102,11 @@ def test_what_is_dangerous_on_okuma_is_named(old: str, new: str, words: str) -> 
         ("\nD0\n", "\n", "before D0 has taken the tool offset away"),
         ("\nG17 G40 G53 G71 G80 G90", "\nG17 G40 G53 G71 G80 G91", "no line that a program of this kind"),
         ("P7=V.A.POS.Y\n", "", "the record has Y"),
-        ("Y%D", "Y%F", "all have to be of one kind"),
-        (",P6,P7,P8", ",P6,P8,P7", "the record has Y"),
-        ('["P2 H%D', '["P3 H%D', "the record is of touch 3; this is touch 2"),
+        ("Y%D", "Y%F", "differ in more than their flag"),
+        (",P6,P7,P8", ",P6,P8,P7", "differ in more than their flag"),
+        ('["P2 H0', '["P3 H0', "the record is of touch 3; this is touch 2|differ in more than their flag"),
         ("P4=1\n", "P40=1\n", "allowed: P0"),
-        ("#CLOSE\n", "", "ends without end mark, #CLOSE"),
+        ('6"]\n#CLOSE\nM30', '6"]\nM30', "ends without end mark, #CLOSE"),
         ("\nM30", "\nG0 Z0.\nM30", "no line that"),
         ("F180.", "F1800.", "the feed is 1800; allowed: 180 mm/min"),
     ],
