@@ -79,7 +79,7 @@ def cell(tmp_path: Path) -> Path:
     (folder / "strategy.yaml").write_text(STRATEGY)
     (folder / "tango.yaml").write_text(
         "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\nterms: S1\n"
-        "controller: {post: linuxcnc, log: log.txt, positioning_feed: 30000, gate: none}\n"
+        "controller: {post: linuxcnc, log: log.txt, positioning_feed: 24000, gate: none}\n"
     )
     return folder
 

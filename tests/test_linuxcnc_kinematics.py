@@ -47,7 +47,7 @@ def cell(folder: Path) -> Path:
     (folder / "strategy.yaml").write_text(STRATEGY)
     (folder / "tango.yaml").write_text(
         "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\nterms: S1\n"
-        "controller: {post: linuxcnc, log: log.txt, gate: none, positioning_feed: 30000}\n"
+        "controller: {post: linuxcnc, log: log.txt, gate: none, positioning_feed: 24000}\n"
     )
     (folder / "world.yaml").write_text(f"errors: {json.dumps(ERRORS)}\n")
     return folder

@@ -38,7 +38,7 @@ PART: tuple[tuple[float, float, float, int, Sequence[object] | None], ...] = (
     (0, 0, 180, 0, None),
     (0, 0, 270, 0, None),
 )
-OPTIONS = "controller: {post: linuxcnc, log: log.txt, gate: none, positioning_feed: 30000}\n"
+OPTIONS = "controller: {post: linuxcnc, log: log.txt, gate: none, positioning_feed: 24000}\n"
 
 
 def tango(*arguments: object, code: int = 0) -> str:
@@ -193,7 +193,7 @@ def small(
         more = "".join(f", {key}: {json.dumps(value)}" for key, value in options.items())
         (folder / name / "tango.yaml").write_text(
             "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\nterms: S1\n"
-            f"controller: {{post: linuxcnc, log: log.txt, gate: none, positioning_feed: 30000{more}}}\n"
+            f"controller: {{post: linuxcnc, log: log.txt, gate: none, positioning_feed: 24000{more}}}\n"
         )
         (folder / name / "world.yaml").write_text(f"facets: {json.dumps(moved)}\n")
     if obstacle is not None:
