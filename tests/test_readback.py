@@ -45,7 +45,8 @@ def lines_of(post: str, made: Plan, **options: Any) -> list[str]:
 def read_back(lines: list[str], made: Plan, post: str, beside: Beside | None = None, **options: Any) -> bool:
     """→ whether everything has been read, with what travels with the program: that of the post unless stated."""
     travels = companions(load(post), made, options) if beside is None else beside
-    return not check(lambda: iter(lines), made, settings(load(post), UNGATED | options), travels)
+    settled = settings(load(post), UNGATED | options)
+    return not check(lambda: iter(lines), made, settled, travels, written_in=load(post).language)
 
 
 def refused(lines: list[str], post: str = "fanuc", made: Plan | None = None, beside: Beside | None = None, **options: Any) -> str:
