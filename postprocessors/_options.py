@@ -61,7 +61,7 @@ def stated(option: Option, value: Any) -> Any:
 
 
 def with_defaults(options: tuple[Option, ...], **defaults: Any) -> tuple[Option, ...]:
-    """options of a family, name=value → the same with other defaults. Raises KeyError for a name that is none of them."""
+    """options of a family, name=value → the same with other defaults. Raises KeyError for an unknown name."""
     for name in defaults:
         if name not in {option.name for option in options}:
             raise KeyError(name)

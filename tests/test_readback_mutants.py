@@ -166,8 +166,8 @@ def compared(right: tuple[Trace, list[str]], other: tuple[Trace, list[str]]) -> 
 
 
 def same(line: str, wanted: str) -> bool:
-    """Two records say the same, but for the last digits of coordinates, the sign of zero and the blanks that it takes."""
-    line, wanted = (re.sub(r" +", "", re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text)) for text in (line, wanted))
+    """Two records say the same, but for the last digits of coordinates, the sign of zero and the blanks before a decimal number."""
+    line, wanted = (re.sub(r" +(?=\d+\.\d)", "", re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text)) for text in (line, wanted))
     if re.sub(r"-?\d+\.\d+", "", line) != re.sub(r"-?\d+\.\d+", "", wanted):
         return line == wanted
     here, there = ([float(n) for n in re.findall(r"-?\d+\.\d+", text)] for text in (line, wanted))

@@ -5,7 +5,7 @@ program that wrote them. `read(folder, machine)` → `Applied`. A file that the 
 takes in silence is taken in silence here, too.
 
 Positions that a program asks for are those of the machine without errors: with tool centre point control they are what the control
-calculates backwards from its own kinematics. A probed position is told in the same way.
+calculates backwards from its own kinematics. It reports a probed position with the same calculation.
 """
 
 from __future__ import annotations
