@@ -16,7 +16,7 @@ from scipy import linalg, special
 
 from . import kinematics
 from .identify import Selection, condition_number, scaled_condition_number, select
-from .model import Model, errors, known, linearise
+from .model import Model, errors, known, linearise, residual
 from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, TermItem
 from .terms import causes
 from .touches import FAR, Touches, from_readings, located, misnamed
@@ -24,6 +24,8 @@ from .touches import FAR, Touches, from_readings, located, misnamed
 STEP = 1e-11  # mm
 SLOWEST = 0.01  # rate at which steps shrink that is trusted
 ITERATIONS = 60
+# mm: after a step as short as this the derivatives change by less than a millionth, and those of the step before serve.
+SERVES = 0.01
 # Below one nanometre the touches are treated as exact and the scale bar keeps its weight.
 SIGMA_FLOOR = 1e-6
 
@@ -174,28 +176,35 @@ def fit(selection: Selection) -> Estimate:
         )
     sigma = max(model.touches.machine.probe.repeatability, SIGMA_FLOOR)
     values, size, damping = np.zeros(p), np.inf, 0.0
+    used, shifted = sigma, 0.0
+    full, weights, root = np.zeros((0, p)), np.zeros(0), np.zeros((p, p))
     here: tuple[Array, Array, Array] | None = None
     for iterations in range(1, ITERATIONS + 1):
-        gaps, jacobian = linearise(model, values)
-        offsets, rows, uncertainty = known(model, values)
-        right, full = np.concatenate([gaps, offsets]), np.vstack([jacobian, rows])
-        weights = np.concatenate([np.ones(n), sigma / uncertainty])
-        if here is not None and _grew(here[1] * weights, right * weights):
-            # Where a plan hardly sees a combination the step reaches so far that the model has curved away: a shorter one.
-            values, right, full = here
-            damping = max(10 * damping, 1e-6)
+        if damping == 0 and size < SERVES and shifted < 1e-6:
+            # A chord step, with the derivatives of the step before (Deuflhard 2011, Newton Methods for Nonlinear Problems, 2.1.2).
+            right = np.concatenate([residual(model, values), known(model, values)[0]])
+            change = _again(full, right, weights, root)
         else:
-            damping = damping / 10 if damping > 1e-9 else 0.0
-        here = values, right, full
-        change, root = _step(full, right, weights, damping)
+            gaps, jacobian = linearise(model, values)
+            offsets, rows, uncertainty = known(model, values)
+            right, full = np.concatenate([gaps, offsets]), np.vstack([jacobian, rows])
+            used, weights = sigma, np.concatenate([np.ones(n), sigma / uncertainty])
+            if here is not None and _grew(here[1] * weights, right * weights):
+                # Where a plan hardly sees a combination the step reaches so far that the model has curved away: a shorter one.
+                values, right, full = here
+                damping = max(10 * damping, 1e-6)
+            else:
+                damping = damping / 10 if damping > 1e-9 else 0.0
+            here = values, right, full
+            change, root = _step(full, right, weights, damping)
         moved = full @ change
         values = values - change
         longest = float(np.max(np.abs(moved)))
         rate, size = longest / size if size else 0.0, longest
         after = right - moved
-        found = max(float(np.sqrt(after[:n] @ after[:n] / dof)), SIGMA_FLOOR)
-        settled = (m == 0 or abs(found - sigma) < 1e-3 * sigma) and damping == 0 and iterations > 1
-        sigma = found
+        sigma = max(float(np.sqrt(after[:n] @ after[:n] / dof)), SIGMA_FLOOR)
+        shifted = abs(sigma / used - 1) if m else 0.0  # of sigma: the weights of bar and calibrated facets rest on sigma
+        settled = shifted < 1e-3 and damping == 0 and iterations > 1
         # What is still to come is the last step times the rate at which steps shrink, in the end by hundreds and not squared.
         if settled and size * min(1.0, max(rate, SLOWEST)) < STEP:
             upper = np.triu(linalg.lapack.dpotri(root)[0])  # (RᵀR)⁻¹, of which LAPACK fills the upper half
@@ -236,6 +245,14 @@ def _step(full: Array, right: Array, weights: Array, damping: float) -> tuple[Ar
             "belong together, or use a smaller set of terms (--terms)"
         )
     return linalg.solve_triangular(root, triangle[:p, p], check_finite=False) / scale, root * scale
+
+
+def _again(full: Array, right: Array, weights: Array, root: Array) -> Array:
+    """Jacobian (k, p), residuals (k,), weights (k,), triangular root (p, p) → change (p,), by the seminormal equations."""
+    scale = np.linalg.norm(root, axis=0)
+    triangle = np.asfortranarray(root / scale)
+    side = linalg.blas.dtrsv(triangle, full.T @ (weights**2 * right) / scale, trans=1)
+    return np.asarray(linalg.blas.dtrsv(triangle, side)) / scale
 
 
 def _outliers(result: Estimate) -> NDArray[np.int64]:

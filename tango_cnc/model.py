@@ -8,6 +8,7 @@ stand the few equations that come from elsewhere: calibrated facets and the scal
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -143,6 +144,11 @@ def residual(model: Model, values: Array) -> Array:
 
 def linearise(model: Model, values: Array) -> tuple[Array, Array]:
     """(p,) unknowns → gaps (n,) mm and their exact Jacobian (n, p)."""
+    return with_levers(model, values)[:2]
+
+
+def with_levers(model: Model, values: Array) -> tuple[Array, Array, Mapping[Slot, Array]]:
+    """(p,) unknowns → gaps (n,) mm, their exact Jacobian (n, p), how an error at each slot moves the touches (n,) mm/mm, mm/rad."""
     touches = model.touches
     machine, offsets, shifts = model.split(values)
     acting = errors(model, machine)
@@ -162,7 +168,7 @@ def linearise(model: Model, values: Array) -> tuple[Array, Array]:
     first = count + len(touches.facets) + 3 * touches.ball_index[row]
     for i in range(3):
         jacobian[row, first + i] = -gradient[row, i]
-    return value, jacobian
+    return value, jacobian, levers
 
 
 def known(model: Model, values: Array) -> tuple[Array, Array, Array]:

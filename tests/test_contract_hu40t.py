@@ -109,7 +109,7 @@ def test_of_the_whole_model_only_the_isotropic_scale_needs_the_bar(cell, reading
 
 
 def test_what_cannot_be_seen_is_on_the_terminal_too(cell, readings):
-    text = as_text(estimate(cell.machine, cell.artefact, readings, ["S3", "EYY0", "EC0X"]))
+    text = as_text(estimate(cell.machine, cell.artefact, readings, ["S3", "EYY0", "EC0X"]), ())
     assert "cannot be seen: EYY0 and EY0S move every touch alike: only their sum is known" in text
     assert "cannot be seen: EC0X and EC0Y move every touch alike: only their difference is known" in text
 
@@ -122,7 +122,7 @@ def test_setup_alone_is_subset_one(cell, readings):
 
 
 def test_json_has_every_key_of_the_contract(scale_enriched):
-    data = json.loads(json.dumps(as_json(scale_enriched)))
+    data = json.loads(json.dumps(as_json(scale_enriched, ())))
     assert data["format"] == "tango-estimate/1"
     assert data["touches"] == 393
     assert set(data["parameters"]["EX0C"]) == {"value", "unit", "std"}

@@ -13,6 +13,7 @@ from ..duration import duration
 from ..estimate import Estimate
 from ..files import read_readings, read_strategy
 from ..files.nightly import Nightly
+from ..iso230.signed import withheld
 from ..link._measure import durations
 from ..nightly.analysis import Nights, Timed
 from ..plan import last_motion
@@ -42,7 +43,7 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         check,
         _judged if deep else None,
         _diagnosed if deep else None,
-        lambda result: {"estimate.json": json_text(estimate_json(result)) + "\n"},
+        lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
     )
 
 

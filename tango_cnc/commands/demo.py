@@ -15,6 +15,7 @@ import click
 
 from ..estimate import Estimate, estimate
 from ..files import read_cell, read_readings, read_world
+from ..iso230.signed import withheld
 from ..records import LinkError, World
 from ..report.units import shown
 from ._common import table, write_json
@@ -51,7 +52,7 @@ def command(context: click.Context, out: Path | None, speed: float) -> int:
     _says(f"estimate -C {folder} --json {folder / 'estimate.json'}")
     cell = read_cell(folder)
     result = estimate(cell.machine, cell.artefact, read_readings(folder / "readings.csv", cell.machine, cell.artefact), cell.terms)
-    write_json(str(folder / "estimate.json"), as_json(result))
+    write_json(str(folder / "estimate.json"), as_json(result, withheld(result)))
     text, worst = _against(result, read_world(folder / "world.yaml"))
     click.echo(text)
     click.echo(

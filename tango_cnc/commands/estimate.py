@@ -16,6 +16,7 @@ from ..estimate import Estimate, estimate, without
 from ..files import blamed_on, read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..identify import summary
+from ..iso230.signed import withheld
 from ..judgement import Judgement
 from ..records import Cell, InputError, Parameter, Readings, TangoError, TermItem
 from ..report.units import shown
@@ -79,11 +80,12 @@ def command(
         result, judgement = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
     if frame is None and judgement.verdict != "implausible":
         judgement = _predicting(cell, without(readings, np.union1d(excluded, result.outliers)), items, degree, judgement)
-    data = as_json(result, judgement)
+    figures = withheld(result)
+    data = as_json(result, figures, judgement)
     if exclude_outliers:
         data["excluded"] = [int(i) for i in excluded]
     if not write_json(json_file, data):
-        click.echo("\n".join([*told(judgement), as_text(result)]))
+        click.echo("\n".join([*told(judgement), as_text(result, figures)]))
     if exclude_outliers and len(excluded):
         click.echo(f"{len(excluded)} touches excluded: {', '.join(map(str, excluded))}", err=True)
     skipped = int((~readings.ok).sum())
@@ -122,10 +124,8 @@ def _estimated(cell: Cell, readings: Readings, items: Sequence[TermItem], degree
     return estimate(cell.machine, cell.artefact, readings, (*items, *more), degree)
 
 
-def as_json(result: Estimate, judgement: Judgement | None = None) -> dict[str, Any]:
-    """estimate, judgement on it → plain data of the format tango-estimate/1."""
-    from ..iso230.signed import withheld
-
+def as_json(result: Estimate, figures: Sequence[str], judgement: Judgement | None = None) -> dict[str, Any]:
+    """estimate, sentences on the ISO figures withheld, judgement → plain data of the format tango-estimate/1."""
     size = abs(result.residuals) * 1e3
 
     def value(parameter: Parameter) -> dict[str, Any]:
@@ -152,7 +152,7 @@ def as_json(result: Estimate, judgement: Judgement | None = None) -> dict[str, A
         "condition_number": result.condition_number,
         "scaled_condition_number": result.scaled_condition_number,
         "not_identifiable": [c.text for c in result.selection.unseen],
-        "not_identifiable_figures": list(withheld(result)),
+        "not_identifiable_figures": list(figures),
         "outliers": [int(i) for i in result.outliers],
     }
     if (noise := result.noise) is not None:
@@ -162,10 +162,8 @@ def as_json(result: Estimate, judgement: Judgement | None = None) -> dict[str, A
     return data | ({"placement": placement} if placement else {})
 
 
-def as_text(result: Estimate) -> str:
-    """estimate → what a person reads on the terminal."""
-    from ..iso230.signed import withheld
-
+def as_text(result: Estimate, figures: Sequence[str]) -> str:
+    """estimate, sentences on the ISO figures withheld → what a person reads on the terminal."""
     rows = [["parameter", "value", "std", ""]]
     for name, p in {**result.parameters, **result.setup}.items():
         factor, unit = shown(p.unit)
@@ -183,7 +181,7 @@ def as_text(result: Estimate) -> str:
     if offsets:
         lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")
     lines += [f"cannot be seen: {text}" for text in summary([c.text for c in result.selection.unseen])]
-    lines += [f"ISO figure withheld: {text}" for text in withheld(result)]
+    lines += [f"ISO figure withheld: {text}" for text in figures]
     if len(result.outliers):
         worst = ", ".join(str(i) for i in result.outliers[:10]) + (" …" if len(result.outliers) > 10 else "")
         weight = "kept; leave them out with --exclude-outliers" if result.rejected is None else "they have no weight"

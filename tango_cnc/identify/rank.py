@@ -7,12 +7,10 @@ import math
 import numpy as np
 from scipy import linalg
 
-from .. import kinematics
 from ..kinematics import Slot
-from ..model import Model, known, linearise
+from ..model import Model, known, with_levers
 from ..records import Array, Combination, Machine
-from ..terms import Coefficient, error_motion
-from ..touches import Touches
+from ..terms import GAP, error_motion
 
 # The faintest real coefficients of all example cells, to degree 6, keep 7e-4 of what they could amount to; dependent ones 1e-15, or
 # 5e-7 where points are given to 1e-6 mm. At 2e-5 a touch of 0.7 µm would leave more than a millimetre undecided.
@@ -32,16 +30,15 @@ def columns(model: Model) -> tuple[Array, Array]:
     see C turn, but for the rounding of its facets.
     """
     start = np.zeros(len(model.names))
-    _, jacobian = linearise(model, start)
+    _, jacobian, levers = with_levers(model, start)
     _, rows, _ = known(model, start)
     touches = model.touches
-    levers = kinematics.sensitivity(touches.chain, kinematics.trace(touches.chain, touches.position), touches.normal).slots
-    turns = [lever for slot, lever in levers.items() if _turns(slot, touches.machine)]
+    turns = [lever for slot, lever in levers.items() if slot != GAP and _turns(slot, touches.machine)]
     longest = max(float(np.max(np.abs(lever))) for lever in turns)
     could = np.full(len(model.names), math.sqrt(len(touches)))
-    for j, c in enumerate(model.coefficients):
-        size = float(np.linalg.norm(_own_shape(c, model.regressors[j], touches)))
-        could[j] = size * (longest if _turns(c.slot, touches.machine) else 1.0)
+    size = np.linalg.norm(_own_shapes(model), axis=1)
+    turning = np.array([_turns(slot, touches.machine) for slot in model.slots])[model.by_slot[3]]
+    could[: len(model.coefficients)] = size * np.where(turning, longest, 1.0)
     return np.vstack([jacobian, rows]), np.where(could > 0, could, 1.0)
 
 
@@ -49,16 +46,22 @@ def _turns(slot: Slot, machine: Machine) -> bool:
     return slot.axis in machine.rotary if slot.stage == "motion" else slot.component >= 3
 
 
-def _own_shape(c: Coefficient, regressor: Array, touches: Touches) -> Array:
-    """→ (n,) what the lower powers of the same axis leave of a power; any other regressor as it is."""
-    match = error_motion.PATTERN.fullmatch(c.name)
-    if match is None or match[3] == "0":
-        return regressor
-    x = touches.axis(match[2])
-    x = (x - x.mean()) / (np.ptp(x) or 1.0)
-    lower = np.linalg.qr(np.vander(x, int(match[3])))[0]
-    rest: Array = regressor - lower @ (lower.T @ regressor)
-    return rest
+def _own_shapes(model: Model) -> Array:
+    """→ (c, n) what the lower powers of the same axis leave of a power; any other regressor as it is."""
+    powers: dict[str, list[tuple[int, int]]] = {}
+    for j, c in enumerate(model.coefficients):
+        if (match := error_motion.PATTERN.fullmatch(c.name)) is not None and match[3] != "0":
+            powers.setdefault(match[2], []).append((j, int(match[3])))
+    found: Array = np.array(model.regressors)
+    for axis, places in powers.items():
+        x = model.touches.axis(axis)
+        x = (x - x.mean()) / (np.ptp(x) or 1.0)
+        basis = np.linalg.qr(np.vander(x, max(power for _, power in places), increasing=True))[0]
+        for power in {power for _, power in places}:
+            rows = [j for j, own in places if own == power]
+            lower = basis[:, :power]
+            found[rows] -= (found[rows] @ lower) @ lower.T
+    return found
 
 
 def independent(matrix: Array, could: Array, tolerance: float = TOLERANCE) -> tuple[list[int], dict[int, Array]]:
@@ -70,25 +73,30 @@ def independent(matrix: Array, could: Array, tolerance: float = TOLERANCE) -> tu
     scale = np.linalg.norm(matrix, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     reduced: Array = matrix / scale
+    first = 0  # columns before it stand on their own by the diagonal of the triangle already
     if matrix.shape[0] > matrix.shape[1]:
         reduced = np.asarray(np.linalg.qr(reduced, mode="r"))
+        size = np.abs(np.diag(reduced))
+        first = int(np.argmin(np.append((size * scale > tolerance * could) & (size > NOISE), False)))
     count = reduced.shape[1]
-    basis = np.empty((count, reduced.shape[0]))
+    basis = np.zeros((count, reduced.shape[0]))
     triangle = np.zeros((count, count))
-    kept: list[int] = []
+    basis[:first, :first] = np.eye(first)
+    triangle[:first, :first] = reduced[:first, :first]
+    kept: list[int] = list(range(first))
     left: dict[int, Array] = {}
-    for j in range(count):
+    for j in range(first, count):
         column, k = reduced[:, j], len(kept)
         weights = basis[:k] @ column
         rest = column - weights @ basis[:k]
         again = basis[:k] @ rest
         rest -= again @ basis[:k]
         weights += again
-        size = math.sqrt(rest @ rest)
-        if size * scale[j] > tolerance * could[j] and size > NOISE:
+        length = math.sqrt(rest @ rest)
+        if length * scale[j] > tolerance * could[j] and length > NOISE:
             triangle[:k, k] = weights
-            triangle[k, k] = size
-            np.divide(rest, size, out=basis[k])
+            triangle[k, k] = length
+            np.divide(rest, length, out=basis[k])
             kept.append(j)
         else:
             left[j] = linalg.solve_triangular(triangle[:k, :k], weights) * scale[j] / scale[kept] if k else np.empty(0)
@@ -113,12 +121,12 @@ def scaled_condition_number(matrix: Array) -> float:
     return float(size[0] / size[-1])
 
 
-def blurred(model: Model, wanted: set[str]) -> dict[str, Combination]:
-    """model of independent columns, names that may be left out → those that touches so noisy would not settle, in words.
+def blurred(model: Model, matrix: Array, could: Array, wanted: set[str]) -> dict[str, Combination]:
+    """model of independent columns, its `columns`, names that may be left out → those that such noise would not settle, in words.
 
     One by one, of all that moves together with the worst the highest power: what is left may then be seen well.
     """
-    matrix, could = columns(model)
+    matrix = matrix.copy()
     sigma = max(model.touches.machine.probe.repeatability, FINEST)
     count = len(model.touches)
     matrix[count:] *= (sigma / known(model, np.zeros(len(model.names)))[2])[:, None]
@@ -131,7 +139,7 @@ def blurred(model: Model, wanted: set[str]) -> dict[str, Combination]:
     while stay:
         if left:
             root = np.asarray(np.linalg.qr(root, mode="r"))
-        inverse = linalg.solve_triangular(root, np.eye(len(stay)))
+        inverse = np.triu(linalg.lapack.dtrtri(root)[0])
         amount = np.linalg.norm(inverse, axis=1) * reach[stay]
         bad = [i for i, j in enumerate(stay) if amount[i] > BLURRED and model.names[j] in wanted]
         if not bad:

@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import kinematics
 from ..model import PLACEMENT, STYLUS, Model, setup_coefficient
-from ..records import Artefact, Ball, Combination, Facet, Machine, ScaleBar, TermItem
+from ..records import Array, Artefact, Ball, Combination, Facet, Machine, ScaleBar, TermItem
 from ..terms import Coefficient, backlash, error_motion, find, inter_axis
 from ..touches import Touches, of_facets
 from .rank import TOLERANCE, blurred, columns, independent
@@ -38,8 +38,8 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     wanted = _wanted(machine, terms, degree)
     calibrated = any(f.uncertainty is not None for f in touches.artefact.facets.values())
     setup = [setup_coefficient(name) for name in (*STYLUS, *(PLACEMENT if calibrated else ()))]
-    kept, left = _visible(touches.nominal, setup, wanted)
-    noisy = blurred(Model(touches.nominal, tuple(kept)), {c.name for c in wanted})
+    kept, left, matrix, could = _visible(touches.nominal, setup, wanted)
+    noisy = blurred(Model(touches.nominal, tuple(kept)), matrix, could, {c.name for c in wanted})
     kept, left = [c for c in kept if c.name not in noisy], left | noisy
     names = {c.name for c in kept}
     model = Model(touches, (*(c for c in wanted if c.name in names), *(c for c in setup if c.name in names)))
@@ -81,15 +81,18 @@ def subset_terms(machine: Machine, subset: int, degree: int) -> tuple[Coefficien
     candidates.sort(key=lambda c: c.name == "EXX1")
     touches = rich_plan(machine)
     setup = [setup_coefficient(name) for name in (*STYLUS, *(() if machine.rotary else PLACEMENT))]
-    kept, _ = _visible(touches, setup, candidates)
+    kept = _visible(touches, setup, candidates)[0]
     names = {c.name for c in kept}
     return tuple(c for c in candidates if c.name in names)
 
 
 def _visible(
     touches: Touches, setup: list[Coefficient], wanted: list[Coefficient]
-) -> tuple[list[Coefficient], dict[str, Combination]]:
-    """Facets and balls come first, then the setup, then the machine."""
+) -> tuple[list[Coefficient], dict[str, Combination], Array, Array]:
+    """→ coefficients kept; what is left out, in words; `columns` of the model of those kept.
+
+    Facets and balls come first, then the setup, then the machine.
+    """
     model = Model(touches, (*setup, *wanted))
     matrix, could = columns(model)
     count = len(model.coefficients)
@@ -110,7 +113,9 @@ def _visible(
         strong = [int(i) for i in np.argsort(-share) if share[i] > 0.02]
         partners = {names[i]: (float(weights[i]), units[order[kept[i]]]) for i in strong}
         combinations[model.names[at]] = describe(model.names[at], units[at], partners)
-    return [c for c in model.coefficients if c.name in set(names)], combinations
+    seen = [j for j, c in enumerate(model.coefficients) if c.name in set(names)]
+    stay = [*seen, *range(count, matrix.shape[1])]
+    return [model.coefficients[j] for j in seen], combinations, matrix[:, stay], could[stay]
 
 
 def rich_plan(machine: Machine, count: int = 700) -> Touches:

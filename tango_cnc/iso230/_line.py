@@ -44,10 +44,9 @@ def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], l
     at_rest, inter, reversal = np.zeros((6, p)), np.zeros((6, p)), np.zeros(p)
     frame, base, sense = axis_frame(axis.name, axis.direction)
     own = base + (0 if axis.kind == "linear" else 3)
-    for j in all_steady(coefficients, still):
-        c = coefficients[j]
-        if c.slot.axis != axis.name:
-            continue
+    mine = [j for j, c in enumerate(coefficients) if c.slot.axis == axis.name]
+    for i in all_steady([coefficients[j] for j in mine], still):
+        j, c = mine[i], coefficients[mine[i]]
         value = c.regressor(still)
         if c.slot.stage == "inter":
             inter[c.slot.component, j] = value[-1]

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from ..records import COMPONENTS, Array, Machine
 from ..terms import Coefficient
@@ -128,6 +127,8 @@ def _square(one: Trajectory, two: Trajectory) -> list[Ask]:
 
 def minimum_zone(command: Array, curve: Array) -> float:
     """positions (m,), curve (m,) → the least distance, along the curve's unit, of two parallel lines that hold it."""
+    from scipy.spatial import ConvexHull, QhullError  # a tenth of a second to load, and few results ask for a zone
+
     if np.ptp(curve) < 1e-15:
         return 0.0
     x, y = (command - command.mean()) / np.ptp(command), curve / np.ptp(curve)
