@@ -182,7 +182,9 @@ def fit(selection: Selection) -> Estimate:
     for iterations in range(1, ITERATIONS + 1):
         if damping == 0 and size < SERVES and shifted < 1e-6:
             # A chord step, with the derivatives of the step before (Deuflhard 2011, Newton Methods for Nonlinear Problems, 2.1.2).
-            right = np.concatenate([residual(model, values), known(model, values)[0]])
+            offsets, _, uncertainty = known(model, values)
+            right = np.concatenate([residual(model, values), offsets])
+            used, weights = sigma, np.concatenate([np.ones(n), sigma / uncertainty])
             change = _again(full, right, weights, root)
         else:
             gaps, jacobian = linearise(model, values)
