@@ -20,6 +20,7 @@ from ..files.checked import suggestion
 from ..files.learned import FOLDER, learned, learned_text
 from ..files.origin import current
 from ..records import InputError
+from ..report.pictures import needed
 from ..terms import causes
 from ._common import Output, cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
@@ -82,6 +83,8 @@ def command(
     for option, target in (("--html", html), ("--world", world_file), ("--json", json_file)):
         if target is not None and str(target) != "-":
             _writable(option, Path(target))
+    if html is not None:
+        needed()
     if table_file is not None:
         if not response:
             raise InputError("--table: found no --response; allowed: the name of the measured column, e.g. --response r")

@@ -21,13 +21,14 @@ from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
 from ..touches import Touches
-from . import _explain, _gain, _moments, _seen, _shapes, _spread, _stable
+from . import _explain, _gain, _moments, _scatter, _seen, _shapes, _spread, _stable
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
 from ._moments import Moment
 from ._records import SUBSETS, Dropped, Finding, Remainder, Size, Why
 from ._richer import Richer, richer
+from ._scatter import Scatter
 from ._search import Chosen
 from ._seen import Test
 from ._size import size
@@ -64,6 +65,7 @@ class Diagnosis:
     dropped: tuple[Dropped, ...] = ()  # fits, and is not named
     events: tuple[Moment, ...] = ()  # what belongs to one moment or one pose, set aside before the search
     outcome: Outcome | None = None  # names against shapes
+    scatter: Scatter = _scatter.EVEN  # what the size of the noise depends on
 
     @property
     def terms_text(self) -> str:
@@ -102,13 +104,13 @@ def diagnose(
     before = estimate(machine, artefact, readings, terms)
     moments: tuple[Moment, ...] = ()
     for _ in range(EVENTS):
-        found, weight, rough = _explained(before, excluded, seed, moments, learned)
+        found, weight, rough, scatter = _explained(before, excluded, seed, moments, learned)
         field, outcome = _contested(before, found, weight)
         new = [m for m in _moments.moments(before, found, outcome, weight) if m.item not in [o.item for o in moments]]
         if not new:
             break
         moments = (*moments, *new)
-    return _told(before, readings, terms, found, weight, rough, excluded, seed, moments, field, outcome)
+    return _told(before, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome)
 
 
 def _contested(before: Estimate, found: Explanation, weight: Array) -> tuple[Field, Outcome]:
@@ -125,8 +127,8 @@ def _explained(
     seed: int,
     moments: Sequence[Moment] = (),
     learned: Sequence[Mapping[str, Any]] = (),
-) -> tuple[Explanation, Array, list[_explain.Rough]]:
-    """Facets that scatter more than the others get less weight, and everything is looked at again."""
+) -> tuple[Explanation, Array, list[_explain.Rough], Scatter]:
+    """Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again."""
     touches = replace(before.model.touches, tip=tips(before))
     n = len(touches)
     every = [
@@ -155,6 +157,7 @@ def _explained(
     distances, rows, uncertainty = known(before.model, before.values)
     rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
     wandering, seating = kernels(touches)
+    members = _scatter.groupings(touches)
     weight = np.ones(n)
     rough: list[_explain.Rough] = []
     for turn in range(ROUNDS):
@@ -194,16 +197,19 @@ def _explained(
             if not absurd:
                 break
             every = [c for c in every if _where(c) not in absurd]
-        if "surface_form" in excluded:
-            break
-        spread = _explain.rough(found, touches.facet, weight)
+        broad = [c for c in found.chosen if not _explain.narrow(c)]
+        scatter = _scatter.scatter(*_explain.rest(found, broad, weight), members)
+        spread = []
+        if scatter.by is not None and not (scatter.by == "facet" and "surface_form" in excluded):
+            own = touches.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
+            spread = _explain.rough(found, own, weight)
         settled = {r.key for r in spread} == {r.key for r in rough}
         rough = spread
         if settled or turn == ROUNDS - 1:
             break
         lighter = {r.key: r.weight for r in rough}
-        weight = np.array([lighter.get(f, 1.0) for f in touches.facet])
-    return found, weight, rough
+        weight = np.array([lighter.get(f, 1.0) for f in own]) if rough else np.ones(n)
+    return found, weight, rough if scatter.by == "facet" and scatter.clear else [], scatter
 
 
 def as_term(r: Remainder) -> dict[str, Any]:
@@ -252,6 +258,7 @@ def _told(
     found: Explanation,
     weight: Array,
     rough: list[_explain.Rough],
+    scatter: Scatter,
     excluded: Collection[str],
     seed: int,
     moments: Sequence[Moment],
@@ -329,7 +336,7 @@ def _told(
     if "walk" in noises or not outcome.picked:
         remains += _spread.wandering(found, touches)
     if not remains and not findings:  # names that did not stand had taken what is there all the same
-        spreads = [p for p in outcome.picked if p.kernel.noise]
+        spreads = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
         remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in spreads]
     tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, touches, keep)
     if findings and not remains and not outcome.picked:
@@ -353,6 +360,7 @@ def _told(
         tuple(dropped),
         tuple(moments),
         outcome,
+        _scatter.remembering(scatter, outcome),
     )
 
 

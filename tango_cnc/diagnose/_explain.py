@@ -202,11 +202,11 @@ def rough(e: Explanation, keys: Sequence[str], weight: Array) -> list[Rough]:
     free_rows = own > 0.2  # a row that nothing else checks has no residual, and would make the usual scatter look small
     middle = float(np.median(left[free_rows] ** 2 / own[free_rows])) / 0.455 if free_rows.any() else np.inf
     scale = min(middle, e.sigma**2)
-    plain, free = rest(e, [c for c in e.chosen if not _narrow(c)], weight)
+    plain, free = rest(e, [c for c in e.chosen if not narrow(c)], weight)
     price = float(np.log(e.place.m) + 2 * np.log(len(groups)))
     for k in groups:
         on = label == k
-        patterns = sum(c.price for c in e.chosen if _narrow(c) and np.abs(c.candidate.columns[on]).sum() > 0)
+        patterns = sum(c.price for c in e.chosen if narrow(c) and np.abs(c.candidate.columns[on]).sum() > 0)
         if not patterns:
             continue
         squares = float(np.sum(left[on] ** 2)) / scale, float(np.sum(plain[on] ** 2)) / scale
@@ -231,7 +231,8 @@ def _scattered(rest: float, dof: float) -> float:
     return dof * (ratio - 1 - float(np.log(ratio))) if ratio > 1 else 0.0
 
 
-def _narrow(c: Chosen) -> bool:
+def narrow(c: Chosen) -> bool:
+    """candidate → whether it touches so few rows that single wild ones could be it."""
     return bool(c.candidate.cause) and int(np.any(c.candidate.columns != 0, axis=1).sum()) <= FEW
 
 
@@ -255,6 +256,7 @@ __all__ = [
     "gain",
     "honest",
     "kind",
+    "narrow",
     "rest",
     "rough",
     "significance",

@@ -21,6 +21,8 @@ from ..touches import Touches
 FAST, SLOW = 14, 4  # functions of a shape of one covariate, and of each one of two
 WINDOWS = (6, 12, 24, 48, 80)  # touches
 CYCLES = (*np.arange(1.5, 6, 0.15), *np.arange(6, 12, 0.25))  # over the test, of what repeats in time
+KEPT = (0.4, 0.6, 0.8, 0.9)  # correlation of neighbouring touches
+REMEMBERED = 160  # waves of a noise with memory
 LEAST = {"way": 1e-3, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
 
 
@@ -97,7 +99,7 @@ class Kernel:
     """A shape as numbers: features (n, k) in the unit of the residuals."""
 
     form: Form | None  # None for noise of a machine and for events
-    kind: str  # shape; walk, seat (noise); shift, turn, window (one moment)
+    kind: str  # shape; walk, seat, memory (noise); shift, turn, window (one moment)
     columns: Array
     scale: float = 1.0  # the features were divided by it
     setting: Mapping[str, Any] = field(default_factory=dict)  # of an event: indexation, axis, first and last row
@@ -105,7 +107,7 @@ class Kernel:
     @property
     def noise(self) -> bool:
         """→ whether it is a spread of the machine and no pattern."""
-        return self.kind in ("walk", "seat")
+        return self.kind in ("walk", "seat", "memory")
 
     @property
     def event(self) -> bool:
@@ -121,7 +123,7 @@ def kernels(touches: Touches) -> list[Kernel]:
         if form.weight not in felt:
             felt[form.weight] = weights(touches, form.weight)
         found.append(Kernel(form, "shape", form.columns(touches, known, felt[form.weight])))
-    found += [Kernel(None, "walk", walk(touches)), Kernel(None, "seat", seats(touches)), *events(touches)]
+    found += [Kernel(None, "walk", walk(touches)), Kernel(None, "seat", seats(touches)), *memories(len(touches)), *events(touches)]
     return [scaled(k) for k in found if _size(k.columns) > 0]
 
 
@@ -163,6 +165,25 @@ def walk(touches: Touches, count: int = 24) -> Array:
     order = np.arange(1, count + 1) - 0.5
     waves = np.sin(np.pi * u[:, None] * order) / order
     return np.einsum("nf,nw->nfw", waves, touches.machine_normal).reshape(len(u), -1)
+
+
+def memories(n: int) -> Iterator[Kernel]:
+    """number of touches → noise of the probe that is like that of the touches before: first-order memory, and 1/f.
+
+    The waves of such a noise over the order of the touches, with the power that it has beyond the white noise (Box, Jenkins and
+    Reinsel 2008, 2.2 and 3.2).
+    """
+    count = min(n - 1, REMEMBERED)
+    order = np.arange(1, count + 1)
+    angle = np.pi * order / n
+    waves = np.cos(angle * (np.arange(n)[:, None] + 0.5))
+
+    def like(power: Array, last: float) -> Kernel:
+        return Kernel(None, "memory", waves * np.sqrt(np.maximum(power - last, 0.0)))
+
+    for kept in KEPT:
+        yield like((1 - kept**2) / (1 + kept**2 - 2 * kept * np.cos(angle)), (1 - kept) / (1 + kept))
+    yield like(1 / angle, 1 / np.pi)
 
 
 def seats(touches: Touches) -> Array:

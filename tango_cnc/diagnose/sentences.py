@@ -11,6 +11,7 @@ from .. import terms as families
 from ..records import Array
 from ._moments import Moment
 from ._records import SUBSETS, Dropped, Finding, Remainder
+from ._scatter import Scatter
 
 SETTLED = 2.3  # time constants after which a tenth is left
 UNSETTLED = 1.4  # time constants: a test shorter than that has not seen where a drift ends
@@ -157,6 +158,28 @@ def moment(m: Moment) -> str:
     if m.axis is not None:
         return f"{touches} (one indexation) were made at a wrong angle of {m.axis}, which moves them by {size} at most"
     return f"{touches} (one indexation) were made with the table beside its place, by {size} at most"
+
+
+def noise(s: Scatter) -> list[str]:
+    """scatter → what the noise is besides white and normal, a sentence each."""
+    told = []
+    if s.clear:
+        group = {"facet": "facet", "direction": "direction of touch", "indexation": "indexation", "time": "part of the test"}
+        told.append(
+            f"single touches do not scatter alike: it depends on the {group[str(s.by)]}. Touches that scatter "
+            "more have less weight here"
+        )
+    if s.tails is not None:
+        told.append(
+            f"the scatter has heavy tails (like Student's t with {s.tails:.0f} degrees of freedom): far touches are more frequent "
+            "than chance would make them. Look at chips, coolant and the battery of the probe"
+        )
+    if s.memory > 0:
+        told.append(
+            f"each touch remembers the one before (correlation {s.memory:.1f}): the noise is not new at every touch, so standard "
+            "deviations are too small. Look at the temperature of the probe and at vibrations"
+        )
+    return told
 
 
 def spread(value: float, std: float) -> str:

@@ -15,7 +15,7 @@ from ..touches import misnamed
 from . import Diagnosis, Finding, Test
 from ._richer import Richer
 from ._size import plain
-from .sentences import advice, covariate, dropped, gain, meaning, moment, said, unexplained
+from .sentences import advice, covariate, dropped, gain, meaning, moment, noise, said, unexplained
 
 HIDDEN = 0.1  # visibility
 SHOWN = 8  # covariates on the terminal
@@ -76,6 +76,12 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             for m in misnamed(d.before.model.touches)
         ],
         "noise_um": d.noise * 1e3,
+        "scatter": {
+            "by": d.scatter.by if d.scatter.clear else None,
+            "degrees_of_freedom": d.scatter.tails,
+            "memory": round(d.scatter.memory, 3),
+            "text": [f"{line}." for line in noise(d.scatter)],
+        },
         "terms": [plain(t) if isinstance(t, Mapping) else t for t in d.terms],
         "effects": effects(d),
     }
@@ -171,6 +177,8 @@ def as_text(d: Diagnosis) -> str:
             *_wrapped(f"{_count(len(d.outliers), 'single touch', 'es')} fit nothing: {', '.join(map(str, d.outliers))}", "  "),
             "",
         ]
+    for line in noise(d.scatter):
+        lines += [*_wrapped(f"~ {line}.", "  "), ""]
     if d.richer is not None:
         lines += [*_wrapped(_try(d.after, d.richer), "  "), ""]
     if d.after is not d.before:

@@ -57,7 +57,8 @@ def figure(width: float, height: float) -> Any:
 
 
 def styled() -> Any:
-    """→ context in which figures are drawn and written in the house style."""
+    """→ context in which figures are drawn and written in the house style. Raises InputError when matplotlib is not installed."""
+    needed()
     import matplotlib
 
     return matplotlib.rc_context(STYLE)  # type: ignore[arg-type]
