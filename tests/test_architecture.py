@@ -72,6 +72,7 @@ LIBRARIES = {
     "pymodbus": ("tango_cnc.link.transport", "sim_controller"),
     "paramiko": ("tango_cnc.link.transport",),
     "asyncua": ("tango_cnc.link.transport",),
+    "pyLSV2": ("tango_cnc.link.transport",),
     "matplotlib": ("tango_cnc.report", "tango_cnc.history", "tango_cnc.reproduce", "tango_cnc.commands", "tango_cnc.web"),
     "mpl_toolkits": ("tango_cnc.report", "tango_cnc.reproduce"),
     "jinja2": ("tango_cnc.report", "tango_cnc.web"),

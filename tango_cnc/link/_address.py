@@ -23,7 +23,7 @@ LINE: Mapping[str, tuple[str, ...]] = {
 DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
 PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")
-REMOTE = ("ftp", "ftps", "sftp", "smb")  # disks of controls
+REMOTE = ("ftp", "ftps", "sftp", "smb", "lsv2")  # disks of controls
 WAYS = (*SCHEMES, "tcp", "rtu", "rsh", "opcua", "file", *REMOTE)  # how a protocol may travel: what its SCHEMES may name
 LAST_PORT = 65535
 HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")
@@ -80,6 +80,7 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         place, _, path = target.rpartition("@")[2].partition("/")
         if not _host(place if re.search(r":[0-9]+$", place) else f"{place}:1") or not path or path.endswith("/"):
             example = f"{scheme}://user@192.168.1.20/folder/TANGO.TXT?password=env:NAME"
+            example = "lsv2://192.168.1.20/TNC:/TANGO.TXT" if scheme == "lsv2" else example
             raise InputError(f"port {url!r}: found no host, or no file on it; allowed: e.g. {example}")
     if scheme == "file" and not target:
         raise InputError(f"port {url!r}: no file; e.g. file:///mnt/control/TANGO.TXT, on Windows file://Z:/TANGO.TXT")

@@ -109,6 +109,7 @@ class Client(Protocol):
 
     punches: ClassVar[bool] = False  # the control can punch its program out over the line
     drives: ClassVar[bool] = False  # asks for every motion, so nothing moves on while this computer does not look
+    late: ClassVar[bool] = False  # records come long after their touches: what a sensor says then is not of the touch
     brought: bool = False  # the person brings the program to the control, and is told which file before anything begins
     before: str = ""  # what the person has to know before the first byte is sent
     advice: str = ""  # what the person has to do when all is sent; usually: start the program at the control

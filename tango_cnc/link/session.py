@@ -323,7 +323,7 @@ class Session:
             drift_um=drift,
             direction=tuple(int(sense) for sense in self._directions[place]),
             record=text,
-            temperatures=dict(self._sensors()) or None,
+            temperatures=None if self._client.late else dict(self._sensors()) or None,
         )
         self._journal.add(entry)
         return entry

@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from support.linkparts import job
 
 from tango_cnc.link._address import SCHEMES, WAYS, parse, spoken
-from tango_cnc.link._client import Begun, Ended, Failed, Identified, Refused, Touched
+from tango_cnc.link._client import Asked, Begun, Ended, Failed, Identified, Refused, Touched
 from tango_cnc.link.protocols import load, names, schemes
 
 TRANSCRIPTS = Path(__file__).parents[1] / "transcripts"
@@ -58,6 +58,8 @@ def shown(event):
             return f"Refused {why}: {text}"
         case Failed(why):
             return f"Failed {why}"
+        case Asked(text):
+            return f"Asked {text}"
 
 
 def replay(protocol, file, pieces):

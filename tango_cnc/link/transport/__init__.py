@@ -32,6 +32,7 @@ from ._line import Lost as Lost
 from ._line import Transport as Transport
 from ._line import reason
 from ._linuxcnc import LinuxCnc
+from ._lsv2 import AtRest
 from ._modbus import Modbus
 from ._opcua import OpcUa
 from ._port import Port
@@ -39,7 +40,7 @@ from ._remote import Remote
 from ._tcp import Tcp
 
 OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc, "file": File}
-OPENERS |= {"opcua": OpcUa, **dict.fromkeys(REMOTE, Remote)}
+OPENERS |= {"opcua": OpcUa, **dict.fromkeys(REMOTE, Remote), "lsv2": AtRest}
 
 
 def ports() -> list[tuple[str, str]]:

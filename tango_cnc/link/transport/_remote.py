@@ -36,11 +36,15 @@ class Remote:
         self._program = address.options.get("program", "")
         self._rest, self._answers, self._due = b"", b"", 0.0
         self._store: Store | None = None
-        there = self._open()
         self._at, self._before = 0, b""
+        self._begin()
+
+    def _begin(self) -> None:
+        """Notes where the record file ends now, or where its last start mark is."""
+        there = self._open()
         size = there.size(self._path) or 0
         old = size
-        if address.options.get("from", "now") == "last":
+        if self._address.options.get("from", "now") == "last":
             old = max(0, there.read(self._path, 0, size).rfind(START))
         if old:
             begin = max(0, old - REMEMBERED)
@@ -92,18 +96,21 @@ class Remote:
 
     def _put(self, program: bytes) -> bytes:
         """program → what was read back, by its hash."""
-        there = self._store or self._open()
-        name = self._program + (_name(program) if self._program.endswith("/") else "")
-        if posixpath.normpath(name) == posixpath.normpath(self._path):
-            raise Lost(f"program and records are one file, {name}; state two names")
         try:
-            before = there.read(name, 0, HEAD)
-            if before and not OURS.search(before):
-                raise Lost(f"{name} is at the control already and is no program of 'tango plan'; it would be lost: another name")
-            there.write(name, program)
-            back = there.read(name, 0, len(program) + 1)
+            return self._put_at(self._store or self._open(), program)
         except (OSError, EOFError) as error:
-            raise Lost(f"{name} cannot be put at the control: {_why(error)}") from None
+            raise Lost(f"the program cannot be put at the control: {_why(error)}") from None
+
+    def _put_at(self, there: Store, program: bytes) -> bytes:
+        """open store, program → what was read back, by its hash. Raises Lost for a place where it may not go."""
+        name = self._program + (_name(program) if self._program.endswith("/") else "")
+        if posixpath.normpath(name).upper() == posixpath.normpath(self._path).upper():
+            raise Lost(f"program and records are one file, {name}; state two names")
+        before = there.read(name, 0, HEAD)
+        if before and not OURS.search(before):
+            raise Lost(f"{name} is at the control already and is no program of 'tango plan'; it would be lost: another name")
+        there.write(name, program)
+        back = there.read(name, 0, len(program) + 1)
         return b"PUT %s\n" % hashlib.sha256(back).hexdigest().encode()
 
     def _hang_up(self) -> None:
@@ -117,7 +124,9 @@ class Remote:
 
 
 def _name(program: bytes) -> str:
-    """program → the name under which it goes into a folder: its O number, else TANGO.NC."""
+    """program → the name under which it goes into a folder: its O number, its Klartext name, else TANGO.NC."""
+    if klartext := re.match(rb"(?:\d+ )?BEGIN PGM ([A-Za-z0-9_-]{1,32}) ", program):
+        return f"{klartext[1].decode()}.H"
     number = re.search(rb"^O(\d{4,5})", program, re.MULTILINE)
     return f"O{number[1].decode()}" if number else "TANGO.NC"
 

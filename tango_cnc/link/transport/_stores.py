@@ -102,7 +102,7 @@ class Sftp:
     """SFTP by paramiko. The control's key has to be known: in known_hosts, or by its hash."""
 
     def __init__(self, parts: SplitResult, options: dict[str, str]) -> None:
-        paramiko = _needed("paramiko", "sftp")
+        paramiko = needed("paramiko", "sftp")
         self._client = paramiko.SSHClient()
         self._client.load_system_host_keys()
         hash_ = options.get("hostkey", "")
@@ -169,7 +169,7 @@ class Smb:
     """
 
     def __init__(self, parts: SplitResult, options: dict[str, str]) -> None:
-        self._smb, self._errors = _needed("smbclient", "smb"), _needed("smbprotocol.exceptions", "smb")
+        self._smb, self._errors = needed("smbclient", "smb"), needed("smbprotocol.exceptions", "smb")
         self._host, self._port = parts.hostname or "", parts.port or PORTS["smb"]
         self._connections: dict[str, Any] = {}  # of this store alone: a connection that broke is not found again
         user, password = unquote(parts.username or ""), options.get("password") or unquote(parts.password or "")
@@ -221,7 +221,8 @@ class Smb:
             self._smb.reset_connection_cache(connection_cache=self._connections)
 
 
-def _needed(module: str, extra: str) -> Any:
+def needed(module: str, extra: str) -> Any:
+    """module, extra of this project that brings it → the module. Raises InputError that says how to install it."""
     import importlib
 
     try:

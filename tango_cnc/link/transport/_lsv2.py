@@ -1,0 +1,291 @@
+"""The disk of a Heidenhain control by LSV2 (pyLSV2): connected for one request at a time, and only when somebody says it stands.
+
+Requests and answers in words (`protocols/lsv2.py`). An answer begins with a character that no file brings in here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import queue
+import struct
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+from urllib.parse import quote
+
+from ...records import LinkError
+from .._address import Address
+from ._line import Lost, reason
+from ._remote import START, Remote
+from ._stores import needed
+
+PATIENCE = 10.0  # s for one telegram
+TRIES, BETWEEN = 3, 2.0  # of a request whose connection broke; s between two
+PORT = 19000
+LARGEST = 1 << 26  # bytes of a file
+BLOCK = 256 - 8 - 2  # bytes of a file in one telegram; some iTNC 530 refuse longer ones although they agree to them
+BINARY = b"\x01"
+SECURE = 19  # C_CC: the end of a transfer is acknowledged
+LATER = ("LSV2_BUSY", "LSV2_X_BUSY", "T_ER_ACCESS_TIMEOUT", "LSV2_TIMEOUT")  # what may be asked once more
+ANSWER = b"\x01"
+
+
+class Lsv2:
+    """One connection: the four verbs of a store, and what the control is doing. Every error is an OSError or LinkError."""
+
+    def __init__(self, host: str, port: int) -> None:
+        library = needed("pyLSV2", "lsv2")
+        logging.getLogger("LSV2 Client").setLevel(logging.CRITICAL + 1)
+        logging.getLogger("LSV2 TCP").setLevel(logging.CRITICAL + 1)
+        self._consts = library.const
+        self._text = library.translate_messages.get_error_text
+        # the least that every control can: telegrams of 256 bytes; safe mode: no command that acts
+        self._control = library.LSV2(host, port, PATIENCE, safe_mode=True, compatibility_mode=True)
+        self._line = self._control._llcom
+        # the library's own takes half a telegram for a whole one, and waits for ever on a line that was closed
+        self._line.telegram = self._telegram
+        with self._asked():
+            self._control.connect()
+            asked = self._control._send_recive(self._consts.CMD.C_CC, struct.pack("!H", SECURE), self._consts.RSP.T_OK)
+            self._secure = bool(asked)
+
+    def _telegram(self, command: Any, payload: bytes = b"", wait_for_response: bool = True) -> bytearray:
+        """letters, what they carry → what the answer carries; its letters and its error are kept as the library does."""
+        line, rsp = self._line._tcpsock, self._consts.RSP
+        until = time.monotonic() + PATIENCE
+        line.settimeout(PATIENCE)
+        line.sendall(struct.pack("!L", len(payload)) + command.value.encode("ascii") + bytes(payload))
+        self._line._last_lsv2_response, self._line._last_error = rsp.NONE, type(self._line.last_error)()
+        if not wait_for_response:
+            return bytearray()
+        length, letters = struct.unpack("!L4s", self._exactly(8, until))
+        if length > 1 << 16:
+            raise OSError(f"a telegram of {length} bytes: that is no LSV2")
+        content = self._exactly(length, until)
+        self._line._last_lsv2_response = rsp(letters.decode("latin1"))  # ValueError: not one of the protocol
+        if self._line.last_response in (rsp.T_ER, rsp.T_BD):
+            self._line._last_error = self._line.last_error.from_ba(content) if length == 2 else self._line.last_error
+            self._line._last_error.e_type = 1
+        return content
+
+    def _exactly(self, count: int, until: float) -> bytearray:
+        got = bytearray()
+        while len(got) < count:
+            left = until - time.monotonic()
+            if left <= 0:
+                raise TimeoutError(f"no answer within {PATIENCE:.0f} s")
+            self._line._tcpsock.settimeout(left)
+            more = self._line._tcpsock.recv(count - len(got))
+            if not more:
+                raise EOFError
+            got += more
+        return got
+
+    @contextlib.contextmanager
+    def _asked(self) -> Iterator[None]:
+        """Within it, what the library raises is an OSError or a LinkError, and the connection is closed."""
+        try:
+            yield
+        except LinkError:
+            self._drop()
+            raise
+        except EOFError:
+            self._drop()
+            raise OSError("the control closed the connection") from None
+        except Exception as error:  # of sockets, of the library, of what it makes of a telegram that is none
+            self._drop()
+            raise error if isinstance(error, OSError) else OSError(f"{type(error).__name__}: {error}"[:200]) from None
+
+    def _refused(self, what: str) -> Exception:
+        """what was asked → the error of the control in its words."""
+        error = self._line.last_error
+        text = f"{what}: {self._text(error)}" if error.e_code.value >= 0 else f"{what}: answered {self._line.last_response.value}"
+        return OSError(text) if error.e_code.name in LATER else LinkError(f"the control refuses {text}")
+
+    def name(self) -> str:
+        """→ what the control calls itself."""
+        versions = self._control.versions
+        return f"{versions.control} {versions.nc_sw}".strip()
+
+    def runs(self) -> bool:
+        """→ whether the control says that its program runs; False too where it does not tell (option DNC)."""
+        if not self._control.parameters.dnc_mode_allowed:
+            return False
+        with self._asked():
+            self._control.switch_safe_mode(False)  # which forbids the login that reads the state
+            try:
+                return bool(self._control.program_status() == self._consts.PgmState.STARTED)
+            finally:
+                self._control.switch_safe_mode(True)
+
+    def size(self, path: str) -> int | None:
+        """path → bytes of the file, None when there is none."""
+        with self._asked():
+            found = self._control.file_info(_named(path))
+            if found is None and self._line.last_error.e_code.name != "T_ER_NO_FILE":
+                raise self._refused(path)
+            return None if found is None else int(found.size)
+
+    def read(self, path: str, offset: int, most: int) -> bytes:
+        """path, from where, how many at most → bytes of the file; the protocol knows whole files alone."""
+        cmd, rsp = self._consts.CMD, self._consts.RSP
+        with self._asked():
+            whole, piece = bytearray(), self._line.telegram(cmd.R_FL, _zero(path) + BINARY)
+            while self._line.last_response is rsp.S_FL and len(whole) <= LARGEST:
+                whole += piece
+                piece = self._line.telegram(rsp.T_OK)
+            if self._line.last_response is rsp.T_FD:
+                return bytes(whole[offset : offset + most])
+            if self._line.last_error.e_code.name == "T_ER_NO_FILE" and not whole:
+                return b""
+            raise self._refused(path)
+
+    def write(self, path: str, data: bytes) -> None:
+        """path, bytes → the file has them; one that is there is deleted first, as the protocol wants it."""
+        cmd, rsp = self._consts.CMD, self._consts.RSP
+        with self._asked():
+            if self.size(path) is not None and not self._control.delete_file(_named(path)):
+                raise self._refused(path)
+            self._line.telegram(cmd.C_FL, _zero(path) + BINARY)
+            for at in range(0, len(data), BLOCK):
+                if self._line.last_response is not rsp.T_OK:
+                    raise self._refused(path)
+                self._line.telegram(rsp.S_FL, data[at : at + BLOCK])
+            if self._line.last_response is not rsp.T_OK:
+                raise self._refused(path)
+            self._line.telegram(rsp.T_FD, b"", self._secure)
+            if self._secure and self._line.last_response is not rsp.T_OK:
+                raise self._refused(path)
+
+    def close(self) -> None:
+        """Logs out and hangs up."""
+        with contextlib.suppress(Exception):
+            self._control.logout()
+        self._drop()
+
+    def _drop(self) -> None:
+        with contextlib.suppress(Exception):
+            self._line.disconnect()
+
+
+def _named(path: str) -> str:
+    """'/TNC:/A/B.H' → 'TNC:\\A\\B.H'."""
+    return path.lstrip("/").replace("/", "\\")
+
+
+def _zero(path: str) -> bytes:
+    return _named(path).encode("latin1") + b"\0"
+
+
+class Person:
+    """Somebody at this computer who presses Enter. Each time is asked for anew: what was typed before it does not count."""
+
+    def __init__(self) -> None:
+        self._said: queue.SimpleQueue[bool] | None = None
+
+    def asked(self, timeout: float) -> bool | None:
+        """s to wait → True: Enter was pressed; False: there is nobody; None: not yet."""
+        if self._said is None:
+            self._said = queue.SimpleQueue()
+            threading.Thread(target=self._wait, args=(self._said,), daemon=True).start()
+        with contextlib.suppress(queue.Empty):
+            answer = self._said.get(timeout=max(timeout, 0.001))
+            self._said = None
+            return answer
+        return None
+
+    @staticmethod
+    def _wait(said: queue.SimpleQueue[bool]) -> None:
+        try:
+            _forget_typed()
+            said.put(bool(sys.stdin.readline()))
+        except (AttributeError, OSError, ValueError):  # no standard input, or it was closed
+            said.put(False)
+
+
+def _forget_typed() -> None:
+    """What was typed on the terminal up to now is not an answer."""
+    if sys.stdin.isatty():
+        with contextlib.suppress(ImportError):
+            import termios
+
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)
+
+
+class AtRest(Remote):
+    """The record file and the program; a connection for each request, none in between."""
+
+    def __init__(self, address: Address) -> None:
+        needed("pyLSV2", "lsv2")
+        super().__init__(address)
+        self._person, self._requests, self._known = Person(), [], False
+        self._program = "/" + self._program.replace("\\", "/").lstrip("/") if self._program else ""
+
+    _requests: list[bytes]
+
+    def _begin(self) -> None:
+        """Nothing is opened before a request says so."""
+
+    def write(self, data: bytes) -> int:
+        """bytes of a request → all taken."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        self._requests += lines
+        return len(data)
+
+    def read(self, timeout: float) -> bytes:
+        """s → lines of the record file and the answer to the request written last; empty when there is none to answer."""
+        if not self._requests:
+            time.sleep(timeout)
+            return b""
+        verb, _, value = self._requests[0].partition(b" ")
+        if verb == b"still":
+            said = self._person.asked(timeout)
+            if said is None:
+                return b""
+            answer = ANSWER + (b"STILL" if said else b"NOBODY")
+        else:
+            answer = self._tried(verb, value)
+        self._requests.pop(0)
+        return answer + b"\n"
+
+    def _tried(self, verb: bytes, value: bytes) -> bytes:
+        """what to do → the answer, over a new connection each time."""
+        why = ""
+        for left in reversed(range(TRIES)):
+            try:
+                return self._done(verb, value)
+            except OSError as error:
+                why = reason(error)
+            except (Lost, LinkError) as error:
+                why = str(error)
+                break
+            if left:
+                time.sleep(BETWEEN)
+        return ANSWER + f"! {quote(why)}".encode()
+
+    def _done(self, verb: bytes, value: bytes) -> bytes:
+        there = Lsv2(self._parts.hostname or "", self._parts.port or PORT)
+        try:
+            if there.runs():
+                return ANSWER + b"RUNS"
+            if verb == b"open":
+                if not self._known:
+                    self._mark(there)
+                return ANSWER + f"OPEN {quote(there.name())}".encode()
+            if verb == b"put":
+                return ANSWER + self._put_at(there, bytes.fromhex(value.decode("ascii"))).strip()
+            lines = b""
+            while piece := self._new(there):
+                lines += piece.replace(ANSWER, b"?")
+            return lines + ANSWER + b"LOOK"
+        finally:
+            there.close()
+
+    def _mark(self, there: Lsv2) -> None:
+        """Notes where the record file ends now: what stands in it is of another run."""
+        whole = there.read(self._path, 0, LARGEST)
+        old = max(0, whole.rfind(START)) if self._address.options.get("from", "now") == "last" else len(whole)
+        self._at, self._before, self._known = old, whole[max(0, old - 64) : old], True
