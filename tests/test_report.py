@@ -146,6 +146,21 @@ def test_the_page_has_every_section_and_what_an_auditor_asks_for(facts: Facts) -
         assert wanted in text, wanted
 
 
+def test_a_simulation_says_so_above_its_verdict(facts: Facts) -> None:
+    """Nobody takes the page of a simulated machine for one of a real machine."""
+    line = texts()("audit.simulated")
+    assert line not in page.render(facts)
+    made_up = page.render(replace(facts, paper=replace(facts.paper, simulated=True)))
+    assert made_up.index(line) < made_up.index('<section class="verdict')
+
+
+def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:
+    paper = replace(facts.paper, readings="readings.csv", measured="2026-11-22T21:00:00Z")
+    top = page.render(replace(facts, paper=paper)).partition('<section class="verdict')[0]
+    assert "readings.csv, of 2026-11-22T21:00:00Z" in top
+    assert "Ann &lt;owner&gt;" in top
+
+
 def test_inches_change_every_length_and_no_ratio(facts: Facts) -> None:
     inch = replace(facts, wishes=replace(facts.wishes, units=Units("inch")))
     here, there = (page.context(f)["parameters"] for f in (facts, inch))

@@ -14,7 +14,7 @@ import click
 
 from .. import __version__
 from ..files import read_cell, read_readings, read_terms, write_text
-from ..files.origin import current
+from ..files.origin import current, read_origin
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..judgement import Judgement
@@ -133,7 +133,11 @@ def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) ->
         data = name.read_bytes()
         files.append((name.name, len(data), hashlib.sha256(data).hexdigest()))
     versions = {"Python": platform.python_version()} | {name: _version(name) for name in LIBRARIES}
-    return Paper(datetime.now(UTC), __version__, versions, operator, owner, tuple(files), origin)
+    beside = read_origin(source) or {}
+    simulated = beside.get("origin") == "simulated" or bool((origin or {}).get("simulated"))
+    measured = str((origin or {}).get("start_utc") or beside.get("written_utc") or "")
+    made = datetime.now(UTC)
+    return Paper(made, __version__, versions, operator, owner, tuple(files), origin, simulated, source.name, measured)
 
 
 def _version(name: str) -> str:

@@ -42,6 +42,9 @@ class Paper:
     owner: str = ""
     files: tuple[tuple[str, int, str], ...] = ()
     origin: Mapping[str, Any] | None = None  # readings.json
+    simulated: bool = False  # the readings come from no machine
+    readings: str = ""  # name of the readings file
+    measured: str = ""  # when its readings were made
 
 
 @dataclass(frozen=True)

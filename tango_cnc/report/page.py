@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ..diagnose.sentences import advice, covariate, dropped, meaning, said, unexplained
-from ..records import InputError
+from ..records import Array, InputError
 from ..verify.summary import pose_text
 from . import charts, slices
 from .drawings import drawing
@@ -66,6 +66,8 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "units": u,
         "machine": machine,
         "date": f"{f.paper.made:%Y-%m-%d %H:%M} UTC",
+        "simulated": f.paper.simulated,
+        "source": _source(f, t),
         "verdict": found,
         "sentence": sentence(found, t),
         "todo": list(dict.fromkeys(c.todo for c in found.checks if c.level != "good" and c.todo)),
@@ -205,12 +207,20 @@ def _fit(f: Facts, t: Texts) -> list[str]:
     ]
 
 
+def _pose(f: Facts, position: Array) -> str:
+    """facts, (k,) mm rad → the pose in words, lengths in the unit of the report."""
+    linear = [f.cell.machine.column(name) for name in f.cell.machine.linear]
+    shown = np.array(position, dtype=float)
+    shown[linear] *= f.wishes.units.per_mm
+    return pose_text(f.cell.machine, shown)
+
+
 def _flagged(f: Facts) -> list[dict[str, str]]:
     m, k = f.result.model.touches, 1e3 * f.wishes.units.per_micron
     rows = []
     for number in f.result.outliers[:30]:
         i = int(np.flatnonzero(m.number == number)[0])
-        at = pose_text(m.machine, m.position[i])
+        at = _pose(f, m.position[i])
         rows.append({"touch": str(number), "facet": m.facet[i], "where": at, "residual": f"{f.result.residuals[i] * k:.2f}"})
     return rows
 
@@ -246,7 +256,7 @@ def _volume(f: Facts, t: Texts) -> dict[str, Any]:
                     "where": t(f"volume.{key}"),
                     "largest": f"{size:.1f} ± {f.factor * std:.1f}",
                     "std": f"{chart.std[mask].max() * k:.1f}",
-                    "at": pose_text(f.cell.machine, chart.position[i]),
+                    "at": _pose(f, chart.position[i]),
                 }
             )
     unseen = ", ".join(c.names[0] for c in f.result.selection.unseen)
@@ -258,7 +268,8 @@ def _capital(text: str) -> str:
 
 
 def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
-    d, unit, k = f.diagnosis, f.wishes.units.small, 1e3 * f.wishes.units.per_micron
+    d, u = f.diagnosis, f.wishes.units
+    unit, k = u.small, 1e3 * u.per_micron
     if d is None:
         return {"none": t("diagnosis.none", why=f.why_no_diagnosis)}
     findings = []
@@ -272,9 +283,9 @@ def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
         findings.append(
             {
                 "cause": _capital(x.cause.replace("_", " ")),
-                "said": f"{_capital(said(x))}.",
-                "means": t("diagnosis.means", text=meaning(x)),
-                "todo": t("diagnosis.todo", text=advice(x)),
+                "said": f"{_capital(u.sentence(said(x)))}.",
+                "means": t("diagnosis.means", text=u.sentence(meaning(x))),
+                "todo": t("diagnosis.todo", text=u.sentence(advice(x))),
                 "pictures": [_safe(s) for s in charts.finding(d, x, t, unit, k)],
                 "gain": rows,
                 "twins": t("diagnosis.twins", names=twins) if twins else "",
@@ -288,18 +299,25 @@ def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
         "course": [_safe(s) for s in charts.course(d, t, unit, k)],
         "dependence": [_safe(s) for s in charts.dependence(d, t, unit, k)],
         "note": t("diagnosis.depends_note", count=len(d.tests)),
-        "unexplained": [f"{_capital(unexplained(r))}." for r in d.unexplained],
-        "dropped": [f"{_capital(dropped(x))}." for x in d.dropped],
+        "unexplained": [f"{_capital(u.sentence(unexplained(r)))}." for r in d.unexplained],
+        "dropped": [f"{_capital(u.sentence(dropped(x)))}." for x in d.dropped],
         "richer": t("diagnosis.richer") if d.richer is not None else "",
         "names": [covariate(x.covariate) for x in d.tests],
     }
+
+
+def _over(f: Facts, name: str, ends: tuple[float, float]) -> str:
+    """facts, figure such as EXY, range of its axis (mm or °) → the range in words, in the unit of the report."""
+    factor = f.wishes.units.per_mm if name[2:3] in f.cell.machine.linear else 1.0
+    digits = 1 if factor < 1 else 0
+    return f"{ends[0] * factor:.{digits}f} … {ends[1] * factor:.{digits}f}".replace("-", "−")
 
 
 def _iso(f: Facts) -> list[dict[str, Any]]:
     rows = []
     for g in f.iso:
         factor, unit = f.wishes.units.of(g.unit)
-        over = "" if g.range is None else f"{g.range[0]:.0f} … {g.range[1]:.0f}".replace("-", "−")
+        over = "" if g.range is None else _over(f, g.name, g.range)
         value, half = g.value * factor, f.factor * g.std * factor
         text = f"{value_text(value, g.std * factor)} ± {half:.{digits(g.std * factor)}f}"
         second = "" if g.arcseconds is None else f"{g.arcseconds:.2f} ″"
@@ -357,6 +375,12 @@ def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
     return {**c, "rows": rows}
 
 
+def _source(f: Facts, t: Texts) -> str:
+    paper = f.paper
+    owner = paper.owner or t("audit.unknown")
+    return t("report.source", file=paper.readings or "–", date=paper.measured or t("audit.unknown"), owner=owner)
+
+
 def _audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
     u, probe, paper = f.wishes.units, f.cell.machine.probe, f.paper
     origin = paper.origin
@@ -370,13 +394,13 @@ def _audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
         small=u.small,
     )
     rows = [(t("audit.machine"), f.cell.machine.name), (t("audit.topology"), f.cell.machine.topology)]
-    if origin is None:
+    if paper.simulated:
+        rows.append((t("audit.measured"), t("audit.simulated")))
+    elif origin is None:
         rows.append((t("audit.measured"), t("audit.origin_unknown")))
     else:
         measured = " … ".join(str(origin[k]) for k in ("start_utc", "end_utc") if origin.get(k)) or unknown
         rows.append((t("audit.measured"), measured))
-        if origin.get("simulated") or str(origin.get("format", "")).startswith("tango-simulation"):
-            rows.append((t("audit.measured"), t("audit.simulated")))
         control = origin.get("controller") or {}
         rows.append((t("audit.control"), ", ".join(str(v) for v in control.values() if v) or unknown))
         rows.append((t("audit.program"), str(origin.get("program_hash") or unknown)))
