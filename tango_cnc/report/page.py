@@ -14,6 +14,7 @@ from ..diagnose.sentences import advice, covariate, dropped, meaning, said, unex
 from ..records import Array, InputError
 from ..verify.summary import pose_text
 from . import charts, slices
+from .audit import audit, source
 from .drawings import drawing
 from .facts import Facts, effects, verdict
 from .texts import Texts, texts, texts_of
@@ -67,7 +68,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "machine": machine,
         "date": f"{f.paper.made:%Y-%m-%d %H:%M} UTC",
         "simulated": f.paper.simulated,
-        "source": _source(f, t),
+        "source": source(f, t),
         "verdict": found,
         "sentence": sentence(found, t),
         "todo": list(dict.fromkeys(c.todo for c in found.checks if c.level != "good" and c.todo)),
@@ -90,7 +91,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "uncertainty": _uncertainty(f, t),
         "trend": _trend(f, t),
         "compensations": [_compensation(c, u, t) for c in f.compensations],
-        "audit": _audit(f, t),
+        "audit": audit(f, t),
         "files": f.paper.files,
     }
     return values if f.wishes.pictures else values | _bare(values)
@@ -373,50 +374,6 @@ def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
         shown = ["–" if v is None else f"{float(v) * u.per_micron:.1f}" for v in values]
         rows.append((t(f"compensation.{name}", unit=u.small), *shown))
     return {**c, "rows": rows}
-
-
-def _source(f: Facts, t: Texts) -> str:
-    paper = f.paper
-    owner = paper.owner or t("audit.unknown")
-    return t("report.source", file=paper.readings or "–", date=paper.measured or t("audit.unknown"), owner=owner)
-
-
-def _audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
-    u, probe, paper = f.wishes.units, f.cell.machine.probe, f.paper
-    origin = paper.origin
-    unknown = t("audit.unknown")
-    probe_text = t(
-        "audit.probe_text",
-        length=f"{probe.length * u.per_mm:.4g}",
-        radius=f"{probe.tip_radius * u.per_mm:.4g}",
-        large=u.large,
-        repeatability=f"{probe.repeatability * 1e3 * u.per_micron:.3g}",
-        small=u.small,
-    )
-    rows = [(t("audit.machine"), f.cell.machine.name), (t("audit.topology"), f.cell.machine.topology)]
-    if paper.simulated:
-        rows.append((t("audit.measured"), t("audit.simulated")))
-    elif origin is None:
-        rows.append((t("audit.measured"), t("audit.origin_unknown")))
-    else:
-        measured = " … ".join(str(origin[k]) for k in ("start_utc", "end_utc") if origin.get(k)) or unknown
-        rows.append((t("audit.measured"), measured))
-        control = origin.get("controller") or {}
-        rows.append((t("audit.control"), ", ".join(str(v) for v in control.values() if v) or unknown))
-        rows.append((t("audit.program"), str(origin.get("program_hash") or unknown)))
-        rows.append((t("audit.plan"), str(origin.get("plan_hash") or unknown)))
-    versions = [f"tango_cnc {paper.version}", *(f"{name} {number}" for name, number in paper.versions.items())]
-    if origin and origin.get("tool_version"):
-        versions.append(t("audit.run_version", version=origin["tool_version"]))
-    return [
-        *rows,
-        (t("audit.reported"), f"{paper.made:%Y-%m-%d %H:%M:%S} UTC"),
-        (t("audit.operator"), paper.operator or str((origin or {}).get("operator") or unknown)),
-        (t("audit.owner"), paper.owner or unknown),
-        (t("audit.probe"), probe_text),
-        (t("audit.terms"), ", ".join(str(x) for x in f.wishes.terms)),
-        (t("audit.versions"), ", ".join(versions)),
-    ]
 
 
 def as_json(f: Facts) -> dict[str, Any]:

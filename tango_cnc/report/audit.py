@@ -1,0 +1,52 @@
+"""Where a report comes from: its line below the title, and its table for the auditor."""
+
+from __future__ import annotations
+
+from .facts import Facts
+from .texts import Texts
+
+
+def source(f: Facts, t: Texts) -> str:
+    """facts, texts → the line below the title: readings file, its date, owner."""
+    paper = f.paper
+    owner = paper.owner or t("audit.unknown")
+    return t("report.source", file=paper.readings or "–", date=paper.measured or t("audit.unknown"), owner=owner)
+
+
+def audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
+    """facts, texts → rows (name, value) of the table for the auditor."""
+    u, probe, paper = f.wishes.units, f.cell.machine.probe, f.paper
+    origin = paper.origin
+    unknown = t("audit.unknown")
+    probe_text = t(
+        "audit.probe_text",
+        length=f"{probe.length * u.per_mm:.4g}",
+        radius=f"{probe.tip_radius * u.per_mm:.4g}",
+        large=u.large,
+        repeatability=f"{probe.repeatability * 1e3 * u.per_micron:.3g}",
+        small=u.small,
+    )
+    rows = [(t("audit.machine"), f.cell.machine.name), (t("audit.topology"), f.cell.machine.topology)]
+    if paper.simulated:
+        rows.append((t("audit.measured"), t("audit.simulated")))
+    elif origin is None:
+        rows.append((t("audit.measured"), t("audit.origin_unknown")))
+    else:
+        measured = " … ".join(str(origin[k]) for k in ("start_utc", "end_utc") if origin.get(k)) or unknown
+        rows.append((t("audit.measured"), measured))
+        control = origin.get("controller") or {}
+        rows.append((t("audit.control"), ", ".join(str(v) for v in control.values() if v) or unknown))
+        rows.append((t("audit.program"), str(origin.get("program_hash") or unknown)))
+        rows.append((t("audit.plan"), str(origin.get("plan_hash") or unknown)))
+    versions = [f"tango_cnc {paper.version}", *(f"{name} {number}" for name, number in paper.versions.items())]
+    if origin and origin.get("tool_version"):
+        versions.append(t("audit.run_version", version=origin["tool_version"]))
+    return [
+        *rows,
+        (t("audit.reported"), f"{paper.made:%Y-%m-%d %H:%M:%S} UTC"),
+        (t("audit.operator"), paper.operator or str((origin or {}).get("operator") or unknown)),
+        (t("audit.owner"), paper.owner or unknown),
+        (t("audit.probe"), probe_text),
+        (t("audit.terms"), ", ".join(str(x) for x in f.wishes.terms)),
+        (t("audit.versions"), ", ".join(versions)),
+    ]
