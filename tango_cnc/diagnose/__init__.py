@@ -21,13 +21,14 @@ from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
 from ..touches import Touches
-from . import _explain, _gain, _moments, _scatter, _seen, _shapes, _spread, _stable
+from . import _explain, _gain, _moments, _rows, _scatter, _seen, _shapes, _spread, _stable
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
 from ._moments import Moment
 from ._records import SUBSETS, Dropped, Finding, Remainder, Size, Why
 from ._richer import Richer, richer
+from ._rows import Rows
 from ._scatter import Scatter
 from ._search import Chosen
 from ._seen import Test
@@ -66,6 +67,7 @@ class Diagnosis:
     events: tuple[Moment, ...] = ()  # what belongs to one moment or one pose, set aside before the search
     outcome: Outcome | None = None  # names against shapes
     scatter: Scatter = _scatter.EVEN  # what the size of the noise depends on
+    rows: Rows | None = None  # what was searched: touches, or means of touches that were made alike
 
     @property
     def terms_text(self) -> str:
@@ -102,40 +104,41 @@ def diagnose(
     Raises InputError and TangoError as `estimate`.
     """
     before = estimate(machine, artefact, readings, terms)
+    means = _rows.rows(replace(before.model.touches, tip=tips(before)), before.residuals)
     moments: tuple[Moment, ...] = ()
     for _ in range(EVENTS):
-        found, weight, rough, scatter = _explained(before, excluded, seed, moments, learned)
-        field, outcome = _contested(before, found, weight)
-        new = [m for m in _moments.moments(before, found, outcome, weight) if m.item not in [o.item for o in moments]]
+        found, weight, rough, scatter = _explained(before, means, excluded, seed, moments, learned)
+        field, outcome = _contested(means, found, weight)
+        new = [m for m in _moments.moments(means, found, outcome, weight) if m.item not in [o.item for o in moments]]
         if not new:
             break
         moments = (*moments, *new)
-    return _told(before, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome)
+    return _told(before, means, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome)
 
 
-def _contested(before: Estimate, found: Explanation, weight: Array) -> tuple[Field, Outcome]:
+def _contested(means: Rows, found: Explanation, weight: Array) -> tuple[Field, Outcome]:
     """What was found, against shapes without a name."""
-    touches = replace(before.model.touches, tip=tips(before))
-    field = Field(kernels_of(touches), found.place.basis, weight, touches)
+    field = Field(kernels_of(means), found.place.basis, weight, means)
     fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
     return field, contest(field, found.place.y, fixed, found.named)
 
 
 def _explained(
     before: Estimate,
+    means: Rows,
     excluded: Collection[str],
     seed: int,
     moments: Sequence[Moment] = (),
     learned: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[Explanation, Array, list[_explain.Rough], Scatter]:
     """Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again."""
-    touches = replace(before.model.touches, tip=tips(before))
-    n = len(touches)
+    touches, seen = means.whole, means.seen
+    n = len(seen)
     every = [
-        *named(touches, before.model.names, excluded),
-        *outliers(touches),
-        *shapes(touches, set(families.causes()) - set(excluded)),
-        *_known_shapes(touches, before.model.names, excluded, learned),
+        *map(means.candidate, named(touches, before.model.names, excluded, means.settings)),
+        *outliers(seen),
+        *map(means.candidate, shapes(touches, set(families.causes()) - set(excluded), n)),
+        *map(means.candidate, _known_shapes(touches, before.model.names, excluded, learned)),
     ]
     offsets = {name: p.value for name, p in before.facets.items()}
     causes = families.causes()
@@ -146,8 +149,8 @@ def _explained(
         if cause.expected
     }
 
-    gaps, jacobian = linearise(before.model, before.values)
-    jacobian = np.hstack([jacobian, *(m.columns for m in moments)])
+    gaps, jacobian = (means.of(x) for x in linearise(before.model, before.values))
+    jacobian = np.hstack([jacobian, *(means.of(m.columns) for m in moments)])
 
     def compatible(c: Candidate, others: Sequence[Candidate]) -> bool:
         """Waves of nearly one period, or kinks upon kinks, cancel each other and follow anything."""
@@ -156,8 +159,8 @@ def _explained(
 
     distances, rows, uncertainty = known(before.model, before.values)
     rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
-    wandering, seating = kernels(touches)
-    members = _scatter.groupings(touches)
+    wandering, seating = kernels(seen)
+    members = _scatter.groupings(seen)
     weight = np.ones(n)
     rough: list[_explain.Rough] = []
     for turn in range(ROUNDS):
@@ -171,12 +174,13 @@ def _explained(
         def plausible(c: Candidate, values: Array, absorbed: Array = absorbed) -> bool:
             if c.cause in causes and not causes[c.cause].plausible(values, c.setting, offsets):
                 return False
-            pattern = c.columns @ values
+            pattern = c.columns @ values / means.scale
             size = float(np.abs(pattern).max())
             if c.cause in ("", "outlier") or size < ABSURD:
                 return True
             # Millimetres of which the model swallows all but a few micrometres are its blind spot and no cause.
-            return float(np.abs(pattern - absorbed @ (absorbed.T @ pattern)).max()) > SHOWS * size
+            inside = absorbed @ (absorbed.T @ (pattern * means.scale)) / means.scale
+            return float(np.abs(pattern - inside).max()) > SHOWS * size
 
         for _ in range(BLIND + 1):
             found = _explain.explain(
@@ -186,7 +190,7 @@ def _explained(
                 every if turn == 0 else [weighed(c) for c in every],
                 [k * np.outer(weight, weight) for k in (wandering, seating)],
                 {name: cause.refine for name, cause in causes.items()},
-                lambda cause, setting, w=weighed: w(candidate(touches, cause, setting)),  # type: ignore[misc]
+                lambda cause, setting, w=weighed: w(means.candidate(candidate(touches, cause, setting))),  # type: ignore[misc]
                 plausible,
                 compatible,
                 expected=awaited,
@@ -201,7 +205,7 @@ def _explained(
         scatter = _scatter.scatter(*_explain.rest(found, broad, weight), members)
         spread = []
         if scatter.by is not None and not (scatter.by == "facet" and "surface_form" in excluded):
-            own = touches.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
+            own = seen.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
             spread = _explain.rough(found, own, weight)
         settled = {r.key for r in spread} == {r.key for r in rough}
         rough = spread
@@ -253,6 +257,7 @@ def kernels(touches: Touches) -> tuple[Array, Array]:
 
 def _told(
     before: Estimate,
+    means: Rows,
     readings: Readings,
     terms: Sequence[TermItem],
     found: Explanation,
@@ -265,27 +270,27 @@ def _told(
     field: Field,
     outcome: Outcome,
 ) -> Diagnosis:
-    touches = replace(before.model.touches, tip=tips(before))
-    n = len(touches)
+    touches, seen = means.whole, means.seen
+    n = len(seen)
     single = [int(c.candidate.setting["touch"]) for c in found.chosen if c.candidate.cause == "outlier"]
     keep = ~np.isin(np.arange(n), single)
     schemes = {
-        "indexations": touches.indexation,
-        "facets": _gain.groups_of(touches.facet),
+        "indexations": seen.indexation,
+        "facets": _gain.groups_of(seen.facet),
         "time": _gain.blocks(n),
         "scattered": _gain.scattered(n),
     }
-    gaps, jacobian = linearise(before.model, before.values)
+    gaps, jacobian = (means.of(x) for x in linearise(before.model, before.values))
     distances, rows, uncertainty = known(before.model, before.values)
     data = np.concatenate([gaps, distances * before.sigma / uncertainty])
     base = np.vstack([jacobian, rows * (before.sigma / uncertainty)[:, None]])
-    base = np.hstack([base, *(np.pad(m.columns, ((0, len(base) - n), (0, 0))) for m in moments)])
+    base = np.hstack([base, *(np.pad(means.of(m.columns), ((0, len(base) - n), (0, 0))) for m in moments)])
     raw = {id(c): c.candidate.columns / weight[:, None] for c in found.chosen}
 
     def padded(columns: Array) -> Array:
         return np.vstack([columns, np.zeros((len(base) - n, columns.shape[1]))])
 
-    sizes = size(found, touches, weight)
+    sizes = size(found, touches, weight * means.scale)
     gains: dict[int, _gain.Gain] = {}
     for c in found.chosen:
         if c.candidate.cause == "outlier":
@@ -294,7 +299,7 @@ def _told(
         rng = np.random.default_rng([seed, n])
         gains[id(c)] = _gain.measure(np.hstack([base, *others]), data, raw[id(c)], schemes, keep, rng)
     certain = np.concatenate([weight, np.ones(len(base) - n)])
-    back = _stable.stability(found, field, outcome, touches, weight, data * certain, base * certain[:, None])
+    back = _stable.stability(found, field, outcome, seen, weight, data * certain, base * certain[:, None])
     why = {id(c): _refused(c, sizes[id(c)], gains[id(c)], back[id(c)]) for c in outcome.named}
     accepted = [c for c in outcome.named if why[id(c)] is None]
     if len(accepted) < len(outcome.named):  # what they explained is there all the same
@@ -320,25 +325,25 @@ def _told(
             tuple((o.candidate.cause, o.candidate.setting, behind) for o, behind in like),
             _seen.separate(found, touches, c, [o for o, _ in like]),
             s.effect,
-            raw[id(c)] @ s.values,
+            raw[id(c)] @ s.values if means.all else candidate(touches, c.candidate.cause, c.candidate.setting).columns @ s.values,
             back.get(id(c)),
         )
 
     findings = [finding(c, _explain.alternatives(found, c), _shift(before, after)) for c in accepted]
-    remains = _shapes.remainders(found, outcome, touches, weight, accepted, base, data, schemes, keep)
+    remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
-    findings += _spread.findings(found, touches, rough, excluded, remains, "seat" in noises)
+    findings += _spread.findings(found, seen, rough, excluded, remains, "seat" in noises)
     dropped = [
         Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
         for c in found.chosen
         if c.candidate.named and c not in accepted
     ]
     if "walk" in noises or not outcome.picked:
-        remains += _spread.wandering(found, touches)
+        remains += _spread.wandering(found, seen)
     if not remains and not findings:  # names that did not stand had taken what is there all the same
         spreads = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
         remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in spreads]
-    tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, touches, keep)
+    tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, seen, keep)
     if findings and not remains and not outcome.picked:
         remains += _seen.left_over(tests_after)
     verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
@@ -347,21 +352,34 @@ def _told(
         tuple(findings),
         tuple(remains),
         dict(sorted(found.visibility.items())),
-        _seen.tests(base, data, touches, keep),
+        _seen.tests(base, data, seen, keep),
         tests_after,
         before,
         after,
         extended,
-        tuple(int(touches.number[i]) for i in single),
+        tuple(sorted({*(int(seen.number[i]) for i in single if means.count[i] == 1), *map(int, touches.number[means.wild])})),
         found.sigma,
         found,
         volume(before, after, {c.name for c in before.model.coefficients}),
-        richer(after, readings, terms, extended) if verdict != "adequate" else None,
+        _richer(after, readings, terms, extended, remains) if verdict != "adequate" else None,
         tuple(dropped),
         tuple(moments),
         outcome,
-        _scatter.remembering(scatter, outcome),
+        _scatter.remembering(_scatter.EVEN if any(r.form for r in remains) else scatter, outcome),
+        means,
     )
+
+
+def _richer(
+    after: Estimate, readings: Readings, terms: Sequence[TermItem], extended: Sequence[TermItem], remains: Sequence[Remainder]
+) -> Richer | None:
+    """S4 where it does better than everything that was found: the shapes without a name stand beside it as terms."""
+    shapes = [{"cause": "learned", "name": f"{i}", **as_term(r)} for i, r in enumerate(remains) if r.form is not None]
+    if shapes:
+        machine, artefact = after.model.touches.machine, after.model.touches.artefact
+        after = estimate(machine, artefact, readings, (*extended, *shapes))
+    found = richer(after, readings, (*terms, *shapes), (*extended, *shapes))
+    return None if found is None else replace(found, terms=tuple(t for t in found.terms if t not in shapes))
 
 
 def _refused(c: Chosen, s: Size, g: _gain.Gain, back: int) -> Why | None:

@@ -6,7 +6,7 @@ cause, the honest answer is the covariate, not the nearest cause.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,12 +51,17 @@ def candidate(touches: Touches, cause: str, setting: Mapping[str, Any]) -> Candi
     return Candidate(cause, dict(setting), pattern(touches, coefficients), tuple(coefficients), known)
 
 
-def named(touches: Touches, present: Collection[str], excluded: Collection[str] = ()) -> Iterator[Candidate]:
+def named(
+    touches: Touches,
+    present: Collection[str],
+    excluded: Collection[str] = (),
+    settings: Callable[[terms.Cause], Iterator[Mapping[str, Any]]] | None = None,
+) -> Iterator[Candidate]:
     """touches, names of fitted coefficients, causes left out → every cause that is not in the model with every setting."""
     for cause, record in terms.causes().items():
         if cause in excluded:
             continue
-        for setting in record.variants(touches):
+        for setting in record.variants(touches) if settings is None else settings(record):
             found = candidate(touches, cause, setting)
             if not {c.name for c in found.coefficients} <= set(present):
                 yield found
@@ -94,11 +99,11 @@ def smooth(kind: str, values: Array, degree: int = 4) -> Array:
     return np.polynomial.legendre.legvander(scaled, degree)[:, 1:]
 
 
-def shapes(touches: Touches, causes: Collection[str]) -> Iterator[Candidate]:
+def shapes(touches: Touches, causes: Collection[str], most: int | None = None) -> Iterator[Candidate]:
     """touches, causes in the catalogue → smooth functions of every covariate, in every frame and direction, and of what happened
     before; steps and periods as well, unless the catalogue has a name for them.
     """
-    for covariate, frame, kind, columns in (*_places(touches), *_probing(touches), *_plain(touches, causes)):
+    for covariate, frame, kind, columns in (*_places(touches), *_probing(touches), *_plain(touches, causes, most or len(touches))):
         yield Candidate("", {"covariate": covariate, "frame": frame, "shape": kind}, columns)
 
 
@@ -171,11 +176,11 @@ def _probing(touches: Touches) -> Iterator[Shape]:
         yield f"way of {axis}", f"axis {axis}", "memory", _times(smooth("line", way, 3), touches.lever(axis))
 
 
-def _plain(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
+def _plain(touches: Touches, causes: Collection[str], most: int) -> Iterator[Shape]:
     """Simple shapes with few coefficients: each only where the catalogue has no name for it."""
     yield from _slow(touches, causes)
     yield from _bent(touches, causes)
-    yield from _sudden(touches, causes)
+    yield from _sudden(touches, causes, most)
 
 
 def _slow(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
@@ -218,10 +223,11 @@ def _bent(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
                         )
 
 
-def _sudden(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
+def _sudden(touches: Touches, causes: Collection[str], most: int) -> Iterator[Shape]:
     machine, table, time = touches.machine_normal, touches.normal, _unit(touches.time)
     if "step" not in causes:
-        for at in range(8, len(touches) - 8, 8):
+        stride = 8 * -(-len(touches) // most)
+        for at in range(stride, len(touches) - stride, stride):
             after = (np.arange(len(touches)) >= at).astype(float)[:, None]
             yield "time", "machine", "step", _times(after, machine)
             yield "time", "table", "step", _times(after, table)

@@ -9,24 +9,24 @@ import numpy as np
 
 from ..records import Array
 from ..terms._shape import Form, values, weights
-from ..touches import Touches
+from ._rows import Rows
 
 Function = Callable[[Array], Array]
 AS_WELL = 0.9  # part of the shape's own pattern that a formula has to take
 POWERS = {"": 1, "²": 2, "³": 3}
 
 
-def closed(form: Form, touches: Touches, pattern: Array, outside: Callable[[Array], Array]) -> str | None:
-    """shape, touches, what is visible of it (n,), what the model leaves of columns (n, k) → formula, or None.
+def closed(form: Form, means: Rows, pattern: Array, outside: Callable[[Array], Array]) -> str | None:
+    """shape, rows, what is visible of it (r,), what the model leaves of columns (r, k) → formula, or None.
 
     The formula with the fewest numbers in it that takes AS_WELL of the shape; of equals the one that takes most.
     """
-    known = values(touches)
-    felt = weights(touches, form.weight)
+    known = values(means.whole)
+    felt = weights(means.whole, form.weight)
     whole = float(pattern @ pattern)
     best: tuple[int, float, str] | None = None
     for text, free, function in _formulas([(f.covariate, known[f.covariate]) for f in form.factors]):
-        left = outside(function[:, None] * felt)
+        left = outside(means.of(function[:, None] * felt))
         q = np.linalg.qr(left)[0]
         part = float(np.sum((q.T @ pattern) ** 2)) / whole if whole else 0.0
         if part > AS_WELL and (best is None or (free, -part) < (best[0], -best[1])):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .. import terms as families
 from ..records import Array
-from ..touches import Touches
+from ._rows import Rows
 from ._search import Chosen
 from ._smooth import Kernel, groups, scaled, window
 from ._space import orthonormal
@@ -35,12 +35,12 @@ class Field:
     """Shapes as one matrix, (m, F) single precision, as the model leaves them."""
 
     def __init__(
-        self, kernels: Sequence[Kernel], basis: Array, weight: Array, touches: Touches, rows: NDArray[np.int64] | None = None
+        self, kernels: Sequence[Kernel], basis: Array, weight: Array, means: Rows, rows: NDArray[np.int64] | None = None
     ) -> None:
         self.kernels = list(kernels)
         self.among = len(self.kernels)  # shapes that were compared to find these
-        self.rows = slice(None) if rows is None else rows  # of the touches
-        self.basis, self.weight, self.touches = basis, weight, touches
+        self.rows = slice(None) if rows is None else rows  # of the rows
+        self.basis, self.weight, self.means, self.touches = basis, weight, means, means.seen
         sizes = [k.columns.shape[1] for k in kernels]
         self.start = np.concatenate([[0], np.cumsum(sizes)])
         stacked = np.hstack([k.columns for k in kernels]) * weight[:, None]

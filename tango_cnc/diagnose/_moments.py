@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from .. import terms as families
-from ..estimate import Estimate, tips
 from ..records import Array, TermItem
 from ._candidates import pattern
 from ._contest import Outcome
 from ._explain import Explanation
+from ._rows import Rows
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Moment:
     score: float  # evidence for it
 
 
-def moments(before: Estimate, found: Explanation, outcome: Outcome, weight: Array) -> list[Moment]:
-    """estimate, explanation, outcome of the contest → what it put down to one moment or pose."""
-    touches = replace(before.model.touches, tip=tips(before))
+def moments(means: Rows, found: Explanation, outcome: Outcome, weight: Array) -> list[Moment]:
+    """rows, explanation, outcome of the contest → what it put down to one moment or pose."""
+    touches = means.whole
     result = []
     for p in outcome.events:
         setting = p.kernel.setting

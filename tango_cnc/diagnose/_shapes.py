@@ -14,6 +14,7 @@ from ._contest import Outcome, Picked, posterior, refinement
 from ._explain import Explanation
 from ._gain import rms
 from ._records import Remainder
+from ._rows import Rows
 from ._search import Chosen, columns_of
 from ._space import orthonormal
 
@@ -21,7 +22,7 @@ from ._space import orthonormal
 def remainders(
     e: Explanation,
     outcome: Outcome,
-    touches: Touches,
+    means: Rows,
     weight: Array,
     accepted: Sequence[Chosen],
     base: Array,
@@ -44,9 +45,9 @@ def remainders(
         columns = p.kernel.columns
         whole = np.vstack([columns, np.zeros((len(base) - len(columns), columns.shape[1]))])
         left = (whole - basis @ (basis.T @ whole))[: len(columns)]
-        pattern = left @ w
+        pattern = left @ w / means.scale
         row = int(np.argmax(np.abs(pattern)))
-        std = float(np.sqrt(max(left[row] @ covariance @ left[row], 0.0)))
+        std = float(np.sqrt(max(left[row] @ covariance @ left[row], 0.0))) / float(means.scale[row])
         result.append(
             Remainder(
                 *(p.kernel.form.covariate, p.kernel.form.frame, p.kernel.form.factors[0].kind),
@@ -56,9 +57,9 @@ def remainders(
                 std,
                 p.kernel.form,
                 w / p.kernel.scale,
-                row,
-                closed(p.kernel.form, touches, pattern, lambda x: x - basis[: len(x)] @ (basis[: len(x)].T @ x)),
-                confirm(p, touches, pattern),
+                int(means.first[row]),
+                closed(p.kernel.form, means, left @ w, lambda x: x - basis[: len(x)] @ (basis[: len(x)].T @ x)),
+                confirm(p, means.seen, pattern),
             )
         )
     return sorted(result, key=lambda r: -float(r.pattern @ r.pattern))

@@ -17,6 +17,7 @@ from ..kinematics import Slot
 from ..records import Array
 from ..terms._shape import CYCLE, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
 from ..touches import Touches
+from ._rows import Rows
 
 FAST, SLOW = 14, 4  # functions of a shape of one covariate, and of each one of two
 WINDOWS = (6, 12, 24, 48, 80)  # touches
@@ -115,15 +116,17 @@ class Kernel:
         return self.kind in ("shift", "turn", "window")
 
 
-def kernels(touches: Touches) -> list[Kernel]:
-    """touches → shapes and noises that compete, features of mean variance 1."""
+def kernels(means: Rows) -> list[Kernel]:
+    """rows → shapes and noises that compete, features of mean variance 1; events where every touch is a row."""
+    touches, seen = means.whole, means.seen
     known, felt = values(touches), {}
     found = []
     for form in forms(touches):
         if form.weight not in felt:
             felt[form.weight] = weights(touches, form.weight)
-        found.append(Kernel(form, "shape", form.columns(touches, known, felt[form.weight])))
-    found += [Kernel(None, "walk", walk(touches)), Kernel(None, "seat", seats(touches)), *memories(len(touches)), *events(touches)]
+        found.append(Kernel(form, "shape", means.of(form.columns(touches, known, felt[form.weight]))))
+    found += [Kernel(None, "walk", walk(seen)), Kernel(None, "seat", seats(seen)), *memories(len(seen))]
+    found += events(touches) if means.all else ()
     return [scaled(k) for k in found if _size(k.columns) > 0]
 
 

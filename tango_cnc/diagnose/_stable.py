@@ -37,7 +37,7 @@ def stability(
         rows = np.flatnonzero(touches.indexation % SUBSETS != left_out)
         whole = np.concatenate([rows, np.arange(n, len(base))])
         place = space(data[whole], base[whole], len(rows), (), FAINT)
-        part = Field([replace(k, columns=k.columns[rows]) for k in few], place.basis, weight[rows], touches, rows)
+        part = Field([replace(k, columns=k.columns[rows]) for k in few], place.basis, weight[rows], field.means, rows)
         part.among = field.among
         kept = [_restricted(c, place.basis, rows) for c in outcome.named]
         seen = [c for c in fixed if np.abs(c.candidate.columns[rows]).any()]

@@ -76,6 +76,9 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             for m in misnamed(d.before.model.touches)
         ],
         "noise_um": d.noise * 1e3,
+        "rows": None
+        if d.rows is None
+        else {"searched": len(d.rows.seen), "touches": len(d.rows.whole), "left_out": d.rows.left_out},
         "scatter": {
             "by": d.scatter.by if d.scatter.clear else None,
             "degrees_of_freedom": d.scatter.tails,
@@ -172,6 +175,16 @@ def as_text(d: Diagnosis) -> str:
         lines += [*_wrapped(f"? {unexplained(r)}.", "  "), ""]
     for x in d.dropped:
         lines += [*_wrapped(f"– {dropped(x)}.", "  "), ""]
+    if d.rows is not None and not d.rows.all:
+        left = f"; {d.rows.left_out} touches are in none of them" if d.rows.left_out else ""
+        lines += [
+            *_wrapped(
+                f"Searched in {len(d.rows.seen)} means of {len(d.rows.whole)} touches that were made alike{left}. What happened "
+                "in one night only is seen when that night is diagnosed alone.",
+                "  ",
+            ),
+            "",
+        ]
     if d.outliers:
         lines += [
             *_wrapped(f"{_count(len(d.outliers), 'single touch', 'es')} fit nothing: {', '.join(map(str, d.outliers))}", "  "),

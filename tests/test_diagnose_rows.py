@@ -1,0 +1,85 @@
+"""Many nights in one diagnosis: means of touches that were made alike, judged like touches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import blind, trials
+
+from tango_cnc.diagnose import diagnose
+from tango_cnc.diagnose._rows import alike, rows
+from tango_cnc.records import Readings
+from tango_cnc.touches import Touches, from_readings
+
+NIGHTS = 6
+
+
+def nights(count: int, early: np.ndarray, seed: int, noise: float = blind.NOISE) -> Readings:
+    """count nights of the example, every one with the same early touches and noise of its own."""
+    s = trials.stage()
+    rng = np.random.default_rng(seed)
+    parts = [s.readings(early + noise * rng.normal(size=len(early))) for _ in range(count)]
+    n = len(early)
+    return replace(
+        parts[0],
+        touch=np.arange(1, count * n + 1),
+        time=np.concatenate([p.time + 86400.0 * k for k, p in enumerate(parts)]),
+        facet=sum((p.facet for p in parts), ()),
+        position=np.concatenate([p.position for p in parts]),
+        direction=np.concatenate([p.direction for p in parts]),
+        status=sum((p.status for p in parts), ()),
+        cycle=np.concatenate([p.cycle for p in parts]),
+        day=np.repeat(np.arange(1, count + 1), n),
+        feed=None if parts[0].feed is None else np.concatenate([p.feed for p in parts if p.feed is not None]),
+        temperatures={},
+    )
+
+
+def touches(count: int) -> Touches:
+    cell = trials.stage().bench.cell
+    return from_readings(cell.machine, cell.artefact, nights(count, np.zeros(len(trials.stage().history)), 1))
+
+
+def test_few_touches_are_rows_themselves() -> None:
+    t = touches(1)
+    found = rows(t, np.zeros(len(t)))
+    assert found.all and found.seen is t and found.of(np.arange(3.0)) is not None
+    assert np.array_equal(found.of(t.time), t.time)
+
+
+def test_means_have_the_noise_of_one_touch_and_keep_what_their_members_share() -> None:
+    t = touches(NIGHTS)
+    noise = np.random.default_rng(2).normal(size=len(t))
+    found = rows(t, noise)
+    assert len(found.seen) <= 900 and found.left_out == 0
+    assert found.count.sum() + len(found.wild) == len(t)
+    assert abs(np.std(found.of(noise)) - 1) < 0.1
+    kind = alike(t).astype(float)  # the same for all members of a row
+    assert np.allclose(found.of(kind) / found.scale, kind[found.first])
+
+
+def test_a_wild_touch_is_in_no_mean() -> None:
+    t = touches(NIGHTS)
+    residual = np.random.default_rng(3).normal(size=len(t))
+    residual[777] = 60.0
+    assert list(rows(t, residual).wild) == [777]
+
+
+def test_nothing_that_is_repeated_is_thinned_by_whole_indexations() -> None:
+    t = touches(NIGHTS)
+    own = replace(t, position=t.position + np.outer(np.arange(len(t)), [0, 0, 0, 0, 1e-2, 0]))  # no two poses alike
+    found = rows(own, np.zeros(len(t)), most=500)
+    assert 300 < len(found.seen) <= 500 and found.left_out == len(t) - len(found.seen)
+
+
+@pytest.mark.long
+def test_many_nights_show_a_shape_as_small_as_the_noise() -> None:
+    s = trials.stage()
+    pattern, _ = trials.hidden("leaning_ram", 0.0009, 3)
+    cell = s.bench.cell
+    d = diagnose(cell.machine, cell.artefact, nights(12, pattern, 4), cell.terms)
+    assert not d.findings and d.unexplained[0].covariate == "Y × B"
+    assert abs(d.unexplained[0].amplitude - 0.0009) < 3 * d.unexplained[0].std < 0.0009
+    assert d.richer is None
