@@ -23,7 +23,7 @@ from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings
 from tango_cnc.report import page
 from tango_cnc.report.drawings import drawing
-from tango_cnc.report.facts import Facts, Paper, Wishes, gather, verdict
+from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather, verdict
 from tango_cnc.report.terminal import bar, colored, sparkline, summary
 from tango_cnc.report.texts import texts, texts_of
 from tango_cnc.report.units import Units
@@ -159,6 +159,17 @@ def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:
     top = page.render(replace(facts, paper=paper)).partition('<section class="verdict')[0]
     assert "readings.csv, of 2026-11-22T21:00:00Z" in top
     assert "Ann &lt;owner&gt;" in top
+
+
+def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts) -> None:
+    t = texts()
+    quiet = verdict(replace(facts, nights=Nights("2026-11-22", "good", "as it should be", 0)), t)
+    assert [c.level for c in quiet.checks if c.name == "nights"] == ["good"]
+    bad = verdict(replace(facts, nights=Nights("2026-11-22", "out_of_limits", "volume is 75.9 µm, 60 µm are allowed.", 4)), t)
+    assert bad.level == "look" and bad.worst is not None and bad.worst.name == "nights"
+    assert all(part in page.sentence(bad, t) for part in ("2026-11-22", "75.9", "Open alarms: 4"))
+    assert "tango history decide" in bad.worst.todo
+    assert verdict(replace(facts, nights=Nights("2026-11-22", "good", "", 1)), t).worst.name == "nights"  # type: ignore[union-attr]
 
 
 def test_inches_change_every_length_and_no_ratio(facts: Facts) -> None:

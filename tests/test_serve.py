@@ -118,8 +118,30 @@ def test_no_page_of_an_inch_shop_has_a_length_in_metric(folder: Path) -> None:
 
 def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
     text = site.get("/machine/HU40T-like").text
-    assert "Alarm open" in text and "An alarm of 2026-11-05 waits for somebody" in text
-    assert 'class="verdict good"' not in text and "Decide about the open alarm above." in text
+    assert "Alarm open" in text and 'class="verdict good"' not in text
+    wanted = (
+        "Alarm of 2026-11-05",
+        "moved along X, all at once",
+        "after 2026-11-04",
+        "39.6 µm apart",
+        "Look for a collision",
+        "nobody yet",
+    )
+    assert [w for w in wanted if w not in text.partition("For the engineer")[0]] == []
+
+
+def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_path: Path) -> None:
+    """A slow drift ends beyond a limit on a night without an alarm of its own."""
+    limit = {"what": "volume", "value": 75.9, "low": 74.0, "high": 77.8, "limit": 60.0, "unit": "µm", "passed": False}
+    last = night("HU40T-like", 4, "out_of_limits", headline="volume is 75.9 µm, 60 µm are allowed", limits=[limit])
+    older = [night("HU40T-like", i, "changed", alarms=[knock(f"2026-11-0{i + 1}") | {"id": f"alarm-{i}"}]) for i in range(4)]
+    for records, alarms in ([*older, last], True), ([last], False):
+        place = cell(tmp_path / str(alarms), records=records)
+        with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
+            text = client.get("/machine/HU40T-like").text.partition("For the engineer")[0]
+        assert "Largest error of the tool tip 75.9 µm; 60.0 µm are allowed." in text or alarms
+        assert "What to do" in text and "Who has it" in text and "What it does to parts" in text
+        assert ("1 more open alarms" in text) == alarms
 
 
 def test_a_change_is_named_by_its_axis_before_its_symbol() -> None:

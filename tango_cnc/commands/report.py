@@ -20,7 +20,7 @@ from ..files.targets import KEPT, sources
 from ..judgement import Judgement
 from ..records import InputError
 from ..report import page, pdf, terminal
-from ..report.facts import Facts, Paper, Wishes, effects, gather, verdict
+from ..report.facts import Facts, Nights, Paper, Wishes, effects, gather, verdict
 from ..report.texts import texts
 from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
@@ -98,7 +98,17 @@ def command(
     result, judgement = judged(cell, readings, items, degree, source=source)
     made = paper(folder, source, operator, owner)
     past = trend(folder, cell.machine.name, list(effects(result)))
-    found = gather(cell, readings, wishes, made, result, judgement, trend=past, compensations=compensations(folder))
+    found = gather(
+        cell,
+        readings,
+        wishes,
+        made,
+        result,
+        judgement,
+        trend=past,
+        compensations=compensations(folder),
+        nights=nights(folder, cell.machine.name),
+    )
     target = output or folder / "report.html"
     write_text(target, page.render(found, templates))
     if pdf_file is not None:
@@ -164,6 +174,21 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
         date = str(kept.record.get("created_utc", ""))[:10]
         found.append({"target": kept.record["target"], "date": date, "state": state, "rows": rows})
     return found
+
+
+def nights(folder: Path, machine: str) -> Nights | None:
+    """cell, its machine → its newest night and open alarms out of its history.db; None where there are none."""
+    from ..history import opened
+
+    file = folder / "history.db"
+    if not file.exists():
+        return None
+    with opened(file, create=False) as history:
+        newest = history.nights(machine, last=1) if machine in history.machines() else ()
+        if not newest:
+            return None
+        n = newest[0]
+        return Nights(n.night, n.verdict, n.headline, len(history.open_alarms(machine)))
 
 
 def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:

@@ -60,6 +60,19 @@ class Wishes:
     pictures: bool = True
 
 
+VERDICTS = ("good", "changed", "out_of_limits", "doubtful", "not_measured")
+
+
+@dataclass(frozen=True)
+class Nights:
+    """What the history of the machine says of its newest night, and of alarms that nobody has decided about."""
+
+    date: str
+    verdict: str  # good, changed, out_of_limits, doubtful, not_measured
+    headline: str
+    waiting: int  # alarms
+
+
 @dataclass(frozen=True)
 class Facts:
     """Everything that goes on the page."""
@@ -83,6 +96,7 @@ class Facts:
     judgement: Judgement
     trend: Mapping[str, Any] | None
     compensations: tuple[Mapping[str, Any], ...]
+    nights: Nights | None = None
 
     @property
     def used(self) -> int:
@@ -123,6 +137,7 @@ def gather(
     *,
     trend: Mapping[str, Any] | None = None,
     compensations: Sequence[Mapping[str, Any]] = (),
+    nights: Nights | None = None,
 ) -> Facts:
     """cell, readings, wishes, what is on record, estimate and what is thought of it → facts."""
     chart, cuts = _volume(cell, result)
@@ -161,6 +176,7 @@ def gather(
         judgement,
         trend,
         tuple(compensations),
+        nights,
     )
 
 
@@ -198,7 +214,9 @@ def effects(result: Estimate) -> dict[str, float]:
 
 def verdict(f: Facts, t: Callable[..., str]) -> Verdict:
     """facts, texts → the checks and the worst of them."""
-    return worst_of([_plausible(f, t), _complete(f, t), _fit(f, t), _predicts(f, t), _diagnosis(f, t), _limit(f, t)])
+    return worst_of(
+        [_plausible(f, t), _complete(f, t), _fit(f, t), _predicts(f, t), _diagnosis(f, t), _limit(f, t), *_nights(f, t)]
+    )
 
 
 def _plausible(f: Facts, t: Callable[..., str]) -> Check:
@@ -281,3 +299,13 @@ def _limit(f: Facts, t: Callable[..., str]) -> Check:
     return Check(
         "limit", level, value, t(f"check.limit_{level}", worst=size, limit=limit, unit=u.small), t("todo.limit"), trust=False
     )
+
+
+def _nights(f: Facts, t: Callable[..., str]) -> list[Check]:
+    n = f.nights
+    if n is None:
+        return []
+    level: Level = "look" if n.waiting or n.verdict != "good" else "good"
+    word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
+    text = t(f"check.nights_{level}", date=n.date, said=f.wishes.units.sentence(n.headline), count=n.waiting)
+    return [Check("nights", level, word, text, t("todo.nights"), trust=False)]

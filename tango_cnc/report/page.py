@@ -113,6 +113,8 @@ def sentence(found: Verdict, t: Texts) -> str:
     """verdict, texts → what the top of the page says."""
     if found.worst is None:
         return t("verdict.good")
+    if found.worst.name == "nights":
+        return t("verdict.nights", why=found.worst.text)
     if not found.worst.trust:
         return t("verdict.limit", why=found.worst.text)
     return t(f"verdict.{found.level}", why=found.worst.text)
