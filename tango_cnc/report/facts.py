@@ -214,9 +214,8 @@ def effects(result: Estimate) -> dict[str, float]:
 
 def verdict(f: Facts, t: Callable[..., str]) -> Verdict:
     """facts, texts → the checks and the worst of them."""
-    return worst_of(
-        [_plausible(f, t), _complete(f, t), _fit(f, t), _predicts(f, t), _diagnosis(f, t), _limit(f, t), *_nights(f, t)]
-    )
+    numbers = [_plausible(f, t), _complete(f, t), _fit(f, t), _predicts(f, t), _diagnosis(f, t)]
+    return worst_of([*_nights(f, t), *numbers, _limit(f, t)])
 
 
 def _plausible(f: Facts, t: Callable[..., str]) -> Check:
