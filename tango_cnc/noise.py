@@ -157,7 +157,15 @@ def _solved(jacobian: Array, right: Array, weight: Array, s: _System, sigma: flo
     normal = (jacobian.T * weight) @ jacobian + sigma**2 * s.known.T @ s.known
     normal[np.diag_indices_from(normal)] += 1e-12
     pull = jacobian.T @ (weight * right) + sigma**2 * s.known.T @ s.known_gaps
-    return np.asarray(linalg.solve(normal, pull, assume_a="pos", check_finite=False))
+    return _positive(normal, pull)
+
+
+def _positive(normal: Array, pull: Array) -> Array:
+    """positive definite matrix, right-hand side → solution, the shortest one where a wrong cell leaves directions open."""
+    try:
+        return np.asarray(linalg.cho_solve(linalg.cho_factor(normal, check_finite=False), pull, check_finite=False))
+    except linalg.LinAlgError:
+        return np.asarray(linalg.pinvh(normal, check_finite=False) @ pull)
 
 
 def _reachable(s: _System) -> NDArray[np.bool_]:
@@ -170,7 +178,7 @@ def _reachable(s: _System) -> NDArray[np.bool_]:
         normal = (s.jacobian.T * weight) @ s.jacobian + s.known.T @ s.known
         normal[np.diag_indices_from(normal)] += s.prior + 1e-9
         pull = s.jacobian.T @ (weight * s.gaps) + s.known.T @ s.known_gaps + s.prior * s.values
-        left = s.gaps - s.jacobian @ linalg.solve(normal, pull, assume_a="pos", check_finite=False)
+        left = s.gaps - s.jacobian @ _positive(normal, pull)
     # A fit of p unknowns passes through p touches: the median is taken over what is left of the others.
     scale = max(1.4826 * float(np.median(np.sort(np.abs(left))[p // 2 :])), SIGMA_FLOOR)
     for _ in range(10):
@@ -226,7 +234,7 @@ def _fitted(s: _System, keep: NDArray[np.bool_], rough: Array) -> _Fitted:
     normal[np.arange(p), np.arange(p)] += sigma**2 * s.prior
     pull = both.T @ gaps + sigma**2 * known.T @ s.known_gaps
     pull[:p] += sigma**2 * s.prior * s.values
-    inverse = linalg.inv(normal)
+    inverse = _positive(normal, np.eye(len(normal)))
     found = inverse @ pull
     change = -found[:p] * s.scale
     covariance = sigma**2 * inverse[:p, :p] * np.outer(s.scale, s.scale)

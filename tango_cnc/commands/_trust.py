@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from ..estimate import Estimate, estimate
 from ..files.origin import FEW, changed_keys, edited_rows, hurried, read_origin
@@ -45,7 +46,12 @@ def judged(
     except TangoError as error:
         judgement = judge(cell, readings, None)
         raise NoFit(f"{error}{''.join(f'{chr(10)}{line}' for line in suspected(judgement))}", judgement) from None
-    result = honest(result)
+    try:
+        result = honest(result)
+    except np.linalg.LinAlgError:
+        judgement = judge(cell, readings, None)
+        why = "the touches contradict each other so much that nothing can be said of their scatter"
+        raise NoFit("\n".join([f"estimate: {why}", *suspected(judgement)]), judgement) from None
     judgement = judge(cell, readings, result)
     return result, judgement if source is None else traced(judgement, source, cell.folder)
 

@@ -15,7 +15,7 @@ from ..judgement import Judgement, Suspicion, Verdict
 from ..records import Cell, Readings
 from ..touches import FAR, from_readings, misnamed
 from .bounds import Bound, bounds
-from .data import Remark, listed, remarks
+from .data import Remark, coarse, listed, remarks
 from .search import suspects
 from .words import beyond_text
 
@@ -74,6 +74,11 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     )
     tried = suspects(cell, readings)
     direct = [s for s in own if s.kind in DIRECT and (not s.touches or len(s.touches) > len(readings) / 2)]
+    if tried and tried[0].before < coarse(readings):  # no more is to be explained than the rounding makes
+        direct = [s for s in own if s.kind == "rounded_positions"]
+        return (*direct, *tried, *(s for s in own if s not in direct))
+    if any(s.key in ("cycle", "day") for s in direct):
+        return (*direct, *tried, *(s for s in own if s not in direct))
     alike = len(readings) > 1 and not np.ptp(readings.position, axis=0).any()  # such readings fit anything
     if not tried or alike or (direct and tried[0].after > EXPLAINED):
         return (*direct, *tried, *(s for s in own if s not in direct))

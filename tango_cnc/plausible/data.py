@@ -11,6 +11,7 @@ import numpy as np
 from ..judgement import Verdict
 from ..kinematics import chain, spindle_axis, tip
 from ..records import Array, Cell, Readings
+from .copies import copied, last_digit
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
 ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
@@ -38,6 +39,8 @@ def remarks(cell: Cell, readings: Readings) -> Iterator[Remark]:
     """cell, readings → what is wrong with the readings themselves."""
     yield from _missing(cell, readings)
     yield from _twice(readings)
+    pasted = list(_pasted(cell, readings))
+    yield from pasted or _echoed(readings)
     yield from _clock(readings)
     yield from _rounded(readings)
     yield from _alike(readings)
@@ -116,8 +119,11 @@ def _twice(readings: Readings) -> Iterator[Remark]:
             "touch",
             "keep one row of each",
         )
+
+
+def _echoed(readings: Readings) -> Iterator[Remark]:
     rows, count = np.unique(readings.position[readings.ok], axis=0, return_counts=True)
-    if len(rows) and not _whole(readings) and count.max() > 2 and count.sum() - len(rows) > 0.05 * count.sum():
+    if len(rows) and not coarse(readings) and count.max() > 2 and count.sum() - len(rows) > 0.05 * count.sum():
         yield Remark(
             "doubtful",
             f"{int(count[count > 1].sum())} touches have exactly the position of another one: no machine repeats every digit; the "
@@ -127,6 +133,28 @@ def _twice(readings: Readings) -> Iterator[Remark]:
             "X, Y, Z",
             "record the position that the control latches at the trigger",
         )
+
+
+def _pasted(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    found = list(copied(cell.machine, readings))
+    if not found:
+        return
+    (day, cycle), (first_day, first), shifted = found[0]
+    days = len({d for pair in found for d, _ in pair[:2]}) > 1
+    one = f"day {day}, cycle {cycle}," if days else f"cycle {cycle}"
+    other = f"cycle {first} of day {first_day}" if days else f"cycle {first}"
+    more = f"; so do {len(found) - 1} more" if len(found) > 1 else ""
+    how = "digit for digit but for a shift of all touches" if shifted else "digit for digit"
+    change = f"delete the rows of {one.rstrip(',')}, and measure them"
+    yield Remark(
+        "implausible",
+        f"{one} repeats {other} {how}{more}: no probe does, so these rows were copied and not measured. What cycles scatter by "
+        f"would come out far too small; {change}",
+        (),
+        "copied_positions",
+        "cycle" if not days else "day",
+        change,
+    )
 
 
 def _clock(readings: Readings) -> Iterator[Remark]:
@@ -145,17 +173,18 @@ def _clock(readings: Readings) -> Iterator[Remark]:
         )
 
 
-def _whole(readings: Readings) -> bool:
-    """→ whether every position is a whole multiple of what displays show."""
+def coarse(readings: Readings) -> float:
+    """readings → mm, of which every position is a whole multiple as displays show it; 0 where there are more digits."""
     values = readings.position[readings.ok][:, [i for i, name in enumerate(readings.axes) if name in "XYZ"]]
-    return len(values) >= 10 and bool(np.all(np.abs(values / COARSE - np.round(values / COARSE)) < 1e-6))
+    digit = last_digit(values) if len(values) >= 10 else 0.0
+    return digit if digit >= COARSE else 0.0
 
 
 def _rounded(readings: Readings) -> Iterator[Remark]:
-    if _whole(readings):
+    if digit := coarse(readings):
         yield Remark(
             "doubtful",
-            f"every position is a whole multiple of {COARSE:g} mm: the readings were rounded, or come from a display; record "
+            f"every position is a whole multiple of {digit:g} mm: the readings were rounded, or come from a display; record "
             "all digits that the control has",
             (),
             "rounded_positions",

@@ -1,0 +1,49 @@
+"""Cycles and days that repeat an earlier one digit for digit: pasted, not measured.
+
+Honest cycles scatter by the repeatability of the probe, and a pasted copy by nothing: the uncertainty that repetitions show would
+come out as 0.00. A copy that was shifted as a whole is one too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..records import Array, Machine, Readings
+
+ALIKE = 0.02  # of the stated repeatability: of honest touches one in a hundred comes so near to the one before
+SHARE = 0.9  # of the touches of two cycles that have to be alike
+FEWEST = 10  # touches that both have
+FINEST = 1e-5  # mm: differences below this are rounding
+DIGITS = (1.0, 0.1, 0.01, 0.001, 1e-4)  # mm: last digits of positions
+
+
+def copied(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, int], tuple[int, int], bool]]:
+    """machine, readings → (day, cycle) of each that repeats an earlier one, (day, cycle) of that, whether it was shifted.
+
+    Positions whose last digit is coarser than the repeatability say nothing: two honest touches often read the same there.
+    """
+    used = readings.rows(readings.ok)
+    columns = [used.axes.index(name) for name in used.axes if name in machine.linear]
+    passes = list(dict.fromkeys(zip(used.day.tolist(), used.cycle.tolist(), strict=True)))
+    repeats = machine.probe.repeatability
+    if len(passes) < 2 or repeats <= 0 or last_digit(used.position[:, columns]) > repeats:
+        return
+    own = {p: np.flatnonzero((used.day == p[0]) & (used.cycle == p[1])) for p in passes}
+    for i, later in enumerate(passes):
+        for earlier in passes[:i]:
+            _, a, b = np.intersect1d(used.touch[own[later]], used.touch[own[earlier]], return_indices=True)
+            if len(a) < FEWEST:
+                continue
+            apart = used.position[own[later][a]][:, columns] - used.position[own[earlier][b]][:, columns]
+            shift = np.median(apart, axis=0)
+            alike = np.all(np.abs(apart - shift) < max(ALIKE * repeats, FINEST), axis=1)
+            if alike.mean() > SHARE:
+                yield later, earlier, bool(np.any(np.abs(shift) > FINEST))
+                break
+
+
+def last_digit(values: Array) -> float:
+    """positions, mm → the coarsest of DIGITS of which all are whole multiples; 0 where they have more digits."""
+    return next((d for d in DIGITS if np.all(np.abs(values / d - np.round(values / d)) < 1e-6 / d)), 0.0) if values.size else 0.0
