@@ -141,7 +141,7 @@ def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_
             text = client.get("/machine/HU40T-like").text.partition("For the engineer")[0]
         assert "Largest error of the tool tip 75.9 µm; 60.0 µm are allowed." in text or alarms
         assert "What to do" in text and "Who has it" in text and "What it does to parts" in text
-        assert ("1 more open alarms" in text) == alarms
+        assert ("More open alarms: 1" in text) == alarms
 
 
 def test_a_change_is_named_by_its_axis_before_its_symbol() -> None:

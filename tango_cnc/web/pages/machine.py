@@ -38,7 +38,8 @@ def machine(request: Request) -> Response:
             told = {"headline": state.texts("web.last_said", headline=headline[:1].lower() + headline[1:])}
             values |= told | {"level": "look", "word": state.texts("web.alarm_open"), "quiet": True}
         if waiting and values["first"] is None:  # what it is, what it does and what to do stand here, not a page away
-            values["first"] = {**waiting.pop(0), "older": True}
+            newest = waiting.pop(0)
+            values["first"] = {**newest, "text": newest["text"].replace(" since last night", ""), "older": True}
         values["strip"] = strip([(n.night, n.verdict, "") for n in reversed(nights)], state.texts("web.nights"))
         values["picture"] = _volume(request, found)
     return page(request, "machine.html", **values)
