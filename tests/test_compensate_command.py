@@ -123,6 +123,40 @@ def test_a_history_that_cannot_be_written_gets_the_event_later(cell: Path, tmp_p
     assert [e["event"] for e in listed] == ["written", "proposed"]
 
 
+def test_readings_that_see_little_of_it_decide_nothing(cell: Path, tmp_path: Path) -> None:
+    mill = copied(cell, tmp_path / "mill")
+    assert run("compensate", "-C", mill, "--target", "siemens").exit_code == 0
+    assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
+    # Nothing was loaded: an estimate of few terms finds little error all the same.
+    done = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "simulated.csv", "--terms", "EXX1,EZZ1")
+    assert "undecided: these touches see" in done.output, done.output
+    whole = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "simulated.csv")
+    assert "rolled back" in whole.output
+
+
+@pytest.mark.long
+def test_it_asks_whether_the_second_run_saw_the_kinematics(tmp_path: Path) -> None:
+    cradle = tmp_path / "cradle"
+    shutil.copytree(ROOT / "examples" / "trunnion", cradle)
+    assert run("simulate", "-C", cradle).exit_code == 0
+    done = run("compensate", "-C", cradle, "--target", "linuxcnc", "-o", tmp_path / "elsewhere")
+    assert "has no number" in done.output and "--written 1" not in done.output
+    assert run("compensate", "-C", cradle, "--target", "linuxcnc").exit_code == 0
+    assert run("compensate", "-C", cradle, "--written", 1).exit_code == 0
+    folder, verdicts = cradle / "compensations" / "001-linuxcnc", []
+    for switch in ("--no-tcp", "--tcp"):
+        more = ["--no-tcp"] if switch == "--no-tcp" else []
+        after = cradle / f"after{switch}.csv"
+        said = run("simulate", "-C", cradle, "--compensation", folder, "-o", after, *more).output
+        assert ("control off" if more else "control on") in said
+        asked = run("compensate", "-C", cradle, "--measured", 1, "--readings", after)
+        assert isinstance(asked.exception, InputError) and "x-rot-point" in str(asked.exception)
+        loop.note(cradle, loop.one(cradle, 1), "2026-01-01T00:00:00Z", "written")
+        verdicts.append(run("compensate", "-C", cradle, "--measured", 1, "--readings", after, switch).output.split(": ")[1])
+        loop.note(cradle, loop.one(cradle, 1), "2026-01-01T00:00:00Z", "written")
+    assert verdicts == ["kept", "kept"]
+
+
 def _volume(folder: Path) -> str:
     return ",".join(
         f"{n}={low}:{high}" for n, (low, high) in json.loads((folder / "compensation.json").read_text())["volume"].items()

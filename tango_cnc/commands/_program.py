@@ -74,12 +74,9 @@ def language_of(file: Path, cell: Cell, given: str | None) -> ModuleType:
 
 @contextmanager
 def opened(file: Path) -> Iterator[TextIO]:
-    """program → its text, line by line. Raises InputError where it cannot be read."""
-    try:
-        with file.open(encoding="utf-8", newline="") as text:
-            yield text
-    except UnicodeDecodeError:
-        raise InputError(f"{file}: found bytes that are no UTF-8 text; save the program as plain text") from None
+    """program → its text, line by line; comments in the characters of another age come out as they went in."""
+    with file.open(encoding="utf-8", errors="surrogateescape", newline="") as text:
+        yield text
 
 
 @contextmanager
@@ -91,7 +88,8 @@ def blamed(file: Path, language: ModuleType) -> Iterator[None]:
         if str(error).startswith(str(file)):
             raise
         name = language.__name__.rpartition(".")[2]
-        raise InputError(f"{file}: {error}. It was read as {name}; others: --language {' '.join(blocks.languages())}") from None
+        said = str(error).encode("utf-8", "replace").decode()
+        raise InputError(f"{file}: {said}. It was read as {name}; others: --language {' '.join(blocks.languages())}") from None
 
 
 def found_of(result: Estimate) -> Known:
@@ -126,7 +124,11 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
     target.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as out, blamed(source, language), opened(source) as text:
+        with (
+            os.fdopen(handle, "w", encoding="utf-8", errors="surrogateescape", newline="") as out,
+            blamed(source, language),
+            opened(source) as text,
+        ):
             for line in compensated(text, language, setup, found, settings, account, mark):
                 out.write(line + ends)
         os.chmod(name, 0o644)
@@ -136,7 +138,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         raise
     if options["diff"] is not None:
         lines = [f"- {old}\n" + "".join(f"+ {line}\n" for line in new) for old, new in account.changes]
-        options["diff"].write_text("".join(lines), encoding="utf-8")
+        options["diff"].write_text("".join(lines), encoding="utf-8", errors="surrogateescape")
     count = max(account.count, 1)
     return {
         "format": "tango-compensated-program/1",

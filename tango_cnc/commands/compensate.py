@@ -59,7 +59,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
 @click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
-@click.option("--tcp", is_flag=True, help="With --measured: the readings were made with tool centre point control on.")
+@click.option("--tcp/--no-tcp", default=None, help="With --measured: tool centre point control was on, off, in the second run.")
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
@@ -125,7 +125,7 @@ def command(**options: Any) -> int:
     kept = loop.store(folder, proposal, _now(), options["out"])
     if options["out"] is None:
         recorded(folder)
-    click.echo(_next(kept, proposal), err=taken)
+    click.echo(_next(kept, proposal, counted=options["out"] is None), err=taken)
     return 0
 
 
@@ -146,7 +146,7 @@ def _present(folder: Path, options: dict[str, Any]) -> dict[str, float] | None:
     source: Path | None = options["present"]
     if source is None:
         for kept in reversed(list(loop.found(folder))):
-            if loop.state(folder, kept.number) in ("written", "kept", "not as promised"):
+            if loop.state(folder, kept.number) in loop.IN_CONTROL:
                 raise InputError(
                     f"--present: found nothing, and compensation {kept.number} ({kept.record['target']}) is in the control; "
                     f"allowed: --present {kept.folder} when the readings were made with it, --present none when without"
@@ -159,13 +159,16 @@ def _present(folder: Path, options: dict[str, Any]) -> dict[str, float] | None:
     return _compensate.present_of(source)
 
 
-def _next(kept: loop.Kept, proposal: Proposal) -> str:
+def _next(kept: loop.Kept, proposal: Proposal, *, counted: bool) -> str:
     steps = "\n".join(f"  {step}" for step in kept.record["steps"])
     names = ", ".join(proposal.files)
-    return (
-        f"\n→ {kept.folder}: {names}; undo/ has them as they were before\n\n{steps}\n\nThen: tango compensate --written "
-        f"{kept.number}, measure again, and tango compensate --measured {kept.number} --readings FILE"
+    after = (
+        f"Then: tango compensate --written {kept.number}, measure again, and tango compensate --measured {kept.number} "
+        "--readings FILE"
+        if counted
+        else "The folder of -o has no number: --written and --measured know only what was proposed without -o"
     )
+    return f"\n→ {kept.folder}: {names}; undo/ has them as they were before\n\n{steps}\n\n{after}"
 
 
 def _written(folder: Path, number: int) -> int:
@@ -183,7 +186,7 @@ def _rolled_back(folder: Path, number: int, reason: str | None) -> int:
     kept = loop.one(folder, number)
     if not (reason or "").strip():
         raise InputError('--reason: found none; allowed: why it was taken out again, e.g. --reason "the spindle was changed"')
-    if (state := loop.state(folder, number)) not in ("written", "kept", "not as promised"):
+    if (state := loop.state(folder, number)) not in loop.IN_CONTROL:
         raise InputError(
             f"--rolled-back: found compensation {number}, which is noted as {state}; allowed: one that is in the control"
         )
@@ -197,7 +200,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     number = options["measured"]
     kept = loop.one(cell.folder, number)
     loop.check(kept.folder)
-    if (state := loop.state(cell.folder, number)) not in ("written", "not as promised"):
+    if (state := loop.state(cell.folder, number)) not in ("written", "not as promised", "undecided"):
         raise InputError(
             f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is written "
             f"('tango compensate --written {number}')"
@@ -213,7 +216,14 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
         "probed",
         _compensate.volume_of(",".join(f"{n}={low}:{high}" for n, (low, high) in kept.record["volume"].items()), cell.machine),
     )
-    found = loop.outcome(kept, result, list(again.held), tcp=options["tcp"])
+    places = loop.switched(kept.record, again.held)
+    if places and options["tcp"] is None:
+        raise InputError(
+            f"--measured: found neither --tcp nor --no-tcp, and compensation {number} changes {places[0]}"
+            f"{f' and {len(places) - 1} more' if len(places) > 1 else ''}, which act with tool centre point control only; allowed: "
+            "--no-tcp when the second run was made without it, as the probing programs of this project are; --tcp when with it"
+        )
+    found = loop.outcome(kept, result, list(again.held), tcp=bool(options["tcp"]))
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text)
     recorded(cell.folder)

@@ -109,6 +109,7 @@ def command(
         )
     cell = read_cell(folder)
     refuse_inward(cell)
+    tcp = "off" if no_tcp else "on"
     control = read(compensation, cell.machine, tcp=not no_tcp) if compensation is not None else None
     world_file = world_file or folder / "world.yaml"
     world = read_world(world_file)
@@ -146,4 +147,5 @@ def command(
     }
     if not write_json(json_file, result):
         bad = f", {counts['miss']} missed, {counts['early']} early" if counts["ok"] < len(readings) else ""
-        click.echo(f"{len(readings)} touches{bad} in {readings.time[-1] / 60:.0f} min of machine time → {target}")
+        held = "" if compensation is None else f" with {compensation} in the control, tool centre point control {tcp}"
+        click.echo(f"{len(readings)} touches{bad} in {readings.time[-1] / 60:.0f} min of machine time{held} → {target}")

@@ -134,15 +134,15 @@ def fit(found: Known, held: Sequence[Held], poses: Poses, present: Mapping[str, 
     rounding = float(rms((space @ (change - exact))[:, None])[0]) if len(held) else 0.0
 
     nothing = np.zeros_like(taken)
-    before = _likely(found, levers, nothing)
-    after = _likely(found, levers - taken, taken) + (space @ (exact - change))[:, None]
+    before = _sizes(_likely(found, levers, nothing))
+    after = _sizes(_likely(found, levers - taken, taken) + (space @ (exact - change))[:, None])
     turned, left = _directions(found, held, poses, change)
     return Fit(
         tuple(held),
         change,
         _shares(found, levers, taken),
-        _interval(rms(before)),
-        _interval(rms(after)),
+        _interval(_mean(before)),
+        _interval(_mean(after)),
         _interval(_most(before)),
         _interval(_most(after)),
         float(rms((space @ exact)[:, None])[0]),
@@ -185,12 +185,17 @@ def _sizes(vectors: Array) -> Array:
     if sizes.shape[1] == 1:
         return np.asarray(sizes)
     again = np.random.default_rng(2).integers(0, len(sizes), size=sizes.shape)
-    return np.asarray(np.take_along_axis(sizes, again, axis=0))
+    # Draw by draw in one piece of memory: several times as fast as across the rows.
+    return np.asarray(np.take_along_axis(np.ascontiguousarray(sizes.T), np.ascontiguousarray(again.T), axis=1).T)
 
 
 def rms(vectors: Array) -> Array:
     """(3n, m) mm → (m,) µm, root mean square of the lengths of n vectors."""
-    return np.asarray(np.sqrt(np.mean(_sizes(vectors) ** 2, axis=0)) * 1e3)
+    return _mean(_sizes(vectors))
+
+
+def _mean(sizes: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(sizes**2, axis=0)) * 1e3)
 
 
 def intervals(vectors: Array) -> Figure:
@@ -198,8 +203,8 @@ def intervals(vectors: Array) -> Figure:
     return _interval(rms(vectors))
 
 
-def _most(vectors: Array) -> Array:
-    return np.asarray(np.quantile(_sizes(vectors), 0.95, axis=0) * 1e3)
+def _most(sizes: Array) -> Array:
+    return np.asarray(np.quantile(sizes, 0.95, axis=0) * 1e3)
 
 
 def _interval(draws: Array) -> Figure:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,8 @@ from .proposal import FORMAT, Proposal, as_json
 from .space import Held, Poses, sample
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
-STATES = ("proposed", "written", "kept", "not as promised", "rolled back")
+IN_CONTROL = ("written", "kept", "not as promised", "undecided")  # after these events the control has it
+SEEN = 0.9  # of what was changed, so that touches can decide
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def history(cell: Path) -> list[dict[str, Any]]:
 
 
 def state(cell: Path, number: int) -> str:
-    """cell, number → proposed, written, kept, not as promised, rolled back."""
+    """cell, number → proposed, written, kept, not as promised, undecided, rolled back."""
     return next((e["event"] for e in reversed(history(cell)) if e["compensation"] == number), "proposed")
 
 
@@ -172,7 +173,7 @@ class Outcome:
     before: Figure
     promised: Figure
     measured: Figure
-    verdict: str  # kept, not as promised, rolled back
+    verdict: str  # kept, not as promised, undecided, rolled back
     text: str
 
 
@@ -191,14 +192,25 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     measured = _measured(now, at, gone)
     promise = kept.record["promise"]
     before, promised = (Figure(**promise[key]) for key in ("rms_before_um", "rms_after_um"))
-    if measured.low <= promised.high:
+    seen = _seen(kept, proposal_held, now, at, tcp=tcp)
+    if seen < SEEN or measured.low <= promised.high < before.value <= measured.high:
+        verdict = "undecided"
+        why = (
+            f"these touches see {100 * seen:.0f} % of what was changed"
+            if seen < SEEN
+            else f"{measured.low:.2f} to {measured.high:.2f} µm may be left, and {before.value:.2f} µm were there before"
+        )
+        text = (
+            f"{why}: too little to decide. Measure again with the strategy that the compensation was made from, and as many terms"
+        )
+    elif measured.low <= promised.high:
         verdict = "kept"
         text = f"{measured.value:.2f} µm are left, {promised.low:.2f} to {promised.high:.2f} µm were promised"
     elif measured.low > 0.9 * before.low:
         verdict = "rolled back"
         text = (
             f"{measured.value:.2f} µm are left of {before.value:.2f} µm: it has not helped. Load the files of "
-            f"{kept.folder / 'undo'}. "
+            f"{kept.folder / 'undo'} now: it is noted as taken out. "
             "A sign is wrong, or the control does not use what was written: do a sign trial"
         )
     else:
@@ -209,6 +221,28 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
             f"{kept.folder / 'undo'}"
         )
     return Outcome(before, promised, measured, verdict, text)
+
+
+def switched(record: Mapping[str, Any], held: Sequence[Held]) -> list[str]:
+    """record, what its target holds → places that changed and act with tool centre point control only."""
+    changed = {v["place"] for v in record["values"] if v["new"] != v["present"]}
+    return [h.place for h in held if h.tcp and h.place in changed]
+
+
+def _seen(kept: Kept, held: Sequence[Held], now: Known, at: Poses, *, tcp: bool) -> float:
+    """→ share of what the compensation moves the tip by that the second estimate could show, 0 to 1."""
+    numbers = {v["place"]: v["new"] - v["present"] for v in kept.record["values"]}
+    moved = np.zeros(3 * len(at))
+    for h in held:
+        if numbers.get(h.place) and (tcp or not h.tcp):
+            moved += h.lever(at).ravel() * numbers[h.place] * h.sign / h.factor
+    moved = at.free(moved[:, None])[:, 0]
+    whole = float(moved @ moved)
+    if whole < 1e-16:
+        return 1.0
+    levers = at.free(now.levers(at))
+    rest = moved - levers @ np.linalg.lstsq(levers, moved, rcond=1e-9)[0]
+    return 1.0 - float(np.sqrt(rest @ rest / whole))
 
 
 def _measured(now: Known, at: Poses, gone: np.ndarray) -> Figure:

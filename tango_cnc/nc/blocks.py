@@ -67,6 +67,8 @@ class Modal:
     offset: str = ""  # the work offset that was called
     tool: int | None = None
     absolute_centre: bool = False
+    incremental: bool = False  # G91 on the way to a reference point
+    changed: bool = False  # M6 has been seen
 
 
 def languages() -> tuple[str, ...]:

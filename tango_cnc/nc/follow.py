@@ -51,7 +51,7 @@ def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator
         block = language.read(line, number, modal, axes)
         if block.tool is not None:
             tool = block.tool
-        if block.length is not None and not language.LENGTH:
+        if block.length is not None:
             acts = block.length
         for axis in block.forgets:
             if axis in machine.linear:

@@ -12,13 +12,14 @@ import numpy as np
 
 from ..compensate.fit import Known
 from ..records import Array, InputError
-from .blocks import MARK, Block
+from .blocks import MARK, Block, refused
 from .correct import Machinery, pieces
 from .follow import Motion, Setup, arc_points, follow, positions, words
 
 BATCH = 2000  # motions at a time: memory does not grow with the program
 HEAD = 40  # lines in which a mark is looked for
 MOST = 2000  # parts of a block
+STRETCH = np.pi / 6  # rad that a rotary axis turns at most between two looks at a line
 
 
 @dataclass
@@ -76,7 +77,7 @@ def compensated(
             yield line
         return
     place = 0
-    while place < len(head) and language.HEAD.fullmatch(head[place]):
+    while place < min(len(head), HEAD - 1) and language.HEAD.fullmatch(head[place]):
         place += 1
     stripped = (line.rstrip("\r\n") for line in source)
     state = _State(np.zeros(len(setup.machine.rotary)))
@@ -208,10 +209,24 @@ def _corrected(
     if looked:
         a, b = start[looked], end[looked]
         ta, tb = turned_start[looked], turned_end[looked]
-        change = [mach.corrected(a + s * (b - a), ta + s * (tb - ta)) - (a + s * (b - a)) for s in shares]
+        # Errors repeat with every turn: looked at too seldom, a turn looks like standing still.
+        turning = np.abs(b - a)[:, [machine.column(n) for n in machine.rotary]].max(axis=1, initial=0.0)
+        stretches = np.maximum(1, np.ceil(turning / STRETCH)).astype(int)
+        for i, most in zip(looked, stretches, strict=True):
+            if most > MOST:
+                raise refused(run[i].block.number, run[i].block.text.strip(), f"a turn that would become more than {MOST} parts")
+        of = np.repeat(np.arange(len(looked)), stretches)
+        first = np.cumsum(stretches) - stretches
+        begin = ((np.arange(len(of)) - first[of]) / stretches[of])[:, None]
+        change = []
+        for part in shares:
+            s = begin + part / stretches[of][:, None]
+            there = a[of] + s * (b - a)[of]
+            change.append(mach.corrected(there, ta[of] + s * (tb - ta)[of]) - there)
         columns = list(mach.chain.linear_columns)
         flat = [c[:, columns] for c in change]
-        counts[looked] = np.minimum(MOST, pieces(flat[0], flat[-1], flat[1:4], settings.chord))
+        parts = np.maximum.reduceat(pieces(flat[0], flat[-1], flat[1:4], settings.chord), first)
+        counts[looked] = np.minimum(MOST, stretches * parts)
     nominal: list[Array] = []
     turned: list[Array] = []
     owner: list[int] = []

@@ -13,6 +13,9 @@ AXES = "XYZABC"
 PLANES = {17: ("X", "Y", "Z"), 18: ("Z", "X", "Y"), 19: ("Y", "Z", "X")}
 AFTER = {0, 1, 2, 5, 9, 30, 60}  # M functions that act when the motion of their block is done
 FORGET = {28, 30, 30.1, 28.1}
+MOST = 1e6  # mm, deg: no machine goes there
+UNKNOWN = "what this does to the path is not known"
+MOTION = {0: "rapid", 1: "feed", 2: "cw", 3: "ccw"}
 REFUSED = {
     5: "splines are not followed",
     5.1: "splines are not followed",
@@ -32,6 +35,9 @@ REFUSED = {
     42: "radius compensation changes the path after this program: let the CAM compute the path of the tool's centre",
     41.1: "radius compensation changes the path after this program",
     42.1: "radius compensation changes the path after this program",
+    43.1: "a tool length that is written into the program is not followed",
+    43.2: "further tool lengths are not followed",
+    44: "a tool length that is taken off is not followed",
     43.4: "with tool centre point control on the control itself moves the axes: compensate the control instead",
     43.5: "with tool centre point control on the control itself moves the axes: compensate the control instead",
     51: "scaling is not followed",
@@ -45,6 +51,7 @@ REFUSED = {
     66: "macros are not followed: expand them in the post-processor",
     68: "rotated coordinates are not followed",
     68.2: "tilted planes are not followed",
+    68.3: "tilted planes are not followed",
     91: "incremental coordinates would add up their rounding: let the post-processor write absolute ones",
     92: "shifted coordinates are not followed",
     93: "inverse time would change with every part of a block",
@@ -67,6 +74,20 @@ class Style:
     subprograms: tuple[int, ...] = (96, 97, 98, 198)
     machine: tuple[float, ...] = (53,)
     radius: str = "R"
+    passed: frozenset[float] = frozenset()  # G functions that change nothing that is followed here
+    numbered: frozenset[float] = frozenset()  # those of them that have P, Q, L or E
+    offsets: tuple[range, ...] = (range(54, 60),)  # work offsets by their whole numbers
+    forgets: frozenset[float] = frozenset(FORGET)  # ways to reference and fixed points
+    height: float | None = 43  # switches the tool's length on
+
+    def known(self, code: float) -> bool:
+        """number of a G function → whether it is known what it does to the path."""
+        own = {*MOTION, *PLANES, 4, 90, *self.machine, *self.forgets, *self.metric, *self.passed}
+        return code in own or self.offset(code) or (self.height is not None and code in (self.height, 49))
+
+    def offset(self, code: float) -> bool:
+        """number of a G function → whether it calls a work offset."""
+        return any(int(code) in among for among in self.offsets) and (code == int(code) or int(code) == 59)
 
 
 def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block:
@@ -89,6 +110,8 @@ def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block
             value = float(text.replace(" ", ""))
         except ValueError:
             raise refused(number, match[0].strip(), "no number") from None
+        if letter in AXES + "IJKR" and abs(value) > MOST:
+            raise refused(number, f"{letter}{value:.3g}", "no machine goes there")
         words.append(Word(letter, value, match.start(), match.end()))
         at = match.end()
     if gap := bare[at:].strip():
@@ -103,19 +126,29 @@ def _strange(style: Style, text: str, number: int) -> None:
             continue
         if "#" in item or "[" in item or "=" in item or re.match(r"R\d", item):
             raise refused(number, text, "variables and expressions are not followed: let the post-processor write numbers")
-        raise refused(number, text, "what this does to the path is not known")
+        raise refused(number, text, UNKNOWN)
 
 
 def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
     number = block.number
     codes = [w.value for w in block.words if w.letter == "G"]
+    home = set(codes) & style.forgets
+    if len(set(codes) & MOTION.keys()) > 1:
+        raise refused(number, " and ".join(f"G{c:g}" for c in codes if c in MOTION), "which one is meant is not known")
     for code in codes:
+        if code == 91 and home:
+            _step_to_reference(block)
+            modal.incremental = True
+            continue
         if code in style.refused:
             raise refused(number, f"G{code:g}", style.refused[code])
         if code in style.inch:
             raise refused(number, f"G{code:g}", REFUSED[20])
         if style.cycles and code in CYCLES:
             raise refused(number, f"G{code:g}", "canned cycles are not expanded here: let the post-processor write their moves")
+        if not style.known(code):
+            raise refused(number, f"G{code:g}", UNKNOWN)
+    modal.incremental = modal.incremental and 90 not in codes
     offsets: dict[str, float] = {}
     target: dict[str, float] = {}
     radius, change = None, False
@@ -141,23 +174,23 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
                 raise refused(number, "M128", REFUSED[43.4])
         elif w.letter in "UVW":
             raise refused(number, f"{w.letter}{w.value:g}", "incremental or further linear axes are not followed")
+        elif w.letter == "H" and style.height in codes:
+            _height(block, w.value, modal)
         elif w.letter == "N":
             block.label = f"N{w.value:g}"
-        elif w.letter in ("P", "L", "Q", "E") and not set(codes) & {4, 10, 64, 61, 5.1}:
-            raise refused(number, f"{w.letter}{w.value:g}", "what this does to the path is not known")
+        elif w.letter in ("P", "L", "Q", "E") and not set(codes) & {4, *style.numbered}:
+            raise refused(number, f"{w.letter}{w.value:g}", UNKNOWN)
     if change:
         block.tool = modal.tool
         block.forgets = "XYZ"
     for code in codes:
         if code in PLANES:
             modal.plane = PLANES[int(code)]
-        elif code in (0, 1, 2, 3):
-            modal.motion = ("rapid", "feed", "cw", "ccw")[int(code)]
-        elif code in (43, 49):
-            block.length = code == 43
-        elif code == 43.1:
-            raise refused(number, "G43.1", "a tool length that is written into the program is not followed")
-        elif 54 <= code <= 59.3:
+        elif code in MOTION:
+            modal.motion = MOTION[int(code)]
+        elif style.height is not None and code in (style.height, 49):
+            block.length = code == style.height
+        elif style.offset(code):
             name = f"G{code:g}"
             if modal.offset not in ("", name):
                 raise refused(
@@ -170,8 +203,7 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
             modal.absolute_centre = False
         elif code == 80:
             modal.motion = ""
-    forgetting = [c for c in codes if c in FORGET]
-    if forgetting:
+    if home:
         block.forgets = "".join(target) or axes
         _forget(modal, block.forgets)
         return block
@@ -183,6 +215,8 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
         _forget(modal, block.forgets)
     if 4 in codes or not (target or (offsets and modal.motion in ("cw", "ccw"))):
         return block
+    if modal.incremental:
+        raise refused(number, " ".join(f"{a}{v:g}" for a, v in target.items()), "G91 is still on: write G90 before it")
     if not modal.motion:
         raise refused(number, " ".join(f"{a}{v:g}" for a, v in target.items()), "no G0, G1, G2 or G3 says how to go there")
     if modal.motion in ("cw", "ccw"):
@@ -190,11 +224,28 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
             raise refused(number, "an arc with a rotary axis", "its path is not known")
         block.arc = arc_of(number, modal, target, offsets, radius, clockwise=modal.motion == "cw")
         block.kind = "arc"
+    elif offsets or radius is not None:
+        word = next(w for w in block.words if w.letter in ("I", "J", "K", style.radius))
+        raise refused(number, f"{word.letter}{word.value:g} in a line", "some controls round or break a corner by it")
     else:
         block.kind = "rapid" if modal.motion == "rapid" else "feed"
     block.target = target
     modal.position.update(target)
     return block
+
+
+def _step_to_reference(block: Block) -> None:
+    """G91 G28 Z0: nothing is incremental but the way to the reference point, and that begins where the axis is."""
+    for w in block.words:
+        if w.letter in AXES and w.value:
+            raise refused(block.number, f"G91 with {w.letter}{w.value:g}", REFUSED[91])
+
+
+def _height(block: Block, value: float, modal: Modal) -> None:
+    if value == 0:
+        raise refused(block.number, "H0", "controls differ in whether it switches the tool's length off: write G49")
+    if modal.tool is not None and value != modal.tool:
+        raise refused(block.number, f"H{value:g} with tool {modal.tool}", "which length acts is not known: give them one number")
 
 
 def _forget(modal: Modal, axes: str) -> None:

@@ -6,14 +6,30 @@ import re
 from collections.abc import Mapping, Sequence
 
 from ..blocks import Arc, Block, Modal, Word, arc_of, refused
-from ._iso import AFTER, NUMBER, REFUSED
+from ._iso import AFTER, MOST, NUMBER, REFUSED
 
 SAYS = "HEIDENHAIN Klartext"
 LENGTH = True
 HEAD = re.compile(r"\s*(\d+\s*)?(BEGIN PGM .*|;.*)?\s*")
 LINE = re.compile(r"\s*(?P<n>\d+)?\s*(?P<rest>.*?)\s*(?P<comment>;.*)?$", re.DOTALL)
 WORD = re.compile(rf"(?P<letter>[XYZABC]|F(?=[\s\d.])|FMAX|FAUTO|R0|RL|RR|DR[-+]|R|M)\s*(?P<value>{NUMBER})?")
-PASS = ("BEGIN PGM", "END PGM", "BLK FORM", "STOP", "LBL")
+PASS = ("BEGIN PGM", "END PGM", "BLK FORM", "STOP", "LBL", "*")
+CALLED = {
+    89: "cycles are not expanded here: let the post-processor write their moves",
+    94: "the position of rotary axes would be another number",
+    97: "radius compensation changes the path after this program",
+    98: "radius compensation changes the path after this program",
+    99: "cycles are not expanded here: let the post-processor write their moves",
+    112: "smoothing would take the correction away",
+    114: REFUSED[43.4],
+    118: "what the handwheel adds is not known",
+    124: "points that are left out would take the correction away",
+    126: "which way rotary axes turn is not known",
+    128: REFUSED[43.4],
+    130: "with M130 the words have another meaning",
+    140: "where it retracts to is not known",
+    144: REFUSED[43.4],
+}
 WHY = {
     "LN": "surface normals are corrected by the control itself",
     "LP": "polar coordinates are not followed",
@@ -62,7 +78,11 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
         return block
     head = upper.split()[0]
     if upper.startswith("TOOL CALL"):
-        found = re.match(r"TOOL CALL\s+(\d+)", upper)
+        found = re.match(r"TOOL CALL\s+(\d+)(?![\d.])(?:\s+([XYZUVW])\b)?", upper)
+        if found and found[2] not in (None, "Z"):
+            raise refused(number, rest, "tools along another axis than Z are not followed")
+        if not found and not re.match(r"TOOL CALL\s*(Z\b|S|F|$)", upper):
+            raise refused(number, rest, "which tool that is, is not known: call it by its whole number")
         if re.search(r"\bD[LR]", upper):
             raise refused(number, rest, "oversizes of the tool are not followed")
         block.tool = int(found[1]) if found else None
@@ -79,8 +99,8 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
     if kind is None:
         if not (re.fullmatch(r"M\d+", head) and len(upper.split()) == 1):
             raise refused(number, rest, "what this does to the path is not known")
-        if head in ("M128", "M91", "M130"):
-            raise refused(number, head, REFUSED[43.4])
+        if int(head[1:]) in CALLED:
+            raise refused(number, head, CALLED[int(head[1:])])
         return block
     return _motion(block, kind, rest[len(head) :], begin + len(head), modal, axes)
 
@@ -105,21 +125,28 @@ def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: 
                 raise refused(number, match[0], f"this machine has no axis {letter}")
             if value is None:
                 raise refused(number, match[0].strip(), "no number follows: parameters are not followed")
+            if letter in target:
+                raise refused(number, f"{letter} twice", "which one is meant is not known")
+            if abs(number_of) > MOST:
+                raise refused(number, f"{letter}{number_of:.3g}", "no machine goes there")
             target[letter] = number_of
         elif letter == "R" and value is not None:
             radius = number_of
         elif letter.startswith("DR"):
             clockwise = letter == "DR-"
         elif letter == "M":
-            if number_of in (128, 130, 126, 144):
-                raise refused(number, match[0], REFUSED[43.4])
+            if number_of in CALLED:
+                raise refused(number, f"M{number_of:g}", CALLED[int(number_of)])
             machine = machine or number_of in (91, 92)
     if gap := text[at:].strip():
         why = "radius compensation changes the path after this program" if gap in ("RL", "RR") else "it is not followed"
         raise refused(number, gap, why)
     block.words = tuple(words)
     if kind == "CC":
-        modal.centre = target.get("X", modal.position.get("X", 0.0)), target.get("Y", modal.position.get("Y", 0.0))
+        pole = {**modal.position, **target}
+        if not {"X", "Y"} <= pole.keys():
+            raise refused(number, "CC", "where it is, is not known: X or Y has not been programmed before")
+        modal.centre = pole["X"], pole["Y"]
         if set(target) - {"X", "Y"}:
             raise refused(number, "CC", "circles outside of the plane XY are not followed")
         block.kind = "none"
@@ -138,7 +165,9 @@ def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: 
         else:
             if modal.centre is None:
                 raise refused(number, "C", "no CC says where its centre is")
-            start = modal.position.get("X", 0.0), modal.position.get("Y", 0.0)
+            if not {"X", "Y"} <= modal.position.keys():
+                raise refused(number, "C", "where it begins is not known: X or Y has not been programmed before")
+            start = modal.position["X"], modal.position["Y"]
             away = {"I": modal.centre[0] - start[0], "J": modal.centre[1] - start[1]}
             block.arc = arc_of(number, modal, target, away, None, clockwise=clockwise)
         block.arc = Arc(("X", "Y"), block.arc.centre, clockwise)

@@ -5,17 +5,41 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from ..blocks import Block, Modal
+from ..blocks import Block, Modal, refused
 from . import _iso
 
 SAYS = "Fanuc and relatives (Haas, Mitsubishi, Mazak EIA, Brother)"
 LENGTH = False
 HEAD = re.compile(r"\s*(%|[oO:]\d+.*|<.*>.*|\(.*)?\s*")
+OWN: dict[float, str] = {
+    12: "pockets are cycles: let the post-processor write their moves",
+    13: "pockets are cycles: let the post-processor write their moves",
+    150: "pockets are cycles: let the post-processor write their moves",
+    47: "engraving is a cycle: let the post-processor write its moves",
+    66.1: "macros are not followed: expand them in the post-processor",
+    7.1: "polar and cylindrical interpolation is not followed",
+    107: "polar and cylindrical interpolation is not followed",
+    112: "polar and cylindrical interpolation is not followed",
+    100: "mirroring is not followed",
+    101: "mirroring is not followed",
+    141: "radius compensation changes the path after this program",
+    154: "additional work offsets are not followed",
+    234: _iso.REFUSED[43.4],
+    254: "offsets that follow the table are not followed: compensate the control instead",
+    268: "tilted planes are not followed",
+    **dict.fromkeys(range(110, 112), "additional work offsets are not followed"),
+    **dict.fromkeys(range(113, 130), "additional work offsets are not followed"),
+}
 STYLE = _iso.Style(
     re.compile(rf"(?P<letter>[A-Za-z])\s*(?P<value>{_iso.NUMBER})(?![#\[])"),
     re.compile(r"\([^)]*\)|^\s*[oO:]\d+|<[^>]*>"),
-    {**_iso.REFUSED, 52.0: _iso.REFUSED[52], 100: "macros are not followed", 5.4: "what this does to the path is not known"},
-    harmless=frozenset({"%"}),
+    {k: v for k, v in _iso.REFUSED.items() if k not in (5.1, 15)} | OWN,
+    harmless=frozenset({"%", ";"}),
+    # 5.1 and 8 look ahead, 15 69 50 cancel, 22 23 25 26 supervise, 61 to 64 and 187 say how exactly, 103 how far ahead.
+    passed=frozenset(
+        {5.1, 8, 9, 13.1, 15, 17, 21, 22, 23, 25, 26, 40, 50, 61, 62, 63, 64, 67, 69, 80, 94, 95, 97, 98, 99, 103, 187}
+    ),
+    numbered=frozenset({5.1, 8, 103, 187}),
 )
 
 
@@ -26,9 +50,9 @@ def mark(text: str) -> str:
 
 def read(line: str, number: int, modal: Modal, axes: str) -> Block:
     """line, its number, modal state, axes → block. Raises InputError by name; numbers of axes need a decimal point."""
-    from ..blocks import refused
-
     block = _iso.read(STYLE, line, number, modal, axes)
+    if any(w.letter == "Q" and w.value not in (0, 1) for w in block.words):
+        raise refused(number, "G5.1 with Q2 or more", "smoothing would take the correction away: let it be Q1")
     for w in block.words:
         if w.letter in "XYZABCIJKR" and "." not in line[w.begin : w.end] and w.value:
             raise refused(number, line[w.begin : w.end], "without a decimal point it may be millimetres or thousandths of them")

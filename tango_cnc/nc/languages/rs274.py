@@ -15,6 +15,8 @@ STYLE = _iso.Style(
     re.compile(rf"(?P<letter>[A-Za-z])\s*(?P<value>{_iso.NUMBER})(?![#\[])"),
     re.compile(r"\([^)]*\)|;.*"),
     _iso.REFUSED,
+    passed=frozenset({21, 40, 61, 61.1, 64, 69, 80, 90.1, 91.1, 92.1, 94, 95, 97, 98, 99}),
+    numbered=frozenset({64}),
 )
 
 

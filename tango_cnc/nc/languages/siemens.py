@@ -11,7 +11,6 @@ from . import _iso
 SAYS = "SINUMERIK"
 LENGTH = True
 HEAD = re.compile(r"\s*(%.*|;.*)?\s*")
-OFFSETS = {505: "G505", 500: "G500"}
 STYLE = _iso.Style(
     re.compile(rf"(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?![#\[A-Za-z(])"),
     re.compile(r";.*|MSG\s*\(\"[^\"]*\"\)|^%.*"),
@@ -25,6 +24,8 @@ STYLE = _iso.Style(
         110: "polar coordinates are not followed",
         111: "polar coordinates are not followed",
         112: "polar coordinates are not followed",
+        291: "the ISO language is another one: make two programs",
+        **dict.fromkeys((147, 148, 247, 248, 347, 348, 340, 341), "soft approaches are not followed"),
         58: "programmable offsets are not followed",
         59: "programmable offsets are not followed",
     },
@@ -32,6 +33,10 @@ STYLE = _iso.Style(
     inch=(70, 700),
     metric=(71, 710),
     cycles=False,
+    passed=frozenset({9, 17, 40, 60, 64, 290, *range(601, 604), *range(641, 646), 94, 95, 97, 450, 451, *range(460, 463)}),
+    offsets=(range(54, 58), range(500, 600)),
+    forgets=frozenset({74, 75}),
+    height=None,
     subprograms=(17,),
     machine=(53, 153),
     radius="CR",
@@ -87,10 +92,19 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
         bare_line = re.sub("(?i)SUPA", "G153", line)
         block = _iso.read(STYLE, bare_line, number, modal, axes)
         block.text = line
-        return block
-    block = _iso.read(STYLE, line, number, modal, axes)
-    if any(w.letter == "T" for w in block.words):
+    else:
+        block = _iso.read(STYLE, line, number, modal, axes)
+    # With M6 a T only prepares the next tool; a machine without M6 changes at T. The first M6 tells which one it is.
+    modal.changed = modal.changed or any(w.letter == "M" and w.value == 6 for w in block.words)
+    if any(w.letter == "T" for w in block.words) and not modal.changed:
         block.tool = modal.tool
+    if block.tool is not None:
+        block.length = True
+    for w in block.words:
+        if w.letter == "D":
+            if w.value not in (0, 1):
+                raise refused(number, f"D{w.value:g}", "lengths of further edges of a tool are not followed")
+            block.length = w.value == 1
     return block
 
 
