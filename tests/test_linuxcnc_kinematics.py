@@ -1,4 +1,4 @@
-"""A real LinuxCNC with xyzbc-trt-kins: touches with tool centre point control on, before and after its centers are corrected."""
+"""A real LinuxCNC with trt-kins: touches with tool centre point control on, before and after its centers are corrected."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.realcontrol import HERE, ORDER, Control, linuxcnc
+from support.realcontrol import HERE, Control, joints, linuxcnc
 
 from sim_controller.simulate import simulate
 from sim_controller.world import nominal_machine, tip_in_table
@@ -21,11 +21,12 @@ from tango_cnc.plan import plan
 from tango_cnc.records import Array, Plan
 
 pytestmark = pytest.mark.system("linuxcnc", "rs274")
-MODULE = "xyzbc-trt-kins"
-ERRORS = {"EX0C": 0.060, "EX0B": -0.045, "EY0C": 0.050}  # the height of B is one with the length of the stylus
+# The height of the cradle is one with the length of the stylus.
+ERRORS = {"B": {"EX0C": 0.060, "EX0B": -0.045, "EY0C": 0.050}, "A": {"EX0C": 0.110, "EY0A": -0.080, "EY0C": 0.090}}
+RICH = {"B": "hu40t", "A": "trunnion"}  # the example whose touches the centers are estimated from
 LATE = 0.004  # mm: what a contact is told late, as LinuxCNC samples its probe
-SETTINGS = (f"kinematics={MODULE}", f"joints={ORDER}", "comp=no")
-STRATEGY = """name: tilted
+STRATEGY = {
+    "B": """name: tilted
 approach: {standoff: 10, search: 5, feed: 180}
 indexations:
   - {S: 0, B: 0, C: 0, facets: [top]}
@@ -33,41 +34,62 @@ indexations:
   - {S: 0, B: 40, C: 180, facets: [top, 1]}
   - {S: 0, B: -30, C: -90, facets: [3]}
   - {S: 0, B: 30, C: -90, facets: [5]}
-"""
+""",
+    "A": """name: tilted
+approach: {standoff: 10, search: 5, feed: 180}
+indexations:
+  - {S: 0, A: 0, C: 0, facets: [top]}
+  - {S: 0, A: 40, C: 0, facets: [top, 3]}
+  - {S: 0, A: 40, C: 180, facets: [top, 5]}
+  - {S: 0, A: -30, C: -90, facets: [1]}
+  - {S: 0, A: 30, C: -90, facets: [4]}
+""",
+}
 
 
-def cell(folder: Path) -> Path:
-    """Folder → a machine whose table moves as the module has it, and errors of its centers alone."""
+def module(cradle: str) -> str:
+    return f"xyz{cradle.lower()}c-trt-kins"
+
+
+def cell(folder: Path, cradle: str) -> Path:
+    """Folder, A or B → a machine whose table moves as the module has it, and errors of its centers alone."""
     folder.mkdir()
     for file in (HERE / "golden" / "cell").iterdir():
         text = file.read_text()
         if file.name == "machine.yaml":
             text = text.replace("X: {kind: linear, direction: [1, 0, 0]", "X: {kind: linear, direction: [-1, 0, 0]")
+            if cradle == "A":
+                text = text.replace("wCBX", "wCAX").replace(
+                    "B: {kind: rotary, direction: [0, 1, 0]", "A: {kind: rotary, direction: [1, 0, 0]"
+                )
         (folder / file.name).write_text(text)
-    (folder / "strategy.yaml").write_text(STRATEGY)
+    (folder / "strategy.yaml").write_text(STRATEGY[cradle])
     (folder / "tango.yaml").write_text(
         "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\nterms: S1\n"
         "controller: {post: linuxcnc, log: log.txt, gate: none, positioning_feed: 24000}\n"
     )
-    (folder / "world.yaml").write_text(f"errors: {json.dumps(ERRORS)}\n")
+    (folder / "world.yaml").write_text(f"errors: {json.dumps(ERRORS[cradle])}\n")
     return folder
 
 
-def proposed(folder: Path) -> str:
-    """Cell → the lines for the .hal file that `tango compensate` writes after a simulated measurement of the strategy of HU40T."""
-    here, rich = read_cell(folder), read_cell(HERE.parent / "examples" / "hu40t")
+def proposed(folder: Path, cradle: str) -> str:
+    """Cell → the lines for the .hal file that `tango compensate` writes after a simulated measurement of an example's strategy."""
+    here, rich = read_cell(folder), read_cell(HERE.parent / "examples" / RICH[cradle])
     machine, world = replace(here.machine, probe=rich.machine.probe), read_world(folder / "world.yaml")
+    settings = (f"kinematics={module(cradle)}", f"joints={joints(machine)}", "comp=no")
     readings = simulate(machine, rich.artefact, rich.strategy, world)
-    text: str = propose(estimate(machine, rich.artefact, readings, rich.terms), "linuxcnc", SETTINGS).files["compensation.hal"]
+    text: str = propose(estimate(machine, rich.artefact, readings, rich.terms), "linuxcnc", settings).files["compensation.hal"]
     return text
 
 
-def with_module(place: Path, length: float, lines: str = "") -> None:
+def with_module(place: Path, cradle: str, length: float, lines: str = "") -> None:
     """The configuration of the control: this module, its pins, and M68 E3 to switch between it and the bare axes."""
     ini, hal = place / "machine.ini", place / "machine.hal"
-    ini.write_text(ini.read_text().replace("trivkins coordinates=XYZBC", f"{MODULE} coordinates=XYZBC sparm=identityfirst"))
+    text = ini.read_text().replace("trivkins coordinates=", f"{module(cradle)} coordinates=")
+    ini.write_text(text.replace(f"coordinates=XYZ{cradle}C", f"coordinates=XYZ{cradle}C sparm=identityfirst"))
     hal.write_text(
-        hal.read_text() + f"net kind motion.analog-out-03 => motion.switchkins-type\nsetp {MODULE}.tool-offset {length}\n{lines}"
+        hal.read_text()
+        + f"net kind motion.analog-out-03 => motion.switchkins-type\nsetp {module(cradle)}.tool-offset {length}\n{lines}"
     )
 
 
@@ -83,7 +105,7 @@ def program(made: Plan, top: float) -> str:
     begin, end = (words(made, np.array([getattr(t, w) for t in made.touches])) for w in ("standoff", "contact"))
     for touch, a, b in zip(made.touches, begin, end, strict=True):
         at = dict(zip(made.machine.names, touch.standoff, strict=True))
-        turn = " ".join(f"{n}{np.degrees(at[n]):.6f}" for n in "BC")
+        turn = " ".join(f"{n}{np.degrees(at[n]):.6f}" for n in joints(made.machine)[3:])
         deeper = b + 2.0 * (b - a) / np.linalg.norm(b - a)
         begun = b + 0.4 * (a - b)  # mm of search cost most of the time
         lines += [
@@ -122,15 +144,16 @@ def away(control: Control, made: Plan) -> Array:
 
 
 @pytest.mark.long
-def test_corrected_centers_take_the_error_away(tmp_path: Path) -> None:
-    folder = cell(tmp_path / "cell")
-    made, lines = plan(read_cell(folder)), proposed(folder)
+@pytest.mark.parametrize("cradle", ["A", "B"])
+def test_corrected_centers_take_the_error_away(cradle: str, tmp_path: Path) -> None:
+    folder = cell(tmp_path / "cell", cradle)
+    made, lines = plan(read_cell(folder)), proposed(folder, cradle)
     length = made.machine.probe.length
-    with linuxcnc(folder, change=lambda place: with_module(place, length)) as control:
+    with linuxcnc(folder, change=lambda place: with_module(place, cradle, length)) as control:
         before = away(control, made)
-    with linuxcnc(folder, change=lambda place: with_module(place, length, lines)) as control:
+    with linuxcnc(folder, change=lambda place: with_module(place, cradle, length, lines)) as control:
         after = away(control, made)
     size = [float(np.sqrt(np.mean(v**2)) * 1e3) for v in (before, after)]
-    print(f"real LinuxCNC, {MODULE}: {size[0]:.1f} µm rms before, {size[1]:.2f} µm after, {len(before)} touches")
+    print(f"real LinuxCNC, {module(cradle)}: {size[0]:.1f} µm rms before, {size[1]:.2f} µm after, {len(before)} touches")
     assert np.abs(before).max() > 5 * LATE
     assert np.abs(after).max() < LATE

@@ -14,7 +14,8 @@ from tango_cnc.records import Array, InputError
 __all__ = ["knowledge"]
 
 ROUNDED = 0.5 * 10**-DECIMALS
-LIMIT = 3**0.5 * ROUNDED + 0.15 * np.radians(ROUNDED) * 1e3  # mm: what rounding of three words and two angles may make
+# mm: what rounding makes of three words, and of A and C at the farthest places from their axes.
+LIMIT = 3**0.5 * ROUNDED + (165 + 120) * np.radians(ROUNDED)
 
 
 def positions(places: Array) -> Array:

@@ -160,7 +160,7 @@ def main(folder: Path) -> None:
     if world.effects:
         sys.exit("world.yaml: effects are not carried out here; allowed: errors, stylus, facets, noise, seed")
     table = Table(probing.rig(machine, cell.artefact, world))
-    columns = [machine.column(name) for name in "XYZBCS"]
+    columns = [machine.column(name) for name in (*"XYZ", *sorted(machine.rotary), "S")]
     scale = np.array([1.0, 1.0, 1.0, *np.full(3, np.pi / 180)])
     with (folder / "contacts.jsonl").open("w", encoding="ascii") as contacts:
         for line in sys.stdin:

@@ -1,7 +1,7 @@
 """A HAL component of LinuxCNC (its python, its `hal`): the pipe between the pins and `contact.py`, which knows the table.
 
-Out: time in s, X Y Z in mm, B C S in deg, whether the probe is on or was since. In: nothing, or a plane: slopes per mm and deg,
-and its offset.
+Out: time in s, X Y Z in mm, B C S in deg (A C S of a machine with a cradle A), whether the probe is on or was since. In: nothing,
+or a plane: slopes per mm and deg, and its offset.
 The HAL module belongs to the system's python, the simulated machine to the project's; they need not be of one version.
 """
 

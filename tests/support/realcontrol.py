@@ -27,7 +27,7 @@ from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import Machine
 
 HERE = Path(__file__).parents[1]
-ORDER = "XYZBC"  # of the joints
+ORDER = "XYZBC"  # of the joints; of a machine with a cradle A: XYZAC
 PERIOD = 0.001  # s, of the servo thread: the probe input is looked at once in it
 # Everything but measuring is to take little time: mm/s and mm/s², deg/s and deg/s². Within the 30 ms that table.py may be
 # silent no motion comes farther than some millimetres from where it began.
@@ -125,6 +125,9 @@ def linuxcnc(cell: Path, wrapped: str = "", change: Callable[[Path], None] = lam
             for name, value in names.items():
                 text = text.replace(name, value)
             (folder / file.name).write_text(text, encoding="utf-8")
+    letters = joints(read_cell(cell).machine)
+    ini_text = (folder / "machine.ini").read_text().replace(ORDER, letters).replace(" ".join(ORDER), " ".join(letters))
+    (folder / "machine.ini").write_text(ini_text)
     shutil.copytree(cell, folder / "cell", ignore=shutil.ignore_patterns("*.journal"))
     with (folder / "machine.ini").open("a") as ini:
         ini.write(_axes(read_cell(cell).machine, wrapped))
@@ -146,10 +149,15 @@ def linuxcnc(cell: Path, wrapped: str = "", change: Callable[[Path], None] = lam
                 print(errors)
 
 
+def joints(machine: Machine) -> str:
+    """machine → letters of its axes in the order of the joints: X Y Z and the rotary ones."""
+    return "XYZ" + "".join(sorted(machine.rotary))
+
+
 def _axes(machine: Machine, wrapped: str) -> str:
     """machine → its sections of the ini file. Homed where it is; stands drawn off the table as `sim_controller` begins."""
     at, text = home(machine), ""
-    for i, name in enumerate(ORDER):
+    for i, name in enumerate(joints(machine)):
         axis, column = machine.axis(name), machine.column(name)
         speed, acceleration = FAST[axis.kind]
         scale = 1.0 if axis.kind == "linear" else 180 / np.pi

@@ -27,6 +27,11 @@ FACTS = (
         "matrixkins: joints = C × axes, three scales and six skews; needs coordinates XYZ first",
         "src/hal/components/matrixkins.comp",
     ),
+    Fact(
+        "5axiskins: tip = joints + pivot-length (sin B cos C, sin B sin C, 1 - cos B): a longer pivot is a longer tool and a shift "
+        "of the workpiece, which the set-up takes out; nothing is written",
+        "LinuxCNC src/emc/kinematics/5axiskins.c",
+    ),
     Fact("BACKLASH of every joint was 0 while the readings were made", "your .ini file", confirmed=False),
     Fact(
         "the machine frame of machine.yaml is that of G53, and the pins are 0 or as given with --present", "your .hal file", False
@@ -168,7 +173,10 @@ def steps(job: Job) -> list[str]:
             "Add the lines of compensation.ini to the [JOINT_n] sections of the .ini file, and take BACKLASH out of them.",
         ]
     if module(job) == "5axiskins":
-        result.append("Leave 5axiskins.pivot-length as it is. This target corrects the joints only, not the pivots of a head.")
+        result.append(
+            "Leave 5axiskins.pivot-length as it was when tools were measured: its error is an error of every tool's length. "
+            "This target corrects the joints only, not the pivots of a head."
+        )
     elif module(job) != "trivkins":
         result.append(
             "Add the lines of compensation.hal to the .hal file after the line that loads the kinematics, in place of lines that "

@@ -1,0 +1,54 @@
+"""What targets can hold, told from the formulas of the controls themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.compensated import example
+
+from tango_cnc.compensate.space import Poses
+from tango_cnc.iso230.poses import at_poses
+from tango_cnc.records import Array, Machine
+
+
+def head() -> Machine:
+    """A fork head with C and B that 5axiskins is for: both axes meet, B turns the tool towards +x."""
+    machine = example("fork_head")[0].machine
+    b = replace(machine.axis("A"), name="B", direction=(0.0, -1.0, 0.0), point=(0.0, 0.0, 0.0))
+    c = replace(machine.axis("C"), point=(0.0, 0.0, 0.0))
+    linear = {"X": (-1.0, 0.0, 0.0), "Y": (0.0, -1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+    axes = tuple({"A": b, "C": c}.get(a.name, a) for a in machine.axes)
+    axes = tuple(replace(a, direction=linear[a.name]) if a.name in linear else a for a in axes)
+    branch = tuple({"A": "B"}.get(name, name) for name in machine.tool_branch)
+    return replace(machine, topology=machine.topology.replace("A", "B"), axes=axes, tool_branch=branch)
+
+
+def pivot(machine: Machine, position: Array) -> Array:
+    """machine, (n, k) → (n, 3): tip against the joints for a pivot of 1 mm, as 5axiskins.c has it."""
+    b, c = (position[:, machine.column(name)] for name in "BC")
+    return np.stack([np.sin(b) * np.cos(c), np.sin(b) * np.sin(c), 1 - np.cos(b)], axis=1)
+
+
+@pytest.fixture
+def poses() -> Poses:
+    machine = head()
+    position = np.random.default_rng(3).uniform(-1.2, 1.2, (400, len(machine.names)))
+    for name in "XYZ":
+        position[:, machine.column(name)] *= 150
+    return Poses(at_poses(machine, position, np.zeros_like(position)))
+
+
+def test_the_machine_moves_as_5axiskins_has_it(poses: Poses) -> None:
+    machine, position = poses.machine, poses.touches.position
+    reach = machine.probe.length - machine.spindle.point[2]
+    joints = position[:, [machine.column(name) for name in "XYZ"]]
+    away = poses.nominal - joints - reach * pivot(machine, position)
+    assert np.ptp(away, axis=0) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_pivot_of_5axiskins_is_what_a_set_up_takes_out(poses: Poses) -> None:
+    lever = pivot(poses.machine, poses.touches.position).reshape(-1, 1)
+    assert np.sqrt(3 * np.mean(lever**2)) > 0.3
+    assert np.abs(poses.free(lever)).max() < 1e-12
