@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,17 @@ import pytest
 from support.controls import GOLDEN, golden
 
 from sim_controller.simulate import simulate
+from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.commands._common import asks_for_a_finger
 from tango_cnc.commands._night_gate import NEAR, proves
-from tango_cnc.files import read_cell
+from tango_cnc.commands._night_world import RealControl
+from tango_cnc.commands._simulated_nights import Story, nights
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.files.nightly import Nightly
 from tango_cnc.files.readings import readings_text
 from tango_cnc.gate import proving_touch
+from tango_cnc.history import opened
+from tango_cnc.plan import part, plan
 from tango_cnc.records import Cell, World
 
 
@@ -60,6 +67,25 @@ def test_the_facet_has_to_be_where_the_last_run_found_it(cell: Cell, by: float, 
 def test_a_facet_that_no_run_has_touched_proves_nothing(cell: Cell) -> None:
     said = proves(cell, golden())
     assert not said.passed and "tango run" in said.do
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["trunnion", "fork_head"])
+def test_a_check_that_the_program_chooses_begins_with_the_facet_that_proves_the_probe(
+    root: Path, tmp_path: Path, name: str
+) -> None:
+    folder = root / "examples" / name
+    cell = with_gate(read_cell(folder), "facet")
+    with opened(tmp_path / "history.db") as history:
+        ((record, _),) = nights(cell, read_world(folder / "world.yaml"), history, 1, 3, Story())
+        made = plan(cell)
+        analysis = nights_of(cell, Nightly(diagnose=False), made, deep=False)
+        day = datetime.fromisoformat(record["start_utc"]).timestamp() / 86_400 + 1
+        kind, _, touches = analysis.choice(history, day)
+    assert kind == "check" and 20 < len(touches) < len(made.touches) / 2
+    assert proving_touch(part(made, touches)).number == proving_touch(made).number
+    points = {p.check: p for p in RealControl(cell, Nightly(), made, None, "now").preflight(kind, touches)}
+    assert f"{len(touches)} touches" in points["program"].found  # of this night, and not of the whole strategy
 
 
 def test_programs_that_a_person_starts_ask_for_the_finger() -> None:

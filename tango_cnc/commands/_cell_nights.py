@@ -9,18 +9,21 @@ from typing import Any
 
 import numpy as np
 
+from postprocessors import _base as posts
+
 from ..duration import duration
 from ..estimate import Estimate
 from ..files import read_readings, read_strategy
 from ..files.nightly import Nightly
+from ..gate import proving_touch
 from ..iso230.signed import withheld
 from ..link._measure import durations
 from ..nightly.analysis import Nights, Timed
 from ..plan import last_motion
-from ..records import Cell, Plan, Readings
+from ..records import Cell, InputError, Plan, Readings
 from ..state import frame
 from ..touches import of_facets
-from ._common import json_text
+from ._common import dialect, json_text
 from .estimate import as_json as estimate_json
 
 CHECK = "check.yaml"
@@ -38,13 +41,23 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         cell,
         settings,
         followed,
-        timed(made),
+        replace(timed(made), first=_begins(cell, made)),
         lambda text: read_text_readings(cell, text),
         check,
         _judged if deep else None,
         _diagnosed if deep else None,
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
     )
+
+
+def _begins(cell: Cell, made: Plan) -> tuple[int, ...]:
+    """cell, plan of its strategy → the touch that every night begins with: the facet that proves the probe (docs/dialects.md)."""
+    if cell.controller is None or posts.settings(dialect(cell), cell.controller.options).get("gate", "none") != "facet":
+        return ()
+    try:
+        return (proving_touch(made).number,)
+    except InputError:  # no night of this cell can begin: its preflight says so
+        return ()
 
 
 def read_text_readings(cell: Cell, text: str) -> Readings:

@@ -26,7 +26,7 @@ class _Old:
     def __init__(self, cell: Cell, readings: Readings, text: str, origin: dict[str, Any]) -> None:
         self._cell, self._readings, self._text, self._origin = cell, readings, text, origin
 
-    def preflight(self, kind: str) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
         """→ nothing is asked of a machine."""
         return (Finding("import", True, f"readings of {self._cell.folder}"),)
 

@@ -110,7 +110,7 @@ class _Machine:
     seconds: Callable[[int, int], float]
     temperature: float = STANDARD
 
-    def preflight(self, kind: str) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
         """→ all is well."""
         return (Finding("control", True, "simulated, idle"), Finding("probe", True, "simulated, not triggered"))
 

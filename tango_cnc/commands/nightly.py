@@ -77,13 +77,14 @@ def command(
     made = plan(cell)
     analysis = nights_of(cell, settings, made)
     clock = RealClock()
-    stamp = clock.now().astimezone(UTC).strftime("%Y-%m-%dT%H%M%SZ")
+    begun = clock.now()
+    stamp = begun.astimezone(UTC).strftime("%Y-%m-%dT%H%M%SZ")
     control = RealControl(cell, settings, made, analysis.check, stamp, port)
     with opened(place) as history:
         if dry_run:
-            return _dry(control, analysis, history, clock.now(), disk, settings, json_file)
+            return _dry(control, analysis, history, begun, disk, settings, json_file)
         recorded(folder, history)
-        world = World(_Held(clock.now()), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
+        world = World(_Held(begun), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
         record = night(cell.machine.name, str(folder.resolve()), settings, world)
     try:
         from ..report import morning
@@ -150,7 +151,7 @@ def _dry(control: Any, analysis: Any, history: Any, now: datetime, disk: Any, se
     from ..nightly.night import room
 
     kind, why, touches = analysis.choice(history, day_of(now))
-    points = [room(disk, settings), *control.preflight(kind)]
+    points = [room(disk, settings), *control.preflight(kind, touches)]
     count = len(touches) or len((analysis.check or analysis.cell).strategy.indexations)
     data = {
         **{"format": "tango-nightly-dry-run/1", "kind": kind, "why": why, "touches": list(touches)},

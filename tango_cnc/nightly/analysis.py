@@ -58,6 +58,7 @@ class Timed:
     indexation: NDArray[np.int64]  # (n,)
     touch: float
     turn: float
+    first: tuple[int, ...] = ()  # numbers of touches that every night begins with: they prove the probe
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,7 @@ class Nights:
             60 * self.settings.check_minutes,
             self.times.touch,
             self.times.turn,
+            [int(row) for row in np.flatnonzero(np.isin(self.times.numbers, self.times.first))],
         )
         return kind, why, tuple(int(self.times.numbers[row]) for row in found.rows)
 

@@ -59,7 +59,7 @@ def night(machine: str, cell: str, settings: Nightly, world: World) -> dict[str,
 def _measured(settings: Nightly, world: World, day: float) -> tuple[dict[str, Any], Knowledge | None, dict[str, str], str | None]:
     """→ members of the record, unknowns, files, text of the readings."""
     kind, why_kind, touches = world.analysis.choice(world.past, day)
-    points = [room(world.disk, settings), *world.control.preflight(kind)]
+    points = [room(world.disk, settings), *world.control.preflight(kind, touches)]
     found: dict[str, Any] = {"preflight": [vars(p) for p in points], "asked": {"kind": kind, "why": why_kind}}
     failed = [p for p in points if not p.passed]
     if failed:

@@ -85,8 +85,8 @@ class Disk(Protocol):
 class Control(Protocol):
     """The machine."""
 
-    def preflight(self, kind: str) -> Sequence[Finding]:
-        """kind of night → control, probe, program, place, warmth. Nothing moves."""
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+        """kind of night, touches of the strategy (empty: all) → control, probe, this very program, place. Nothing moves."""
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:
         """kind of night, touches of the strategy (empty: all) → what came of it. Moves the machine. Raises LinkError."""

@@ -6,6 +6,7 @@ yet visited is paid for as well and judged by its best few touches together.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,11 +29,18 @@ class Choice:
 
 
 def choose(
-    state: State, rows: Array, indexation: NDArray[np.int64], weight: Array, seconds: float, touch: float, turn: float
+    state: State,
+    rows: Array,
+    indexation: NDArray[np.int64],
+    weight: Array,
+    seconds: float,
+    touch: float,
+    turn: float,
+    first: Sequence[int] = (),
 ) -> Choice:
     """predicted state, (n, p) rows of all touches, (n,) their indexations, (m, p) tool tip of the volume by unknowns, s → choice.
 
-    `touch` and `turn` are the seconds of one touch and of one more indexation.
+    `touch` and `turn` are the seconds of one touch and of one more indexation; `first`: rows that are taken whatever they tell.
     """
     sigma = sigma_of(state)
     spread = state.covariance
@@ -45,6 +53,7 @@ def choose(
     chosen: list[int] = []
     spent = 0.0
     groups = [np.flatnonzero(indexation == i) for i in range(int(indexation.max(initial=-1)) + 1)]
+    wanted = list(first)
     while left.any():
         seen = rows @ spread
         variance = np.sum(seen * rows, axis=1) + sigma**2
@@ -59,8 +68,10 @@ def choose(
             rate = gain[order[0]] / touch if i in opened else float(np.sum(gain[order[:TOGETHER]])) / (turn + touch * TOGETHER)
             if rate > best:
                 best, row = rate, int(order[0])
+        if wanted:
+            row = wanted.pop(0)
         cost = touch + (0.0 if row >= 0 and int(indexation[row]) in opened else turn)
-        if row < 0 or spent + cost > seconds:
+        if row < 0 or (spent + cost > seconds and row not in first):
             break
         spent += cost
         opened.add(int(indexation[row]))

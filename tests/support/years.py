@@ -174,7 +174,7 @@ class Control:
     year: Year
     allowed: bool = False
 
-    def preflight(self, kind: str) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
         """→ what is found."""
         self.year.moment("before preflight")
         fault = self.year.fault
