@@ -176,8 +176,11 @@ def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:
 
 def reach(plan: Plan) -> tuple[str, ...]:
     """plan → what a person must know of the touches that a straight stylus can hardly make; empty when there are none."""
-    many = len(plan.doubtful)
-    return (f"{many} touches are on facets that face away from the spindle",) if many else ()
+    many, machine = len(plan.doubtful), plan.machine
+    facing = (f"{many} touches are on facets that face away from the spindle",) if many else ()
+    length = f"{machine.probe.length:g} mm long"
+    own = (f"stylus {machine.stylus}, {length}, is in the spindle: the program cannot see which one is",) if machine.styli else ()
+    return (*facing, *own)
 
 
 def of_part(post: Post, given: Mapping[str, Any], part: tuple[int, int]) -> dict[str, Any]:

@@ -55,6 +55,7 @@ from .session import Ledger, Session, Setup
 @click.option(
     "--compensation", type=click.Path(path_type=Path), metavar="DIR", help="What 'tango compensate' wrote is in the control."
 )
+@click.option("--stylus", type=int, default=1, show_default=True, help="Which stylus is in the spindle.")
 @click.option("--once", is_flag=True, help="End after one program.")
 def main(
     folder: Path,
@@ -80,6 +81,7 @@ def main(
     line_seed: int,
     ledger: Path | None,
     compensation: Path | None,
+    stylus: int,
     once: bool,
 ) -> None:
     """Pretends to be the controller of a cell whose true machine is described by a world file.
@@ -89,9 +91,12 @@ def main(
     if [tcp is not None, pty, records is not None].count(True) != 1 or (start is None and records is not None):
         raise InputError("found none or several of --tcp, --pty, --start with --records; allowed: one of them")
     cell = read_cell(folder)
+    if not 1 <= stylus <= max(len(cell.machine.styli), 1):
+        raise InputError(f"--stylus: found {stylus}; allowed: 1 to {max(len(cell.machine.styli), 1)}")
+    machine = cell.machine.with_stylus(stylus)
     # Probing programs run without tool centre point control: kinematics that need it do not act.
-    control = read(compensation, cell.machine, tcp=False) if compensation is not None else None
-    truth = rig(cell.machine, cell.artefact, read_world(world_file or folder / "world.yaml"), seed, control=control)
+    control = read(compensation, machine, tcp=False) if compensation is not None else None
+    truth = rig(machine, cell.artefact, read_world(world_file or folder / "world.yaml"), seed, control=control)
     chosen = dict(_pair(text) for text in settings)
     if g54 is not None:
         chosen["g54"] = " ".join(f"{name}:{value}" for name, value in zip("XYZ", g54.split(","), strict=False))

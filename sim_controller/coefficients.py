@@ -11,6 +11,7 @@ from typing import Literal
 from tango_cnc.records import COMPONENTS, InputError, Machine
 
 STYLUS = ("EXt", "EYt", "EZt")
+RADIUS = "ERt"  # of the tip of another stylus, beyond what is stated
 _INTER = re.compile(r"E(?P<component>[XYZABC])0(?P<axis>[XYZABCS])")
 _INTRA = re.compile(r"E(?P<component>[XYZABC])(?P<axis>[XYZABCS])(?P<degree>\d|b)")
 

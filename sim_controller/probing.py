@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from tango_cnc.records import Array, Artefact, Machine, World
 
 from . import effects, surfaces
+from .coefficients import RADIUS
 from .effects import Disturbance, History
 from .roots import Gap
 from .shank import Shank, shank
-from .world import Control, Placement, TrueMachine, nominal_machine, place, tip_in_table, true_machine
+from .world import Control, Placement, TrueMachine, nominal_machine, of_stylus, place, tip_in_table, true_machine
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ def rig(
 
     Raises InputError for errors, facets or effects that do not exist.
     """
-    truly = surfaces.surfaces(artefact, world, machine.probe.tip_radius, extent)
+    radius = machine.probe.tip_radius + of_stylus(machine, world, RADIUS)
+    truly = surfaces.surfaces(artefact, world, radius, extent)
     return Rig(
         machine,
         artefact,

@@ -14,7 +14,7 @@ from tango_cnc.nearest import suggestion
 from tango_cnc.records import Array, InputError, Machine, World
 
 from . import transforms
-from .coefficients import STYLUS, Coefficient, coefficient
+from .coefficients import RADIUS, STYLUS, Coefficient, coefficient
 
 Term = tuple[Coefficient, Array | float]
 Control = Callable[[Array, Array], Array]  # (n, k) programmed, (n, k) directions → (n, k) where the motors go
@@ -64,9 +64,11 @@ class TrueMachine:
 def true_machine(machine: Machine, world: World, control: Control | None = None) -> TrueMachine:
     """machine, world → the true machine. Raises InputError for a coefficient or stylus offset that does not exist."""
     errors = tuple((coefficient(name, machine), value) for name, value in world.errors.items())
+    named = {f"{name}{number}" for name in (*STYLUS, RADIUS) for number in range(2, len(machine.styli) + 1)}
     for name in world.stylus:
-        if name not in STYLUS:
-            raise InputError(f"stylus: found {name!r}; allowed: {', '.join(STYLUS)}.{suggestion(name, STYLUS)}")
+        if name not in named and name not in STYLUS:
+            known = (*STYLUS, *sorted(named))
+            raise InputError(f"stylus: found {name!r}; allowed: {', '.join(known)}.{suggestion(name, known)}")
     spindle = machine.spindle
     tip = np.array(spindle.point) - machine.probe.length * np.array(spindle.direction)
     return TrueMachine(
@@ -74,10 +76,15 @@ def true_machine(machine: Machine, world: World, control: Control | None = None)
         _joints(machine, machine.workpiece_branch),
         _joints(machine, machine.tool_branch),
         errors,
-        np.array([world.stylus.get(name, 0.0) for name in STYLUS]),
+        np.array([of_stylus(machine, world, name) for name in STYLUS]),
         tip,
         control,
     )
+
+
+def of_stylus(machine: Machine, world: World, name: str) -> float:
+    """machine, world, `EXt` … or `ERt` → mm, of the stylus that is in the spindle: `EXt2` in the world is of the second."""
+    return world.stylus.get(name if machine.stylus == 1 else f"{name}{machine.stylus}", 0.0)
 
 
 def nominal_machine(machine: Machine) -> TrueMachine:

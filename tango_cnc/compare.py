@@ -92,7 +92,7 @@ def _keys(touches: Touches) -> list[tuple[int, int, int]]:
 
 def _approach(touches: Touches) -> Array:
     """touches → (n, 3) unit vectors: how the linear axes go towards the nominal facet."""
-    tip = touches.point + touches.machine.probe.tip_radius * touches.normal
+    tip = touches.point + touches.radius[:, None] * touches.normal
     before = inverse(touches.chain, touches.position, tip + STEP * touches.normal)
     way = (inverse(touches.chain, touches.position, tip) - before)[:, [touches.machine.column(n) for n in touches.machine.linear]]
     unit: Array = way / np.linalg.norm(way, axis=1, keepdims=True)

@@ -62,7 +62,7 @@ class Chain:
 
     joints: tuple[Joint, ...]
     foundation: int  # number of joints of the tool branch
-    tip: Array  # (3,) mm
+    tip: Array  # (3,) mm, or (3, n) where touches have styli of several lengths
     spindle_frame: Array  # (3, 3) rows = base vectors of the spindle frame in the machine frame
     spindle_direction: Array  # (3,) in the spindle frame, from the tip towards the spindle
     linear_columns: tuple[int, ...]
@@ -100,13 +100,14 @@ def axis_frame(name: str, direction: tuple[float, float, float]) -> tuple[Array 
     return rotation.T, base, 1.0
 
 
-def chain(machine: Machine) -> Chain:
-    """machine → its chain from tip to table."""
+def chain(machine: Machine, length: Array | None = None) -> Chain:
+    """machine, (n,) mm length of the stylus at every touch (None: that of the probe) → its chain from tip to table."""
     tool = [_joint(machine, name, inverse=False) for name in reversed(machine.tool_branch)]
     work = [_joint(machine, name, inverse=True) for name in machine.workpiece_branch]
     spindle = machine.spindle
     frame, base, sense = axis_frame("S", spindle.direction)
-    tip = np.array(spindle.point) - machine.probe.length * np.array(spindle.direction)
+    along = np.array(machine.probe.length if length is None else length)
+    tip = (np.array(spindle.point) - along[..., None] * np.array(spindle.direction)).T
     columns = tuple(machine.column(name) for name in machine.linear)
     placement = [Step(turn, i, -1.0, Slot("w", "table", i + 3 * turn)) for turn in (False, True) for i in (2, 1, 0)]
     work.append(Joint("w", None, np.zeros(3), tuple(placement)))

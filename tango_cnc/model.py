@@ -16,21 +16,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kinematics
-from .kinematics import Slot
+from .kinematics import Errors, Slot
 from .records import COMPONENTS, Array
 from .terms import GAP, Coefficient
 from .touches import Touches
 
-
-def setup_coefficient(name: str) -> Coefficient:
-    """`EXt` … `EZt` (stylus tip, spindle frame), `EXw` … `ECw` (placement of a calibrated artefact) → coefficient."""
-    component = COMPONENTS.index(name[1])
-    slot = Slot("t", "stylus", component) if name[2] == "t" else Slot("w", "table", component)
-    return Coefficient(name, "mm" if component < 3 else "rad", slot, lambda touches: np.ones(len(touches)))
-
-
 STYLUS = ("EXt", "EYt", "EZt")
 PLACEMENT = ("EXw", "EYw", "EZw", "EAw", "EBw", "ECw")
+RADIUS = Slot("t", "stylus", -1)  # of the tip: it makes every gap of its stylus smaller
+
+
+def setup_coefficient(name: str) -> Coefficient:
+    """`EXt` … `EZt` (stylus tip, spindle frame), `EXw` … `ECw` (placement of a calibrated artefact) → coefficient.
+
+    `EXt2` … `EZt2` are of stylus 2 alone, `EXt` … of all others. `ERt2` is how much larger its tip is than stated, compared with
+    that of the first stylus, whose own the facets take up.
+    """
+    if name[2] == "w":
+        component = COMPONENTS.index(name[1])
+        unit = "mm" if component < 3 else "rad"
+        return Coefficient(name, unit, Slot("w", "table", component), lambda touches: np.ones(len(touches)))
+    slot = RADIUS if name[1] == "R" else Slot("t", "stylus", COMPONENTS.index(name[1]))
+    if number := name[3:]:
+        return Coefficient(name, "mm", slot, lambda touches: touches.by_stylus(int(number)))
+
+    def first(touches: Touches) -> Array:
+        others = [touches.by_stylus(s) for s in touches.styli]
+        return np.ones(len(touches)) - sum(others)
+
+    return Coefficient(name, "mm", slot, first)
+
+
+def setup_names(touches: Touches, calibrated: bool) -> list[str]:
+    """touches, whether facets are calibrated → names of what is estimated of styli and placement."""
+    others = [f"E{c}t{number}" for number in touches.styli for c in "XYZR"]
+    return [*STYLUS, *others, *(PLACEMENT if calibrated else ())]
 
 
 @dataclass(frozen=True)
@@ -105,7 +125,7 @@ def gap(touches: Touches, tip: Array, offsets: Array, shifts: Array) -> tuple[Ar
     Planes: model.md eq. r. Balls, cylinders and spheres: signed distance to the surface, so that a touch beside the nominal
     point is not taken for a form error (the cosine error, left as future work in the thesis).
     """
-    radius = touches.machine.probe.tip_radius
+    radius = touches.radius
     away = tip - touches.point
     value = np.sum(away * touches.normal, axis=-1) - radius
     on_facet = touches.facet_index >= 0
@@ -128,7 +148,7 @@ def gap(touches: Touches, tip: Array, offsets: Array, shifts: Array) -> tuple[Ar
     distance = np.sqrt(np.sum(spoke * spoke, axis=-1))  # not a norm: complex errors must stay analytic
     value = np.array(value)
     gradient = np.array(gradient, dtype=spoke.dtype)
-    value[..., rows] = side * (distance - curvature_radius) - radius
+    value[..., rows] = side * (distance - curvature_radius) - radius[rows]
     gradient[..., rows, :] = (side / distance)[..., None] * spoke
     return value, gradient
 
@@ -139,7 +159,13 @@ def residual(model: Model, values: Array) -> Array:
     acting = errors(model, machine)
     tip = kinematics.tip(model.touches.chain, model.touches.position, acting)
     value, _ = gap(model.touches, tip, offsets, shifts)
-    return value + acting[GAP] if GAP in acting else value
+    return _direct(value, acting)
+
+
+def _direct(value: Array, acting: Errors) -> Array:
+    """gaps (..., n) mm, errors by slot → the same with what acts on the gap itself."""
+    value = value + acting[GAP] if GAP in acting else value
+    return value - acting[RADIUS] if RADIUS in acting else value
 
 
 def linearise(model: Model, values: Array) -> tuple[Array, Array]:
@@ -154,9 +180,9 @@ def with_levers(model: Model, values: Array) -> tuple[Array, Array, Mapping[Slot
     acting = errors(model, machine)
     run = kinematics.trace(touches.chain, touches.position, acting)
     value, gradient = gap(touches, run.tip, offsets, shifts)
-    if GAP in acting:
-        value = value + acting[GAP]
-    levers = {GAP: np.ones(len(touches)), **kinematics.sensitivity(touches.chain, run, gradient).slots}
+    value = _direct(value, acting)
+    one = np.ones(len(touches))
+    levers = {GAP: one, RADIUS: -one, **kinematics.sensitivity(touches.chain, run, gradient).slots}
     jacobian = np.zeros((len(model.names), len(touches))).T
     count = len(model.coefficients)
     if count:

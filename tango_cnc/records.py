@@ -80,8 +80,10 @@ class Machine:
     axes: tuple[Axis, ...]  # in the order of `names`
     workpiece_branch: tuple[str, ...]
     tool_branch: tuple[str, ...]
-    probe: Probe
+    probe: Probe  # with the stylus that is in the spindle
     tolerances: Tolerances = field(default_factory=Tolerances)
+    styli: tuple[Probe, ...] = ()  # the probe with every stylus, the usual one first; empty: there is one
+    stylus: int = 1  # which of them `probe` has
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -110,6 +112,10 @@ class Machine:
     def column(self, name: str) -> int:
         """letter → column of a position array."""
         return self.names.index(name)
+
+    def with_stylus(self, number: int) -> Machine:
+        """number of a stylus, from 1 → the machine with that one in the spindle."""
+        return self if number == self.stylus else replace(self, probe=self.styli[number - 1], stylus=number)
 
 
 @dataclass(frozen=True)
@@ -204,10 +210,11 @@ class Approach:
 
 @dataclass(frozen=True, slots=True)
 class Indexation:
-    """Rotary and spindle positions (rad) at which the facets are touched in this order."""
+    """Rotary and spindle positions (rad) at which the facets are touched in this order, with that stylus of `Machine.styli`."""
 
     position: Mapping[str, float]
     facets: tuple[Id, ...]
+    stylus: int = 1
 
 
 @dataclass(frozen=True)
@@ -218,6 +225,7 @@ class Strategy:
     approach: Approach
     indexations: tuple[Indexation, ...]
     obstructed: str | None = None  # what becomes of touches that a straight stylus cannot make; None: nothing is stated
+    before: int = 0  # touches of the whole strategy before these: those of the styli before
 
 
 @dataclass(frozen=True)
@@ -283,9 +291,8 @@ class Touch:
 class Turn:
     """Where rotary axes and spindle turn before touch `touch`: clear of all that they sweep; linear axes stand still.
 
-    `before` and `after` differ in the rotary columns only; `via` leads on to the first touch where the way is not free.
-    `first` is the axis that moves alone when nobody knows where the machine stands (the start of the program). `preload` is a
-    stop near `after`, or near `before` for linear axes, from which the last motion has a sense that everybody knows.
+    `before` and `after` differ in rotary columns only; `via` leads on to the first touch where the way is not free. `first` moves
+    alone where the machine may stand anywhere. `preload`: a stop near `after` (linear: `before`) for the sense of the last motion.
     """
 
     touch: int
@@ -406,6 +413,7 @@ class Readings:
     feed: Array | None = None  # (n,) mm/min
     temperatures: Mapping[str, Array] = field(default_factory=dict)  # °C, NaN where it is not known
     segment: NDArray[np.int64] | None = None  # (n,) 1, and one more after each interruption; None: there was none
+    stylus: NDArray[np.int64] | None = None  # (n,) number of the stylus, of `Machine.styli`; None: the usual one
 
     def __len__(self) -> int:
         return len(self.touch)
@@ -413,7 +421,7 @@ class Readings:
     def rows(self, keep: NDArray[Any]) -> Readings:
         """(n,) mask or (m,) indices → the readings of those rows, in that order."""
         index = np.arange(len(self))[keep]
-        names = ("touch", "time", "position", "direction", "cycle", "day", "feed", "segment")
+        names = ("touch", "time", "position", "direction", "cycle", "day", "feed", "segment", "stylus")
         taken: dict[str, Any] = {n: None if (v := getattr(self, n)) is None else v[index] for n in names}
         taken |= {name: tuple(getattr(self, name)[i] for i in index) for name in ("facet", "status")}
         return replace(self, **taken, temperatures={name: values[index] for name, values in self.temperatures.items()})

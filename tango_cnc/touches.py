@@ -47,9 +47,24 @@ class Touches:
     normal: Array  # (n, 3)
     temperatures: dict[str, Array]
     tip: Array | None = None  # (n, 3) mm, table frame: where a first estimate puts the stylus tip, beside its facet's nominal point
+    stylus: NDArray[np.int64] | None = None  # (n,) number of the stylus, of `Machine.styli`; None: all with that of the probe
 
     def __len__(self) -> int:
         return len(self.number)
+
+    @cached_property
+    def styli(self) -> tuple[int, ...]:
+        """→ numbers of the other styli that touched, beside the one of the probe."""
+        return () if self.stylus is None else tuple(int(s) for s in np.unique(self.stylus) if s != self.machine.stylus)
+
+    def by_stylus(self, number: int) -> Array:
+        """number of a stylus → (n,) 1 at its touches, 0 at those of others."""
+        return np.full(len(self), float(number == self.machine.stylus)) if self.stylus is None else 1.0 * (self.stylus == number)
+
+    @cached_property
+    def radius(self) -> Array:
+        """→ (n,) mm, stated radius of the tip that touched."""
+        return of_stylus(self.machine, self.stylus, len(self), "tip_radius")
 
     @cached_property
     def facets(self) -> tuple[Id, ...]:
@@ -102,8 +117,9 @@ class Touches:
     def indexation(self) -> NDArray[np.int64]:
         """→ (n,) number of the indexation, 0, 1, 2 …: a new one begins when a rotary axis or the spindle has turned."""
         columns = [self.machine.column(name) for name in (*self.machine.rotary, "S")]
-        turned = np.abs(np.diff(self.position[:, columns], axis=0)) > np.radians(0.05)
-        return np.concatenate([[0], np.cumsum(turned.any(axis=1))]).astype(np.int64)
+        turned = (np.abs(np.diff(self.position[:, columns], axis=0)) > np.radians(0.05)).any(axis=1)
+        changed = turned if self.stylus is None else turned | (np.diff(self.stylus) != 0)
+        return np.concatenate([[0], np.cumsum(changed)]).astype(np.int64)
 
     def axis(self, name: str) -> Array:
         """letter → (n,) mm or rad, position of that axis."""
@@ -119,7 +135,7 @@ class Touches:
 
         What a plan can see is decided there: at the real positions, 0.1 mm away, an exact dependence looks like a faint one.
         """
-        tip = self.point + self.machine.probe.tip_radius * self.normal
+        tip = self.point + self.radius[:, None] * self.normal
         return replace(self, position=kinematics.inverse(self.chain, self.position, tip))
 
     @cached_property
@@ -160,7 +176,7 @@ def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> T
     return Touches(
         machine,
         artefact,
-        kinematics.chain(machine),
+        kinematics.chain(machine, None if rows.stylus is None else of_stylus(machine, rows.stylus, len(rows), "length")),
         rows.touch,
         rows.facet,
         rows.position,
@@ -172,7 +188,16 @@ def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> T
         np.array([f.point for f in facets]).reshape(-1, 3),
         np.array([f.normal for f in facets]).reshape(-1, 3),
         {name: values for name, values in rows.temperatures.items() if np.isfinite(values).all()},  # no value is made up
+        stylus=rows.stylus,
     )
+
+
+def of_stylus(machine: Machine, stylus: NDArray[np.int64] | None, count: int, what: str) -> Array:
+    """machine, (n,) numbers of styli (None: that of the probe), n, field of `Probe` → (n,) its value at every touch."""
+    if stylus is None:
+        return np.full(count, float(getattr(machine.probe, what)))
+    known = {s: float(getattr(machine.with_stylus(s).probe, what)) for s in np.unique(stylus).tolist()}
+    return np.array([known[s] for s in stylus.tolist()])
 
 
 class Misnamed(NamedTuple):
@@ -187,11 +212,10 @@ class Misnamed(NamedTuple):
 
 def misnamed(touches: Touches) -> tuple[Misnamed, ...]:
     """touches → those further than `FAR` from the nominal contact of their facet, by the nominal machine."""
-    radius = touches.machine.probe.tip_radius
     tip = kinematics.tip(touches.chain, touches.position)
-    away = np.linalg.norm(tip - touches.point - radius * touches.normal, axis=1)
+    away = np.linalg.norm(tip - touches.point - touches.radius[:, None] * touches.normal, axis=1)
     known = list(touches.artefact.facets.values())
-    contacts = np.array([np.array(f.point) + radius * np.array(f.normal) for f in known])
+    contacts = np.array([np.array(f.point) + touches.machine.probe.tip_radius * np.array(f.normal) for f in known])
     found = []
     for i in np.flatnonzero(away > FAR):
         distance = np.linalg.norm(contacts - tip[i], axis=1)
@@ -222,9 +246,18 @@ def located(artefact: Artefact, readings: Readings) -> Artefact:
     return replace(artefact, facets=facets)
 
 
-def of_facets(machine: Machine, artefact: Artefact, facets: Sequence[Id], position: Array, direction: Array) -> Touches:
-    """facet ids (n), positions (n, k), directions of last motions (n, k) → touches that nobody has made yet."""
+def of_facets(
+    machine: Machine,
+    artefact: Artefact,
+    facets: Sequence[Id],
+    position: Array,
+    direction: Array,
+    stylus: NDArray[np.int64] | None = None,
+) -> Touches:
+    """facet ids (n), positions (n, k), directions of last motions (n, k), styli (n,) → touches that nobody has made yet."""
     n = len(facets)
     count, one = np.arange(n), np.ones(n, dtype=np.int64)
-    planned = Readings(machine.names, count + 1, count.astype(float), tuple(facets), position, direction, ("ok",) * n, one, one)
+    planned = Readings(
+        machine.names, count + 1, count.astype(float), tuple(facets), position, direction, ("ok",) * n, one, one, stylus=stylus
+    )
     return from_readings(machine, located(artefact, planned), planned)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,9 @@ from ..duration import PROOF, duration, proof, saved, spoken
 from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms, write_text
 from ..files.normals import refuse_inward
 from ..identify import condition_number, scaled_condition_number, select, summary
+from ..iso230.signed import decided
 from ..model import known, linearise
-from ..plan import last_motion, plan
+from ..plan import by_stylus, last_motion, plan
 from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
@@ -25,6 +27,7 @@ from ._plan import obstructed_option
 PLACE = "Begin 30"  # in the list of commands
 
 NAMED = 8  # touches that are named one by one
+NAMED_FIGURES = 12
 
 
 @click.command()
@@ -52,16 +55,19 @@ def command(
 
         write_text(picture, drawing(cell.machine, cell.artefact))
         click.echo(f"the machine as machine.yaml and artefact.yaml have it → {picture}", err=True)
-    refused = None
-    try:
-        made = plan(cell, obstructed)
-    except InputError as error:
-        # Whatever is beyond leaving out is still an error, and says so.
-        made, refused = plan(cell, "leave-out"), str(error)
-    proven = _postable(cell, made)
+    refused, plans, proofs = None, [], []
+    for part in by_stylus(cell):
+        try:
+            made = plan(part, obstructed)
+        except InputError as error:
+            # Whatever is beyond leaving out is still an error, and says so.
+            made, refused = plan(part, "leave-out"), str(error)
+        plans.append(made)
+        proofs.append(_postable(part, made))
+    proven = None if None in proofs else sum(s for s in proofs if s is not None)
     with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
         asked = cell.terms if terms is None else read_terms(terms, cell.folder)
-        data = check(cell, made, asked, degree, positioning_feed(cell), proven)
+        data = check(cell, plans[0], asked, degree, positioning_feed(cell), proven, plans[1:])
     data["refused"] = refused
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
@@ -109,35 +115,55 @@ def _port(port: str, link: str) -> None:
 
 
 def check(
-    cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int, feed: float | None = None, proven: float | None = None
+    cell: Cell,
+    made: Plan,
+    terms: tuple[TermItem, ...],
+    degree: int,
+    feed: float | None = None,
+    proven: float | None = None,
+    others: Sequence[Plan] = (),
 ) -> dict[str, Any]:
-    """cell, plan, terms, mm/min of protected moves, s of the proof → counts, condition, std, what is not seen, predicted time.
+    """cell, plan, terms, mm/min of protected moves, s of the proof, plans of other styli → counts, condition, std, what is not
+    seen, predicted time.
 
-    All but `touches` and `with_left_out` is of the touches of the plan: these will be measured.
+    All but `touches` and `with_left_out` is of the touches of the plans: these will be measured.
     """
-    position = np.array([touch.contact for touch in made.touches])
-    count = Counter(t.facet for t in made.touches)
+    plans = (made, *others)
+    position = np.array([touch.contact for one in plans for touch in one.touches])
+    count = Counter(t.facet for one in plans for t in one.touches)
     travelled = {name: [float(position[:, i].min()), float(position[:, i].max())] for i, name in enumerate(cell.machine.names)}
     found = {
         "format": "tango-check/1",
         "machine": cell.machine.name,
         "artefact": cell.artefact.name,
         "strategy": cell.strategy.name,
-        "touches": len(made.touches) + len(made.left_out),
-        "planned_touches": len(made.touches),
-        "left_out": list(made.left_out),
-        "doubtful": list(made.doubtful),
-        "indexations": len({touch.indexation for touch in made.touches}),
+        "touches": sum(len(one.touches) + len(one.left_out) for one in plans),
+        "planned_touches": sum(len(one.touches) for one in plans),
+        "left_out": [text for one in plans for text in one.left_out],
+        "doubtful": [text for one in plans for text in one.doubtful],
+        "indexations": sum(len({touch.indexation for touch in one.touches}) for one in plans),
         "facets": {facet: count[facet] for facet in cell.artefact.facets},
         "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
-        **_told(cell, made, terms, degree),
-        "predicted_time_s": duration(made, feed) | ({PROOF: proven} if proven else {}),
+        **_told(cell, plans, terms, degree),
+        "predicted_time_s": _time(plans, feed) | ({PROOF: proven} if proven else {}),
         "positioning_feed": feed,
         "drawings": drawn_sizes(cell.artefact),
     }
-    if made.left_out and (whole := _whole(cell)) is not None:
-        found["with_left_out"] = {"touches": len(whole.touches), **_told(cell, whole, terms, degree)}
+    if others:
+        found["styli"] = [
+            {"stylus": one.machine.stylus, "length_mm": one.machine.probe.length, "touches": len(one.touches)} for one in plans
+        ]
+        found["one_stylus"] = _told(cell, [made], terms, degree)
+    elif made.left_out and (whole := _whole(cell)) is not None:
+        found["with_left_out"] = {"touches": len(whole.touches), **_told(cell, [whole], terms, degree)}
     return found | ({} if (gain := saved(made, feed)) is None else {"double_touch_saves_s": gain})
+
+
+def _time(plans: Sequence[Plan], feed: float | None) -> dict[str, float]:
+    total: Counter[str] = Counter()
+    for one in plans:
+        total.update(duration(one, feed))
+    return dict(total)
 
 
 def _whole(cell: Cell) -> Plan | None:
@@ -148,11 +174,15 @@ def _whole(cell: Cell) -> Plan | None:
         return None
 
 
-def _told(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> dict[str, Any]:
-    """cell, plan, terms → what its touches tell: unknowns, condition number, expected std, what is not seen."""
-    position = np.array([touch.contact for touch in made.touches])
-    touches = of_facets(cell.machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
+def _told(cell: Cell, plans: Sequence[Plan], terms: tuple[TermItem, ...], degree: int) -> dict[str, Any]:
+    """cell, a plan for each stylus, terms → what their touches tell: unknowns, condition number, expected std, what is not seen."""
+    position = np.array([touch.contact for made in plans for touch in made.touches])
+    facets = [touch.facet for made in plans for touch in made.touches]
+    moved = np.concatenate([last_motion(made) for made in plans])
+    stylus = np.array([made.machine.stylus for made in plans for _ in made.touches]) if cell.machine.styli else None
+    touches = of_facets(cell.machine, cell.artefact, facets, position, moved, stylus)
     selection = select(touches, terms, degree)
+    given, withheld = decided(selection)
     model = selection.model
     start = np.zeros(len(model.names))
     _, jacobian = linearise(model, start)
@@ -169,6 +199,8 @@ def _told(cell: Cell, made: Plan, terms: tuple[TermItem, ...], degree: int) -> d
         "scaled_condition_number": scaled_condition_number(np.vstack([jacobian, rows])),
         "expected_std": {selection.label(c.name): {"std": float(std[i]), "unit": c.unit} for i, c in enumerate(model.coefficients)},
         "not_identifiable": [c.text for c in selection.unseen],
+        "figures": list(given),
+        "not_identifiable_figures": list(withheld),
         "mismatch_only": selection.mismatch and len(selection.unseen) == 1,
     }
 
@@ -210,6 +242,7 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
     ]
     lines.append(table(rows, "<><"))
     lines += [f"cannot be seen: {text}" for text in summary(data["not_identifiable"])]
+    lines += _figures(data)
     time, feed = data["predicted_time_s"], data["positioning_feed"]
     lines += ["", f"predicted time {spoken(sum(time.values()))}: " + ", ".join(f"{part} {spoken(s)}" for part, s in time.items())]
     if "double_touch_saves_s" in data:
@@ -219,6 +252,28 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         f"with linear moves {f'at {feed:g} mm/min, the positioning_feed of the post' if feed else 'in rapid: there is no post'}"
     )
     return "\n".join(lines)
+
+
+def _figures(data: dict[str, Any]) -> list[str]:
+    """result of `check` → how many ISO figures the touches will decide, and what other styli add."""
+    given, withheld = data["figures"], data["not_identifiable_figures"]
+    lines = ["", f"ISO figures: these touches decide {len(given)} of {len(given) + len(withheld)} ('tango iso230')"]
+    if withheld:
+        lines.append(f"  withheld, whatever is measured: {_first(withheld)}")
+    if (one := data.get("one_stylus")) is None:
+        hint = "a second stylus, longer or shorter by 60 mm or more, would part some of them (machine.yaml: styli)"
+        return [*lines, f"  {hint}"] if withheld and data["planned_touches"] else lines
+    for stylus in data["styli"]:
+        lines.append(f"  stylus {stylus['stylus']}, {stylus['length_mm']:g} mm: {stylus['touches']} touches")
+    more = [name for name in given if name not in one["figures"]]
+    lines.append(
+        f"  with stylus {data['styli'][0]['stylus']} alone: {len(one['figures'])}; the others add {_first(more) or 'none'}"
+    )
+    return lines
+
+
+def _first(names: list[str]) -> str:
+    return ", ".join(names[:NAMED_FIGURES]) + (f" and {len(names) - NAMED_FIGURES} more" if len(names) > NAMED_FIGURES else "")
 
 
 def _some(texts: list[str]) -> list[str]:

@@ -88,16 +88,17 @@ def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path |
     from ..link._readings import readings_of
     from ..link.entries import Segment
     from ..link.journal import look_at, salvaged
-    from ..plan import plan, plan_hash
+    from ..plan import by_stylus, plan, plan_hash
 
     file = file or folder / LAST
     target = out or file.with_name("salvaged.csv")
     if target.exists():
         raise InputError(f"--out: found {target}, which is there already; allowed: a new file. Readings are never overwritten")
     entries, left_out = salvaged(look_at(file))
-    made = plan(read_cell(folder), obstructed)
-    ours = plan_hash(made)
     hashes = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
+    plans = [plan(part, obstructed) for part in by_stylus(read_cell(folder))]
+    made = next((one for one in plans if plan_hash(one) in hashes), plans[0])
+    ours = plan_hash(made)
     if hashes - {ours}:
         raise InputError(
             f"{file}: found a run of plan {', '.join(sorted(hashes))}; the cell now makes plan {ours}: restore its files"

@@ -22,6 +22,7 @@ from . import _trusted
 from ._common import Output, cell_option, json_option, json_text
 from ._common import dialect as dialect_of
 from ._plan import as_json, as_text, dry, obstructed_option, warnings
+from ._stylus import folder_of, left, of_stylus, stylus_option
 
 PLACE = "Plan 20"  # in the list of commands
 
@@ -34,6 +35,7 @@ DRAWN = (".png", ".svg", ".pdf")
 @click.option("--post", metavar="NAME|FILE.py", help="Dialect, or your own post; default: controller.post of the cell.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the program; default: program/ in the cell.")
 @obstructed_option
+@stylus_option
 @click.option(
     "--capability",
     type=click.Choice(KINDS),
@@ -61,6 +63,7 @@ def command(
     post: str | None,
     out: Path | None,
     obstructed: str | None,
+    stylus: int | None,
     capability: Kind | None,
     most: int | None,
     dry_run: bool,
@@ -83,8 +86,9 @@ def command(
         if picture.suffix.lower() not in DRAWN:
             raise InputError(f"--picture: found {str(picture)!r}; allowed: a name that ends with {', '.join(DRAWN)}")
         pictures.needed()
-    cell = read_cell(folder)
-    refuse_inward(cell)
+    whole = read_cell(folder)
+    refuse_inward(whole)
+    cell = of_stylus(whole, stylus)
     name = post or (cell.controller.post if cell.controller else None)
     if name is None and not dry_run:
         raise InputError(f"{folder / 'tango.yaml'}: no controller.post; state it there or with --post ({', '.join(posts.names())})")
@@ -93,7 +97,7 @@ def command(
     dialect = posts.load(post, "--post") if post else dialect_of(cell) if name is not None else None
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
     options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
-    target = out or (folder / "program" if capability is None else folder / "capability" / capability)
+    target = out or (folder_of(folder / "program", cell) if capability is None else folder / "capability" / capability)
     if not dry_run:  # before the work; the names of programs are known after it
         _kept("--out", [target / n for n in ("plan.csv", *(CELL_FILES if capability else ()))], folder, post)
     if capability is not None:
@@ -101,7 +105,7 @@ def command(
         artefact, strategy = capability_program(capability, cell.machine, cell.artefact, within)
         cell = replace(cell, artefact=artefact, strategy=strategy)
     made = planner.plan(cell, obstructed)
-    for text in warnings(made):
+    for text in (*warnings(made), *(left(whole, cell, "tango plan") if capability is None else ())):
         click.echo(text, err=True)
     beside: dict[str, tuple[Path, Content]] = {}  # option: what goes elsewhere than the program
     if picture is not None:

@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..files import blamed_on, read_cell
+from ..files import blamed_on, of_stylus, read_cell
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, cell_option, dialect
 from ._plan import obstructed_option, warnings
+from ._stylus import folder_of, left, stylus_option
+from ._stylus import of_stylus as cell_of_stylus
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -57,6 +59,7 @@ PAUSE = 0.3  # s between two looks at the journal of another program
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="Silence of the control that is allowed."
 )
 @obstructed_option
+@stylus_option
 @click.option("--transcript", type=Output(stdout=True), metavar="FILE", help="Also write down every byte that goes over the line.")
 @click.option(
     "--json",
@@ -76,6 +79,7 @@ def command(
     yes: bool,
     timeout: float | None,
     obstructed: str | None,
+    stylus: int | None,
     transcript: str | None,
     json_file: str | None,
 ) -> None:
@@ -89,7 +93,7 @@ def command(
     from ..plan import plan
     from .check import positioning_feed
 
-    target = readings_file or folder / "readings.csv"
+    target = readings_file or of_stylus(folder / "readings.csv", stylus or 1)
     if watching:
         with _Live(json_file) as live:
             complete = follow(target.with_suffix(".journal"), live, lambda: time.sleep(PAUSE))
@@ -98,8 +102,10 @@ def command(
                 raise LinkError(f"{target.with_suffix('.journal')}: the run has stopped before its end")
         return
     spared("--readings", target, folder, replaces="readings.csv")
-    cell = read_cell(folder)
-    refuse_inward(cell)
+    whole = read_cell(folder)
+    refuse_inward(whole)
+    cell = cell_of_stylus(whole, stylus)
+    target = readings_file or of_stylus(folder / "readings.csv", cell.machine.stylus)
     if cell.controller is None:
         raise InputError(
             f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
@@ -134,6 +140,8 @@ def command(
             )
             doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
             _said(f"{origin['touches']} touches{bad}{doubted} → {target}", err=False)
+    for text in left(whole, cell, "tango run"):
+        _said(text)
 
 
 def _said(text: str, err: bool = True, nl: bool = True) -> bool:
@@ -188,13 +196,18 @@ def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path 
         return [program]
     with blamed_on(cell.folder / "tango.yaml"):
         written = programs(post, part, options, most)
-    target = cell.folder / "program" / ("" if part is whole else REST)
+    target = folder_of(cell.folder / "program", cell) / ("" if part is whole else REST)
     files: dict[Path, Content] = {target / p.name: p.lines for p in written}
     files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, part, options).items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
     for sentence in stale(target, set(files), plan_hash(part)):
         click.echo(sentence, err=True)
     return [replace(p, file=str(target / p.name)) for p in written]
+
+
+def _in_spindle(part: Plan) -> str:
+    machine = part.machine
+    return f"Probe with stylus {machine.stylus} ({machine.probe.length:g} mm)" if machine.styli else "Probe"
 
 
 def _unproven(cell: Cell) -> list[str]:
@@ -227,7 +240,7 @@ def _ask(part: Plan, address: str, feed: float | None, unproven: list[str], whic
     time = spoken(sum(duration(part, feed).values()) + proof(part, which, feed))
     click.echo(
         f"{part.machine.name} on {address} will make {len(part.touches)} touches in about {time}. "
-        "Probe in the spindle, switched on, clear of the table; hand on feed hold.",
+        f"{_in_spindle(part)} in the spindle, switched on, clear of the table; hand on feed hold.",
         err=True,
     )
     click.confirm("Start?", default=False, abort=True, err=True)

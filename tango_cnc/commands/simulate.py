@@ -10,12 +10,12 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import blamed_on, read_cell, read_world, readings_text, write_text
+from ..files import blamed_on, joined, read_cell, read_world, readings_text, write_text
 from ..files.normals import refuse_inward
 from ..files.origin import MEASURED, SIMULATED, set_aside, simulated, write_origin
 from ..link.lock import holding
-from ..plan import last_moves, plan, reachable
-from ..records import Array, Cell, InputError, Strategy
+from ..plan import by_stylus, last_moves, plan, reachable
+from ..records import Array, Cell, InputError, Readings, Strategy
 from ._common import Output, cell_option, json_option, write_json
 
 PLACE = "Measure 40"  # in the list of commands
@@ -110,16 +110,24 @@ def command(
     cell = read_cell(folder)
     refuse_inward(cell)
     tcp = "off" if no_tcp else "on"
-    control = read(compensation, cell.machine, tcp=not no_tcp) if compensation is not None else None
     world_file = world_file or folder / "world.yaml"
     world = read_world(world_file)
-    strategy, numbers, moved = _made(cell)
-    if moved is None:
-        click.echo("the strategy cannot be planned ('tango plan' says why): the last motions go from touch to touch", err=True)
-    with blamed_on(world_file):
-        readings = simulate(cell.machine, cell.artefact, strategy, world, cycles, days, seed, moved, control)
-    if numbers is not None:
-        readings = replace(readings, touch=numbers[readings.touch - 1])
+    done: list[Readings] = []
+    planned = True
+    for part in by_stylus(cell):
+        control = read(compensation, part.machine, tcp=not no_tcp) if compensation is not None else None
+        strategy, numbers, moved = _made(part)
+        if moved is None:
+            planned = False
+            click.echo("the strategy cannot be planned ('tango plan' says why): the last motions go from touch to touch", err=True)
+        own = (world.seed if seed is None else seed) + len(done)
+        with blamed_on(world_file):
+            readings = simulate(part.machine, cell.artefact, strategy, world, cycles, days, own, moved, control)
+        number = readings.touch + part.strategy.before if numbers is None else numbers[readings.touch - 1]
+        done.append(replace(readings, touch=number))
+    readings = done[0]
+    for part, more in zip(by_stylus(cell)[1:], done[1:], strict=True):
+        readings = joined(readings, more, part.machine.stylus)
     target = output or folder / SIMULATED
     text = readings_text(readings, None if exact else 6)
     with holding(target.parent, "tango simulate") if target.parent.is_dir() else nullcontext():
@@ -142,7 +150,7 @@ def command(
         "cycles": cycles,
         "days": days,
         "seed": world.seed if seed is None else seed,
-        "planned": moved is not None,
+        "planned": planned,
         "duration_s": round(float(readings.time[-1]), 3),
     }
     if not write_json(json_file, result):

@@ -4,7 +4,7 @@ from .artefact import read_artefact
 from .cell import read_cell, read_machine, read_terms, read_world
 from .checked import blamed_on
 from .hull import drawn_lines, drawn_sizes
-from .readings import degrees_of, last_direction, read_readings, readings_text
+from .readings import degrees_of, joined, last_direction, of_stylus, read_readings, readings_text
 from .strategy import read_strategy
 from .write import artefact_text, machine_text, strategy_text, world_text, write_text
 
@@ -14,8 +14,10 @@ __all__ = [
     "degrees_of",
     "drawn_lines",
     "drawn_sizes",
+    "joined",
     "last_direction",
     "machine_text",
+    "of_stylus",
     "read_artefact",
     "read_cell",
     "read_machine",

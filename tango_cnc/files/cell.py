@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -20,6 +21,8 @@ from .tolerances import TOLERANCES, read_tolerances
 SUBSETS = ("S1", "S2", "S3", "S4")
 COARSEST = 0.1  # mm: a probe of a machine tool repeats to micrometres
 SUBSET = re.compile(r"[Ss]\d*")  # what is meant for one; the machine has to be known to judge the other words
+STYLI = 9  # of one machine
+OFFSET = re.compile(r"E[XYZ]t|E[XYZR]t[2-9]")
 TOPOLOGY = re.compile(r"w(?P<workpiece>[XYZABC]*)[fb](?P<tool>[XYZABC]*)\(S\)t")
 
 
@@ -95,7 +98,7 @@ def _controller(node: Node, machine: Machine) -> Controller:
 def read_machine(file: Path) -> Machine:
     """machine.yaml → machine. Raises InputError for a chain that is not 3 linear, 0–2 rotary axes and a spindle."""
     root = load(file)
-    fields = root.fields(["name", "topology", "axes", "probe"], ["tolerances"])
+    fields = root.fields(["name", "topology", "axes", "probe"], ["styli", "tolerances"])
     topology = fields["topology"].text()
     match = TOPOLOGY.fullmatch(topology)
     letters = match["workpiece"] + match["tool"] if match else ""
@@ -108,14 +111,19 @@ def read_machine(file: Path) -> Machine:
     names = [*LINEAR, *sorted(rotary), "S"]
     axes = fields["axes"].fields(names)
     ordered = tuple(_axis(name, axes[name]) for name in names)
+    probe = _probe(fields["probe"])
+    others = [_other(item, probe) for item in fields["styli"].list()] if "styli" in fields else []
+    if len(others) > STYLI - 1:
+        raise fields["styli"].wrong(f"at most {STYLI - 1} beside that of probe", f"{len(others)}")
     return Machine(
         fields["name"].text(),
         topology,
         ordered,
         tuple(reversed(match["workpiece"])),
         (*match["tool"], "S"),
-        _probe(fields["probe"]),
+        probe,
         Tolerances(**read_tolerances(fields.get("tolerances"), TOLERANCES)),
+        (probe, *others) if others else (),
     )
 
 
@@ -162,6 +170,12 @@ def _probe(node: Node) -> Probe:
     return Probe(**{key: child.number(0, FURTHEST) if key in none else child.size() for key, child in fields.items()})
 
 
+def _other(node: Node, probe: Probe) -> Probe:
+    """entry of styli, probe → the probe with that stylus; what the entry leaves out is as under probe."""
+    fields = node.fields(["length"], ["tip_radius", "stylus_radius"])
+    return replace(probe, **{key: child.size() for key, child in fields.items()})
+
+
 def read_world(file: Path) -> World:
     """world.yaml → what the simulated machine really is. Names of errors and effects are checked by who uses them."""
     fields = load(file).fields([], ["errors", "stylus", "facets", "noise", "effects", "seed"])
@@ -171,8 +185,9 @@ def read_world(file: Path) -> World:
 
     stylus = numbers("stylus")
     for name in stylus:
-        if name not in ("EXt", "EYt", "EZt"):
-            raise fields["stylus"].wrong(f"EXt, EYt, EZt.{suggestion(name, ('EXt', 'EYt', 'EZt'))}", repr(name))
+        if not OFFSET.fullmatch(name):
+            known = ("EXt", "EYt", "EZt")
+            raise fields["stylus"].wrong(f"{', '.join(known)}, of stylus 2 EXt2 … and ERt2.{suggestion(name, known)}", repr(name))
     effects = []
     for item in fields["effects"].list() if "effects" in fields else ():
         if "cause" not in dict(item.items()):

@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,55 @@ SHEETS = (".xlsx", ".xls", ".ods")
 BEYOND = f"a position of at most {FURTHEST:.0f} mm or degrees; delete the row or give it the status 'miss' and a place"
 
 
+def of_stylus(file: Path, number: int) -> Path:
+    """readings.csv, number of a stylus → the file of its own run beside it: readings.stylus2.csv; the first has readings.csv."""
+    return file if number == 1 else file.with_name(f"{file.stem}.stylus{number}{file.suffix}")
+
+
 def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
-    """readings.csv of a cell → readings. Raises InputError naming line and column of what is wrong."""
+    """readings.csv of a cell → readings, with those of the runs with other styli that stand beside it.
+
+    A run with another stylus begins when the one before it has ended: nothing is known of the time between them.
+    Raises InputError naming line and column of what is wrong.
+    """
+    found = _read(file, machine, artefact)
+    for number in range(2, len(machine.styli) + 1):
+        beside = of_stylus(file, number)
+        if (found.stylus is None or number not in found.stylus) and beside.exists():
+            found = joined(found, _read(beside, machine, artefact), number)
+    return found
+
+
+def joined(one: Readings, two: Readings, number: int) -> Readings:
+    """readings, those of a later run with the stylus of that number → both, in one table."""
+    length = len(one), len(two)
+
+    def both(a: Any, b: Any, without: float) -> Any:
+        if a is None and b is None:
+            return None
+        parts = [np.full(n, without) if part is None else part for part, n in zip((a, b), length, strict=True)]
+        return np.concatenate(parts).astype(parts[0].dtype if a is not None else parts[1].dtype)
+
+    stylus = both(one.stylus, np.full(length[1], number), 1)
+    sensors = dict.fromkeys((*one.temperatures, *two.temperatures))
+    return Readings(
+        one.axes,
+        np.concatenate([one.touch, two.touch]),
+        np.concatenate([one.time, two.time + one.time.max()]),
+        (*one.facet, *two.facet),
+        np.concatenate([one.position, two.position]),
+        np.concatenate([one.direction, two.direction]),
+        (*one.status, *two.status),
+        np.concatenate([one.cycle, two.cycle]),
+        np.concatenate([one.day, two.day]),
+        both(one.feed, two.feed, math.nan),
+        {s: both(one.temperatures.get(s), two.temperatures.get(s), math.nan) for s in sensors},
+        both(one.segment, two.segment, 1),
+        stylus,
+    )
+
+
+def _read(file: Path, machine: Machine, artefact: Artefact) -> Readings:
     if file.suffix.lower() in SHEETS:
         raise complaint(file, None, "", "a spreadsheet", "text; save the sheet as CSV in UTF-8 and name that file")
     lines = read_text(file).splitlines()
@@ -58,6 +106,13 @@ def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
         if status not in STATUSES:
             raise complaint(file, line, "status", repr(status), ", ".join(STATUSES))
 
+    stylus = whole("stylus") if "stylus" in cells else None
+    if stylus is not None:
+        last = max(len(machine.styli), 1)
+        for line, number in zip(at, stylus.tolist(), strict=True):
+            if not 1 <= number <= last:
+                raise complaint(file, line, "stylus", f"{number}", f"1 … {last}: 1 is that of probe, the others stand under styli")
+        stylus = stylus if machine.styli else None
     scale = degrees_of(machine)
     missing = np.zeros(len(body))
     position = np.column_stack([numbers(name) if name in cells else missing for name in machine.names]) * scale
@@ -81,6 +136,7 @@ def read_readings(file: Path, machine: Machine, artefact: Artefact) -> Readings:
         numbers("feed") if "feed" in cells else None,
         {name[2:]: numbers(name, empty=True) for name in header if name.startswith("T_")},
         whole("segment") if "segment" in cells else None,
+        stylus,
     )
 
 
@@ -100,7 +156,7 @@ def _rows(file: Path, lines: Sequence[str]) -> list[list[str]]:
 
 def _check_header(file: Path, header: Sequence[str], machine: Machine) -> None:
     required = ["touch", "time_s", "facet", *machine.linear, *machine.rotary, "status"]
-    optional = ["S", *(f"d{name}" for name in machine.names), "cycle", "day", "feed", "segment"]
+    optional = ["S", *(f"d{name}" for name in machine.names), "cycle", "day", "feed", "segment", "stylus"]
     for name in required:
         if name not in header:
             raise complaint(file, 1, "header", f"no column {name!r}", f"{', '.join(required)} are required")
@@ -147,6 +203,7 @@ def readings_text(readings: Readings, decimals: int | None = 6) -> str:
     writer = csv.writer(out, lineterminator="\n")
     extra = (["feed"] if readings.feed is not None else []) + [f"T_{name}" for name in readings.temperatures]
     extra += ["segment"] if readings.segment is not None else []
+    extra += ["stylus"] if readings.stylus is not None else []
     writer.writerow(["touch", "time_s", "facet", *axes, *(f"d{name}" for name in axes), "status", "cycle", "day", *extra])
 
     def shown(value: float) -> str:
@@ -159,6 +216,7 @@ def readings_text(readings: Readings, decimals: int | None = 6) -> str:
         more = [] if readings.feed is None else [f"{readings.feed[i]:g}"]
         more += ["" if math.isnan(temperature[i]) else f"{temperature[i]:.3f}" for temperature in readings.temperatures.values()]
         more += [] if readings.segment is None else [str(readings.segment[i])]
+        more += [] if readings.stylus is None else [str(readings.stylus[i])]
         writer.writerow(
             [
                 readings.touch[i],

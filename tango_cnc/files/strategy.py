@@ -25,9 +25,18 @@ def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
     """strategy.yaml of a machine and artefact → strategy. Raises InputError for a facet or axis that nothing defines."""
     fields = load(file).fields(["name", "approach", "indexations"], ["obstructed"])
     approach = fields["approach"].fields(["standoff", "search", "feed"], ["find"])
-    indexations = [_indexation(item, machine, artefact) for item in fields["indexations"].list()]
+    items = fields["indexations"].list()
+    indexations = [_indexation(item, machine, artefact) for item in items]
     if not indexations:
         raise fields["indexations"].wrong("at least one indexation", "none")
+    used: list[int] = []
+    for item, indexation in zip(items, indexations, strict=True):
+        if indexation.stylus in used[:-1]:
+            raise item.wrong(
+                "all indexations of a stylus one after the other: a stylus that is changed back does not sit as before",
+                f"stylus {indexation.stylus} again, after stylus {used[-1]}",
+            )
+        used += [] if used[-1:] == [indexation.stylus] else [indexation.stylus]
     obstructed = fields["obstructed"].text(OBSTRUCTED) if "obstructed" in fields else None
     return Strategy(fields["name"].text(), _approach(approach, machine.probe.max_feed), tuple(indexations), obstructed)
 
@@ -70,9 +79,9 @@ def _find(fields: Mapping[str, Node], single: Approach, fastest: float) -> Find:
 
 
 def _indexation(node: Node, machine: Machine, artefact: Artefact) -> Indexation:
-    fields = node.fields([*machine.rotary, "facets"], ["S"])
+    fields = node.fields([*machine.rotary, "facets"], ["S", "stylus"])
     position = {name: 0.0 for name in (*machine.rotary, "S")}
-    position |= {name: angle(child) for name, child in fields.items() if name != "facets"}
+    position |= {name: angle(child) for name, child in fields.items() if name not in ("facets", "stylus")}
     facets = []
     for item in fields["facets"].list():
         facet = item.identifier()
@@ -82,4 +91,7 @@ def _indexation(node: Node, machine: Machine, artefact: Artefact) -> Indexation:
         facets.append(facet)
     if not facets:
         raise fields["facets"].wrong("at least one facet", "none")
-    return Indexation(position, tuple(facets))
+    number = fields["stylus"].integer(1) if "stylus" in fields else 1
+    if number > max(len(machine.styli), 1):
+        raise fields["stylus"].wrong(f"1 … {max(len(machine.styli), 1)}: machine.yaml lists the others under styli", f"{number}")
+    return Indexation(position, tuple(facets), number)

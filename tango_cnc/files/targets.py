@@ -11,7 +11,14 @@ from pathlib import Path
 from ..records import InputError
 from .checked import Node, load
 
-KEPT = ("world.yaml", "uncertainty.yaml", "readings.csv", "simulated.csv")  # what commands read from a cell without being told
+OTHER_STYLI = tuple(f"readings.stylus{number}.csv" for number in range(2, 10))
+KEPT = (
+    "world.yaml",
+    "uncertainty.yaml",
+    "readings.csv",
+    "simulated.csv",
+    *OTHER_STYLI,
+)  # what commands read from a cell without being told
 
 
 def writable(what: str, file: Path) -> None:

@@ -61,11 +61,13 @@ def _degrees(value: float) -> float:
 def machine_text(machine: Machine) -> str:
     """machine → text of machine.yaml."""
     usual = ("nose_radius", "max_feed")  # not written where they are as usual
-    probe = {k: v for k, v in vars(machine.probe).items() if k not in usual or v != getattr(Probe, k)}
+    first = machine.styli[0] if machine.styli else machine.probe
+    probe = {k: v for k, v in vars(first).items() if k not in usual or v != getattr(Probe, k)}
+    styli = [{k: getattr(other, k) for k in ("length", "tip_radius", "stylus_radius")} for other in machine.styli[1:]]
     axes = {axis.name: _axis(axis) for axis in machine.axes}
     data = {"name": machine.name, "topology": machine.topology, "axes": axes, "probe": probe}
     given = tolerances_given(machine.tolerances)
-    return dump(data | ({"tolerances": given} if given else {}))
+    return dump(data | ({"styli": styli} if styli else {}) | ({"tolerances": given} if given else {}))
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
@@ -126,7 +128,11 @@ def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
 def strategy_text(strategy: Strategy) -> str:
     """strategy → text of strategy.yaml."""
     indexations = [
-        {**{name: _degrees(value) for name, value in i.position.items()}, "facets": [_id(f) for f in i.facets]}
+        {
+            **{name: _degrees(value) for name, value in i.position.items()},
+            **({"stylus": i.stylus} if i.stylus != 1 else {}),
+            "facets": [_id(f) for f in i.facets],
+        }
         for i in strategy.indexations
     ]
     approach = {key: value for key, value in vars(strategy.approach).items() if value is not None}

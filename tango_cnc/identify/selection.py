@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from .. import kinematics
-from ..model import PLACEMENT, STYLUS, Model, setup_coefficient
+from ..model import PLACEMENT, STYLUS, Model, setup_coefficient, setup_names
 from ..records import Array, Artefact, Ball, Combination, Facet, Machine, ScaleBar, TermItem
 from ..terms import Coefficient, backlash, error_motion, find, inter_axis
 from ..touches import Touches, of_facets
@@ -37,7 +37,7 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     machine = touches.machine
     wanted = _wanted(machine, terms, degree)
     calibrated = any(f.uncertainty is not None for f in touches.artefact.facets.values())
-    setup = [setup_coefficient(name) for name in (*STYLUS, *(PLACEMENT if calibrated else ()))]
+    setup = [setup_coefficient(name) for name in setup_names(touches, calibrated)]
     kept, left, matrix, could = _visible(touches.nominal, setup, wanted)
     noisy = blurred(Model(touches.nominal, tuple(kept)), matrix, could, {c.name for c in wanted})
     kept, left = [c for c in kept if c.name not in noisy], left | noisy

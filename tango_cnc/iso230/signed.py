@@ -12,12 +12,13 @@ import numpy as np
 from scipy import special
 
 from ..estimate import Estimate
+from ..identify import Selection
 from ..records import Array, TangoError
 from .interval import of_range
 from .onpart import Ask, asked, minimum_zone
 from .temperature import Known, Thermal, scale
 from .trajectory import Reference, reference
-from .whole import Whole, whole
+from .whole import Whole, foreseen, whole
 
 COVERAGE = 0.95
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
@@ -103,6 +104,17 @@ def withheld(result: Estimate) -> tuple[str, ...]:
         return tuple(doubt[1] for ask in asks if (doubt := _undecided(ask, all_of_it)))
     except TangoError as error:
         return (str(error),)
+
+
+def decided(selection: Selection, length: float | None = None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """selection for touches that nobody has made yet, tool length (mm) → ISO figures that they will decide, those they will not."""
+    from . import ranges
+
+    touches = selection.model.touches
+    over, w = ranges(touches), foreseen(selection)
+    asks = asked(touches.machine, w.coefficients, over, reference(touches.machine, over, length))
+    doubtful = {ask.name for ask in asks if _undecided(ask, w)}
+    return tuple(a.name for a in asks if a.name not in doubtful), tuple(a.name for a in asks if a.name in doubtful)
 
 
 def _worst(ask: Ask, w: Whole) -> tuple[Array, float]:

@@ -16,6 +16,7 @@ from numpy.polynomial import legendre
 from scipy import linalg
 
 from ..estimate import SIGMA_FLOOR, Estimate
+from ..identify import Selection
 from ..kinematics import Slot, slot_name
 from ..model import Model, known, linearise
 from ..records import COMPONENTS, Array, Machine, TangoError
@@ -45,12 +46,8 @@ class Whole:
 
 def whole(result: Estimate) -> Whole:
     """estimate → the same touches with every error motion of the topology. Raises TangoError where too few touches are left."""
-    own = [c for c in result.model.coefficients if c.slot.axis not in ("t", "w") and not error_motion.PATTERN.fullmatch(c.name)]
-    setup = [c for c in result.model.coefficients if c.slot.axis in ("t", "w")]
-    touches = result.model.touches
-    names = {c.name for c in own}
-    extra = [c for c in every(touches) if c.name not in names]
-    model = Model(touches, (*own, *extra, *setup))
+    model, p = _with_all(result.model)
+    touches = model.touches
     start = np.zeros(len(model.names))
     place = {name: i for i, name in enumerate(model.names)}
     for name, value in zip(result.model.names, result.values, strict=True):
@@ -88,9 +85,35 @@ def whole(result: Estimate) -> Whole:
         root = np.linalg.qr(np.vstack([matrix, prior_root]), mode="r")
         inverse = linalg.solve_triangular(root, np.eye(len(root)))
         covariance[np.ix_(seen, seen)] = inverse @ inverse.T
-    p = len(own) + len(extra)
     found = model.coefficients[:p]
     return Whole(touches, found, tuple(motion_of(c) for c in found), values[:p], covariance[:p, :p], sigma, freedom)
+
+
+def foreseen(selection: Selection) -> Whole:
+    """selection for touches that nobody has made yet → what they will leave undecided, at the stated repeatability of the probe."""
+    model, p = _with_all(selection.model)
+    sigma = max(model.touches.machine.probe.repeatability, SIGMA_FLOOR)
+    values, width = np.zeros(len(model.names)), widths(model)
+    seen = width > 0
+    _, jacobian = linearise(model, values)
+    _, rows, uncertainty = known(model, values)
+    matrix = np.vstack([jacobian / sigma, rows / uncertainty[:, None]])[:, seen]
+    root = np.linalg.qr(np.vstack([matrix, np.diag(1 / width[seen])]), mode="r")
+    inverse = linalg.solve_triangular(root, np.eye(len(root)))
+    covariance = np.zeros((len(values), len(values)))
+    covariance[np.ix_(seen, seen)] = inverse @ inverse.T
+    freedom = len(model.touches) + len(rows) - float(np.sum((matrix @ inverse) ** 2))
+    found = model.coefficients[:p]
+    return Whole(model.touches, found, tuple(motion_of(c) for c in found), values[:p], covariance[:p, :p], sigma, freedom)
+
+
+def _with_all(fitted: Model) -> tuple[Model, int]:
+    """fitted model → the same touches with every error motion of the topology, number of coefficients of the machine."""
+    own = [c for c in fitted.coefficients if c.slot.axis not in ("t", "w") and not error_motion.PATTERN.fullmatch(c.name)]
+    setup = [c for c in fitted.coefficients if c.slot.axis in ("t", "w")]
+    names = {c.name for c in own}
+    extra = [c for c in every(fitted.touches) if c.name not in names]
+    return Model(fitted.touches, (*own, *extra, *setup)), len(own) + len(extra)
 
 
 def every(touches: Touches) -> Iterator[Coefficient]:

@@ -248,8 +248,10 @@ def rest_of(cell: Cell, plan: Plan, again: tuple[int, ...], left: tuple[int, ...
     for numbers in (again, left):
         for index, same in groupby(numbers, key=lambda number: touches[number].indexation):
             position = cell.strategy.indexations[index].position
-            indexations.append(Indexation(position, tuple(touches[number].facet for number in same)))
-    rest = make_plan(replace(cell, strategy=replace(cell.strategy, indexations=tuple(indexations))), "warn")
+            facets = tuple(touches[number].facet for number in same)
+            indexations.append(Indexation(position, facets, cell.machine.stylus))
+    strategy = replace(cell.strategy, indexations=tuple(indexations), before=0)
+    rest = make_plan(replace(cell, strategy=strategy), "warn")
     as_before = len(rest.touches) == len(wanted) and np.allclose(_contacts(rest.touches), _contacts(wanted), rtol=0, atol=1e-6)
     if not as_before or [touch.facet for touch in rest.touches] != [touch.facet for touch in wanted]:
         raise InputError("the remaining touches cannot be planned as they were; run the whole plan again without --resume")

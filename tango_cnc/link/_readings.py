@@ -37,6 +37,7 @@ def readings_of(entries: Entries, plan: Plan) -> Readings | None:
         np.full(len(found), plan.strategy.approach.feed),
         temperatures=_temperatures(found),
         segment=segment if segment.max() > 1 else None,
+        stylus=np.full(len(found), plan.machine.stylus) if plan.machine.styli else None,
     )
 
 

@@ -1,9 +1,21 @@
 """Cell → Plan: where every touch happens and how the probe gets there without touching anything else."""
 
-from .build import OBSTRUCTED, USUAL, part, plan, reachable
+from .build import OBSTRUCTED, USUAL, by_stylus, part, plan, reachable
 from .digest import plan_hash
 from .motion import last_motion, last_moves
 from .split import split
 from .standing import standing
 
-__all__ = ["OBSTRUCTED", "USUAL", "last_motion", "last_moves", "part", "plan", "plan_hash", "reachable", "split", "standing"]
+__all__ = [
+    "OBSTRUCTED",
+    "USUAL",
+    "by_stylus",
+    "last_motion",
+    "last_moves",
+    "part",
+    "plan",
+    "plan_hash",
+    "reachable",
+    "split",
+    "standing",
+]

@@ -54,14 +54,16 @@ def plan(cell: Cell, obstructed: str | None = None) -> Plan:
     facets that face away from the spindle are planned all the same and listed as doubtful: whoever wrote the strategy may have
     another stylus in mind.
     """
+    _one_stylus(cell)
     obstructed = obstructed or cell.strategy.obstructed or USUAL
     shared = scene(cell.machine, cell.artefact, cell.strategy)
     facet, at = _order(cell.strategy, shared.facet)
     blocked = _blocked(shared, facet, at)
+    before = cell.strategy.before
 
     def named(touch: int) -> str:
         pose = _pose(cell, int(at[touch]))
-        return f"touch {touch + 1} (facet {shared.facet[facet[touch]]}, indexation {at[touch] + 1}: {pose})"
+        return f"touch {before + touch + 1} (facet {shared.facet[facet[touch]]}, indexation {at[touch] + 1}: {pose})"
 
     said: dict[Fate, dict[int, str]] = {"left out": {}, "planned": {}, "refused": {}}
     for touch, found in sorted(blocked.items()):
@@ -79,8 +81,38 @@ def plan(cell: Cell, obstructed: str | None = None) -> Plan:
             f"{cell.strategy.name}: no touch is left: a straight probe can make none of {len(at)}:\n{_some(left_out)}\n"
             "Turn the table otherwise, or touch other facets."
         )
-    touches, turns = _made(cell, shared, kept + 1, facet[kept], at[kept], None)
+    touches, turns = _made(cell, shared, kept + 1 + before, facet[kept], at[kept], None)
     return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubtful)
+
+
+def _styli(strategy: Strategy) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(i.stylus for i in strategy.indexations))
+
+
+def _one_stylus(cell: Cell) -> None:
+    used = _styli(cell.strategy)
+    if used != (cell.machine.stylus,):
+        raise InputError(
+            f"{cell.strategy.name}: found touches with stylus {' and '.join(map(str, used))}; a program has one stylus: "
+            "name it with --stylus, where the command has it; this one does without other styli"
+        )
+
+
+def by_stylus(cell: Cell) -> tuple[Cell, ...]:
+    """cell → one for each stylus of its strategy, in the order of measurement: its own probe, its own indexations.
+
+    Touches keep the numbers that they have in the whole strategy. A cell with one stylus comes back as it is.
+    """
+    strategy = cell.strategy
+    if _styli(strategy) == (cell.machine.stylus,):
+        return (cell,)
+    found, before = [], strategy.before
+    for number in _styli(strategy):
+        own = tuple(i for i in strategy.indexations if i.stylus == number)
+        part = replace(strategy, indexations=own, before=before)
+        found.append(replace(cell, machine=cell.machine.with_stylus(number), strategy=part))
+        before += sum(len(i.facets) for i in own)
+    return tuple(found)
 
 
 def reachable(cell: Cell, obstructed: str | None = None) -> Strategy:

@@ -11,6 +11,7 @@ import numpy as np
 from ..judgement import Verdict
 from ..kinematics import chain, spindle_axis, tip
 from ..records import Array, Cell, Readings
+from ..touches import from_readings
 from .copies import copied, last_digit
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
@@ -235,10 +236,9 @@ def _nominal(cell: Cell, readings: Readings) -> Iterator[Remark]:
     used = readings.rows(readings.ok)
     if len(used) < 4:
         return
-    facets = [cell.artefact.facets[f] for f in used.facet]
-    radius = cell.machine.probe.tip_radius
-    contact = np.array([np.array(f.point) + radius * np.array(f.normal) for f in facets])
-    away = np.linalg.norm(tip(chain(cell.machine), used.position) - contact, axis=1)
+    touches = from_readings(cell.machine, cell.artefact, used)
+    contact = touches.point + touches.radius[:, None] * touches.normal
+    away = np.linalg.norm(tip(touches.chain, used.position) - contact, axis=1)
     if np.median(away) < EXACT:
         yield Remark(
             "implausible",

@@ -17,7 +17,7 @@ from scipy import linalg
 
 from .. import kinematics
 from ..kinematics import Slot
-from ..model import gap
+from ..model import gap, setup_coefficient
 from ..records import Array, Artefact, Machine, Readings
 from ..touches import Touches, from_readings
 
@@ -65,7 +65,7 @@ def unknowns(machine: Machine, touches: Touches, free: Sequence[str]) -> list[Un
     found += [Unknown(f"E{name}{name}b", known.backlash / PRIOR) for name in machine.linear]
     found += [Unknown(name, known.location / PRIOR) for name in ("EX0S", "EY0S")]
     found += [Unknown(name, known.angle / PRIOR) for name in ("EA0S", "EB0S")]
-    found += [Unknown(name, known.stylus / PRIOR) for name in ("EXt", "EYt", "EZt")]
+    found += [Unknown(f"E{c}t{number}", known.stylus / PRIOR) for number in ("", *touches.styli) for c in "XYZ"]
     found += [Unknown(f"EZf{facet}", table.facet / PRIOR) for facet in touches.facets]
     found += [Unknown(f"E{c}ball{ball}", table.ball / PRIOR) for ball in touches.balls for c in "XYZ"]
     names = {u.name for u in found}
@@ -74,8 +74,8 @@ def unknowns(machine: Machine, touches: Touches, free: Sequence[str]) -> list[Un
 
 
 def _slot(name: str, machine: Machine) -> Slot | None:
-    if name.endswith("t") and len(name) == 3:
-        return Slot("t", "stylus", "XYZ".index(name[1]))
+    if name[2] == "t":
+        return setup_coefficient(name).slot
     if len(name) == 4 and name[2] == "0":
         return Slot(name[3], "inter", "XYZABC".index(name[1]))
     if len(name) == 4 and name[1] == name[2] and name[1] in machine.names:
@@ -85,6 +85,8 @@ def _slot(name: str, machine: Machine) -> Slot | None:
 
 def _regressor(name: str, touches: Touches) -> Array:
     axis, kind = name[1], name[3:]
+    if name[2] == "t":
+        return setup_coefficient(name).regressor(touches)
     if len(name) == 4 and axis == name[2]:
         if kind == "b":
             return touches.sign(axis)
@@ -195,7 +197,7 @@ def _linear(columns: Sequence[Unknown], values: Array, touches: Touches, run: ki
 def _left(columns: Sequence[Unknown], values: Array, touches: Touches, tip: Array) -> tuple[Array, Array]:
     offsets, shifts, radius = _offsets(columns, values, touches)
     gaps, _ = gap(touches, tip, offsets, shifts)
-    away = tip - touches.point - touches.machine.probe.tip_radius * touches.normal
+    away = tip - touches.point - touches.radius[:, None] * touches.normal
     across = away - np.sum(away * touches.normal, axis=1)[:, None] * touches.normal
     return gaps - radius, np.linalg.norm(across, axis=1)
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kinematics import Slot
-from ..model import Model
+from ..model import RADIUS, Model
 from ..records import Array
 from ..terms import GAP
 
@@ -61,6 +61,7 @@ class Batch:
     gap: Array  # (n,) mm nominal gap of the plane touches
     own_facet: Array  # (F, n) 1 where the touch is on the facet
     direct: Acting | None  # coefficients that act on the gap itself
+    radius: Acting | None  # radii of the tips of other styli
 
 
 def batch(model: Model, dtype: type[np.floating[Any]] = np.float32) -> Batch:
@@ -94,7 +95,7 @@ def batch(model: Model, dtype: type[np.floating[Any]] = np.float32) -> Batch:
             x = list(joint.frame.T @ np.array(x))
         x = [c + p for c, p in zip(x, joint.point, strict=True)]
     tip = np.array(x)
-    gap = np.sum((tip.T - touches.point) * touches.normal, axis=1) - touches.machine.probe.tip_radius
+    gap = np.sum((tip.T - touches.point) * touches.normal, axis=1) - touches.radius
     own_facet = (touches.facet_index == np.arange(len(touches.facets))[:, None]).astype(dtype)
     start = tuple((i, acting[Slot("t", "stylus", i)]) for i in range(3) if Slot("t", "stylus", i) in acting)
     return Batch(
@@ -107,6 +108,7 @@ def batch(model: Model, dtype: type[np.floating[Any]] = np.float32) -> Batch:
         gap.astype(dtype),
         own_facet,
         acting.get(GAP),
+        acting.get(RADIUS),
     )
 
 
@@ -209,6 +211,8 @@ def _close(ready: Batch, values: Array, exact: Array, d: Array, scratch: Array) 
         total[:, curved.rows] = _curved(ready, d[:, :, curved.rows].astype(float), *model.split(exact)[1:])
     if ready.direct is not None:
         total += _amount(ready.direct, values, scratch[0])
+    if ready.radius is not None:
+        total -= _amount(ready.radius, values, scratch[0])
     return total
 
 
@@ -225,7 +229,7 @@ def _curved(ready: Batch, moved: Array, offsets: Array, shifts: Array) -> Array:
         spoke -= np.where((on_ball >= 0)[:, None], shifts[:, on_ball], 0.0).transpose(2, 0, 1)
     if np.any(axis):
         spoke -= np.sum(spoke * axis.T[:, None], axis=0) * axis.T[:, None]
-    result: Array = side * (np.sqrt(spoke[0] ** 2 + spoke[1] ** 2 + spoke[2] ** 2) - radius) - touches.machine.probe.tip_radius
+    result: Array = side * (np.sqrt(spoke[0] ** 2 + spoke[1] ** 2 + spoke[2] ** 2) - radius) - touches.radius[rows]
     return result
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from .. import kinematics
 from ..estimate import Estimate
 from ..kinematics import Slot
-from ..model import Model, errors
+from ..model import RADIUS, Model, errors
 from ..records import Array
 from ..terms import GAP
 from ..touches import Touches
@@ -50,5 +50,5 @@ def acting(result: Estimate, touches: Touches) -> dict[Slot, Array]:
 
 def tips(result: Estimate, touches: Touches) -> Array:
     """estimate, touches (n) → (n, 3) mm, predicted tip centre in the table frame, stylus included."""
-    found = acting(result, touches)
-    return kinematics.tip(touches.chain, touches.position, {slot: value for slot, value in found.items() if slot != GAP})
+    found = {slot: value for slot, value in acting(result, touches).items() if slot not in (GAP, RADIUS)}
+    return kinematics.tip(touches.chain, touches.position, found)

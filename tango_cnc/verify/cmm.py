@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..estimate import Estimate
 from ..files.checked import complaint, read_text, suggestion
 from ..files.readings import finite
+from ..model import RADIUS
 from ..records import Array, Artefact, Id, InputError, Readings
 from ..terms import GAP
 from ..touches import from_readings
@@ -112,8 +113,9 @@ def compare_tips(
     """
     own = result.model.touches
     touches = from_readings(own.machine, own.artefact, readings)
-    height = np.sum((tips(result, touches) - touches.point) * touches.normal, axis=1) - own.machine.probe.tip_radius
-    height = height + acting(result, touches).get(GAP, 0.0)
+    height = np.sum((tips(result, touches) - touches.point) * touches.normal, axis=1) - touches.radius
+    found = acting(result, touches)
+    height = height + found.get(GAP, 0.0) - found.get(RADIUS, 0.0)
     wanted = np.ones(len(readings), dtype=np.bool_) if rows is None else rows
     keep = wanted[readings.ok] & np.array([f in measured for f in touches.facet], dtype=np.bool_)
     return _compare(own.artefact, [touches.facet[i] for i in np.flatnonzero(keep)], height[keep], measured)

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import sys
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from tango_cnc.estimate import estimate
+from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell
 from tango_cnc.iso230 import ranges
 from tango_cnc.iso230.signed import signed
@@ -23,18 +24,37 @@ FIRST = 1000  # seed; lower ones served to set the upper end of the intervals of
 TOPOLOGIES = ("hu40t", "huron", "trunnion", "split", "fork_head", "three_axis", "three_axis_calibrated")
 
 
-def one(name: str, seed: int) -> list[tuple[str, str, float | None, tuple[float, float] | None, float]]:
-    """example, seed → kind, name, value, interval and truth of every figure; None where it was withheld."""
-    truth = Truth(EXAMPLES / name, seed)
+def measured(name: str, seed: int, longer: float | None = None) -> tuple[Truth, Estimate]:
+    """example, seed, how much longer a second stylus is (mm; None: there is none) → random machine, what is estimated of it."""
+    truth = Truth(EXAMPLES / name, seed, longer=longer)
     rows = truth.readings()
     n = len(rows["facet"])
     cell = read_cell(EXAMPLES / name)
     assert list(cell.machine.names) == truth.names
     number, ones = np.arange(1, n + 1), np.ones(n, dtype=int)
+    machine = cell.machine
+    if longer is not None:
+        machine = replace(machine, styli=(machine.probe, replace(machine.probe, length=machine.probe.length + longer)))
     readings = Readings(
-        cell.machine.names, number, number * 3.0, tuple(rows["facet"]), rows["position"], rows["direction"], ("ok",) * n, ones, ones
+        machine.names,
+        number,
+        number * 3.0,
+        tuple(rows["facet"]),
+        rows["position"],
+        rows["direction"],
+        ("ok",) * n,
+        ones,
+        ones,
+        stylus=None if longer is None else rows["stylus"],
     )
-    result = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    return truth, estimate(machine, cell.artefact, readings, cell.terms)
+
+
+def one(
+    name: str, seed: int, longer: float | None = None
+) -> list[tuple[str, str, float | None, tuple[float, float] | None, float]]:
+    """example, seed, as `measured` → kind, name, value, interval and truth of every figure; None where it was withheld."""
+    truth, result = measured(name, seed, longer)
     sheet = signed(result)
     known = truth.figures(ranges(result.model.touches), dict(sheet.reference.pose))
     found = []

@@ -53,10 +53,15 @@ def frame_of(letter: str, direction: list[float]) -> tuple[np.ndarray, float]:
 class Truth:
     """A random machine of the topology of an example: every error motion of every axis, harmonics and backlash included."""
 
-    def __init__(self, folder: Path, seed: int, size: float = 1.0) -> None:
+    def __init__(self, folder: Path, seed: int, size: float = 1.0, longer: float | None = None) -> None:
+        """`longer`: the strategy is repeated with a second stylus, longer by that (mm), with its own offsets and tip."""
         read = lambda name: yaml.safe_load((folder / f"{name}.yaml").read_text())  # noqa: E731
         self.machine, self.artefact, self.strategy = read("machine"), read("artefact"), read("strategy")
         self.rng = np.random.default_rng(seed)
+        self.longer = longer
+        if longer is not None:
+            again = [{**i, "stylus": 2} for i in self.strategy["indexations"]]
+            self.strategy["indexations"] = [*self.strategy["indexations"], *again]
         axes = self.machine["axes"]
         word = self.machine["topology"].replace("(", "").replace(")", "")
         work, tool = word[1:-1].replace("b", "f").split("f")
@@ -94,6 +99,9 @@ class Truth:
         self.ball = {b: rng.normal(0, 30 * micron, 3) for b in self.artefact.get("balls", {})}
         certain = {f: v["uncertainty"] for f, v in self.artefact["facets"].items() if "uncertainty" in v}
         self.offset |= {f: float(rng.normal(0, u)) for f, u in certain.items()}
+        self.stylus2, self.radius2 = zero[:3], 0.0
+        if self.longer is not None:
+            self.stylus2, self.radius2 = rng.normal(0, 20 * micron, 3), float(rng.normal(0, 5 * micron))
         bar = self.artefact.get("scale_bar")
         if bar:  # the bar is as long as its certificate says, within its uncertainty
             one, two = bar["balls"]
@@ -130,8 +138,13 @@ class Truth:
         at = translation(self.point[name])
         return at @ into @ place @ go @ rigid(e) @ np.linalg.inv(into) @ np.linalg.inv(at)
 
-    def tool_in_table(self, pose: dict[str, np.ndarray], sign: dict[str, np.ndarray], errors: bool = True) -> np.ndarray:
-        """commands → (n, 4, 4): a frame at the stylus tip (or at a tool of `self.length`) as the table sees it."""
+    def tool_in_table(
+        self, pose: dict[str, np.ndarray], sign: dict[str, np.ndarray], errors: bool = True, second: np.ndarray | None = None
+    ) -> np.ndarray:
+        """commands → (n, 4, 4): a frame at the stylus tip (or at a tool of `self.length`) as the table sees it.
+
+        `second`: (n,) whether the second stylus is in the spindle.
+        """
         out = []
         for chain in (self.work, self.tool):
             m = np.eye(4)[None]
@@ -139,7 +152,10 @@ class Truth:
                 m = m @ self.body(name, pose[name], sign[name], errors)
             out.append(m)
         up = np.array(self.machine["axes"]["S"]["direction"], dtype=float)
-        tip = self.point["S"] - self.length * up + (self.stylus if errors else 0.0)
+        own, length = self.stylus, np.full(1, self.length)
+        if second is not None:
+            own, length = np.where(second[:, None], self.stylus2, own), self.length + second * (self.longer or 0.0)
+        tip = self.point["S"] - length[:, None] * up + (own if errors else 0.0)
         return np.linalg.inv(out[0]) @ out[1] @ translation(tip)
 
     # the touches
@@ -149,6 +165,7 @@ class Truth:
         rows = [(i, f) for i in self.strategy["indexations"] for f in i["facets"]]
         n = len(rows)
         facets = [f for _, f in rows]
+        second = np.array([i.get("stylus", 1) == 2 for i, _ in rows])
         pose = {a: np.zeros(n) for a in self.names}
         for a in (*self.rotary, "S"):
             pose[a] = np.radians([float(i.get(a, 0.0)) for i, _ in rows])
@@ -158,11 +175,11 @@ class Truth:
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         point = np.array([table[f]["point"] for f in facets], dtype=float)
         target = point + self.radius * normal
-        origin = self.tool_in_table(pose, sign, errors=False)[:, :3, 3]
+        origin = self.tool_in_table(pose, sign, errors=False, second=second)[:, :3, 3]
         ways = []
         for a in self.linear:
             moved = pose | {a: pose[a] + 1.0}
-            ways.append(self.tool_in_table(moved, sign, errors=False)[:, :3, 3] - origin)
+            ways.append(self.tool_in_table(moved, sign, errors=False, second=second)[:, :3, 3] - origin)
         matrix = np.stack(ways, axis=-1)
         start = np.linalg.solve(matrix, (target - origin)[:, :, None])[:, :, 0]
         inward = np.linalg.solve(matrix, -normal[:, :, None])[:, :, 0]
@@ -184,8 +201,8 @@ class Truth:
 
         def gap(t: np.ndarray) -> np.ndarray:
             at = pose | {a: start[:, i] + t * inward[:, i] for i, a in enumerate(self.linear)}
-            tip = self.tool_in_table(at, sign)[:, :3, 3]
-            return np.array([self._gap(f, tip[j], point[j], normal[j]) for j, f in enumerate(facets)])
+            tip = self.tool_in_table(at, sign, second=second)[:, :3, 3]
+            return np.array([self._gap(f, tip[j], point[j], normal[j]) for j, f in enumerate(facets)]) - second * self.radius2
 
         one, two = np.zeros(n), np.full(n, 0.05)
         left, right = gap(one), gap(two)
@@ -203,6 +220,7 @@ class Truth:
             "facet": [str(f) for f in facets],
             "position": position,
             "direction": np.stack([sign[a] for a in self.names], axis=1),
+            "stylus": 1 + second.astype(int),
         }
 
     def _gap(self, facet: Any, tip: np.ndarray, point: np.ndarray, normal: np.ndarray) -> float:
