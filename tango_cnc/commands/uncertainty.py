@@ -9,20 +9,30 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from .. import conformity
+from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
+from ..judgement import Judgement
+from ..plausible import ORDER
+from ..plausible.bounds import alone, is_backlash
 from ..records import Cell, InputError
+from ..terms import Coefficient
 from ..uncertainty import analysis
 from ..uncertainty.fleet import cluster
 from ..uncertainty.inputs import Line, read_budget
 from ..uncertainty.repetitions import NAMES
+from ..uncertainty.scatter import LABEL, reached
 from . import _uncertainty as report
 from ._common import cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
 
 PLACE = "Understand 20"  # in the list of commands
+CONTRADICTED = 1.5  # times what the budget allows for that a touch may scatter before the result is doubtful
+ABSURD = 5.0  # times what is plausible of a parameter at which its limit decides nothing
+APART = 5.0  # of the larger standard deviation that the two estimates may differ by
 
 
 @click.command()
@@ -95,13 +105,21 @@ def command(
     given = budget or (folder / "uncertainty.yaml" if (folder / "uncertainty.yaml").is_file() else None)
     lines = None if given is None else read_budget(given)
     if runs:
-        return _compare(cell, runs, items, degree, lines, json_file)
+        return _compare(cell, runs, items, degree, lines, json_file, despite)
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
-    _, judgement = judged(cell, readings, items, degree, source=source)
+    robust, judgement = judged(cell, readings, items, degree, source=source)
+    if judgement.verdict == "implausible" and not despite:
+        return _refused(judgement, json_file)
+    if limits is not None:
+        places = {robust.selection.label(c.name): c for c in robust.model.coefficients if c.slot.axis not in ("t", "w")}
+        for name, limit in conformity.read_limits(limits, list(places)).items():
+            _sane(limits, name, limit, places[name], cell)
     if subsets:
         choices = dict(_subset(text) for text in subsets)
-        comparison, condition = analysis.compare_subsets(cell.machine, cell.artefact, readings, items, degree, lines, choices)
+        comparison, condition = analysis.compare_subsets(
+            cell.machine, cell.artefact, readings, items, degree, lines, choices, robust
+        )
         data = {
             "format": "tango-comparison/1",
             **members(judgement),
@@ -115,7 +133,8 @@ def command(
         return status(judgement, despite)
     with cluster(dask) if dask else nullcontext(map) as mapper:
         options = analysis.Options(**chosen, mapper=mapper)
-        found = analysis.analyse(cell.machine, cell.artefact, readings, items, degree, lines, options)
+        found = analysis.analyse(cell.machine, cell.artefact, readings, items, degree, lines, options, robust)
+    judgement = _beside(found, robust, judgement, stated=given is None)
     decisions = _decide(found, limits, conform)
     if not write_json(json_file, report.as_json(found, decisions, factor) | members(judgement)):
         click.echo("".join(f"{line}\n" for line in told(judgement)) + report.as_text(found, decisions, factor))
@@ -151,18 +170,81 @@ def _decide(found: analysis.Analysis, limits: Path | None, conform: str | None) 
     ]
 
 
+def _refused(judgement: Judgement, json_file: str | None) -> int:
+    if not write_json(json_file, {"format": "tango-uncertainty/1", **members(judgement), "parameters": {}}):
+        click.echo("\n".join([*told(judgement), "No intervals: they would stand around wrong values (--despite computes them)"]))
+    return 1
+
+
+def _beside(found: analysis.Analysis, robust: Estimate, judgement: Judgement, stated: bool) -> Judgement:
+    """analysis, the estimate that is shown elsewhere → judgement with what the budget leaves out, and where the two differ."""
+    reasons, remarks = list(judgement.reasons), list(judgement.remarks)
+    parts = {
+        part.label: float(np.sqrt(np.mean(np.sum(part.factor[: found.study.count] ** 2, axis=1)))) for part in found.study.parts
+    }
+    if LABEL in parts:
+        rest, whole = parts[LABEL] * 1e3, np.sqrt(sum(size**2 for size in parts.values())) * 1e3
+        what = "the stated repeatability" if stated else "the budget"
+        text = (
+            f"the residuals show more than {what} allows for: {rest:.2g} µm of a touch were added ('{LABEL}'), "
+            f"{whole:.2g} µm in all. 'tango diagnose' looks for the cause"
+        )
+        far = whole > CONTRADICTED * np.sqrt(max(whole**2 - rest**2, 1e-12))
+        (reasons if far else remarks).append(text)
+    labels = [found.selection.label(name) for name in found.study.names]
+    own = {robust.selection.label(n): (v, s) for n, v, s in zip(robust.model.names, robust.values, robust.std, strict=True)}
+    for label, value, std in zip(labels, found.values, found.std, strict=True):
+        other, spread = own.get(label, (value, std))
+        if found.pool == "none" and abs(value - other) > APART * max(std, spread):
+            reasons.append(
+                f"{label} is not what 'tango estimate' shows: the two weigh the touches differently, and cannot both be right"
+            )
+    verdict = "doubtful" if len(reasons) > len(judgement.reasons) and judgement.verdict == "trustworthy" else judgement.verdict
+    return replace(judgement, verdict=verdict, reasons=tuple(reasons), remarks=tuple(remarks))
+
+
+def _sane(file: Path, name: str, limit: conformity.Limits, c: Coefficient, cell: Cell) -> None:
+    """Raises InputError for a limit that every machine keeps: µm were written for mm, or degrees for rad."""
+    machine = cell.machine
+    if name in ("EXX1", "EYY1", "EZZ1"):
+        most, unit = machine.tolerances.scale, "mm/mm; 20 µm/m is 0.00002"
+    elif is_backlash(c) or (c.slot.axis and c.slot.stage == "inter"):
+        most, kind, _ = alone(c, machine, cell.artefact.tolerances)
+        unit = "mm; 10 µm is 0.01" if kind == "mm" else "rad; 10 µrad is 0.00001"
+    else:
+        return
+    for end in (limit.high, limit.low):
+        if np.isfinite(end) and abs(end) >= ABSURD * most:
+            raise InputError(
+                f"{file}: limits.{name}: found {end:g}; allowed: less than {ABSURD * most:.2g} ({unit}). Every machine keeps "
+                f"such a limit: {most:.2g} is all that is plausible of {name}"
+            )
+
+
 def _compare(
-    cell: Cell, runs: tuple[str, ...], items: Any, degree: int, lines: tuple[Line, ...] | None, json_file: str | None
+    cell: Cell,
+    runs: tuple[str, ...],
+    items: Any,
+    degree: int,
+    lines: tuple[Line, ...] | None,
+    json_file: str | None,
+    despite: bool,
 ) -> int:
     pairs = [_pair(text, "--compare", "LABEL=FILE") for text in runs]
     readings = {label: read_readings(Path(name), cell.machine, cell.artefact) for label, name in pairs}
     if len(readings) < 2:
         raise InputError("--compare: found one run; allowed: two or more, each with its own label")
+    thought = {}
+    for label, name in pairs:
+        robust, thought[label] = judged(cell, readings[label], items, degree, source=Path(name))
+        readings[label] = reached(readings[label], robust)
+    worst = max(thought.values(), key=lambda j: (status(j, False), ORDER.index(j.verdict)))
     found = analysis.compare_runs(cell.machine, cell.artefact, readings, items, degree, lines)
-    data = {"format": "tango-comparison/1", "comparisons": [report.comparison_json(c) for c in found]}
+    data = {"format": "tango-comparison/1", **members(worst), "comparisons": [report.comparison_json(c) for c in found]}
     if not write_json(json_file, data):
-        click.echo("\n\n".join(report.comparison_text(c, report.units(cell.machine, c.names)) for c in found))
-    return 0
+        lines_told = [f"{label}: {line}\n" for label, j in thought.items() if j.verdict != "trustworthy" for line in told(j)]
+        click.echo("".join(lines_told) + "\n\n".join(report.comparison_text(c, report.units(cell.machine, c.names)) for c in found))
+    return status(worst, despite)
 
 
 def _pair(text: str, option: str, form: str) -> tuple[str, str]:

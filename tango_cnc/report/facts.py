@@ -20,6 +20,7 @@ from ..model import linearise
 from ..records import Array, Cell, Readings, TangoError, TermItem
 from ..uncertainty.analysis import prepare
 from ..uncertainty.inputs import Line
+from ..uncertainty.scatter import reached, with_rest
 from ..uncertainty.study import study
 from ..verify import held_out, volume
 from ..verify.held_out import HeldOut
@@ -144,7 +145,8 @@ def gather(
     held, why = None, ""
     try:
         groups = held_out.leave_one_out(held_out.indexations(readings, cell.machine))
-        held = held_out.held_out(cell.machine, cell.artefact, readings, wishes.terms, groups, wishes.degree)
+        # The touches that have no weight in the estimate are predicted by none either: they are counted as what does not fit.
+        held = held_out.held_out(cell.machine, cell.artefact, reached(readings, result), wishes.terms, groups, wishes.degree)
     except TangoError as error:
         why = str(error)
     found, why_none = None, " (it was left out on request)"
@@ -195,8 +197,12 @@ def _uncertainty(cell: Cell, readings: Readings, wishes: Wishes, result: Estimat
     """→ (p,) standard uncertainties and the factor of the intervals."""
     if wishes.budget is None:
         return result.std, float(special.stdtrit(result.dof, 0.5 + COVERAGE / 2))
-    found, parts = prepare(cell.machine, cell.artefact, readings, wishes.terms, wishes.degree, wishes.budget)
-    return study(found.model, found.values, found.sigma, parts).std, float(special.ndtri(0.5 + COVERAGE / 2))
+    found, parts = prepare(cell.machine, cell.artefact, readings, wishes.terms, wishes.degree, wishes.budget, result)
+    std = dict(
+        zip(found.model.names, study(found.model, found.values, found.sigma, with_rest(found, result, parts)).std, strict=True)
+    )
+    own = [std.get(name, s) for name, s in zip(result.model.names, result.std, strict=True)]
+    return np.array(own), float(special.ndtri(0.5 + COVERAGE / 2))
 
 
 def effects(result: Estimate) -> dict[str, float]:

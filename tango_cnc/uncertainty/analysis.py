@@ -13,6 +13,7 @@ from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from . import coverage, pooled, process, trials
 from .inputs import Line, Part, Scene, parts, stated
 from .repetitions import Repetitions, repetitions
+from .scatter import reached, with_rest
 from .study import Study, study
 from .trials import Mapper
 
@@ -67,10 +68,19 @@ class Analysis:
 
 
 def prepare(
-    machine: Machine, artefact: Artefact, readings: Readings, terms: Sequence[TermItem], degree: int, lines: Sequence[Line] | None
+    machine: Machine,
+    artefact: Artefact,
+    readings: Readings,
+    terms: Sequence[TermItem],
+    degree: int,
+    lines: Sequence[Line] | None,
+    robust: Estimate | None = None,
 ) -> tuple[Estimate, tuple[Part, ...]]:
-    """cell, readings of one run, budget (None: what the cell states) → its estimate and the parts of the budget."""
-    found = estimate(machine, artefact, readings, terms, degree)
+    """cell, readings of one run, budget (None: what the cell states) → its estimate and the parts of the budget.
+
+    `robust`: the estimate whose outliers have no weight here either.
+    """
+    found = estimate(machine, artefact, reached(readings, robust), terms, degree)
     scene = Scene(found.model, found.values)
     return found, parts(scene, stated(scene) if lines is None else tuple(lines))
 
@@ -83,30 +93,35 @@ def analyse(
     degree: int = 3,
     lines: Sequence[Line] | None = None,
     options: Options | None = None,
+    robust: Estimate | None = None,
 ) -> Analysis:
     """cell, readings, budget (None: what the cell states) → uncertainties by both methods.
+
+    `robust` is the estimate by the noise that the residuals show: its outliers have no weight here either, and scatter that the
+    budget leaves out is added to it. None: all touches count, and the budget is taken as it is.
 
     Without repetitions the budget makes the covariance of the readings. With repetitions they do, pooled by cycles (default
     with several days) or by days, and of the budget only what no repetition shows is added: form, lobing, bar.
     Raises InputError for a pooling that the readings do not allow, TangoError for what cannot be determined.
     """
     options = options or Options()
+    readings = reached(readings, robust)
     kept, days, cycles, _ = pooled.split(readings)
     pool = _pool(options.pool, len(days), len(cycles))
     found, own = prepare(machine, artefact, readings if pool == "none" else kept[0], terms, degree, lines)
     if not any(np.any(part.factor) for part in own):
         raise InputError("budget: found no source of uncertainty; allowed: at least one contribution greater than zero")
     if pool == "none":
+        own = with_rest(found, robust, own)
         base = study(found.model, found.values, found.sigma, own)
         return _finish(found, base, "none", base.values, {"budget": base.std}, None, None, options)
     several = pooled.repeated(machine, artefact, readings, found.model, found.values, found.sigma)
     constant = tuple(part for part in own if not part.repeats)
     known = len(found.model.calibrated) + (found.model.bar is not None)
-    studies = {}
-    for kind in ("cycles", "days"):
-        if _allows(kind, len(days), len(cycles)):
-            part = pooled.pooled_part(several, kind, known)
-            studies[kind] = study(found.model, found.values, found.sigma, (part, *constant))
+    both: tuple[pooled.Pool, ...] = ("cycles", "days")
+    pools = {str(k): pooled.pooled_part(several, k, known) for k in both if _allows(k, len(days), len(cycles))}
+    constant = with_rest(found, robust, (pools[pool], *constant))[1:]
+    studies = {kind: study(found.model, found.values, found.sigma, (part, *constant)) for kind, part in pools.items()}
     alone = study(found.model, found.values, found.sigma, own)
     std_by = {kind: s.std for kind, s in studies.items()} | {"budget": alone.std}
     fixed = replace(alone, parts=constant).std if constant else np.zeros(len(several.mean))
@@ -211,13 +226,15 @@ def compare_subsets(
     degree: int,
     lines: Sequence[Line] | None,
     choices: Mapping[str, Sequence[int]],
+    robust: Estimate | None = None,
 ) -> tuple[process.Comparison, list[float]]:
     """cell, readings, subsets of the indexations by label → their comparison (thesis Table 8-5) and condition numbers (8-4).
 
     With several cycles the estimates of every subset are averaged over them. Touches on balls belong to every subset.
     """
-    kept, _, _, _ = pooled.split(readings)
+    kept, _, _, _ = pooled.split(reached(readings, robust))
     found, own = prepare(machine, artefact, kept[0], terms, degree, lines)
+    own = with_rest(found, robust, own)
     full = found.model.touches
     on_ball = full.ball_index >= 0
     rows_of = {

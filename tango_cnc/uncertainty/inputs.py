@@ -26,6 +26,8 @@ from ..model import Model, errors, gap, known
 from ..records import Array
 from ..touches import Touches
 
+SIZES = ("std", "amplitude", "range")  # settings that say how large a source is
+LARGEST = 0.5  # mm or degrees: beyond it µm were written for mm, or arc seconds for degrees
 Law = Literal["normal", "rectangular", "phase", "student"]
 
 
@@ -133,11 +135,18 @@ def _line(node: Node) -> Line:
     for key, child in given.items():
         if key not in keys:
             raise child.wrong(f"{', '.join(keys)} for {name}.{suggestion(key, list(keys))}", f"the unknown key {key!r}")
-        settings[key] = _setting(child, hints[key])
+        settings[key] = _size(child) if key in SIZES else _setting(child, hints[key])
     for key, parameter in keys.items():
         if key not in given and parameter.default is inspect.Parameter.empty:
             raise node.wrong(f"a value for {key!r}, which {name} requires", f"no {key!r}")
     return Line(name, settings)
+
+
+def _size(node: Node) -> float:
+    value = node.number()
+    if not 0 <= value <= LARGEST:
+        raise node.wrong(f"0 to {LARGEST:g} (mm; degrees for angles). 0.6 µm is written 0.0006, 5 arc seconds 0.0014", f"{value:g}")
+    return value
 
 
 def _setting(node: Node, kind: Any) -> Any:
