@@ -14,6 +14,7 @@ from dataclasses import replace
 from tango_cnc.records import InputError
 
 from . import _common as common
+from . import _siemens_handshake as handshake
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, number, rolled
 
@@ -40,6 +41,12 @@ OPTIONS = (
     Option("probe_input", 1, "input of the probe: MEAS=1 or MEAS=2", choices=(1, 2)),
     Option("probe_state", True, "$A_PROBE tells whether the probe is deflected; false: the control's own alarm is trusted"),
     Option("output", "/dev/ext/1", OUTPUT),
+    Option(
+        "handshake",
+        handshake.NONE,
+        "R700: records go into R700 to R716, or an array of global user data by its name, for OPC UA (docs/link.md)",
+        verified=True,
+    ),
     Option("alarm", 65001, "first of six SETAL alarms that stop until reset; 0: the message and M0 only"),
     Option("orient", True, "SPOS orients the spindle; false: it is not turned"),
     Option(
@@ -73,7 +80,8 @@ def begin(job: Job) -> Iterator[str]:
     yield from common.warned(job, "; %s")
     yield "DEF INT TG_ERROR,TG_FLAG,TG_MISSES"
     yield f"DEF REAL TG_SHORT,TG_WAY,TG_LAG,TG_TURN,TG_SUM,{','.join(f'TG_{name}' for name in common.axes(job.machine))}"
-    yield "DEF STRING[200] TG_TEXT"
+    if not handshake.used(options["handshake"]):
+        yield "DEF STRING[200] TG_TEXT"
     yield options["reset"]
     yield "D0"
     if options["trafoof"]:
@@ -85,6 +93,11 @@ def begin(job: Job) -> Iterator[str]:
     if _is_device(job):
         yield f'EXTOPEN(TG_ERROR,"{options["output"]}","SYN","EXCL")'
         yield from _stop_if("TG_ERROR<>0", UNWRITTEN)
+    if handshake.used(options["handshake"]):
+        yield from _stop_if(handshake.ahead(options["handshake"]), UNWRITTEN)
+        values = {**handshake.marked(job.mark, len(plan.touches)), "flag": "0", "sum": "0", "point": "0"}
+        yield from handshake.handed(options["handshake"], values)
+        return
     yield from _write(job, f'"TANGO START {job.mark} {len(plan.touches)}"')
 
 
@@ -173,19 +186,28 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
     values = ",".join(f"TG_{name}" for name in names)
     spindle = _spindle(leg)
     yield f"TG_SUM={'+'.join(f'TG_{name}' for name in names)}+{spindle}"
+    if handshake.used(job.options["handshake"]):
+        values_of = {name: f"TG_{name}" for name in names} | {"S": spindle, "sum": "TG_SUM", "flag": "TG_FLAG"}
+        yield from handshake.handed(job.options["handshake"], {**values_of, "point": str(leg.touch.number)})
+        return
     yield f'TG_TEXT=SPRINT("P{leg.touch.number} H%D {places} S{spindle} K%.4F",TG_FLAG,{values},TG_SUM)'
     yield from _write(job, "TG_TEXT")
 
 
 def end(job: Job) -> Iterator[str]:
     """End mark, end of program, and behind it the stops."""
-    yield from _write(job, f'"TANGO END {job.mark} {len(job.plan.touches)}"')
+    if handshake.used(job.options["handshake"]):
+        yield from handshake.handed(job.options["handshake"], {"flag": "0", "sum": "0", "point": str(handshake.END)})
+    else:
+        yield from _write(job, f'"TANGO END {job.mark} {len(job.plan.touches)}"')
     if _is_device(job):
         yield f'EXTCLOSE(TG_ERROR,"{job.options["output"]}")'
     yield "M30"
     for which, text in enumerate(STOPS, 1):
         if which == UNTOUCHED and job.options["gate"] == "none":
             continue
+        if which == UNWRITTEN and handshake.used(job.options["handshake"]):
+            text = handshake.AHEAD
         yield f"TG_STOP_{which}:"
         yield from filter(None, [job.options["probe_off"]])  # no way out leaves the probe on or the device taken
         if _is_device(job):
@@ -222,7 +244,7 @@ def _write(job: Job, text: str) -> Iterator[str]:
 
 
 def _is_device(job: Job) -> bool:
-    return DEVICE.fullmatch(job.options["output"]) is not None
+    return DEVICE.fullmatch(job.options["output"]) is not None and not handshake.used(job.options["handshake"])
 
 
 def _measure(job: Job, place: Mapping[str, str], feed: float) -> str:
@@ -257,6 +279,7 @@ def _check(job: Job) -> None:
         raise InputError(f"controller.output: found {options['output']!r}; allowed: a device /dev/… or a file _N_NAME_MPF")
     if options["alarm"] and not 65000 <= options["alarm"] <= 65999 - len(STOPS):
         raise InputError(f"controller.alarm: found {options['alarm']}; allowed: 0, or 65000 … {65999 - len(STOPS)}")
+    handshake.used(options["handshake"])
     common.fits(job)
 
 
@@ -267,6 +290,7 @@ POST = Post(
     options=OPTIONS,
     memory=512,
     doubts=DOUBTS,
+    further=lambda given: handshake.doubts(given.get("handshake", handshake.NONE)),
     stem=lambda job: "TANGO",
     **common.steps(globals()),
 )

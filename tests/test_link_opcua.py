@@ -85,6 +85,26 @@ def test_a_run_brings_the_program_and_takes_every_record(server, cell):
     assert "FreeOpcUa" in json.loads((cell / "readings.json").read_text())["controller"]["identity"]
 
 
+def test_a_siemens_program_gives_its_records_through_r_parameters(server, cell):
+    """The program of the post, executed by a control of its language; nothing prints."""
+    text = (cell / "tango.yaml").read_text()
+    (cell / "tango.yaml").write_text(text.replace("post: fanuc", "post: siemens\n  handshake: R700"))
+    with server.attended(cell, family="siemens"):
+        result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
+    assert result.code == 0, result.err
+    assert agree(cell)
+    assert server.read(R["record"]) == server.read(R["taken"]) == 9  # 7 touches and two marks
+    assert "WRITE(" not in bytes(server.files["TANGO.MPF"]).decode()
+
+
+def test_a_siemens_program_without_handshake_is_refused_before_anything_is_sent(server, cell):
+    text = (cell / "tango.yaml").read_text()
+    (cell / "tango.yaml").write_text(text.replace("post: fanuc", "post: siemens"))
+    result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
+    assert result.code == 2 and "state handshake: R700 under controller" in result.err
+    assert not server.files.get("TANGO.MPF")
+
+
 def test_another_program_is_not_taken(server, cell):
     def person():
         for place, number in enumerate(MARK):

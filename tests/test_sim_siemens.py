@@ -182,7 +182,8 @@ def test_expressions(text: str, expected: Any) -> None:
     ("lines", "alarm"),
     [
         (["X1 Q7"], "12550"),
-        (["R1+"], "12550"),
+        (["Q1+"], "12550"),
+        (["R1+"], "12080"),
         (["X"], "12080"),
         (["SETAL()"], "12090"),
         (["SUPA D0 G0 X=1.5EX99"], "10720"),

@@ -15,6 +15,7 @@ from pathlib import Path
 from asyncua import ua
 from asyncua.sync import Server
 
+from sim_controller.languages import Alarm
 from sim_controller.probing import rig
 from sim_controller.session import Session, Setup
 from tango_cnc.files import read_cell, read_world
@@ -23,6 +24,21 @@ FOLDER = "ns=2;s=/NC/MPF.DIR"
 R = {"record": 700, "taken": 701, "point": 702, "flag": 703, "count": 704, "sum": 708}
 MARK, PLACE = (705, 706, 707), dict(zip("XYZABCS", range(710, 717), strict=True))
 NUMBER = re.compile(r"([A-Z])\s*([-+]?)\s*([0-9]*\.?[0-9]*)")
+
+
+class Parameters(dict):  # type: ignore[type-arg]
+    """The R parameters of a control, as its program sees them: those that the server shows."""
+
+    def __init__(self, control: Control) -> None:
+        self._control = control
+
+    def get(self, name: str, default: float = 0.0) -> float:
+        if not self._control.on or self._control.left.is_set():
+            raise Gone
+        return self._control.read(int(name[1:]))
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self._control.put(int(name[1:]), value)
 
 
 class Gone(Exception):
@@ -36,6 +52,7 @@ class Control:
         self.files: dict[str, bytearray] = {}
         self._made: set[str] = set()  # files that have a node
         self.on, self.spoil = True, lambda data: data
+        self.left = threading.Event()  # the person has
         self._open: dict[int, tuple[str, int]] = {}
         self.server = Server()
         self.server.set_endpoint(f"opc.tcp://127.0.0.1:{port}/")
@@ -152,7 +169,7 @@ class Control:
     @contextlib.contextmanager
     def attended(self, cell: Path, file: str = "TANGO.MPF", family: str = "macro_b") -> Iterator[None]:
         """cell with a world, name of the program → within it, somebody at the control starts every new program that comes."""
-        left = threading.Event()
+        left = self.left = threading.Event()
 
         def text() -> str:
             return "" if self._open else bytes(self.files.get(file, b"")).decode()
@@ -165,8 +182,11 @@ class Control:
                 if (program := text()) in ("", done):
                     continue
                 done = program
-                with contextlib.suppress(Gone):
-                    session.run(session.control(self.printed), (line for line in done.splitlines() if line.strip() != "%"))
+                control = session.control(self.printed)
+                if family == "siemens":
+                    control.parameters = Parameters(self)
+                with contextlib.suppress(Gone, Alarm):
+                    session.run(control, (line for line in done.splitlines() if line.strip() != "%"))
 
         person = threading.Thread(target=run, daemon=True)
         person.start()

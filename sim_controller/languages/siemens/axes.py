@@ -30,6 +30,7 @@ class Profile:
     status: bool = True  # $AC_MEA tells contact from none; else it is always 1
     transformation: bool = False  # TRAORI is active from the start: SUPA does not undo it
     devices: tuple[str, ...] = ("/dev/ext/1", "/dev/v24")  # that EXTOPEN knows
+    user: Mapping[str, int] = field(default_factory=dict)  # arrays of global user data (DEF NCK REAL …) and how many fields
     room: Decimal = Decimal("1000000")  # bytes of a file in the control (MD11420)
 
 

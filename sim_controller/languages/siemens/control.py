@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, MutableMapping
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
@@ -21,6 +21,7 @@ G_CODES = {"G0", "G1", "G4", "G17", "G18", "G19", "G40", "G53", "G54", "G500", "
 WORDS = {"TRAFOOF", "TRANS", "ROT", "TOROTOF", "STOPRE"}
 CALLS = {"MSG", "SETAL", "WRITE", "EXTOPEN", "EXTCLOSE", "CYCLE800"}
 TYPES: dict[str, Value] = {"INT": 0, "REAL": 0.0, "BOOL": False, "STRING": ""}
+PARAMETER = re.compile(r"R\d{1,3}")
 LONGEST = 200  # characters that WRITE takes
 
 
@@ -33,6 +34,7 @@ class Control:
         self._motion, self._profile, self._punch, self._note = motion, profile, punch, note
         self._axes = Axes(motion, profile)
         self.files: dict[str, str] = {}
+        self.parameters: MutableMapping[str, float] = {}  # R parameters and global user data, that others write and read too
         self._open: set[str] = set()
         self._variables: dict[str, Value] = {}
         self._types: dict[str, str] = {}
@@ -84,6 +86,12 @@ class Control:
             return partners[index] + 1
         if reader.take("ENDIF"):
             return None
+        if reader.take("WHILE"):
+            yes = truth(reader.value())
+            _done(reader, block)
+            return None if yes else partners[index] + 1
+        if reader.take("ENDWHILE"):
+            return partners[index]
         if jump := reader.take("GOTOF", "GOTOB", "GOTO"):
             return jumped_to(blocks, index, jump, reader.name())
         self._statement(reader, block)
@@ -119,6 +127,13 @@ class Control:
             value = reader.value()
             _done(reader, block)
             self._assign(word, value)
+        elif PARAMETER.fullmatch(word) or word in self._profile.user:
+            reader.name()
+            named = self._parameter(word, self._index(reader) if word in self._profile.user else None)
+            reader.expect("=")
+            value = reader.value()
+            _done(reader, block)
+            self.parameters[named] = float(real(value))
         elif word in CALLS:
             self._call(word, block)
         elif word in WORDS:
@@ -130,6 +145,20 @@ class Control:
                 self._axes.transformation = False
         else:
             self._nc(reader, block)
+
+    def _index(self, reader: Reader) -> Value:
+        reader.expect("[")
+        index = reader.value()
+        reader.expect("]")
+        return index
+
+    def _parameter(self, name: str, index: Value | None) -> str:
+        """R700, or the field of an array of global user data → its name. Raises Alarm for a field that there is not."""
+        if index is None:
+            return name
+        if not 0 <= real(index) < self._profile.user[name]:
+            raise alarm("17020", f"{name}[{index}]")
+        return f"{name}[{int(real(index))}]"
 
     def _assign(self, name: str, value: Value) -> None:
         kind = self._types[name]
@@ -146,6 +175,10 @@ class Control:
         if index is None:
             if name in self._variables:
                 return self._variables[name]
+            if PARAMETER.fullmatch(name):
+                return self.parameters.get(name, 0.0)
+        elif name in self._profile.user:
+            return self.parameters.get(self._parameter(name, index), 0.0)
         elif name.startswith("$AA_") and isinstance(index, str):
             return self._axes.variable(name, index)
         elif index == 1 and name == "$AC_MEA":

@@ -27,16 +27,22 @@ def block_of(line: str) -> Block:
 
 
 def partners_of(blocks: list[Block]) -> dict[int, int]:
-    """→ index of IF → its ELSE or ENDIF, of ELSE → its ENDIF. Raises Alarm for what is not closed."""
+    """→ index of IF → its ELSE or ENDIF, of ELSE → its ENDIF, of WHILE and ENDWHILE → each other.
+
+    Raises Alarm for what is not closed.
+    """
     pairs: dict[int, int] = {}
     begun: list[int] = []
     for index, block in enumerate(blocks):
         text = block.text.upper()
-        if text.startswith("IF") and not re.search(r"\bGOTO[FB]?\b", re.sub(r'"[^"]*"', "", text)):
+        jumps = re.search(r"\bGOTO[FB]?\b", re.sub(r'"[^"]*"', "", text))
+        if text.startswith("WHILE") or (text.startswith("IF") and not jumps):
             begun.append(index)
-        elif text in ("ELSE", "ENDIF"):
-            if not begun:
+        elif text in ("ELSE", "ENDIF", "ENDWHILE"):
+            if not begun or blocks[begun[-1]].text.upper().startswith("WHILE") != (text == "ENDWHILE"):
                 raise alarm("12640", block.raw)
+            if text == "ENDWHILE":
+                pairs[index] = begun[-1]
             pairs[begun.pop()] = index
             if text == "ELSE":
                 begun.append(index)

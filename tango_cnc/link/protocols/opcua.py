@@ -58,6 +58,11 @@ class Client(Dialogue):
                 raise InputError(
                     f"nodes: position: found {' '.join(self._nodes.position)}; allowed: all that move, {letter} is missing"
                 )
+        if 'WRITE(TG_ERROR,"' in job.program:
+            raise InputError(
+                "this program writes its records into a file, and opcua takes them from variables: state handshake: R700 under "
+                "controller in tango.yaml, or use file:// as the port"
+            )
         self._program = job.program.encode() if options.get("program") else b""
         self.brought = not self._program
         self.advice = "start the program at the control" + ("; it was compared by reading it back" if self._program else "")

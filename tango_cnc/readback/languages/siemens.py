@@ -13,6 +13,7 @@ from typing import Any
 
 from ...records import InputError, Plan
 from ..expressions import Value
+from ..handed import Handed
 from ..language import Companions, Language
 from ..reading import MARK_BEHIND_SEMICOLON, REST, read_through, stated_words
 from ..rehearsal import NUMBER, SPOILT, Rehearsal, Statement, World, numbered
@@ -38,6 +39,7 @@ STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"\)|SETAL\(\d+\)|M0')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
 SYSTEM = re.compile(r"\$(A[ACX]?_[A-Z]+)\[([A-Z1-9])\]")
+END_POINT = "65535"
 SAME_AS = {"G71": "G21", "G710": "G21"}  # what is millimetres here; G710 for feeds and system variables too
 MADE_SURE = ("G49", "G80")  # D0 stands in every move; the control has no modal drilling but what G0 and G1 end
 
@@ -91,6 +93,8 @@ class _Program:
         self._moving, self._asked, self._within = True, False, False
         self._opened = self._closed = self.over = False
         self._mark = ""
+        name = str(options.get("handshake", "none"))
+        self._handed = None if name == "none" else Handed(name)
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -103,6 +107,8 @@ class _Program:
             raise InputError(f"found {asked[0]}; the probe is at input {self._input}")
         if line.startswith(";"):
             self._mark = match[1] if (match := MARK_BEHIND_SEMICOLON.fullmatch(line)) else self._mark
+        elif self._handed is not None and self._handed.takes(line):
+            self._hand_over(self._handed)
         elif match := JUMP.fullmatch(line):
             self._jump(match[1], match[2])
         elif line == "ENDIF" and self._within:
@@ -204,6 +210,46 @@ class _Program:
 
         self._machine.does(does)
 
+    def _hand_over(self, handed: Handed) -> None:
+        """A line of the handshake → what it gives, when it is the last one."""
+        if self._within:
+            raise InputError("a variable of the handshake within an IF")
+        if handed.guard and handed.guard not in self._stops:
+            raise InputError(f"{handed.guard} is no place where this program stops for good")
+        machine = self._machine
+        if handed.waits:  # G4 and STOPRE of its loop: the axes stand
+            self._moving = False
+        if handed.assigned is not None:  # it has the value of this moment
+            key, text = handed.assigned[0], _spelt(handed.assigned[1])
+
+            def does(world: World) -> None:
+                world.shared[f"CELL {key}"] = machine.value(world, text)
+
+            machine.does(does)
+        if handed.complete is None:
+            return
+        given, handed.complete = handed.complete, None
+        for what, shown in given.items():
+            for world in machine.worlds:
+                if machine.value(world, _spelt(shown)) != world.shared[f"CELL {what}"]:
+                    raise InputError(f"{what} was put there before its value was there")
+        point = given["point"]
+        if point == "0" or point == END_POINT:
+            try:
+                mark, count = _hash(handed.lasting), float(handed.lasting["count"])
+            except (KeyError, ValueError):
+                raise InputError("hash and number of touches do not stand in their variables") from None
+            if point == "0":
+                machine.start(mark, count, self._mark)
+            else:
+                machine.end(mark, count)
+            return
+        names = [axis.name for axis in machine.plan.machine.axes]
+        if missing := [name for name in (*names, "sum", "flag") if name not in given]:
+            raise InputError(f"the record of touch {point} has no {' '.join(missing)}")
+        places = {name: _spelt(given[name]) for name in names} | {"K": _spelt(given["sum"])}
+        machine.record(point, _spelt(given["flag"]), places)
+
     def _print(self, line: str) -> None:
         if OPEN.fullmatch(line) and not self._opened:
             self._opened = True
@@ -253,6 +299,11 @@ class _Program:
         if key not in world.shared:
             raise InputError(f"{key} is read before it has a value")
         return world.shared[key]
+
+
+def _hash(lasting: Mapping[str, str]) -> str:
+    """what stands in the variables → the hash of the program, twelve hexadecimal digits."""
+    return "".join(f"{int(lasting[f'mark{i}']):04X}" for i in range(3))
 
 
 def _once(words: list[str]) -> dict[str, str]:
