@@ -13,6 +13,7 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
+from ..nearest import printable
 from ..records import InputError
 
 SECRET = ("password", "enable", "passphrase")  # settings of a URL
@@ -38,8 +39,10 @@ def secret(name: str, value: str) -> str:
     """setting, its value → the word. Raises InputError, which does not show it."""
     kind, _, where = value.partition(":")
     if kind == "env":
-        if where not in os.environ:
-            raise InputError(f"{name}: found env:{where}, and the environment has no variable of this name; allowed: {NAMED}")
+        if "\0" in where or where not in os.environ:
+            raise InputError(
+                f"{name}: found env:{printable(where, 200)}, and the environment has no variable of this name; allowed: {NAMED}"
+            )
         return os.environ[where]
     if kind == "file":
         return _filed(name, Path(where).expanduser())
@@ -56,10 +59,11 @@ def _filed(name: str, file: Path) -> str:
                 rights = f"{stat.S_IMODE(state.st_mode):03o}"
                 raise InputError(f"{name}: {file} has the rights {rights}, so others can read it; do 'chmod 600 {file}'")
             text = opened.read(LONGEST).decode("utf-8")
-    except OSError as error:
-        raise InputError(f"{name}: {file} cannot be read ({error.strerror}); allowed: {NAMED}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{name}: {file} is not UTF-8 text") from None
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+        if isinstance(error, UnicodeDecodeError):
+            raise InputError(f"{name}: {file} is not UTF-8 text") from None
+        why = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{name}: {printable(str(file), 200)} cannot be read ({why}); allowed: {NAMED}") from None
     return text.strip("\r\n")
 
 

@@ -52,8 +52,12 @@ def _sensor(name: str, node: Node) -> Sensor:
     way = "mqtt" if "mqtt" in dict(node.items()) else "mtconnect"
     fields = node.fields(("mqtt",), ("key", "password")) if way == "mqtt" else node.fields(("mtconnect", "item"))
     url = fields[way].text()
-    parts = urlsplit(url)
-    if parts.scheme not in WAYS[way] or not parts.hostname or (way == "mqtt" and not parts.path.strip("/")):
+    try:
+        parts = urlsplit(url)
+        known = parts.scheme in WAYS[way] and bool(parts.hostname) and parts.port != 0
+    except ValueError:  # brackets that hold no address, a port that is none
+        known = False
+    if not known or (way == "mqtt" and not parts.path.strip("/")):
         example = "mqtt://192.168.1.40/shop/room" if way == "mqtt" else "http://192.168.1.30:5000/current"
         raise fields[way].wrong(f"e.g. {example}")
     said = {key: fields[key].text() for key in ("item", "key") if key in fields}

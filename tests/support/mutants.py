@@ -6,6 +6,7 @@ read or refused as InputError, within a second, and what was read must have no n
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -39,8 +40,13 @@ from tango_cnc.files.plan import plan_lines, read_plan
 from tango_cnc.files.targets import sources, spared
 from tango_cnc.iso230.temperature import read_thermal
 from tango_cnc.link._layout import STANDARD, read_layout
+from tango_cnc.link._measure import protocol_of
+from tango_cnc.link._nodes import STANDARD as NODES
+from tango_cnc.link._nodes import read_nodes
+from tango_cnc.link._sensors import read_sensors
 from tango_cnc.link.entries import Begun, End, Reading, Segment
 from tango_cnc.link.journal import Journal, digest_of, look_at, read_journal, salvaged
+from tango_cnc.link.transport._sensors import current, payload
 from tango_cnc.nc import features
 from tango_cnc.plan import plan
 from tango_cnc.records import InputError
@@ -254,6 +260,13 @@ text: the table bends
 {{"format": "tango-run/1", "plan_hash": "0A1B2C3D4E5F", "program_hash": "0A1B2C3D4E5F", "journal_hash": "00",
  "start_utc": "{UTC}", "end_utc": "{UTC}", "machine": "small", "touches": 3, "time_s": 19.5}}
 """,
+    "sensors.yaml": """\
+every: 5
+old: 60
+sensors:
+  bed: {mtconnect: "http://192.168.1.30:5000/current", item: bed_temperature}
+  coolant: {mqtt: "mqtts://anna@192.168.1.40:8883/shop/coolant", key: celsius, password: "env:HOME"}
+""",
     "nightly.yaml": """\
 nightly: 1
 history: history.db
@@ -405,6 +418,36 @@ def _trusted(folder: Path) -> bool:
     return known(folder / "tango.yaml")
 
 
+PORTS = (
+    "serial:///dev/ttyUSB0?baud=9600&bits=7&parity=even&stop=2&flow=xonxoff",
+    "modbus+tcp://[fe80::1]:502/1?run=program",
+    "sftp://anna@192.168.1.20:22/records/TANGO.TXT?program=/programs/&password=geheim&hostkey=SHA256:abc",
+    "lsv2://192.168.1.20/TNC:/TANGO.TXT?program=TNC:/&from=last",
+    "opcua://192.168.1.20:4840?user=anna&password=geheim&program=ns=2;s=/FOLDER",
+    "linuxcnc://127.0.0.1:5007?file=/tmp/tango.ngc&log=/tmp/tango-readings.txt",
+    "file:///C:/control%20one/TANGO.TXT",
+)
+AGENT = b"""<?xml version="1.0"?><MTConnectStreams xmlns="urn:mtconnect.org:MTConnectStreams:1.3"><Streams><DeviceStream name="M">
+<ComponentStream component="Base"><Samples><Temperature dataItemId="t1" name="bed">21.5</Temperature>
+<Temperature dataItemId="t2">UNAVAILABLE</Temperature></Samples></ComponentStream></DeviceStream></Streams></MTConnectStreams>"""
+
+
+def _port(folder: Path) -> Any:
+    """The lines of a file, one port's URL each."""
+    text = (folder / "ports.txt").read_bytes().decode("utf-8", "replace")
+    for line in text.split("\n"):
+        with contextlib.suppress(InputError):
+            protocol_of(line, "dnc")
+    return protocol_of(text.split("\n")[0], "dnc") and None
+
+
+def _agent(folder: Path) -> Any:
+    try:
+        return dict(current((folder / "current.xml").read_bytes())) and None
+    except ValueError as error:  # which the watch takes for no value
+        raise InputError(str(error)) from None
+
+
 class _History:
     def machines(self) -> tuple[str, ...]:
         return ("small",)
@@ -447,6 +490,13 @@ READERS = {
     "features.yaml": Reader("features.yaml", _text("features.yaml"), lambda f: features.read(f / "features.yaml")),
     "present.yaml": Reader("present.yaml", _text("present.yaml"), lambda f: present_of(f / "present.yaml")),
     "layout.yaml": Reader("layout.yaml", lambda f: Path(STANDARD).read_bytes(), lambda f: read_layout(str(f / "layout.yaml"))),
+    "opcua.yaml": Reader("opcua.yaml", lambda f: NODES.read_bytes(), lambda f: read_nodes(str(f / "opcua.yaml"))),
+    "sensors.yaml": Reader("sensors.yaml", _text("sensors.yaml"), read_sensors),
+    "ports": Reader("ports.txt", lambda f: "\n".join(PORTS).encode(), _port),
+    "current.xml": Reader("current.xml", lambda f: AGENT, _agent),
+    "message": Reader(
+        "message.json", lambda f: b'{"celsius": 21.5}', lambda f: payload((f / "message.json").read_bytes(), "celsius")
+    ),
     "texts.toml": Reader("texts.toml", _text("texts.toml"), lambda f: texts_of(f).keys),
     "cmm.csv": Reader("cmm.csv", _text("cmm.csv"), lambda f: read_cmm(f / "cmm.csv", read_cell(f).artefact)),
     "table.csv": Reader(
