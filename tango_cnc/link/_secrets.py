@@ -13,7 +13,7 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..nearest import printable
+from ..files.checked import printable
 from ..records import InputError
 
 SECRET = ("password", "enable", "passphrase")  # settings of a URL
