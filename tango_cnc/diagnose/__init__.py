@@ -21,7 +21,7 @@ from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
 from ..touches import Touches
-from . import _explain, _gain, _moments, _rows, _scatter, _seen, _shapes, _spread, _stable
+from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
@@ -300,7 +300,11 @@ def _told(
         gains[id(c)] = _gain.measure(np.hstack([base, *others]), data, raw[id(c)], schemes, keep, rng)
     certain = np.concatenate([weight, np.ones(len(base) - n)])
     back = _stable.stability(found, field, outcome, seen, weight, data * certain, base * certain[:, None])
-    why = {id(c): _refused(c, sizes[id(c)], gains[id(c)], back[id(c)]) for c in outcome.named}
+    folds = _nested.Folds(found, weight, base, data)
+    inside = {id(c): folds.nested(c, schemes, keep) for c in outcome.named}
+    gains |= {key: _gain.nested(gains[key], one.schemes) for key, one in inside.items()}
+    back = {key: min(times, inside[key].selected) for key, times in back.items()}
+    why = {id(c): _refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains) for c in outcome.named}
     accepted = [c for c in outcome.named if why[id(c)] is None]
     if len(accepted) < len(outcome.named):  # what they explained is there all the same
         fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
@@ -312,8 +316,14 @@ def _told(
     extended = (*terms, *(m.item for m in moments), *named_items)
     after = estimate(before.model.touches.machine, touches.artefact, readings, extended) if len(extended) > len(terms) else before
 
-    def finding(c: Chosen, like: Sequence[tuple[Chosen, float]], shift: Mapping[str, tuple[float, float, float]]) -> Finding:
+    def finding(
+        c: Chosen,
+        like: Sequence[tuple[Chosen, float]],
+        shift: Mapping[str, tuple[float, float, float]],
+        other: Sequence[tuple[Chosen, float]] = (),
+    ) -> Finding:
         s = sizes[id(c)]
+        telling = _seen.separate(found, touches, c, [o for o, _ in like])
         return Finding(
             c.candidate.cause,
             c.candidate.setting,
@@ -323,13 +333,15 @@ def _told(
             gains[id(c)],
             shift,
             tuple((o.candidate.cause, o.candidate.setting, behind) for o, behind in like),
-            _seen.separate(found, touches, c, [o for o, _ in like]),
+            (*telling, *_aliases.where(found, touches, c, [o for o, _ in other])),
             s.effect,
             raw[id(c)] @ s.values if means.all else candidate(touches, c.candidate.cause, c.candidate.setting).columns @ s.values,
+            tuple((o.candidate.setting, behind) for o, behind in other),
             back.get(id(c)),
         )
 
-    findings = [finding(c, _explain.alternatives(found, c), _shift(before, after)) for c in accepted]
+    moved = _shift(before, after)
+    findings = [finding(c, _explain.alternatives(found, c), moved, _aliases.aliases(found, c)) for c in accepted]
     remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
     findings += _spread.findings(found, seen, rough, excluded, remains, "seat" in noises)
@@ -344,7 +356,7 @@ def _told(
         spreads = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
         remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in spreads]
     tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, seen, keep)
-    if findings and not remains and not outcome.picked:
+    if (findings or moments) and not remains and not outcome.picked:
         remains += _seen.left_over(tests_after)
     verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
     return Diagnosis(
@@ -382,9 +394,9 @@ def _richer(
     return None if found is None else replace(found, terms=tuple(t for t in found.terms if t not in shapes))
 
 
-def _refused(c: Chosen, s: Size, g: _gain.Gain, back: int) -> Why | None:
+def _refused(c: Chosen, s: Size, g: _gain.Gain, back: int, everywhere: bool) -> Why | None:
     """Why a name that no shape beats is not named all the same."""
-    if not g.real:
+    if not g.real or not everywhere:
         return "no gain"
     if back < SUBSETS:
         return "unstable"

@@ -8,7 +8,7 @@ whole, is left out of the comparison by the pseudo-inverse.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ class Gain:
     schemes: Mapping[str, tuple[float, float]]  # every way of holding out: before, after
     placebo: float  # largest held-out gain but one in forty of the same regressor with its rows shuffled
     real: bool  # the held-out gain is larger than that
+    inside: bool = False  # the setting was chosen without the touches that were held out
 
 
 def residual_maker(design: Array) -> Array:
@@ -120,6 +121,15 @@ def measure(
     real = table[names[-1]][0] - table[names[-1]][1] > max(placebo, 0.0)
     fitted = rms((without @ residual)[:n][keep]), rms((within @ residual)[:n][keep])
     return Gain(*fitted, *table[scheme], scheme, table, placebo, real)
+
+
+def nested(g: Gain, schemes: Mapping[str, tuple[float, float]]) -> Gain:
+    """gain, errors by scheme with settings chosen inside the folds → gain that reports these."""
+    scheme = g.scheme if g.scheme in schemes else next(iter(schemes), g.scheme)
+    told = schemes.get(scheme, (g.heldout_before, g.heldout_after))
+    return replace(
+        g, heldout_before=told[0], heldout_after=told[1], scheme=scheme, schemes={**g.schemes, **schemes}, inside=bool(schemes)
+    )
 
 
 def scattered(n: int, folds: int = 10) -> NDArray[np.int64]:

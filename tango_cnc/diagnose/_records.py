@@ -43,6 +43,7 @@ class Finding:
     separate_with: tuple[str, ...]
     effect: Mapping[str, Any]  # entry of world.yaml's effects
     pattern: Array  # (n,) what it does to every touch
+    aliases: tuple[tuple[Mapping[str, Any], float], ...] = ()  # other settings of the cause, how much worse their score
     stability: int | None = None  # of SUBSETS subsets of the indexations, in how many it came back
 
     @property

@@ -151,7 +151,7 @@ def extras(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Chose
             position = touches.position[rows].copy()
             position[:, column] = angle
             index = np.concatenate([np.arange(n), rows])
-            longer = _taken(touches, index, position, gap)
+            longer = taken(touches, index, position, gap)
             score = 0.0
             for other in others:
                 new = _discrepancy(e, longer, one, other, rows, n)
@@ -182,7 +182,7 @@ def _discrepancy(e: Explanation, longer: Touches, one: Chosen, other: Chosen, ro
     return np.asarray(mine[n:] @ a - theirs[n:] @ b)
 
 
-def _taken(touches: Touches, index: NDArray[np.int64], tail: Array, gap: float) -> Touches:
+def taken(touches: Touches, index: NDArray[np.int64], tail: Array, gap: float) -> Touches:
     """touches, rows, positions of the rows at the end → touches as if these had been made after the others."""
     n = len(touches)
     extra = len(index) - n

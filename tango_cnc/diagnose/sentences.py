@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import terms as families
 from ..records import Array
+from ._aliases import differing
 from ._moments import Moment
 from ._records import SUBSETS, Dropped, Finding, Remainder
 from ._scatter import Scatter
@@ -41,6 +42,11 @@ def advice(f: Finding) -> str:
     return text
 
 
+def also(f: Finding) -> str:
+    """finding → its other settings that this plan cannot tell from it."""
+    return "; ".join(dict.fromkeys(differing(setting, f.setting) for setting, _ in f.aliases))
+
+
 def gain(f: Finding) -> str | None:
     """finding → what keeping its term brings on touches that were not fitted; None for a spread, which no term takes away."""
     if f.gain is None:
@@ -50,6 +56,7 @@ def gain(f: Finding) -> str | None:
     return (
         f"with the term, {held} are predicted to {g.heldout_after * 1e3:.2f} µm instead of {g.heldout_before * 1e3:.2f} µm; noise "
         f"alone would look like this {chance(f.p_value)}"
+        + ("" if f.stability is None else f"; it came back in {f.stability} of {SUBSETS} subsets of the indexations")
     )
 
 

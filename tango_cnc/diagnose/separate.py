@@ -15,7 +15,7 @@ from ..model import known, linearise
 from ..records import Array, InputError, TermItem
 from ..touches import Touches
 from ._candidates import Candidate, candidate
-from ._seen import _taken
+from ._seen import taken
 from ._space import Space, space
 
 USUAL = 0.005  # mm: size of the largest effect on a touch for which evidence is counted
@@ -67,7 +67,7 @@ def separation(touches: Touches, terms: Sequence[TermItem], one: str, other: str
         for tail, (_, angle) in zip(tails, tries, strict=True):
             tail[:, column] = angle
         index = np.concatenate([np.arange(len(touches)), *(rows for rows, _ in tries)])
-        longer = _taken(touches, index, np.vstack(tails), gap)
+        longer = taken(touches, index, np.vstack(tails), gap)
         wider = _space(longer, terms)
         patterns = [candidate(longer, c.cause, c.setting).columns for c in (a, b)]
         mine, theirs = (wider.project(x) for x in patterns)

@@ -15,7 +15,7 @@ from ..touches import misnamed
 from . import Diagnosis, Finding, Test
 from ._richer import Richer
 from ._size import plain
-from .sentences import advice, covariate, dropped, gain, meaning, moment, noise, said, unexplained
+from .sentences import advice, also, covariate, dropped, gain, meaning, moment, noise, said, unexplained
 
 HIDDEN = 0.1  # visibility
 SHOWN = 8  # covariates on the terminal
@@ -116,6 +116,7 @@ def _finding(f: Finding) -> dict[str, Any]:
             "heldout_after_um": g.heldout_after * 1e3,
             "heldout_by": g.scheme,
             "placebo_um": g.placebo * 1e3,
+            "nested": g.inside,
             "by": {k: {"before_um": b * 1e3, "after_um": a * 1e3} for k, (b, a) in g.schemes.items()},
         }
     return {
@@ -130,6 +131,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         },
         "stability": f.stability,
         "alternatives": list(dict.fromkeys(a for a, _, _ in f.alternatives)),
+        "aliases": [{"setting": plain(setting), "evidence_less": round(behind, 1)} for setting, behind in f.aliases],
         "separate_with": list(f.separate_with),
         "text": sentence(f),
     }
@@ -167,7 +169,9 @@ def as_text(d: Diagnosis) -> str:
             lines += _wrapped(
                 f"   This plan cannot tell it from: {', '.join(dict.fromkeys(a for a, _, _ in f.alternatives))}.", "   "
             )
-            lines += [line for s in f.separate_with for line in _wrapped(f"   To tell: {s}.", "     ")]
+        if f.aliases:
+            lines += _wrapped(f"   Other settings of it do as well here: {also(f)}.", "   ")
+        lines += [line for s in f.separate_with for line in _wrapped(f"   To tell: {s}.", "     ")]
         lines.append("")
     for event in d.events:
         lines += [*_wrapped(f"! {moment(event)}: set aside. Measure them again.", "  "), ""]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..diagnose import Diagnosis, Finding, Test
-from ..diagnose.sentences import advice, covariate, dropped, meaning, said, towards, unexplained
+from ..diagnose.sentences import advice, also, covariate, dropped, meaning, said, towards, unexplained
 from ..diagnose.words import as_text, telling
 from .over import covariate_of, shown_over
 from .pictures import BAD, GOOD, INK, PALE, embedded, figure, styled
@@ -43,7 +43,9 @@ def page(d: Diagnosis) -> str:
         if f.alternatives:
             names = ", ".join(dict.fromkeys(a for a, _, _ in f.alternatives))
             parts.append(f"<p>This plan cannot tell it from {html.escape(names)}.</p>")
-            parts += [f"<p>To tell: {html.escape(s)}.</p>" for s in f.separate_with]
+        if f.aliases:
+            parts.append(f"<p>Other settings of it do as well here: {html.escape(also(f))}.</p>")
+        parts += [f"<p>To tell: {html.escape(s)}.</p>" for s in f.separate_with]
     for r in d.unexplained:
         parts.append(f"<h2>Not explained</h2><p>{html.escape(unexplained(r))}.</p>")
     if d.dropped:

@@ -1,0 +1,114 @@
+"""Gain with the search inside the fold: the setting of a cause is chosen by the other touches, and these predict the fold.
+
+A gain that is measured with a setting that all touches have chosen is too good (Cawley & Talbot 2010; Stone 1974). The same
+folds of indexations tell how often the cause is selected when all causes are searched again (Meinshausen & Bühlmann 2010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Array
+from ._explain import Explanation
+from ._gain import add, residual_maker, rms
+from ._records import SUBSETS
+from ._search import Chosen
+from ._space import RIDGE
+
+ALONE = 0.4  # part of a pattern in one group above which the other groups cannot know of it
+NEAR = 10.0  # evidence by which another cause may be better in a subset: no very strong evidence against a name
+
+
+@dataclass(frozen=True)
+class Nested:
+    """Errors of touches that were not fitted, mm, and how often a cause is selected."""
+
+    schemes: Mapping[str, tuple[float, float]]  # without and with the cause, its setting chosen without the fold
+    selected: int  # of SUBSETS subsets of the indexations
+
+    @property
+    def gains(self) -> bool:
+        """→ whether touches gain in every scheme."""
+        return all(after < before for before, after in self.schemes.values())
+
+
+class Folds:
+    """Design and data of everything but one cause, (n + known, p) and (n + known,), and the catalogue over the touches."""
+
+    def __init__(self, e: Explanation, weight: Array, base: Array, data: Array) -> None:
+        self.e, self.weight, self.base, self.data = e, weight, base, data
+        blocks = [c.columns for c in e.catalogue.candidates]
+        self.size = np.array([b.shape[1] for b in blocks])
+        self.start = np.concatenate([[0], np.cumsum(self.size)[:-1]]).astype(np.int64)
+        self.columns = np.hstack(blocks)
+        named = np.array([c.named for c in e.catalogue.candidates])
+        self.named = np.flatnonzero(named)
+
+    def nested(self, one: Chosen, schemes: Mapping[str, NDArray[np.int64]], keep: NDArray[np.bool_]) -> Nested:
+        """one of the chosen, groups (n,) of each scheme, rows that count → gain and selection."""
+        n = len(keep)
+        certain = np.concatenate([self.weight, np.ones(len(self.base) - n)])
+        others = [c.candidate.columns for c in self.e.chosen if c is not one]
+        padded = [np.pad(x, ((0, len(self.base) - n), (0, 0))) for x in others]
+        design = np.hstack([self.base * certain[:, None], *padded])
+        data = self.data * certain
+        without = residual_maker(design)
+        mine = np.sum((without[:, :n] @ one.candidate.columns)[:n] ** 2, axis=1)
+        code = self.e.catalogue.causes.index(one.candidate.cause)
+        result = {}
+        selected = 0
+        for name, groups in schemes.items():
+            used = np.unique(groups)
+            if max(float(mine[groups == g].sum()) for g in used) > ALONE * float(mine.sum()):
+                continue
+            fold = groups if len(used) < 2 * SUBSETS else groups % SUBSETS
+            counted = name == "indexations" or (name == "scattered" and "indexations" not in result)
+            errors = np.zeros((n, 2))
+            for g in np.unique(fold):
+                out = np.flatnonzero(fold == g)
+                inside = np.setdiff1d(np.arange(len(design)), out)
+                score = self._scores(design, data, inside, n)
+                own = np.flatnonzero(self.e.catalogue.group == code)
+                best = own[int(np.argmax(score[own]))]
+                if counted:
+                    selected += bool(score[best] > score[self.named].max() - NEAR)
+                columns = self.columns[:, self.start[best] : self.start[best] + self.size[best]]
+                within = add(without, np.pad(columns, ((0, len(design) - n), (0, 0))))
+                for i, maker in enumerate((without, within)):
+                    part = maker[out]
+                    errors[out, i] = np.linalg.pinv(part[:, out], rcond=0.1, hermitian=True) @ (part @ data)
+            result[name] = (rms((errors[:, 0] / self.weight)[keep]), rms((errors[:, 1] / self.weight)[keep]))
+        return Nested(result, selected)
+
+    def _scores(self, design: Array, data: Array, inside: NDArray[np.int64], n: int) -> Array:
+        """design, data, rows that are fitted → (blocks,) evidence of each candidate beside the design."""
+        touches = inside[inside < n]
+        scale = np.linalg.norm(design[inside], axis=0)
+        u, s, _ = np.linalg.svd(design[inside] / np.where(scale > 0, scale, 1.0), full_matrices=False)
+        u = u[:, s > 1e-5 * s[0]]
+        y = data[inside] - u @ (u.T @ data[inside])
+        q = u[: len(touches)]
+        x = self.columns[touches]
+        along = x.T @ y[: len(touches)]
+        across = q.T @ x
+        m, whole = len(inside) - u.shape[1], float(y @ y)
+        result = np.full(len(self.size), -np.inf)
+        for k in np.unique(self.size):
+            blocks = np.flatnonzero(self.size == k)
+            at = self.start[blocks][:, None] + np.arange(k)
+            own, gone = x.T[at], across.T[at]
+            gram = own @ own.transpose(0, 2, 1)
+            length = np.einsum("bkk->bk", gram)
+            left = gram - gone @ gone.transpose(0, 2, 1)
+            left[:, np.arange(k), np.arange(k)] += RIDGE * length + 1e-30
+            right = along[at]
+            taken = np.sum(right * np.linalg.solve(left, right[:, :, None])[:, :, 0], axis=1)
+            result[blocks] = -m * np.log(np.maximum(1 - taken / whole, 1e-9)) - self.e.catalogue.price[blocks]
+        return result
+
+
+__all__ = ["Folds", "Nested"]
