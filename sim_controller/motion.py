@@ -87,6 +87,8 @@ class Motion:
         person: bool = True,
         probe: Wiring = "alive",
         slack: Mapping[str, float] | None = None,
+        begins_deflected: bool = False,
+        miss_stops: bool = False,
     ) -> None:
         self.rig, self.machine = rig, rig.machine
         self.time = 0.0
@@ -101,7 +103,13 @@ class Motion:
         self._contacts: list[_Contact] = []
         self._person, self._probe = person, probe
         self._slack = {name: math.radians(value) for name, value in (slack or {}).items()}  # a brake holds the axis back, deg
+        self._begins_deflected = begins_deflected  # a probing move looks for an edge of the signal: one that is on changes nothing
+        self._miss_stops = miss_stops  # a probing move that meets nothing is an alarm
         self._asked, self._held = False, -1.0  # the screen asks for a finger; until when one is at the stylus, s
+
+    def freed(self) -> None:
+        """The word that opens a brake was carried out: nothing holds a rotary axis back any more."""
+        self._slack = {}
 
     def reads(self, text: str) -> None:
         """What stands on the screen now: a person who is there does what it says."""
@@ -144,7 +152,7 @@ class Motion:
         if self._asked and not self.deflected:
             self._asked = False
             return self._fingered(end, feed)
-        if self.deflected or self._bounce:
+        if (self.deflected and not self._begins_deflected) or self._bounce:
             self._bounce = False
             self._note("skip", result="already deflected", **self._shown())
             return Skip(True, self.position, already=True)
@@ -163,6 +171,8 @@ class Motion:
         if met is None or s is None:
             self._arrive(end, length / (feed / 60))
             self._note("skip", result="miss", **self._shown())
+            if self._miss_stops:
+                raise MotionStop("fault", "skip not reached: the probing move met nothing")
             return Skip(self._probe == "chatter" and feed < FAST, self.position)
         trigger = start + s * (end - start)
         speed = feed / 60

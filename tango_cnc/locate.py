@@ -28,7 +28,8 @@ FARTHEST = 20.0  # mm by which the table may stand elsewhere
 TURNED = 3.0  # deg by which it may be turned
 FEED = 500.0  # mm/min: a search of centimetres at a measuring feed takes minutes
 CLEAR = 10.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
-AGREES = 0.1  # mm between a touch and the table that was found
+AGREES = 0.05  # mm between a touch and the table that was found
+BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
 LEAST = 8  # touches that have to agree
 ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
 
@@ -54,9 +55,9 @@ def strategy(cell: Cell, count: int = TOUCHES) -> Plan:
     approach = Approach(off + CLEAR, off, FEED)
     best: tuple[float, Indexation] | None = None
     for indexation in _indexations(cell):
-        names = _chosen(cell.artefact, indexation.facets, count)
-        weight = _weakest(cell.artefact, names)
-        if weight > 1e-3 and (best is None or weight > best[0]):
+        names = _chosen(cell.artefact, indexation.facets, count, off)
+        weight = _spared(_sure(cell.artefact, names, off))
+        if _weakest(cell.artefact, names) > 1e-3 and (best is None or weight > best[0] + 1e-9):
             best = weight, replace(indexation, facets=names)
     if best is None:
         raise InputError(
@@ -75,7 +76,13 @@ def locate(plan: Plan, readings: Readings) -> Located:
     if _weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
         raise InputError(f"{len(met)} of {len(readings.status)} touches met something, which do not tell where the table stands")
     tip = kinematics.tip(kinematics.chain(plan.machine), readings.position[met])
-    kept, found, residual = _agreeing(facets, tip, plan.machine.probe.tip_radius)
+    least = min(LEAST, len(plan.touches))
+    if len(met) < least:
+        raise InputError(
+            f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed. "
+            "Correct the place in artefact.yaml by what you see at the machine, and locate again"
+        )
+    kept, found, residual = _agreeing(facets, tip, plan.machine.probe.tip_radius, least)
     if kept is None:
         worst = int(np.argmax(np.abs(residual)))
         raise InputError(
@@ -83,14 +90,22 @@ def locate(plan: Plan, readings: Readings) -> Located:
             f"{AGREES:g} mm. Was another facet touched, or something that is not the table? Look at the machine, locate again"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
-    return Located(found[:3], found[3:], residual, left_out, moved(plan.artefact, found[:3], found[3:]))
+    artefact = moved(plan.artefact, found[:3], found[3:])
+    away = max(math.dist(artefact.facets[facet.id].point, facet.point) for facet in facets)
+    if away > (most := 1.5 * plan.strategy.approach.search):
+        raise InputError(
+            f"the touches fit a table whose facets are {away:.0f} mm from where its file has them; allowed: {most:.0f} mm, as "
+            "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
+        )
+    return Located(found[:3], found[3:], residual, left_out, artefact)
 
 
-def _agreeing(facets: Sequence[Facet], tip: Array, radius: float) -> tuple[tuple[int, ...] | None, Array, Array]:
-    """facets, (n, 3) tips at their contacts → rows that agree, the six unknowns, (n,) mm of all rows; None where too few agree.
+def _agreeing(facets: Sequence[Facet], tip: Array, radius: float, least: int) -> tuple[tuple[int, ...] | None, Array, Array]:
+    """facets, (n, 3) tips at their contacts, how many have to agree → rows that do, six unknowns, (n,) mm; None where too few do.
 
     A displaced table may meet the ball beside the facet that is meant, so up to `ASTRAY` touches are left out, the fewest that
-    will do, as long as eight are left: six unknowns and two that could disagree.
+    will do, as long as eight are left: six unknowns and two that could disagree. Where leaving out one touch or another agrees, and
+    the table would stand elsewhere, neither is believed.
     """
     every = tuple(range(len(facets)))
     first: tuple[Array, Array] | None = None
@@ -98,15 +113,19 @@ def _agreeing(facets: Sequence[Facet], tip: Array, radius: float) -> tuple[tuple
         fits = []
         for left in combinations(every, out):
             kept = tuple(row for row in every if row not in left)
-            if len(kept) < LEAST:
+            if len(kept) < least:
                 continue
             found, residual = _solved(facets, tip, radius, kept)
             first = first or (found, residual)
             fits.append((float(np.abs(residual[list(kept)]).max()), kept, found, residual))
-        if fits and (best := min(fits, key=lambda fit: fit[0]))[0] <= AGREES:
-            return best[1], best[2], best[3]
-    if first is None:
-        return every, *_solved(facets, tip, radius, every)
+        agreeing = [fit for fit in fits if fit[0] <= AGREES]
+        if agreeing:
+            best = min(agreeing, key=lambda fit: fit[0])
+            contradicted = any(
+                np.abs(other[3] - best[3]).max() > AGREES for other in agreeing
+            )  # two answers, and nobody knows which
+            return None if contradicted else best[1], best[2], best[3]
+    assert first is not None  # nothing left out
     return None, *first
 
 
@@ -165,15 +184,54 @@ def _weakest(artefact: Artefact, names: Sequence[str]) -> float:
     return float(np.linalg.svd(_rows(artefact, names), compute_uv=False)[-1]) if len(names) >= 6 else 0.0
 
 
-def _chosen(artefact: Artefact, names: Sequence[str], count: int) -> tuple[str, ...]:
-    """facets → `count` of them, each the one that adds most to what the ones before tell (determinant)."""
-    rows, left, found = _rows(artefact, names), list(range(len(names))), list[int]()
+def _spared(rows: Array) -> float:
+    """(n, 6) what touches tell → the smallest singular value that is left when the worst is missing; below 0: not enough."""
+    if len(rows) < 7:
+        return float(np.linalg.svd(rows, compute_uv=False)[-1]) - 1.0 if len(rows) == 6 else -1.0
+    without = rows.T @ rows - np.einsum("ni,nj->nij", rows, rows)
+    return math.sqrt(max(float(np.linalg.eigvalsh(without)[:, 0].min()), 0.0))
+
+
+def _room(artefact: Artefact, names: Sequence[str]) -> Array:
+    """facets → (n,) mm from each facet's point to the nearest edge at which another flat facet begins; inf where there is none.
+
+    Within it a displaced table still shows the same plane to the ball.
+    """
+    flat = [facet for facet in artefact.facets.values() if facet.surface is None and facet.ball is None]
+    normal, point = np.array([facet.normal for facet in flat]), np.array([facet.point for facet in flat])
+    found = []
+    for facet in (artefact.facets[name] for name in names):
+        cosine, beyond = normal @ np.array(facet.normal), np.einsum("ni,ni->n", normal, point - np.array(facet.point))
+        beside = (np.abs(cosine) < BESIDE) & (beyond >= 0)
+        found.append(float((beyond[beside] / np.sqrt(1 - cosine[beside] ** 2)).min(initial=math.inf)))
+    return np.array(found)
+
+
+def _sure(artefact: Artefact, names: Sequence[str], off: float) -> Array:
+    """facets, mm by which they may be elsewhere → (n, 6) what their touches tell; less where an edge is nearer than that."""
+    return _rows(artefact, names) * np.clip(_room(artefact, names) / off, 0.1, 1.0)[:, None] ** 3
+
+
+def _chosen(artefact: Artefact, names: Sequence[str], count: int, off: float) -> tuple[str, ...]:
+    """facets, mm by which they may be elsewhere → `count` of them that tell most, also when any one of them misses.
+
+    First each that adds most to what the ones before tell (determinant), then exchanges as long as they help.
+    """
+    rows, left, found = _sure(artefact, names, off), list(range(len(names))), list[int]()
     information = 1e-6 * np.eye(6)
     while left and len(found) < count:
         best = max(left, key=lambda row: float(rows[row] @ np.linalg.solve(information, rows[row])))
         information += np.outer(rows[best], rows[best])
         found.append(best)
         left.remove(best)
+    better = True
+    while better:
+        better = False
+        for place in range(len(found)):
+            for other in range(len(names)):
+                tried = [*found[:place], other, *found[place + 1 :]]
+                if other not in found and _spared(rows[tried]) > 1.001 * _spared(rows[found]):
+                    found, better = tried, True
     return tuple(names[row] for row in sorted(found))
 
 

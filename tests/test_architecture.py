@@ -26,7 +26,7 @@ INTERNAL: dict[str, str | None] = {
     "check": "records kinematics",
     "duration": "records gate",
     "gate": "records",
-    "commission": "records gate plan",
+    "commission": "records gate plan kinematics",
     "locate": "records kinematics plan",
     "plan": "records kinematics check",
     "readback": "records kinematics check gate",

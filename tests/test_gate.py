@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -26,7 +27,7 @@ from tango_cnc.gate import ALIVE_TIME, BEHIND, PROVING, TOUCH, gate, proving_tou
 from tango_cnc.link._client import Asked, Begun, Ended, Failed, Job, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
-from tango_cnc.records import InputError, Plan, World
+from tango_cnc.records import InputError, Machine, Plan, World
 
 QUICK = ("fanuc", "siemens")  # of two families by default; the others take as long each and run in CI
 DIALECTS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(EVERY)]
@@ -34,25 +35,45 @@ BY_LINE = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long)
 NEAR = ("contact", "collision")  # what must not happen where nobody has proven the probe alive
 
 
-def ran(name: str, made: Plan, options: Mapping[str, Any] | None = None, **who: Any) -> Ran:
-    """dialect, plan, options of its profile, who is there and how the probe is wired → what came of the program."""
+def ran(
+    name: str,
+    made: Plan,
+    options: Mapping[str, Any] | None = None,
+    habits: Mapping[str, Any] | None = None,
+    truly: Machine | None = None,
+    brake: int | None = None,
+    **who: Any,
+) -> Ran:
+    """dialect, plan, options of its profile, who is there and how the probe is wired → what came of the program.
+
+    `habits`: of the control, beside its usual ones; `truly`: the machine that really moves; `brake`: M code that opens it.
+    """
     spoken, found = EVERY[name], Ran()
     family = language(spoken.family)
     lines = list(program(load(name), made, options or {}, plan_hash(made))[2]())
     lines = lines[spoken.frame : len(lines) - spoken.frame]
     library = [line for file, text in companions(load(name), made, options or {}).items() for line in (file, *text)]
-    motion = Motion(rig(made.machine, made.artefact, World()), lambda event, **data: found.events.append((event, data)), **who)
-    profile = replace(family.default_profile(made.machine), **spoken.settings)
+    machine = truly or made.machine
+    motion = Motion(rig(machine, made.artefact, World()), lambda event, **data: found.events.append((event, data)), **who)
+    profile = replace(family.default_profile(machine), **{**spoken.settings, **(habits or {})})
+
+    def note(event: str, **data: Any) -> None:
+        found.events.append((event, data))
+        if event == "m" and brake is not None and re.search(rf"\b{brake}\b", str([*data.values()]).replace("M", "M ")):
+            motion.freed()
+
     control = family.Control(
         motion,
         profile,
         lambda data: setattr(found, "out", found.out + data),
-        lambda event, **data: found.events.append((event, data)),
+        note,
         spoken.library if name in ("brother", "heidenhain") else library,
     )
     if name == "grbl":
         numbers = tuple(touch.number for touch in made.touches)
-        job = Job(made, "\n".join(lines), "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
+        wait = (99.0,) * (len(numbers) + 1)
+        misses = len(numbers) + 1 if made.touches[0].facet == "air" else 3  # as 'tango commission' asks for
+        job = Job(made, "\n".join(lines), "M", made.machine.names, wait, numbers, misses=misses)
         client = Client(job, {"orient": "m19"})
         while not client._over:
             asked = client.bytes_to_send(1 << 16).decode("ascii")
@@ -153,6 +174,7 @@ def test_it_goes_where_there_is_room(room: float) -> None:
 
 
 FACET = {"gate": "facet"}
+STEPS = 0.05  # mm at the facet that half a step of a simulated board's rotary axes may make (0.006 deg, half a metre away)
 WAYS_IT_FAILS = ("dead", "other", "inverted")
 
 
@@ -234,7 +256,7 @@ def random_plans_with_a_bad_probe(seed: int, count: int) -> int:
                 where = f"plan {i} of seed {seed}, {name}, {which}, {probe}"
                 assert found.why or found.stops, where
                 assert not set(NEAR) & set(events(found)), where
-                assert bent(found) <= BEHIND + 0.01, where
+                assert bent(found) <= BEHIND + STEPS, where
                 runs += 1
     return runs
 

@@ -49,7 +49,7 @@ def readings(ran: Ran) -> Readings:
 
 
 def touched(true: Artefact) -> Ran:
-    lines = list(program(load("fanuc"), made(), {}, plan_hash(made()))[2]())[1:-1]
+    lines = list(program(load("fanuc"), made(), {"misses": len(made().touches)}, plan_hash(made()))[2]())[1:-1]
     ran = run_on(
         lambda motion, punch, note: macro_b.Control(motion, macro_b.default_profile(made().machine), punch, note),
         lines,
@@ -78,12 +78,26 @@ def test_a_displaced_table_is_found() -> None:
 
 
 @pytest.mark.parametrize("draws", [pytest.param(12, marks=pytest.mark.long), pytest.param(1000, marks=pytest.mark.campaign)])
-def test_tables_are_found_or_refused(draws: int) -> None:
-    """Two touches beside their facets are too many to tell: such a table is refused, or may be some tenths of a millimetre off."""
+def test_tables_are_found(draws: int) -> None:
     found = [found_to(seed) for seed in range(2, 2 + draws)]
-    told = [off for off in found if off is not None]
-    assert len(told) >= 0.8 * draws
-    assert np.median(told) < 0.01 and np.mean([off < 0.1 for off in told]) >= 0.9 and max(told) < 1.0
+    assert [seed for seed, off in enumerate(found, 2) if off is None or off > 0.1] == []
+
+
+def test_where_one_touch_or_another_may_be_wrong_neither_is_believed() -> None:
+    """On the three-axis example the touches of facets 3 and 7 alone tell Y: 7 mm wrong, either of them could be the one."""
+    small = read_cell(Path(__file__).parent.parent / "examples" / "three_axis")
+    planned = locate.strategy(small)
+    names = planned.machine.names
+    position = np.array([touch.contact for touch in planned.touches])
+    alone = [row for row, touch in enumerate(planned.touches) if small.artefact.facets[touch.facet].normal[1] == 1]
+    assert len(alone) == 1
+    position[alone[0], names.index("Y")] += 7.0
+    count = len(position)
+    one, facets = np.ones(count, dtype=np.int64), tuple(touch.facet for touch in planned.touches)
+    feed, motion = np.full(count, locate.FEED), last_motion(planned)
+    wrong = Readings(names, np.arange(1, count + 1), np.zeros(count), facets, position, motion, ("ok",) * count, one, one, feed)
+    with pytest.raises(InputError, match=r"from the table that the others tell; allowed: 0\.05 mm"):
+        locate.locate(planned, wrong)
 
 
 def test_it_takes_less_than_three_minutes() -> None:
@@ -103,5 +117,5 @@ def test_touches_that_do_not_agree_are_refused() -> None:
     wrong = readings(ran)
     rng = np.random.default_rng(3)
     wrong.position[:, :3] += rng.normal(scale=2.0, size=(len(wrong.position), 3))
-    with pytest.raises(InputError, match=r"from the table that the others tell; allowed: 0\.1 mm"):
+    with pytest.raises(InputError, match=r"from the table that the others tell; allowed: 0\.05 mm"):
         locate.locate(made(), wrong)

@@ -10,17 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..commission import ordered
+from ..commission import remaining
 from ..files import drawn_lines
 from ..plan import OBSTRUCTED, USUAL, plan_hash
 from ..records import Plan
 from ._common import Decorator, table
 
 if TYPE_CHECKING:
+    from ..files.commissioning import Proof
     from ..program import Program
 
 NAMED = 3  # doubtful touches that a warning names
-CONFIRM = "confirm on your control and state it under controller: in tango.yaml, a key as itself, a fact without = under confirmed:"
+CONFIRM = (
+    "'tango commission' tries what has a name, high above the table. Or confirm it yourself and state it in tango.yaml: a key "
+    "under controller:, a fact without = under confirmed:"
+)
 
 
 obstructed_option: Decorator = click.option(
@@ -70,12 +74,16 @@ def _moves(plan: Plan) -> Iterator[str]:
         yield f"{move.touch:>{number}}  {move.kind:<{kind}}  {target}".rstrip()
 
 
-def as_json(plan: Plan, post: str, folder: Path, written: Sequence[Program], doubts: tuple[str, ...]) -> dict[str, Any]:
-    """plan, post, folder of its programs, what is unverified → plain data of the format tango-plan/1; mm and deg."""
+def as_json(
+    plan: Plan, post: str, folder: Path, written: Sequence[Program], doubts: tuple[str, ...], proven: Mapping[str, Proof]
+) -> dict[str, Any]:
+    """plan, post, folder of its programs, what no profile states, proofs that hold → plain data of tango-plan/1; mm and deg."""
     used = {}
     low, high = dict.fromkeys(plan.machine.names, math.inf), dict.fromkeys(plan.machine.names, -math.inf)
     least, most = (tuple(sign * math.inf for _ in plan.machine.names) for sign in (1, -1))  # of the contacts
     kinds: Counter[str] = Counter()
+    verdicts = {belief: proof.verdict for belief, proof in proven.items()}
+    left = {text for _, texts in remaining(doubts, verdicts) for text in texts}
     facets = set()
     for touch in plan.touches:
         facets.add(touch.facet)
@@ -117,7 +125,8 @@ def as_json(plan: Plan, post: str, folder: Path, written: Sequence[Program], dou
         "doubtful": list(plan.doubtful),
         "moves": dict(kinds),
         "travel_used": used,
-        "unverified": list(doubts),
+        "unverified": [text for text in doubts if text in left],
+        "proven": verdicts,
     }
 
 
@@ -140,8 +149,17 @@ def as_text(plan: Plan, result: dict[str, Any]) -> str:
     beside = bool(result["companions"])
     many = len(plan.left_out)
     missing = f", {many} {'touch' if many == 1 else 'touches'} of the strategy left out" if many else ""
-    rows_of_doubts = ordered(result["unverified"])  # those that can break something first, each with how it is looked at
-    doubts = "".join(f"\n  {text}" + (f"\n      {danger}: {check}" if check else "") for danger, text, check in rows_of_doubts)
+    tried = result["proven"]
+    passed = [belief for belief, verdict in tried.items() if verdict == "PASS"]
+    unverified = ""
+    for experiment, texts in remaining(result["unverified"], tried):  # what can break something first, each with how to look at it
+        if experiment is None:
+            unverified += "\n  no experiment tries these; look them up"
+        else:
+            wrong = " IT IS NOT SO on this control." if tried.get(experiment.belief) == "FAIL" else ""
+            todo = experiment.advice if wrong else experiment.check
+            unverified += f"\n  {experiment.belief} (danger {experiment.danger}): {experiment.says}.{wrong}\n      → {todo}"
+        unverified += "".join(f"\n      {text}" for text in texts)
     return (
         f"{result['touches']} touches on {result['facets']} facets at {result['indexations']} indexations{missing}\n"
         f"{table(rows, '<>>><')}\n"
@@ -149,5 +167,6 @@ def as_text(plan: Plan, result: dict[str, Any]) -> str:
         + "".join(f"program {p['program']} (hash {p['program_hash']}){_range(p, result)}\n" for p in result["programs"])
         + f"plan    {result['plan']} (hash {result['plan_hash']})\n"
         + (f"beside  {', '.join(map(_name, result['companions']))}: have to be on the control too, see docs/dialects.md\n" * beside)
-        + (f"unverified: {CONFIRM}{doubts}" if doubts else "")
+        + (f"proven on this control: {', '.join(passed)}\n" if passed else "")
+        + (f"unverified: {CONFIRM}{unverified}" if unverified else "")
     ).rstrip()

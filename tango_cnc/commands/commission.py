@@ -12,12 +12,14 @@ from typing import Any
 
 import click
 
-from ..files import blamed_on, read_cell
+from ..files import blamed_on, read_cell, write_text
+from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
 from ._common import asks_for_a_finger, cell_option, dialect, json_option, json_text, table
 
 FOLDER = "commissioning"  # of the cell: program, records and journal of the last try
 WORD = re.compile(r"([A-Z]) *([+-]? *\d*\.?\d+)")
+SUMS = 0.01  # mm: coordinates of a record and their sum K, all rounded
 FAILED = 1
 PLACE = "Measure 10"  # in the list of commands
 
@@ -26,7 +28,12 @@ PLACE = "Measure 10"  # in the list of commands
 @cell_option
 @click.option("--port", metavar="URL", help="Default: controller.port of the cell.")
 @click.option("--program", "only_program", is_flag=True, help="Write the program and stop: nothing is sent.")
-@click.option("--held", is_flag=True, help="Try a probe that is held aside too: the program is started once more and has to stop.")
+@click.option(
+    "--held/--no-held",
+    default=None,
+    help="Try a probe that is held aside too: the program is started once more and has to stop. Default: at a terminal.",
+)
+@click.option("--again", is_flag=True, help="Try everything, also what is proven already.")
 @click.option(
     "--answers",
     type=click.Choice(["ask", "yes", "none"]),
@@ -41,7 +48,8 @@ def command(
     folder: Path,
     port: str | None,
     only_program: bool,
-    held: bool,
+    held: bool | None,
+    again: bool,
     answers: str,
     said: str,
     timeout: float | None,
@@ -50,11 +58,13 @@ def command(
     """Tries what is believed of the control, high above the table, with a finger at the probe.
 
     The program makes moves in the air at a few indexations and records misses. PASS or FAIL of every belief go into
-    commissioning.yaml of the cell, with date, hash of the program and what the control calls itself.
+    commissioning.yaml of the cell, with date, hash of the program and what the control calls itself. What is proven is not tried
+    again, as long as what it depends on (profile, axes of machine.yaml, port) is the same.
     """
     from .. import commission
-    from ..files.commissioning import Proof, add_proofs, profile_hash
+    from ..files.commissioning import Proof, add_proofs
     from ..plan import plan
+    from ._proofs import keys_of, proven, unproven
 
     cell = read_cell(folder)
     if cell.controller is None:
@@ -62,7 +72,21 @@ def command(
             f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
         )
     post = dialect(cell)
-    made = commission.air(plan(cell), 2 if post.link == "grbl" else commission.MOST)
+    known = {} if again else proven(cell, post)
+    wanted = {experiment.belief for experiment in unproven(known)}
+    if not wanted and not only_program:
+        click.echo(f"everything is proven on this control, see {folder / NAME}; 'tango commission --again' tries it once more")
+        return
+    someone = sys.stdin is not None and sys.stdin.isatty()
+    if held and not someone:
+        raise InputError("--held: found no terminal; allowed: a terminal with a person who holds the stylus aside when asked")
+    flies = bool(wanted - {"deflected"}) or only_program  # else the program with the stylus held aside is all that is left
+    if not flies and (held is False or not someone):
+        click.echo(
+            f"only deflected is not proven, see {folder / NAME}; it needs a terminal and a person who holds the stylus aside"
+        )
+        return
+    made = commission.air(plan(cell), commission.MOST if wanted - {"alive", "deflected", "directions", "override"} else 1)
     options = asks_for_a_finger(cell.controller.options)
     if any(option.name == "misses" for option in post.options):
         options["misses"] = 20  # every move of this program is to meet nothing
@@ -74,29 +98,35 @@ def command(
     address = port or cell.controller.port
     if address is None:
         raise InputError(f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists them")
-    someone = sys.stdin is not None and sys.stdin.isatty()
-    if held and not someone:
-        raise InputError("--held: found no terminal; allowed: a terminal with a person who holds the stylus aside when asked")
+    questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
     click.echo(
         f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
         "moves in the air. Probe in the spindle and on; hand on feed hold.",
         err=True,
     )
-    if someone and not click.confirm("Start?", err=True):
-        raise click.Abort
-    seen, control = _tried(cell, post, made, programs, address, timeout, someone)
-    if not seen.ended and not said and someone:
+    if known:
+        click.echo(f"proven already, and not asked again: {', '.join(sorted(known.keys() - wanted))}", err=True)
+    if someone:
+        for text in ("You will be asked:", *(f"  {text}" for each in questions.values() for text in each.values())):
+            click.echo(text, err=True)
+        if not click.confirm("Start?", err=True):
+            raise click.Abort
+    seen, control = commission.Seen(made, {}, False, not flies), ""
+    if flies:
+        seen, control = _tried(cell, post, made, programs, address, timeout, someone)
+    if not seen.ended and not said and not seen.said and someone:
         said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
-    if held and seen.ended:
-        if someone:
-            click.pause("Hold the stylus aside and keep it there, then press any key …", err=True)
-        ungated = _written(folder, post, made, options | {"gate": "none"})  # which would notice the hand by itself
-        again, _ = _tried(cell, post, made, ungated, address, timeout, someone)
-        seen = replace(seen, held=not again.records and not again.ended)
-    seen = replace(seen, said=said, answers=_asked(answers if someone or answers != "ask" else "none"))
-    judged = commission.judge(seen)
+    seen = replace(seen, said=said or seen.said)
+    if seen.ended and "deflected" in wanted and (held or (held is None and someone)):
+        aside = not someone or click.confirm("Hold the stylus aside and keep it there. Do you? (no: this is left open)", err=True)
+        if aside:
+            ungated = _written(folder, post, made, options | {"gate": "none"})  # which would notice the hand by itself
+            once, control = _tried(cell, post, made, ungated, address, timeout, someone)
+            seen = replace(seen, held=_stopped(once, someone))
+    seen = replace(seen, answers=_asked(questions, answers if someone or answers != "ask" else "none"))
+    judged = [j for j in commission.judge(seen) if j.experiment.belief in wanted or j.verdict.verdict == "FAIL"]
     date = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
-    own = profile_hash(cell.controller.post, cell.controller.options)
+    keys = keys_of(cell, post)
     proofs = [
         Proof(
             j.experiment.belief,
@@ -107,7 +137,7 @@ def command(
             date,
             programs[0].mark,
             control,
-            own,
+            keys[j.experiment.belief],
         )
         for j in judged
     ]
@@ -126,10 +156,10 @@ def command(
         rows = [["belief", "", "what was found"], *([p.belief, p.verdict, p.found] for p in proofs)]
         click.echo(table(rows, "<<<"))
         for j in failed:
-            click.echo(f"{j.experiment.belief}: {j.experiment.says}. It is not so. {j.experiment.advice}".rstrip())
+            click.echo(f"{j.experiment.belief}: {j.experiment.says}. It is not so. What to do: {j.experiment.advice}".rstrip())
         click.echo(f"→ {file}")
         if json_file is not None:
-            Path(json_file).write_text(json_text(result) + "\n", encoding="utf-8")
+            write_text(Path(json_file), json_text(result) + "\n")
     if failed:
         raise click.exceptions.Exit(FAILED)
 
@@ -163,7 +193,8 @@ def _tried(
     target = cell.folder / FOLDER / "readings.csv"
     why = ""
     with holding(cell.folder, "tango commission"):
-        wanted = Wanted(address, post.link, cell.controller.post, target, False, timeout, 600.0 if someone else 60.0)
+        start = 600.0 if someone else 60.0
+        wanted = Wanted(address, post.link, cell.controller.post, target, False, timeout, start, misses=len(made.touches) + 1)
         try:
             measure(cell, made, wanted, lambda part: programs, _told, lambda part, program: None)
         except LinkError as error:
@@ -179,33 +210,53 @@ def _tried(
         if isinstance(entry, entries.End):
             ended = entry.complete
         if isinstance(entry, entries.Reading | entries.Doubted):
-            found = _record(entry.record, made)
+            found = record_of(entry.record, made)
             if found is not None:
                 records[found[0]] = found[1:]
                 seconds = entry.time_s
             else:
                 refused.append(entry.record)
-    said = why if post.link == "grbl" or "linuxcnc" in address else ""
+    speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
+    said = why if speaks and (begun or "PROBE" in why.upper()) else ""
     return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds), control
 
 
-def _record(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:
-    """line of a record → touch, flag, {axis: mm or deg}; None for what is none."""
+def _stopped(once: Any, someone: bool) -> bool | None:
+    """what came of the program while the stylus was held aside → whether it stopped for that; None: nobody knows."""
+    if once.records or once.ended:
+        return False
+    if once.begun or once.said:
+        return True
+    if not someone:  # no start mark: was it started at all?
+        return None
+    return click.confirm("Nothing came. Was the program started, and did the control stop it by itself?", err=True)
+
+
+def record_of(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:
+    """line of a record → touch, flag, {axis: mm or deg}; None for what is none, or has a sum that is not right."""
     values = {letter: float(value.replace(" ", "")) for letter, value in WORD.findall(text)}
-    wanted = {*made.machine.linear, *made.machine.rotary}
-    if not {"P", "H", *wanted} <= set(values):
+    wanted = [*made.machine.linear, *made.machine.rotary]
+    if not {"P", "H", *wanted} <= set(values) or "," in text:
+        return None
+    if "K" in values and abs(sum(values[name] for name in (*wanted, "S") if name in values) - values["K"]) > SUMS:
         return None
     return int(values["P"]), int(values["H"]), {name: values[name] for name in wanted}
 
 
-def _asked(how: str) -> dict[str, bool]:
-    """ask, yes or none → {belief: answer} of the questions that only a person can answer."""
-    from .. import commission
-
-    questions = {e.belief: e.question for e in commission.experiments() if e.question}
+def _asked(questions: dict[str, dict[str, str]], how: str) -> dict[str, dict[str, bool]]:
+    """{belief: {what: question}}, ask, yes or none → {belief: {what: answer}}; what nobody has seen is left out."""
     if how == "none":
         return {}
-    return {belief: True if how == "yes" else click.confirm(text, err=True) for belief, text in questions.items()}
+    said: dict[str, dict[str, bool]] = {}
+    for belief, each in questions.items():
+        for what, text in each.items():
+            answer = "y"
+            if how == "ask":
+                kinds = click.Choice(["y", "n", "?"])
+                answer = click.prompt(f"{text} y yes, n no, ? not seen", type=kinds, default="?", show_choices=False, err=True)
+            if answer != "?":
+                said.setdefault(belief, {})[what] = answer == "y"
+    return said
 
 
 def _told(step: Any) -> None:

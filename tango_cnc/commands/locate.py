@@ -31,7 +31,7 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
 def command(folder: Path, port: str | None, only_program: bool, file: Path | None, out: Path | None, json_file: str | None) -> None:
     """Finds where the table stands, when its file is right to 20 mm and 3 degrees only.
 
-    Ten slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the cell's own
+    Nine slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the cell's own
     file stays as it is: look at the numbers, then copy it.
     """
     from .. import locate
@@ -48,7 +48,10 @@ def command(folder: Path, port: str | None, only_program: bool, file: Path | Non
                 f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
             )
         post = dialect(cell)
-        programs = _written(folder, post, made, asks_for_a_finger(cell.controller.options))
+        options = asks_for_a_finger(cell.controller.options)
+        if any(option.name == "misses" for option in post.options):
+            options["misses"] = max(len(made.touches), 3)  # on a table that stands elsewhere some meet nothing
+        programs = _written(folder, post, made, options)
         if only_program:
             click.echo(f"{programs[0].file}: run it, then 'tango locate --readings FILE'")
             return
@@ -58,7 +61,7 @@ def command(folder: Path, port: str | None, only_program: bool, file: Path | Non
                 f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists them"
             )
         with holding(folder, "tango locate"):
-            wanted = Wanted(address, post.link, cell.controller.post, target)
+            wanted = Wanted(address, post.link, cell.controller.post, target, misses=len(made.touches))
             measure(cell, made, wanted, lambda part: programs, lambda step: None, lambda part, program: None)
     readings = read_readings(file or target, cell.machine, cell.artefact)
     found = locate.locate(made, readings)

@@ -77,6 +77,7 @@ def command(
     from .. import plan as planner
     from ..program import parts, programs, stale
     from ..report import path, pictures
+    from ._proofs import proven
 
     if dry_run and json_file is not None:
         raise InputError("--dry-run and --json: a dry run makes no program to tell of; leave one of them out")
@@ -133,7 +134,8 @@ def command(
     if capability is not None:
         texts = artefact_text(cell.artefact), strategy_text(cell.strategy)
         files |= {target / n: partial(iter, text.splitlines()) for n, text in zip(CELL_FILES, texts, strict=True)}
-    result = as_json(made, name, target, written, doubts)
+    own = cell.controller is not None and (post is None or post == cell.controller.post)
+    result = as_json(made, name, target, written, doubts, proven(cell, dialect) if own else {})
     result |= {"drawings": drawn_sizes(cell.artefact), "companions": [str(target / name_beside) for name_beside in companions]}
     if json_file not in (None, "-"):
         beside["--json"] = Path(str(json_file)), lambda: [json_text(result)]

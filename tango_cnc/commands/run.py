@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 PLACE = "Measure 30"  # in the list of commands
 
+DANGEROUS = 2  # beliefs up to this danger are named before a run: what they lead to breaks something, or a whole night is lost
 PAUSE = 0.3  # s between two looks at the journal of another program
 
 
@@ -127,7 +128,7 @@ def command(
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
-            _ask(program.plan, shown(address), positioning_feed(cell), _unproven(cell), _gate(cell, post))
+            _ask(program.plan, shown(address), positioning_feed(cell), _unproven(cell, post), _gate(cell, post))
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, _Live(json_file) as live, _transcript(transcript) as heard:
@@ -210,14 +211,13 @@ def _in_spindle(part: Plan) -> str:
     return f"Probe with stylus {machine.stylus} ({machine.probe.length:g} mm)" if machine.styli else "Probe"
 
 
-def _unproven(cell: Cell) -> list[str]:
-    """cell → beliefs of the most dangerous kind that nothing in its commissioning.yaml has proven of this profile."""
-    from ..commission import experiments
-    from ..files.commissioning import latest, profile_hash, read_commissioning
+def _unproven(cell: Cell, post: Post) -> list[str]:
+    """cell, its post → beliefs that can break something and that nothing in its commissioning.yaml proves today, in sentences."""
+    from ._proofs import proven, unproven
 
-    assert cell.controller is not None
-    proven = latest(read_commissioning(cell.folder), profile_hash(cell.controller.post, cell.controller.options))
-    return [e.says for e in experiments() if e.danger == 1 and (e.belief not in proven or proven[e.belief].verdict != "PASS")]
+    found = proven(cell, post)
+    open_ones = [e for e in unproven(found) if e.danger <= DANGEROUS]
+    return [f"{e.says}{'. It is NOT so: ' + found[e.belief].found if e.belief in found else ''}" for e in open_ones]
 
 
 def _gate(cell: Cell, post: Post) -> str:
@@ -235,7 +235,7 @@ def _ask(part: Plan, address: str, feed: float | None, unproven: list[str], whic
     for text in unproven:
         click.echo(f"not proven on this control: {text}", err=True)
     if unproven:
-        click.echo("'tango commission' proves it high above the table, in minutes.", err=True)
+        click.echo("'tango commission' tries it high above the table, in minutes.", err=True)
 
     time = spoken(sum(duration(part, feed).values()) + proof(part, which, feed))
     click.echo(

@@ -1,11 +1,24 @@
 """What is believed of a control, tried on it high above the table: a plan in the air, and what its records prove.
 
 `experiments/` has one file an experiment; `flight.py` makes the plan that all of them share, `verdicts.py` turns what came of it
-into proofs.
+into proofs, `keys.py` says how long each of them holds.
 """
 
 from .experiment import Experiment, Seen, Verdict
 from .flight import MOST, air
-from .verdicts import Judged, experiments, judge, ordered, remaining
+from .keys import keys
+from .verdicts import Judged, experiments, judge, questions, remaining
 
-__all__ = ["MOST", "Experiment", "Judged", "Seen", "Verdict", "air", "experiments", "judge", "ordered", "remaining"]
+__all__ = [
+    "MOST",
+    "Experiment",
+    "Judged",
+    "Seen",
+    "Verdict",
+    "air",
+    "experiments",
+    "judge",
+    "keys",
+    "questions",
+    "remaining",
+]

@@ -21,7 +21,7 @@ class Seen:
     said: str = ""  # the stop that stands on the screen
     seconds: float | None = None  # from the start mark to the end mark
     held: bool | None = None  # whether the program stopped while somebody held the stylus aside; None: not tried
-    answers: Mapping[str, bool] = field(default_factory=dict)  # {belief: what the person says}
+    answers: Mapping[str, Mapping[str, bool]] = field(default_factory=dict)  # {belief: {what: what the person says of it}}
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,11 @@ class Verdict:
     found: str
     value: float | None = None
     unit: str = ""
+
+
+def nothing(plan: Plan) -> dict[str, str]:
+    """plan → the questions of an experiment that asks nobody."""
+    return {}
 
 
 @dataclass(frozen=True)
@@ -46,17 +51,21 @@ class Experiment:
     judge: Callable[[Seen], Verdict]
     stops: re.Pattern[str] = re.compile(r"(?!)")  # texts of stops that come when it is wrong
     settles: re.Pattern[str] = re.compile(r"(?!)")  # what of the list of unverified it proves
-    question: str = ""  # what the person at the machine is asked
+    asks: Callable[[Plan], Mapping[str, str]] = nothing  # plan in the air → {what: what the person at the machine is asked}
+    rests: tuple[str, ...] = ()  # options of the profile that it depends on: another value, and it is to be tried again
+    on: tuple[str, ...] = ()  # what else it depends on: linear (axes of machine.yaml), rotary, port
 
 
-def answered(belief: str) -> Callable[[Seen], Verdict]:
-    """belief → the judge of an experiment that a person answers."""
+def answered(belief: str, asks: Callable[[Plan], Mapping[str, str]]) -> Callable[[Seen], Verdict]:
+    """belief, what it asks → the judge of an experiment that a person answers: one no is a FAIL, a question left open is OPEN."""
 
     def judge(seen: Seen) -> Verdict:
-        if belief not in seen.answers:
-            return Verdict("OPEN", "nobody was asked")
-        return (
-            Verdict("PASS", "said by the person at the machine") if seen.answers[belief] else Verdict("FAIL", "the person says no")
-        )
+        said, asked = seen.answers.get(belief, {}), asks(seen.plan)
+        wrong = [what for what in asked if said.get(what) is False]
+        if wrong:
+            return Verdict("FAIL", f"{', '.join(wrong)}: the person at the machine says no")
+        if unsaid := [what for what in asked if what not in said]:
+            return Verdict("OPEN", f"nobody has said it of {', '.join(unsaid)}")
+        return Verdict("PASS", "said by the person at the machine")
 
     return judge

@@ -1,6 +1,6 @@
 """Plan of a cell → a plan in the air: measuring moves at the clear level of a few indexations, that meet nothing.
 
-    probe moves up from the stand-off ▲ 5 mm, record of a miss
+    probe moves up from the stand-off ▲ 5 mm, record of a miss     ▶ 5 mm along every other linear axis, at the first indexation
     stand-off  ──────────────────────── 10 mm above the clear level
     clear level ─ ─ ─ nothing on the table reaches it at this indexation
 
@@ -9,39 +9,114 @@ Rotary axes turn where the cell's own plan turns them, so what is tried here is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
+from .. import kinematics
 from ..gate import gate
 from ..plan import part, plan_hash
-from ..records import InputError, Plan, Touch
+from ..records import Array, InputError, Plan, Touch
 
 MOST = 6  # indexations
 ABOVE, WAY = 10.0, 5.0  # mm over the clear level where a measuring move begins; mm that it goes
 ENTER = 1.0  # mm above its beginning from where it is approached
+UPRIGHT = 0.9  # part of the way up that one axis makes: it needs no move of its own
 
 
 def air(whole: Plan, most: int = MOST) -> Plan:
-    """plan of a cell, indexations at most → plan in the air: one measuring move an indexation, each a miss where all is right.
+    """plan of a cell, indexations at most → plan in the air: measuring moves that are misses where all is right, numbered from 1.
 
-    Raises InputError where the travels leave no room above the clear level.
+    One up along the tool at each indexation, and at the first one along each other linear axis. Raises InputError where the
+    travels leave no room above the clear level.
     """
     chosen = _chosen(whole, most)
     few = part(whole, [touch.number for touch in chosen])
     up = _up(whole)
-    touches = []
+    touches: list[Touch] = []
+    number = {few.touches[-1].number + 1: 0}  # of the cell's plan → of this one
     for touch in few.touches:
-        place = [np.array(touch.over) + distance * up for distance in (ABOVE, ABOVE + WAY / 2, ABOVE + WAY, ABOVE + ENTER)]
-        standoff, contact, end, over = (tuple(float(v) for v in p) for p in place)
-        touches.append(replace(touch, facet="air", standoff=standoff, contact=contact, end=end, over=over, enter=None, leave=None))
+        number[touch.number] = len(touches) + 1
+        ways = [up, *(_sideways(few, touch, up) if not touches else ())]
+        touches += [_moved(touch, up, way, len(touches) + i) for i, way in enumerate(ways, 1)]
+    number[few.touches[-1].number + 1] = len(touches) + 1
+    turns = tuple(replace(turn, touch=number[turn.touch]) for turn in few.turns)
     approach = replace(few.strategy.approach, standoff=WAY / 2, search=WAY / 2, find=None)
-    made = replace(few, touches=tuple(touches), strategy=replace(few.strategy, approach=approach))
+    made = replace(few, touches=tuple(touches), turns=turns, strategy=replace(few.strategy, approach=approach))
     _within(made)
     gate(made)
     plan_hash(made)
     return made
+
+
+def along(made: Plan) -> dict[str, str]:
+    """plan in the air → {linear axis: which move goes along it and where to, in the words of a question, without its mark}."""
+    chain, found = kinematics.chain(made.machine), dict[str, str]()
+    for touch in made.touches:
+        way = np.array(touch.end) - np.array(touch.standoff)
+        name = max(made.machine.linear, key=lambda axis: abs(way[made.machine.column(axis)]))
+        column = made.machine.column(name)
+        if name in found or touch.indexation != made.touches[0].indexation or abs(way[column]) < UPRIGHT * WAY:
+            continue
+        begin, end = kinematics.tip(chain, np.array([touch.standoff, touch.end]))
+        moved = f"move {touch.number} took {name} from {touch.standoff[column]:.1f} to {touch.end[column]:.1f}"
+        found[name] = f"{moved}: did the probe move {_seen(made, end - begin, touch.number == 1)}"
+    return found
+
+
+def turning(made: Plan) -> dict[str, str]:
+    """plan in the air → {rotary axis: which turn to look at and how it has to be, in the words of a question, without its mark}."""
+    found: dict[str, str] = {}
+    for axis in (axis for axis in made.machine.axes if axis.kind == "rotary"):
+        column = made.machine.column(axis.name)
+        turns = [(b.standoff[column] - a.standoff[column], a, b) for a, b in pairwise(made.touches)]
+        turned = max(turns, key=lambda turn: abs(turn[0]), default=None)
+        if turned is None or abs(turned[0]) < math.radians(0.5):
+            continue
+        by, before, after = turned
+        what = "the table" if axis.name in made.machine.workpiece_branch else "the spindle head"
+        where = ", ".join(f"{v:g}" for v in axis.direction)
+        angles = (math.degrees(touch.standoff[column]) for touch in (before, after))
+        turn = f"between move {before.number} and move {after.number} {axis.name} went {' to '.join(f'{v:.1f}' for v in angles)}"
+        way = f"turn {'counter' if by > 0 else ''}clockwise (or the other way round by more than half a turn)"
+        found[axis.name] = f"{turn}: where ({where}) of the machine points at you, did {what} {way}"
+    return found
+
+
+def _seen(made: Plan, way: Array, up: bool) -> str:
+    """(3,) mm of the tip as seen from the table → where it goes, in words that the person at the machine can check."""
+    if up:
+        return "away from the table"
+    facets = {key: float(np.dot(facet.point, way)) for key, facet in made.artefact.facets.items()}
+    least, most = min(facets, key=lambda key: facets[key]), max(facets, key=lambda key: facets[key])
+    return f"from the side of facet {least} towards the side of facet {most}, seen from the table"
+
+
+def _moved(touch: Touch, up: Array, way: Array, number: int) -> Touch:
+    """touch of the cell, up, direction of its move in the air, number → that move."""
+    begin = np.array(touch.over) + ABOVE * up
+    places = [begin, begin + WAY / 2 * way, begin + WAY * way, np.array(touch.over) + (ABOVE + ENTER) * up]
+    standoff, contact, end, over = (tuple(float(v) for v in place) for place in places)
+    return Touch(number, "air", touch.indexation, standoff, contact, end, over)
+
+
+def _sideways(made: Plan, touch: Touch, up: Array) -> Iterator[Array]:
+    """→ the step of 1 mm along each linear axis that does not go up by itself, where there is room, and never down."""
+    begin = np.array(touch.over) + ABOVE * up
+    for name in made.machine.linear:
+        column, travel = made.machine.column(name), made.machine.axis(name).travel or (-math.inf, math.inf)
+        if abs(up[column]) >= UPRIGHT:
+            continue
+        signs = (math.copysign(1.0, up[column]),) if abs(up[column]) > 1e-3 else (1.0, -1.0)
+        for sign in signs:
+            if travel[0] <= begin[column] + sign * WAY <= travel[1]:
+                step = np.zeros(len(made.machine.names))
+                step[column] = sign
+                yield step
+                break
 
 
 def _chosen(whole: Plan, most: int) -> Sequence[Touch]:
@@ -49,10 +124,10 @@ def _chosen(whole: Plan, most: int) -> Sequence[Touch]:
     first: dict[int, Touch] = {}
     for touch in whole.touches:
         first.setdefault(touch.indexation, touch)
-    turning = [whole.machine.column(name) for name in (*whole.machine.rotary, "S")]
+    turned = [whole.machine.column(name) for name in (*whole.machine.rotary, "S")]
     found: list[Touch] = []
     for touch in first.values():
-        if len(found) < most and (not found or any(all(abs(touch.over[i] - f.over[i]) > 1e-6 for f in found) for i in turning)):
+        if len(found) < most and (not found or any(all(abs(touch.over[i] - f.over[i]) > 1e-6 for f in found) for i in turned)):
             found.append(touch)
     for touch in first.values():  # and a second look at each sense of turning, as far as there is room
         if len(found) < most and touch not in found:
@@ -60,7 +135,7 @@ def _chosen(whole: Plan, most: int) -> Sequence[Touch]:
     return sorted(found, key=lambda touch: touch.number)
 
 
-def _up(whole: Plan) -> np.ndarray:
+def _up(whole: Plan) -> Array:
     """→ (k,) the step of 1 mm up along the tool, in the columns of the linear axes."""
     touch = whole.touches[0]
     way = np.array(touch.over) - np.array(touch.standoff)
@@ -69,7 +144,8 @@ def _up(whole: Plan) -> np.ndarray:
     length = float(np.linalg.norm(way))
     if length < 1e-6:
         raise InputError(f"touch {touch.number}: its stand-off is at the clear level; allowed: one below it, so that up is known")
-    return way / length
+    up: Array = way / length
+    return up
 
 
 def _within(made: Plan) -> None:

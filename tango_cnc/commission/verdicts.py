@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from ..records import Plan
 from . import experiments as folder
 from .experiment import Experiment, Seen, Verdict
 
@@ -47,17 +48,24 @@ def judge(seen: Seen) -> list[Judged]:
     return judged
 
 
-def remaining(unverified: Iterable[str], proven: Mapping[str, str]) -> tuple[list[str], list[Experiment]]:
-    """list of what is unverified, {belief: verdict} → what of the list no proof settles, and the beliefs without PASS by danger."""
-    passed = [e for e in experiments() if proven.get(e.belief) == "PASS"]
-    left = [text for text in unverified if not any(e.settles.search(text) for e in passed)]
-    return left, [e for e in experiments() if proven.get(e.belief) != "PASS"]
+def questions(plan: Plan) -> dict[str, dict[str, str]]:
+    """plan in the air → {belief: {what: what the person at the machine is asked of it}}, of those that ask anything."""
+    asked = {experiment.belief: dict(experiment.asks(plan)) for experiment in experiments()}
+    return {belief: each for belief, each in asked.items() if each}
 
 
-def ordered(unverified: Sequence[str]) -> list[tuple[int, str, str]]:
-    """list of what is unverified → (danger, text, how to check it), the most dangerous first; 9 where no experiment knows it."""
-    rows = []
+def remaining(unverified: Iterable[str], proven: Mapping[str, str]) -> list[tuple[Experiment | None, list[str]]]:
+    """list of what is unverified, {belief: verdict} → the experiments without PASS by danger, each with what of the list it would
+    settle; last, under None, what no experiment settles. A fact that several experiments settle needs all of them.
+    """
+    left = [e for e in experiments() if proven.get(e.belief) != "PASS"]
+    texts: dict[str, list[str]] = {e.belief: [] for e in left}
+    others = []
     for text in unverified:
-        own = next((e for e in experiments() if e.settles.search(text)), None)
-        rows.append((own.danger if own else 9, text, own.check if own else ""))
-    return sorted(rows, key=lambda row: row[0])
+        owners = [e for e in experiments() if e.settles.search(text)]
+        first = next((e for e in owners if e.belief in texts), None)
+        if first is not None:
+            texts[first.belief].append(text)
+        elif not owners:
+            others.append(text)
+    return [*((e, texts[e.belief]) for e in left), *([(None, others)] if others else [])]

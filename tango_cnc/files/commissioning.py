@@ -6,13 +6,12 @@
       - {belief: alive, verdict: PASS, found: "…", value: null, unit: "", date: "2026-11-23T06:00:00Z",
          program: 0F3A…, control: "", profile: 8C01…}
 
-The latest proof of a belief counts, and only while the profile under `controller:` is the one that it was made with.
+The latest proof of a belief counts, and only while what it depends on is what it was then: `profile` is the key of that
+(`commission/keys.py`).
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -39,14 +38,7 @@ class Proof:
     date: str = ""  # UTC, ISO 8601
     program: str = ""  # hash of the program that tried it
     control: str = ""  # what the control calls itself, where it can be asked
-    profile: str = ""  # hash of post and options
-
-
-def profile_hash(post: str, options: Mapping[str, Any]) -> str:
-    """name of the post, its options as the cell states them → 12 hexadecimal digits; `confirmed` does not count."""
-    stated = {str(key): value for key, value in options.items() if key != "confirmed"}
-    text = json.dumps([post, stated], sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:12].upper()
+    profile: str = ""  # key of what it depends on
 
 
 def read_commissioning(folder: Path) -> tuple[Proof, ...]:
@@ -78,9 +70,9 @@ def _proof(item: Mapping[str, Any]) -> Proof:
     return proof
 
 
-def latest(proofs: Iterable[Proof], profile: str) -> dict[str, Proof]:
-    """proofs, hash of the present profile → {belief: its latest proof with this profile}."""
-    return {proof.belief: proof for proof in proofs if proof.profile == profile and proof.verdict != "OPEN"}
+def latest(proofs: Iterable[Proof], keys: Mapping[str, str]) -> dict[str, Proof]:
+    """proofs, {belief: key of what it depends on today} → {belief: its latest proof that still holds, PASS or FAIL}."""
+    return {proof.belief: proof for proof in proofs if proof.profile == keys.get(proof.belief) and proof.verdict != "OPEN"}
 
 
 def add_proofs(folder: Path, dialect: str, proofs: Iterable[Proof]) -> Path:

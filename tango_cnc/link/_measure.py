@@ -60,6 +60,7 @@ class Wanted:
     timeout: float | None = None  # s of silence
     start_timeout: float = 600.0  # s until the start mark
     transcript: TextIO | None = None
+    misses: int = 3  # touches in a row without contact after which a driver that counts them stops
 
 
 def measure(
@@ -343,6 +344,7 @@ def _job(program: Program, original: tuple[int, ...], again: int, wanted: Wanted
         summed=program.summed,
         nonce=secrets.randbelow(0xFFFE) + 1,
         quiet=quiet,
+        misses=wanted.misses,
     )
 
 

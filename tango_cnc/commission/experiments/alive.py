@@ -13,6 +13,8 @@ def judge(seen: Seen) -> Verdict:
         return Verdict("PASS", "the finger stopped the slow move")
     if not seen.begun:
         return Verdict("OPEN", "the program has not begun: no start mark has come")
+    if seen.said:
+        return Verdict("OPEN", f"the program stopped before anything was recorded: {seen.said}")
     return Verdict("FAIL", "nothing was recorded after the start mark")
 
 
@@ -23,6 +25,10 @@ EXPERIMENT = Experiment(
     "touch the stylus while the probe moves up slowly: the axis has to stop",
     "look at battery, receiver and cable; state probe_on; state skip (G31 P1 … P4) or probe_input for the input it is wired to",
     judge,
-    re.compile(r"NOT TOUCHED|NO FINGER|NO CONTACT|NO PROBE CONTACT"),
-    re.compile(r"^skip =|^probe_on =|^probe_input =|a probe that is off stops nothing|ends at the contact"),
+    re.compile(r"NOT TOUCHED|NO FINGER|NO CONTACT(?!\))|NO PROBE CONTACT|P601|MULTI STEP SKIP"),
+    re.compile(
+        r"^skip =|^control =|^distance =|#9011 is the input|text of TCH PROBE 4|subprograms may stand|"
+        r"^probe_on =|^probe_input =|a probe that is off stops nothing|ends at the contact"
+    ),
+    rests=("skip", "probe_on", "probe_input", "distance", "alarm"),
 )

@@ -21,7 +21,9 @@ EXPERIMENT = Experiment(
     1,
     "a skip move that begins with the probe deflected ends at once, or is an alarm",
     "hold the stylus aside and start the program again: it has to stop before the second move",
-    "state probe_state, the variable that shows the input of the probe; without one do not trust guarded moves",
+    "state probe_state, the variable that shows the input of the probe; where the control has none, watch "
+    "every run: a guarded move that begins deflected guards nothing",
     judge,
-    settles=re.compile(r"deflected|^probe_state ="),
+    settles=re.compile(r"deflected|^alarm =|IF and THEN|\$IF and|IF … THEN|DoOEMButton 1003|M125 cancels|^probe_state ="),
+    rests=("skip", "probe_on", "probe_state", "probe_input", "distance", "alarm"),
 )

@@ -1,18 +1,24 @@
-"""X, Y and Z move the way machine.yaml says: a person has to say so."""
+"""X, Y and Z move the way machine.yaml says: a person has to say so, axis by axis."""
 
 from __future__ import annotations
 
-import re
-
+from ...records import Plan
 from ..experiment import Experiment, answered
+from ..flight import along
+
+
+def asks(plan: Plan) -> dict[str, str]:
+    """plan in the air → one question for each linear axis that a move of it goes along."""
+    return {name: f"{text}?" for name, text in along(plan).items()}
+
 
 EXPERIMENT = Experiment(
     "directions",
     1,
     "X, Y and Z move the way machine.yaml says",
-    "look at the machine while the program runs",
-    "correct direction of that axis in machine.yaml",
-    answered("directions"),
-    settles=re.compile(r"(?!)"),
-    question="Did the slow move take the probe away from the table?",
+    "look at the moves in the air one by one: the first goes up, the others along one axis each, 5 mm",
+    "correct direction of the axis that is named in machine.yaml",
+    answered("directions", asks),
+    asks=asks,
+    on=("linear",),
 )

@@ -23,7 +23,9 @@ EXPERIMENT = Experiment(
     4,
     "the program comes to its end, switches the probe off and closes its port",
     "look whether the control is ready for the next program, and the probe dark",
-    "look at what stands on the screen; check probe_off and the port",
+    "look at what stands on the screen; check probe_off, and whether the port or the file of the records is closed",
     judge,
     settles=re.compile(r"^probe_off ="),
+    rests=("probe_off", "output", "readings", "log"),
+    on=("port",),
 )

@@ -30,11 +30,38 @@ EXPERIMENT = Experiment(
     1,
     "recorded positions are machine coordinates in mm, whatever offset, tool length and unit is active",
     "compare a record with the machine position on the display",
-    "state axis_numbers; cancel scaling, rotation and tool length; check the names of the position variables",
+    "state axis_numbers; cancel scaling, rotation, mirror image and tool length, and state the words that do it (reset, trafoof, "
+    "cycle800, off); check the names of the position variables (contact, position, machine_position). A control that says contact "
+    "where nothing was met shows the same text: state met. So does one that reads positions ahead of its moves: state wait",
     judge,
-    re.compile(r"OFFSET|UNITS|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|TRIPPED ON THE WAY"),
     re.compile(
-        r"differ by constants|^axis_numbers|^machine_position|^position =|^contact|machine coordinates|millimetres|"
-        r"machine positions|positions of the axes|#24301|^machine_frame|^frame_check|^programmed_position|work positions"
+        r"OFFSET|UNITS|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|TRIPPED ON THE WAY|"
+        r"CANCEL|SCALING|MIRROR|ROTATED"
+    ),
+    re.compile(
+        r"^(reset|length_check|off|trafoof|cycle800|plane_reset|tcpm_reset|positioning_feed|axis_numbers|machine_position|"
+        r"position|contact|contact_frame|machine_frame|frame_check|programmed_position) =|differ by constants|"
+        r"machine coordinates|millimetres|machine positions?|positions of the axes|#24301|work positions|work coordinates|"
+        r"those of Fanuc|text of TCH PROBE 4|^cycles 7 8 10 11|SUPA and MEAS|where the axes (are|stand)"
+    ),
+    rests=(
+        "wait",
+        "reset",
+        "length_check",
+        "must_be_off",
+        "axis_numbers",
+        "decimals",
+        "trafoof",
+        "cycle800",
+        "plane_reset",
+        "tcpm_reset",
+        "off",
+        "contact",
+        "contact_frame",
+        "position",
+        "machine_position",
+        "programmed_position",
+        "machine_frame",
+        "frame_check",
     ),
 )

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import re
 
+from ...records import Plan
 from ..experiment import Experiment, answered
+
+
+def asks(plan: Plan) -> dict[str, str]:
+    """plan in the air → the one question."""
+    return {"spindle": "Did the spindle stand still at its angle while the probe moved, and turn where the program turns it?"}
+
 
 EXPERIMENT = Experiment(
     "orientation",
     3,
     "the spindle stands at the angle that it was told",
-    "look at the machine while the program runs",
-    "state orient, or orient: false with one spindle angle in strategy.yaml",
-    answered("orientation"),
-    settles=re.compile(r"^orient"),
-    question="Did the spindle turn to its angle and stand still while the probe moved?",
+    "look at the spindle while the program runs",
+    "state orient, or leave orient empty (Siemens, Heidenhain, LinuxCNC: false) with one spindle angle in strategy.yaml",
+    answered("orientation", asks),
+    asks=asks,
+    settles=re.compile(r"^orient|TRACK of the probe table"),
+    rests=("orient", "orient_time"),
 )

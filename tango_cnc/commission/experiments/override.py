@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import re
-
+from ...records import Plan
 from ..experiment import Experiment, answered
+
+
+def asks(plan: Plan) -> dict[str, str]:
+    """plan in the air → the one question."""
+    return {"feed hold": "Did feed hold, pressed during a slow move in the air, stop it at once?"}
+
 
 EXPERIMENT = Experiment(
     "override",
     3,
-    "feed hold stops a probing move; feed override does not",
-    "look at the machine while the program runs",
+    "feed hold stops a probing move; feed override need not act on it",
+    "press feed hold during a slow move in the air, then start again",
     "find the parameter that lets feed hold act on skip moves before anything is touched",
-    answered("override"),
-    settles=re.compile(r"(?!)"),
-    question="Did feed hold stop a slow move at once?",
+    answered("override", asks),
+    asks=asks,
 )

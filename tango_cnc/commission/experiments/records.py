@@ -21,7 +21,10 @@ EXPERIMENT = Experiment(
     3,
     "numbers come with a decimal point, all their digits and a sum that is right",
     "look at the first line that the control prints",
-    "state print_format, places, conversion or output; check the port's line ends and parity",
+    "set the control to a decimal point; state print_format, places, conversion or output; check line ends and parity of the port",
     judge,
-    settles=re.compile(r"^print_format|^places|^conversion|^output|PUT of a number|decimal point|mask|#WRITE"),
+    re.compile(r"IDENTIFIERS|FORMAT ERROR"),
+    settles=re.compile(r"DPRNT|SPRINT|^print_format|^places|^conversion|^output|PUT of a number|decimal point|mask|#WRITE"),
+    rests=("print_format", "places", "conversion", "output", "mask", "readings", "log"),
+    on=("port",),
 )

@@ -35,10 +35,26 @@ EXPERIMENT = Experiment(
     2,
     "rotary axes arrive where they are sent, and nothing is read before they have",
     "look at the displayed angle after each indexation, and whether the program stops there",
-    "state axis_numbers, rollover, clamp and unclamp; state wait (G103 P1 on a Haas) where positions are read too early",
+    "state unclamp and clamp where a brake holds the axis, axis_numbers where another axis was read, rollover where it stands a "
+    "turn off; state wait (G103 P1 on a Haas) where positions are read too early",
     judge,
-    re.compile(r"ROTARY AXIS|NOT TURNED|STANDS AT"),
+    re.compile(r"ROTARY AXIS|NOT TURNED|STANDS AT|MOTOR FAULT|ALARM:17|FOLLOWING ERROR|EXCESS ERROR|SERVO"),
     re.compile(
-        r"turns a rotary axis|^rollover|^rotary =|^shortest|^wrapped|^wait =|^clamp|^unclamp|reading ahead|wait for the axes"
+        r"turns a rotary axis|^rollover|^rotary =|^shortest|^wrapped|^wait =|^clamp|^unclamp|reading ahead|"
+        r"letters of the rotary|before the next line|wait for the axes"
     ),
+    rests=(
+        "wait",
+        "axis_numbers",
+        "rollover",
+        "rotary",
+        "shortest",
+        "wrapped",
+        "unclamp",
+        "clamp",
+        "position",
+        "machine_position",
+        "machine_frame",
+    ),
+    on=("rotary",),
 )

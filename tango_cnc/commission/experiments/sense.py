@@ -1,18 +1,25 @@
-"""Rotary axes turn in the sense that machine.yaml says: a person has to say so."""
+"""Rotary axes turn in the sense that machine.yaml says: a person has to say so, axis by axis."""
 
 from __future__ import annotations
 
-import re
-
+from ...records import Plan
 from ..experiment import Experiment, answered
+from ..flight import turning
+
+
+def asks(plan: Plan) -> dict[str, str]:
+    """plan in the air → one question for each rotary axis that it turns."""
+    return {name: f"{text}?" for name, text in turning(plan).items()}
+
 
 EXPERIMENT = Experiment(
     "sense",
     2,
     "rotary axes turn in the sense that machine.yaml says",
-    "look at the machine while the program runs",
-    "correct direction of that axis in machine.yaml",
-    answered("sense"),
-    settles=re.compile(r"(?!)"),
-    question="Did every rotary axis turn in the sense that machine.yaml says (counterclockwise about + of its direction is plus)?",
+    "look at each turn: counterclockwise where the direction of machine.yaml points at you is plus",
+    "correct direction of the axis that is named in machine.yaml",
+    answered("sense", asks),
+    asks=asks,
+    rests=("rollover", "rotary", "shortest", "wrapped"),
+    on=("rotary",),
 )

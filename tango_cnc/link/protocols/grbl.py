@@ -40,7 +40,6 @@ SAME = 0.0015  # mm: the control shows three places
 ASIDE, TURNED = 0.5, 0.1  # mm beside the line of a measuring move, deg beside its angles: somewhere else
 LETS_GO = 20  # s for the hand that has touched the stylus
 ENDLESS = (-math.inf, math.inf)
-MISSES = 3  # touches in a row without contact: a probe that is dead guards nothing
 
 
 class Client(Control):
@@ -357,8 +356,8 @@ class Client(Control):
         if flag:
             self._beside(touch)
         self._misses = 0 if flag else self._misses + 1
-        if self._misses >= MISSES:
-            raise Stop(f"{MISSES} touches in a row without contact: is the probe alive?")
+        if self._misses >= self._job.misses:
+            raise Stop(f"{self._misses} touches in a row without contact: is the probe alive?")
 
     def _beside(self, touch: Touch) -> None:
         """Raises Stop when the axes stand anywhere else than on the measuring move of the touch."""

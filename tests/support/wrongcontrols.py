@@ -1,0 +1,157 @@
+"""Controls and machines on which exactly one belief is wrong, and what mends it: a word of the profile, of machine.yaml, or a hand.
+
+A case is what the person at the machine has (habits of the control, wiring, brakes) and what the profile says before and after.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sim_controller.world import nominal_machine, tip_in_table
+from tango_cnc.records import Machine, Plan
+
+FAMILY = ("brother", "fanuc", "haas", "mazak", "mitsubishi")  # they read positions by number and have a variable for the input
+LOOKS = ("centroid", "fagor", "grbl", "heidenhain", "linuxcnc", "mach3", "siemens")  # at the probe before they move, or refuse to
+BRAKE = 11
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is wrong, what is stated before, and what makes it right; `fails`: the belief that has to fail, or none at all."""
+
+    fails: str | None
+    wrong: Mapping[str, Any] = field(default_factory=dict)  # of `ran`: habits, how the probe is wired, brakes
+    stated: Mapping[str, Any] = field(default_factory=dict)  # of the profile, before
+    mended: Mapping[str, Any] | None = None  # of the profile, after; None: the habit is mended, not the profile
+    names: str = ""  # word that the advice has to name
+    printed: Callable[[bytes], bytes] = bytes  # what the line or file makes of the records
+    truly: Callable[[Machine], Machine] | None = None  # the machine that really moves
+    person: bool = True  # whether the person sees what should happen
+
+
+def turned_round(machine: Machine, name: str) -> Machine:
+    """machine, letter → the same with this axis the other way round."""
+    axes = tuple(
+        replace(axis, direction=tuple(-v for v in axis.direction), travel=axis.travel) if axis.name == name else axis
+        for axis in machine.axes
+    )
+    return replace(machine, axes=axes)
+
+
+def comma(text: bytes) -> bytes:
+    """records → with decimal commas, as a control set to another country prints them."""
+    return re.sub(rb"(?<=\d)\.(?=\d)", b",", text)
+
+
+def unended(text: bytes) -> bytes:
+    """records → without the last line: the file was not closed."""
+    return re.sub(rb"[^\r\n]*TANGO END[^\r\n]*[\r\n]*", b"", text)
+
+
+def elsewhere(text: bytes) -> bytes:
+    """records → positions of X in another frame, their sum with them."""
+
+    def moved(match: re.Match[bytes]) -> bytes:
+        return b"%s%.4f" % (match[1], float(match[2].replace(b" ", b"")) + 5.0)
+
+    return b"\n".join(re.sub(rb"([XK])( *-? *\d*\.\d+)", moved, line) if b"H" in line else line for line in text.split(b"\n"))
+
+
+def cases(name: str) -> dict[str, Case]:
+    """dialect → {belief: the control on which it is wrong}."""
+    found = {
+        "alive": Case("alive", {"probe": "other"}, names="cable"),
+        "deflected": Case(None if name in LOOKS else "deflected"),
+        "directions": Case("directions", truly=lambda machine: turned_round(machine, "X"), names="machine.yaml"),
+        "frames": Case("frames", printed=elsewhere, names="position"),
+        "miss": Case("miss", {"miss_stops": True}, names="parameter"),
+        "rotary": Case("rotary", {"slack": {"B": 1.0}, "brake": BRAKE}, {}, {"unclamp": {"B": "M11"}}, "unclamp"),
+        "sense": Case("sense", truly=lambda machine: turned_round(machine, "C"), names="machine.yaml"),
+        "records": Case("records", printed=comma, names="point"),
+        "orientation": Case("orientation", person=False, names="orient"),
+        "override": Case("override", person=False, names="feed hold"),
+        "end": Case("end", printed=unended, names="file"),
+    }
+    if name in FAMILY:
+        numbers = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}
+        found["frames"] = Case(
+            "frames", {"habits": {"axes": ("Y", "X", "Z", "B", "C")}}, {}, {"axis_numbers": numbers}, "axis_numbers"
+        )
+        if name != "haas":
+            found["alive"] = Case("alive", {"habits": {"skip_word": "G31 P1"}}, {}, {"skip": "G31 P1"}, "skip")
+        found["deflected"] = Case("deflected", {"habits": {"probe_variable": 1004}}, {}, {"probe_state": 1004}, "probe_state")
+    if name == "haas":
+        found["frames"] = Case("frames", {}, {"wait": "G53"}, {"wait": "G103 P1"}, "wait")
+    if name == "okuma":
+        found["deflected"] = Case("deflected", {}, {}, {"probe_state": "VDIN[1001]"}, "probe_state")
+        found["miss"] = Case("miss", {"habits": {"miss": "alarm"}}, names="parameter")
+        offset = {"contact_frame": "work", "g54": {"X": 5.0, "Y": 2.0}}
+        found["frames"] = Case("frames", {"habits": offset}, names="contact")
+    if name == "fagor":
+        found["miss"] = Case("miss", {"habits": {"miss": "alarm"}}, names="parameter")
+        found["records"] = Case("records", {"habits": {"identifiers": 4}}, names="output")
+    if name == "heidenhain":
+        found["miss"] = Case("miss", {"habits": {"no_contact": "error"}}, names="parameter")
+        found["frames"] = Case("frames", {"habits": {"rotation": {"C": 3.0}}}, names="rotation")
+    if name == "siemens":
+        found["frames"] = Case("frames", {"habits": {"transformation": True}}, {"trafoof": False}, {"trafoof": True}, "trafoof")
+    if name == "linuxcnc":
+        found["frames"] = Case("frames", {"habits": {"rotation": {"R": 3.0}}}, names="rotation")
+        found["rotary"] = Case("rotary", {"slack": {"B": 1.0}, "brake": 64}, {}, {"unclamp": {"B": "M64 P3"}}, "unclamp")
+    if name == "centroid":  # whose M codes are macros of the builder
+        found["rotary"] = replace(found["rotary"], wrong={**found["rotary"].wrong, "habits": {"macros": ("M19", "M11")}})
+    if name == "grbl":
+        found["rotary"] = Case("rotary", {"habits": {"unclamp": {"B": 11}}}, {}, {"unclamp": {"B": "M11"}}, "unclamp")
+    if name in ("centroid", "mach3"):
+        found["frames"] = Case("frames", {"habits": {"inches": True}}, names="position")
+    if name == "grbl":  # its driver writes the records itself
+        found["miss"] = Case("miss", {"probe": "chatter"}, names="contact")
+        found = {belief: case for belief, case in found.items() if belief not in ("frames", "records", "end")}
+    return found
+
+
+def sees(plan: Plan, truly: Machine, questions: Mapping[str, Mapping[str, str]], attentive: bool) -> dict[str, dict[str, bool]]:
+    """plan in the air, the machine that really moves, what is asked, whether all the rest is well → what the person says.
+
+    Where the probe and the table go is worked out from the machine that really moves, with the simulator's own mathematics.
+    """
+    said: dict[str, dict[str, bool]] = {}
+    for belief, each in questions.items():
+        for what, text in each.items():
+            if belief == "directions":
+                answer = _moved(plan, truly, text)
+            elif belief == "sense":
+                answer = _turned(truly, what, text)
+            else:
+                answer = attentive
+            said.setdefault(belief, {})[what] = answer
+    return said
+
+
+def _moved(plan: Plan, truly: Machine, text: str) -> bool:
+    number = int(re.search(r"move (\d+)", text)[1])  # type: ignore[index]
+    touch = next(touch for touch in plan.touches if touch.number == number)
+    nominal, still = nominal_machine(truly), np.zeros((1, len(truly.names)))
+    begin, end = (tip_in_table(nominal, np.array([place]), still)[0] for place in (touch.standoff, touch.end))
+    if match := re.search(r"side of facet (\S+) towards the side of facet (\S+),", text):
+        facets = plan.artefact.facets
+        way = np.subtract(facets[match[2]].point, facets[match[1]].point)
+    else:
+        centre = np.mean([facet.point for facet in plan.artefact.facets.values()], axis=0)
+        way = begin - centre  # away from the table
+    return float(np.dot(end - begin, way)) > 0
+
+
+def _turned(truly: Machine, name: str, text: str) -> bool:
+    angles = re.search(r"went (-?[\d.]+) to (-?[\d.]+)", text)
+    pointing = re.search(r"where \(([^)]*)\)", text)
+    assert angles is not None and pointing is not None
+    seen_from = np.array([float(v) for v in pointing[1].split(",")])
+    by = math.radians(float(angles[2]) - float(angles[1])) * float(np.dot(truly.axis(name).direction, seen_from))
+    return (by > 0) == ("counterclockwise" in text)
