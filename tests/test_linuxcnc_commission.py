@@ -88,7 +88,9 @@ def test_a_real_control_says_what_is_known_of_it(cell: Path) -> None:
         assert len(touched) == 1
         found = {belief["belief"]: belief for belief in json.loads(out)["beliefs"]}
         assert {name for name, belief in found.items() if belief["verdict"] == "PASS"} == KNOWN, err
-        assert found["frames"]["value"] < 0.002 and found["rotary"]["value"] < 1e-4  # mm, deg: a search that misses ends within 1 µm
+        assert (
+            found["frames"]["value"] < 0.002 and found["rotary"]["value"] < 1e-4
+        )  # mm, deg: a search that misses ends within 1 µm
         assert not control.contacts()
         _, listed, _ = tango("plan", "-C", cell, "--json", "-")
         assert not [text for text in json.loads(listed)["unverified"] if text.startswith(("probe_on", "wrapped", "clamp"))]

@@ -63,10 +63,10 @@ def command(
     """
     from .. import commission
     from ..files.commissioning import Proof, add_proofs
-    from ..plan import plan
+    from ..plan import by_stylus, plan
     from ._proofs import keys_of, proven, unproven
 
-    cell = read_cell(folder)
+    cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     if cell.controller is None:
         raise InputError(
             f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"

@@ -37,9 +37,9 @@ def command(folder: Path, port: str | None, only_program: bool, file: Path | Non
     from .. import locate
     from ..link._measure import Wanted, measure
     from ..link.lock import holding
-    from ..plan import plan_hash
+    from ..plan import by_stylus, plan_hash
 
-    cell = read_cell(folder)
+    cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     made = locate.strategy(cell)
     target = folder / FOLDER / "readings.csv"
     if file is None:
