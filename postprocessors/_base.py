@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from tango_cnc.gate import served
-from tango_cnc.nearest import suggestion
+from tango_cnc.nearest import printable, suggestion
 from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
 from ._confirmed import confirmed
@@ -154,7 +154,8 @@ def settings(post: Post, given: Mapping[str, Any]) -> dict[str, Any]:
         if key not in known and key != "confirmed":
             hint = suggestion(str(key), ["port", "confirmed", *known])
             raise InputError(
-                f"controller: found the unknown key {key!r}; allowed: post, port, confirmed, {', '.join(known)}.{hint}"
+                f"controller: found the unknown key {printable(repr(key))}; "
+                f"allowed: post, port, confirmed, {', '.join(known)}.{hint}"
             )
     values = {name: stated(option, given[name]) if name in given else option.default for name, option in known.items()}
     unverified(post, given)  # for what it complains of

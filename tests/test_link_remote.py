@@ -55,8 +55,8 @@ class Server:
         return f"{self._url}/{name}?password={WORD}{self._more}{said}"
 
 
-def ftp_server(tmp_path, folder, secure):
-    handler = type("Handler", (TLS_FTPHandler if secure else FTPHandler,), {})
+def ftp_server(tmp_path, folder, secure, **more):
+    handler = type("Handler", (TLS_FTPHandler if secure else FTPHandler,), more)
     handler.authorizer = DummyAuthorizer()
     handler.authorizer.add_user("anna", WORD, str(folder), perm="elradfmwMT")
     if secure:

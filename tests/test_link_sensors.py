@@ -3,6 +3,7 @@
 import http.server
 import json
 import math
+import re
 import shutil
 import subprocess
 import threading
@@ -10,12 +11,14 @@ import time
 
 import numpy as np
 import pytest
+from paho.mqtt import client as mqtt
 from paho.mqtt import publish
 from test_link_remote import free_port, listening
 from test_run import STRATEGY, Control, Result, readings
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
+from tango_cnc.files.plan import read_plan
 from tango_cnc.link._sensors import Sensor, Sensors, read_sensors
 from tango_cnc.link.transport import _sensors
 from tango_cnc.link.transport._sensors import Watch, current, payload
@@ -184,3 +187,94 @@ def test_a_file_of_sensors_that_is_wrong_is_named_with_its_line(tmp_path, text, 
     (tmp_path / "sensors.yaml").write_text(text)
     with pytest.raises(InputError, match=rf"sensors\.yaml:\d+.*{why}"):
         read_sensors(tmp_path)
+
+
+def test_diagnose_says_which_sensor_has_gaps(cell):
+    made = Result("simulate", "-C", cell, "-o", cell / "simulated.csv")
+    assert made.code == 0, made.err
+    head, *rows = (cell / "simulated.csv").read_text().splitlines()
+    texts = [f"{row},{'' if i < 3 else 21 + i},{20 + i}" for i, row in enumerate(rows)]
+    (cell / "mine.csv").write_text("\n".join([f"{head},T_bed,T_oil", *texts]) + "\n")
+    result = Result("diagnose", "-C", cell, "--despite", "--readings", cell / "mine.csv")
+    assert "sensor T_bed is not used: 3 of 7 touches have no value" in result.err and "T_oil is not used" not in result.err
+
+
+class Warming(Control):
+    """A machine whose tool drifts with the temperature of its bed: 1.2 µm/K in X, -0.8 in Z; every reading has noise."""
+
+    DRIFT = np.array([0.0012, 0.0, -0.0008])  # mm/K
+
+    def __init__(self, folder, publish):
+        self._publish, self._chance = publish, np.random.default_rng(5)
+        self.planned = read_plan(folder / "program" / "plan.csv", read_cell(folder).machine)
+        self.whole = len(self.planned.touch)
+        self._levels = self._chance.uniform(18, 26, len(self.planned.touch) // 8 + 1)
+        super().__init__(folder, edit=self._edit)
+
+    def _edit(self, number, line):
+        i = list(self.planned.touch).index(number)
+        journal = self.folder / "readings.journal"
+        until(lambda: i == 0 or journal.read_text().count('"kind":"reading"') >= i)  # the touch before is on disk
+        bed = self._levels[i // 8]
+        self._publish(bed)
+        away = (self.planned.contact[i] - self.planned.standoff[i])[:3]
+        away /= np.linalg.norm(away)
+        moved = away * (away @ self.DRIFT * (bed - 20.0) + self._chance.normal(0.0, 0.0006))
+        values = {word[0]: float(word[1:]) for word in line.split()}
+        values |= {name: values[name] + moved[k] for k, name in enumerate("XYZ")}
+        values["K"] = sum(v for name, v in values.items() if name not in "PHK")
+        places = " ".join(f"{name}{value:.4f}" for name, value in values.items() if name not in "PH")
+        return f"P{number} H1 {places}"
+
+
+@pytest.mark.long
+@pytest.mark.system("mosquitto")
+def test_a_drift_that_follows_a_temperature_is_named_with_its_sensor(tmp_path, monkeypatch):
+    """Broker, run, readings, diagnosis: the temperature comes over MQTT while the touches are made."""
+    folder, port = tmp_path / "cell", free_port()
+    write_example(folder, "hu40t")
+    head, *indexations = re.split(r"(?m)^(?=- )", (folder / "strategy.yaml").read_text())
+    (folder / "strategy.yaml").write_text(head + "".join(indexations[:14]))
+    (folder / "sensors.yaml").write_text(f"sensors:\n  bed: {{mqtt: 'mqtt://127.0.0.1:{port}/shop/bed'}}\n")
+    (folder / "world.yaml").unlink()
+    assert Result("plan", "-C", folder).code == 0
+    (tmp_path / "conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\npersistence false\n")
+    with subprocess.Popen(["mosquitto", "-c", tmp_path / "conf"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as broker:
+        try:
+            listening(port, broker)
+            sender = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
+            sender.connect("127.0.0.1", port)
+            sender.loop_start()
+            came, real = threading.Event(), Watch._came
+
+            def heard(self, name, text):
+                real(self, name, text)
+                came.set()
+
+            monkeypatch.setattr(Watch, "_came", heard)
+
+            def say(bed):
+                came.clear()
+                sender.publish("shop/bed", f"{bed:.3f}", qos=1)
+                assert came.wait(10)
+
+            started = Watch.start
+
+            def start(self):  # the shop's sensor speaks before the first touch
+                started(self)
+                until(lambda: (sender.publish("shop/bed", "20.0", qos=1), came.wait(0.1))[1])
+
+            monkeypatch.setattr(Watch, "start", start)
+            control = Warming(folder, say)
+            result = Result("run", "-C", folder, "--port", control.url, "--timeout", "60")
+            sender.loop_stop()
+        finally:
+            broker.terminate()
+    assert result.code == 0, result.err
+    found = Result("diagnose", "-C", folder, "--despite", "--json", "-")
+    causes = json.loads(found.out)
+    assert "is not used" not in found.err
+    first = causes["findings"][0]
+    assert (first["cause"], first["detail"]["sensor"]) == ("thermal_drift", "bed")
+    true = np.abs(Warming.DRIFT) / np.linalg.norm(Warming.DRIFT)  # the table carries X: signs are those of tool against table
+    assert np.abs(first["detail"]["direction"]) == pytest.approx(true, abs=0.1)

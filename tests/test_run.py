@@ -50,6 +50,8 @@ def cell(tmp_path):
 class Control:
     """Prints the nominal contact of every touch, shifted by `proud` mm outwards; stops printing after `stop` touches."""
 
+    whole = 7  # touches of the plan
+
     def __init__(self, folder, proud=0.01, stop=None, hang_up=False, edit=lambda number, line: line, delay=None):
         self.folder, self.proud, self.stop, self.hang_up, self.edit = folder, proud, stop, hang_up, edit
         self.tape = b""
@@ -67,7 +69,7 @@ class Control:
             mark = re.search(r"TANGO\*START\*([0-9A-F]+)", text)[1]
             touches = re.findall(r"\(TOUCH (\d+) ", text)
             machine = read_cell(self.folder).machine
-            here = self.folder / "program" / ("plan.csv" if len(touches) == 7 else "rest/plan.csv")
+            here = self.folder / "program" / ("plan.csv" if len(touches) == self.whole else "rest/plan.csv")
             planned = read_plan(here, machine)
             self._print(connection, f"TANGO START {mark} {len(touches)}")
             for i, number in enumerate(planned.touch):

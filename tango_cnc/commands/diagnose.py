@@ -8,6 +8,7 @@ from datetime import date
 from pathlib import Path
 
 import click
+import numpy as np
 
 from ..diagnose import Diagnosis, as_term, diagnose
 from ..diagnose.sentences import unexplained
@@ -19,7 +20,7 @@ from ..files import read_cell, read_readings, read_terms, world_text, write_text
 from ..files.checked import suggestion
 from ..files.learned import FOLDER, learned, learned_text
 from ..files.origin import current
-from ..records import InputError
+from ..records import InputError, Readings
 from ..report.pictures import needed
 from ..terms import causes
 from ._common import Output, cell_option, json_option, write_json
@@ -106,6 +107,8 @@ def command(
     cell = read_cell(folder)
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
+    for text in _unused(readings, source):
+        click.echo(text, err=True)
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
     _, judgement = judged(cell, readings, items, source=source)
     if learn is not None:
@@ -130,6 +133,17 @@ def command(
     if not write_json(json_file, data):
         click.echo("\n".join([*told(judgement), as_text(found)]))
     return status(judgement, despite)
+
+
+def _unused(readings: Readings, source: Path) -> list[str]:
+    """readings, their file → a sentence for each sensor that is left out because it has gaps."""
+    gaps = {name: int(np.isnan(values).sum()) for name, values in readings.temperatures.items()}
+    return [
+        f"{source}: sensor T_{name} is not used: {many} of {len(readings)} touches have no value, and none is made up. "
+        "'old' in sensors.yaml says how long a value counts; a sensor has to be there before the first touch"
+        for name, many in gaps.items()
+        if many
+    ]
 
 
 def _free(folder: Path, name: str) -> None:

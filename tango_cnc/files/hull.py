@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
 import re
 from pathlib import Path
@@ -40,6 +41,7 @@ def read_hull(file: Path, shift: Vector = (0.0, 0.0, 0.0)) -> tuple[Vector, ...]
             f"{file}: drawings need trimesh, which is not installed: pip install 'tango-cnc[cad]', or use boxes and cylinders"
         ) from None
     data, kind, expected = _plain(file)
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL + 1)  # it prints a traceback for what it then reads otherwise
     try:
         drawing: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False)
         points = np.array(drawing.vertices, dtype=np.float64)

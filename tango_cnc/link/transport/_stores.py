@@ -14,6 +14,7 @@ from ...records import InputError, LinkError
 
 PORTS = {"ftp": 21, "ftps": 21, "sftp": 22, "smb": 445}
 PATIENCE = 10.0  # s for an answer
+REFUSALS = ("AuthenticationException", "BadAuthenticationType", "PasswordRequiredException", "BadHostKeyException")  # of paramiko
 
 
 class Store(Protocol):
@@ -118,34 +119,48 @@ class Sftp:
                     )
 
         self._client.set_missing_host_key_policy(Known())
+        self._errors = paramiko.SSHException
         try:
-            self._client.connect(
-                parts.hostname or "",
-                parts.port or PORTS["sftp"],
-                unquote(parts.username or "") or None,
-                options.get("password") or unquote(parts.password or "") or None,
-                key_filename=options.get("key") or None,
-                passphrase=options.get("passphrase") or None,
-                timeout=PATIENCE,
-                banner_timeout=PATIENCE,
-                auth_timeout=PATIENCE,
-            )
-            self._sftp = self._client.open_sftp()
-        except paramiko.SSHException as error:
+            with self._asked():
+                self._client.connect(
+                    parts.hostname or "",
+                    parts.port or PORTS["sftp"],
+                    unquote(parts.username or "") or None,
+                    options.get("password") or unquote(parts.password or "") or None,
+                    key_filename=options.get("key") or None,
+                    passphrase=options.get("passphrase") or None,
+                    timeout=PATIENCE,
+                    banner_timeout=PATIENCE,
+                    auth_timeout=PATIENCE,
+                )
+                self._sftp = self._client.open_sftp()
+                self._sftp.get_channel().settimeout(PATIENCE)
+        except (OSError, EOFError, LinkError):
             self.close()
-            raise LinkError(f"the control refuses: {error}") from None
+            raise
+
+    @contextlib.contextmanager
+    def _asked(self) -> Iterator[None]:
+        """Within it, what the library raises is a LinkError where the control refuses, else an OSError or EOFError."""
+        try:
+            yield
+        except self._errors as error:
+            if type(error).__name__ in REFUSALS:
+                raise LinkError(f"the control refuses: {error}") from None
+            raise OSError(str(error) or type(error).__name__) from None
 
     def size(self, path: str) -> int | None:
         """path → bytes of the file, None when there is none."""
         try:
-            return int(self._sftp.stat(path).st_size)
+            with self._asked():
+                return int(self._sftp.stat(path).st_size)
         except FileNotFoundError:
             return None
 
     def read(self, path: str, offset: int, most: int) -> bytes:
         """path, from where, how many at most → bytes of the file."""
         try:
-            with self._sftp.open(path, "rb") as file:
+            with self._asked(), self._sftp.open(path, "rb") as file:
                 file.seek(offset)
                 return bytes(file.read(most))
         except FileNotFoundError:
@@ -153,7 +168,7 @@ class Sftp:
 
     def write(self, path: str, data: bytes) -> None:
         """path, bytes → the file has them."""
-        with self._sftp.open(path, "wb") as file:
+        with self._asked(), self._sftp.open(path, "wb") as file:
             file.write(data)
 
     def close(self) -> None:
