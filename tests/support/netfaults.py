@@ -33,6 +33,7 @@ from tango_cnc.records import LinkError
 TOUCHES = 12
 ATTEMPTS = 60
 SILENCE = 2.0  # s
+PRESSED = 4  # times that the person at the computer presses Enter in one attempt
 LONGEST = 120.0  # s of a session: one that hangs passes it
 WHOLE_SCENE = linkfaults.scene
 
@@ -192,7 +193,7 @@ class Person:
 
     def __init__(self, disk: Disk, ledger: linkfaults.Ledger, chance: random.Random) -> None:
         self.disk, self.ledger, self.chance = disk, ledger, chance
-        self._stop, self._thread = threading.Event(), None
+        self._stop, self._thread, self._pressed = threading.Event(), None, 0
         self.sent: list[str] = []  # programs that the run wanted there
         self.moving, self.stands = threading.Event(), threading.Event()
 
@@ -202,6 +203,7 @@ class Person:
         if self._thread is not None:
             self._thread.join()
         self._stop, self._thread = threading.Event(), None
+        self._pressed = 0
         self.stands.set()
 
     def told(self, step: Any) -> None:
@@ -230,8 +232,11 @@ class Person:
         self.stands.set()
 
     def asked(self, timeout: float) -> bool | None:
-        """As `_lsv2.Person`: Enter, once nothing moves."""
-        return True if self.stands.wait(timeout) and not self.moving.is_set() else None
+        """As `_lsv2.Person`: Enter, once nothing moves; who has pressed it often and got no end mark leaves."""
+        if not self.stands.wait(timeout) or self.moving.is_set():
+            return None
+        self._pressed += 1
+        return self._pressed <= PRESSED
 
 
 def patched(monkeypatch) -> None:
