@@ -1,5 +1,6 @@
 """The disk of a control over the network: real servers of FTP, FTPS, SFTP and SMB; program put and compared, records followed."""
 
+import contextlib
 import os
 import re
 import shutil
@@ -15,10 +16,14 @@ from pyftpdlib.authorizers import DummyAuthorizer
 from pyftpdlib.handlers import FTPHandler, TLS_FTPHandler
 from pyftpdlib.servers import ThreadedFTPServer
 from support.linkparts import job
+from test_link_same_parameters import SIGMAS, estimate
 from test_run import STRATEGY, Result
 from test_run_simulated import agree
 
+from sim_controller.probing import rig
+from sim_controller.session import Session, Setup
 from tango_cnc.commands.init import write_example
+from tango_cnc.files import read_cell, read_world
 from tango_cnc.link._client import Failed
 from tango_cnc.link.protocols import remote
 from tango_cnc.link.transport import Lost, open_port, parse
@@ -232,6 +237,61 @@ def test_a_whole_run_brings_the_program_and_follows_the_records(server, tmp_path
     assert agree(cell)
     written = "".join(file.read_text(errors="replace") for file in (cell / "readings.json", cell / "readings.journal"))
     assert WORD not in written + result.err + result.out
+
+
+@contextlib.contextmanager
+def attended(cell, program, records):
+    """cell with a world, files of program and records → within it, somebody starts every program that comes; how many, in a list."""
+    left, started = threading.Event(), []
+
+    def work():
+        read = read_cell(cell)
+        session = Session(rig(read.machine, read.artefact, read_world(cell / "world.yaml"), 1), Setup("macro_b"))
+        before = ""
+        while not left.wait(0.2):
+            text = program.read_text(encoding="ascii") if program.exists() else ""
+            if (
+                text.endswith("%\n") and text == before and text not in started
+            ):  # the same at two looks: whoever brings it has finished
+                started.append(text)
+                with records.open("ab", buffering=0) as out:
+                    session.run(session.control(out.write), (line for line in text.splitlines() if line.strip() != "%"))
+            before = text
+
+    person = threading.Thread(target=work, daemon=True)
+    person.start()
+    try:
+        yield started
+    finally:
+        left.set()
+        person.join(20)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "server",
+    ["ftp", *(pytest.param(k, marks=[pytest.mark.long, pytest.mark.system(*NEEDED[k])]) for k in ("ftps", "sftp", "smb"))],
+    indirect=True,
+)
+def test_the_whole_strategy_of_the_example_gives_the_parameters_of_the_simulated_machine(server, tmp_path):
+    """All touches in several programs, each started by the person at the control: the same parameters as without a link."""
+    cell = tmp_path / "cell"
+    write_example(cell, "hu40t")
+    (cell / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", (cell / "world.yaml").read_text()))
+    records = server.folder / "TANGO.TXT"
+    records.touch()
+    with attended(cell, server.folder / "O8700.NC", records) as started:
+        url = server.url(program=place(server, "O8700.NC"))
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "120")
+    assert result.code == 0, result.err
+    assert len(started) > 1
+    assert Result("simulate", "-C", cell, "-o", cell / "simulated.csv").code == 0
+    true, got = estimate(cell, "simulated.csv"), estimate(cell, "readings.csv")
+    away = [abs(p["value"] - true["parameters"][n]["value"]) / max(p["std"], 1e-12) for n, p in got["parameters"].items()]
+    print(
+        f"\n{server._url}: residual {got['residual']['rms_um']:.3f} µm rms, {len(away)} parameters within {max(away):.1f} of their std"
+    )
+    assert got["terms"] == true["terms"] and got["residual"]["rms_um"] < 1.0 and max(away) < SIGMAS
 
 
 @pytest.mark.long
