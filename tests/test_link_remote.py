@@ -250,9 +250,7 @@ def attended(cell, program, records):
         before = ""
         while not left.wait(0.2):
             text = program.read_text(encoding="ascii") if program.exists() else ""
-            if (
-                text.endswith("%\n") and text == before and text not in started
-            ):  # the same at two looks: whoever brings it has finished
+            if text.endswith("%\n") and text == before and text not in started:  # twice the same: whole
                 started.append(text)
                 with records.open("ab", buffering=0) as out:
                     session.run(session.control(out.write), (line for line in text.splitlines() if line.strip() != "%"))
