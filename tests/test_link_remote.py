@@ -241,7 +241,7 @@ def test_a_whole_run_brings_the_program_and_follows_the_records(server, tmp_path
 
 @contextlib.contextmanager
 def attended(cell, program, records):
-    """cell with a world, files of program and records → within it, somebody starts every program that comes; how many, in a list."""
+    """cell with a world, files of program and records → within it, somebody starts each program that comes; these."""
     left, started = threading.Event(), []
 
     def work():
@@ -286,9 +286,7 @@ def test_the_whole_strategy_of_the_example_gives_the_parameters_of_the_simulated
     assert Result("simulate", "-C", cell, "-o", cell / "simulated.csv").code == 0
     true, got = estimate(cell, "simulated.csv"), estimate(cell, "readings.csv")
     away = [abs(p["value"] - true["parameters"][n]["value"]) / max(p["std"], 1e-12) for n, p in got["parameters"].items()]
-    print(
-        f"\n{server._url}: residual {got['residual']['rms_um']:.3f} µm rms, {len(away)} parameters within {max(away):.1f} of their std"
-    )
+    print(f"\n{server._url[:5]}: residual {got['residual']['rms_um']:.3f} µm rms, {len(away)} within {max(away):.1f} of their std")
     assert got["terms"] == true["terms"] and got["residual"]["rms_um"] < 1.0 and max(away) < SIGMAS
 
 
