@@ -179,3 +179,22 @@ def test_a_trend_is_drawn_on_the_terminal(history: History, tmp_path: Path, monk
     lines = drawn.output.splitlines()
     assert lines and all(len(line) <= 60 and " → " in line and set(line) & set("▁▂▃▄▅▆▇█") for line in lines)
     assert CliRunner().invoke(tango, [*where, "--chart", "ewma"]).exit_code != 0
+
+
+def test_a_history_whose_end_was_cut_off_shows_against_the_hash_of_a_message(history: History, tmp_path: Path) -> None:
+    number, digest = history.newest_hashes()["M"]
+    assert number == 3
+    history.engine.dispose()
+    plain = sqlite3.connect(tmp_path / "history.db")
+    where = ["history", "verify", "--history", str(tmp_path / "history.db"), "--holds", digest]
+    assert CliRunner().invoke(tango, where, standalone_mode=False).return_value == 0
+    for (name,) in plain.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+        plain.execute(f"DROP TRIGGER {name}")
+    for table in ("night", "night_record", "night_parameter", "night_readings", "night_estimate"):
+        plain.execute(f"DELETE FROM {table} WHERE entry_id = 3")
+    plain.execute("DELETE FROM entry WHERE id = 3")
+    plain.commit()
+    plain.close()
+    assert CliRunner().invoke(tango, where[:-2], standalone_mode=False).return_value == 0  # the chain itself is whole
+    cut = CliRunner().invoke(tango, where, standalone_mode=False)
+    assert cut.return_value == 1 and "was cut off" in cut.output

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from postprocessors import _base as posts
 
@@ -19,8 +21,9 @@ from ..gate import proving_touch
 from ..iso230.signed import withheld
 from ..link._measure import durations
 from ..nightly.analysis import Nights, Timed
+from ..nightly.doubt import Judged
 from ..plan import last_motion
-from ..records import Cell, InputError, Plan, Readings
+from ..records import Cell, InputError, Plan, Readings, TangoError
 from ..state import frame
 from ..touches import of_facets
 from ._common import dialect, json_text
@@ -83,11 +86,21 @@ def timed(made: Plan) -> Timed:
     return Timed(numbers, indexation, touch + rest, turn)
 
 
-def _judged(cell: Cell, readings: Readings, result: Estimate) -> tuple[str, tuple[str, ...]]:
-    from ..plausible import judge
+def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str) -> Judged:
+    """As 'tango estimate' judges a whole strategy; a check by what is known after it."""
+    from ..estimate import estimate
+    from ..noise import honest
+    from ..plausible import STRUCTURED, judge
 
+    if kind == "full":
+        with suppress(TangoError):
+            result = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    with suppress(np.linalg.LinAlgError, scipy.linalg.LinAlgError):
+        result = honest(result)
     found = judge(cell, readings, result, search=False)
-    return found.verdict, tuple(found.reasons)
+    walk = 0.0 if result.noise is None else result.noise.walk / max(result.noise.white, 1e-9)
+    wandered = next((r for r in found.reasons if "wandered" in r), "") if walk > STRUCTURED else ""
+    return Judged(found.verdict, tuple(found.reasons), found.incomplete, wandered, walk)
 
 
 def _diagnosed(cell: Cell, readings: Readings) -> Mapping[str, Any]:

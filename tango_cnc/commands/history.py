@@ -133,17 +133,13 @@ def show(history: History, machine: str, night: str, readings_file: Path | None,
     if write_json(json_file, dict(stored.record)):
         return
     record: dict[str, Any] = {"artefacts": {"folder": ""}, **stored.record}
-    click.echo("\n".join(message(record, (), ())))
+    click.echo("\n".join(message(record, (), (), None, history.decisions(machine))))
     rows = [["parameter", "value", "std", "change", ""]]
     for name, p in (record.get("parameters") or {}).items():
         factor, unit = shown(p["unit"])
         change = "" if p.get("change") is None else f"{p['change'] * factor:+.2f}"
         rows.append([name, f"{p['value'] * factor:.2f}", f"{p['std'] * factor:.2f}", change, unit])
     click.echo(table(rows, "<>>><"))
-    for d in history.decisions(machine):
-        if any(d.alarm == alarm["id"] for alarm in record["alarms"]):
-            until = f" until {d.until}" if d.until else ""
-            click.echo(f"{d.alarm}: {d.action}{until} by {d.owner}, {d.utc}{': ' + d.note if d.note else ''}")
 
 
 @command.command()
@@ -245,11 +241,16 @@ def export(history: History, machine: str, output: Path, kind: str | None, night
 
 @command.command()
 @_options(machine=False)
+@click.option(
+    "--holds", "digest", metavar="HASH", help="Of a morning's message: is the entry still there that was the newest then?"
+)
 @json_option
-def verify(history: History, machine: str | None, json_file: str | None) -> int:
+def verify(history: History, machine: str | None, digest: str | None, json_file: str | None) -> int:
     """Follows the chain of hashes: is everything as it was added, and nothing gone?"""
     wrong = history.verify()
     newest = history.newest_hashes()
+    if digest is not None and not history.holds(digest.strip().lower()):
+        wrong = (*wrong, f"no entry has the hash {digest}: the end of the history was cut off, or it is another history")
     if not write_json(json_file, {"format": "tango-history-verify/1", "wrong": list(wrong), "newest": newest}):
         for name, (number, digest) in newest.items():
             click.echo(f"{name}: {number} entries, the newest is {digest}")

@@ -86,6 +86,7 @@ def command(
         recorded(folder, history)
         world = World(_Held(begun), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
         record = night(cell.machine.name, str(folder.resolve()), settings, world)
+        newest = None if record.get("trouble") else history.newest_hashes().get(cell.machine.name)
     try:
         from ..report import morning
 
@@ -95,7 +96,7 @@ def command(
     if not write_json(json_file, record):
         from ..nightly.words import message
 
-        subject, text = message(record, record.get("trouble", ()), ())
+        subject, text = message(record, record.get("trouble", ()), (), newest)
         click.echo(f"{subject}\n\n{text}", nl=False)
     for delivery in record.get("notifications", ()):
         if not delivery["sent"]:

@@ -319,6 +319,10 @@ class History:
         )
         return {row.name: (row.number, row.hash) for row in self._rows(wanted)}
 
+    def holds(self, digest: str) -> bool:
+        """hash of an entry → whether any machine has it."""
+        return bool(self._rows(select(t.entry.c.id).where(t.entry.c.hash == digest)))
+
     def _verified(self, name: str) -> Iterator[str]:
         machine = self._machine(name)
         rows = self._rows(select(t.entry).where(t.entry.c.machine_id == machine).order_by(t.entry.c.number))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from functools import cached_property
 from typing import Any
 
@@ -18,11 +18,9 @@ from ..history import Knowledge
 from ..identify import Selection
 from ..model import Model
 from ..records import Array, Cell, Readings
-from ..report.texts import texts
 from ..report.units import shown
 from ..state import (
     Frame,
-    Named,
     Seen,
     State,
     Tonight,
@@ -40,12 +38,15 @@ from ..state.filter import as_numbers, matched, restored, sigma_of
 from ..state.volume import levers, over_volume
 from ..touches import from_readings
 from . import parts
+from .alarms import Known, alarm_of, ignored, since, standing
+from .doubt import Judged, believed
 from .ports import Measured, Past
-from .words import cause_texts, changed, value
+from .trend import as_alarm, behind, drift
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
 COVER = 1.959964  # standard deviations of 95 %
+AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
 SLOPE = 21  # nights that a rate is told from
 READ = Callable[[str], Readings]
 
@@ -71,7 +72,7 @@ class Nights:
     times: Timed
     read: READ  # text of readings.csv → readings
     check: Cell | None = None  # the cell with the strategy of check.yaml
-    judged: Callable[[Cell, Readings, Estimate], tuple[str, tuple[str, ...]]] | None = None
+    judged: Callable[[Cell, Readings, Estimate, str], Judged] | None = None  # the last: kind of night
     diagnosed: Callable[[Cell, Readings], Mapping[str, Any]] | None = None
     written: Callable[[Estimate], Mapping[str, str]] | None = None
 
@@ -90,6 +91,11 @@ class Nights:
         rows = np.zeros((len(jacobian), len(self.followed.names)))
         rows[:, : jacobian.shape[1]] = jacobian
         return rows
+
+    @cached_property
+    def known(self) -> Known:
+        """→ what alarms are told by."""
+        return Known(self.cell, self.followed, self.lever)
 
     # Before ---------------------------------------------------------------------------------------------------------
 
@@ -141,7 +147,7 @@ class Nights:
         if age > self.settings.full_every_days - 0.5:
             return "full", f"the last full run is {age:.0f} days old, {self.settings.full_every_days:g} are allowed"
         measured = next((n for n in nights if n.status in ("complete", "partial") and n.touches), None)
-        if measured is not None and measured.kind != "full" and measured.verdict in ("changed", "doubtful"):
+        if measured is not None and measured.kind != "full" and (measured.alarms or measured.verdict == "doubtful"):
             return "full", f"the night of {measured.night} asked for it: {measured.headline}"
         repaired = [d for d in past.decisions(machine) if d.action == "repaired" and d.utc > full.start_utc]
         if repaired:
@@ -168,7 +174,7 @@ class Nights:
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
         tonight = judge(ahead, what)
         rate = 1 / self.settings.false_alarm_nights
-        alarm = not first and tonight.alarm(rate)
+        alarm = not first and tonight.alarm(rate * AT_ONCE)
         named, opened = None, ahead
         if alarm and tonight.p_machine <= tonight.p_noise:
             tried = hypotheses(self.followed, parts.warmer(ahead, warmth))
@@ -179,32 +185,59 @@ class Nights:
             what = seen(self.followed, readings, after.mean, ahead.reference, self.settings.sensor)
             tonight = judge(ahead, what)
             after = updated(ahead, what, tonight, quiet=False)
-        after, learned = self._learned(past, after)
+        machine, known = self.cell.machine.name, self.known
+        recent = past.records(machine, LEARNED_FROM) if machine in past.machines() else ()
+        after, learned = self._learned(past, recent, after)
         result = self._estimate(readings, after, tonight)
-        verdict, reasons = ("trustworthy", ()) if self.judged is None else self.judged(*self._judgeable(kind, measured), result)
-        doubtful = verdict == "implausible" or (verdict == "doubtful" and (first or not alarm))
-        alarms = [] if doubtful or not alarm else [self._alarm(past, ahead, tonight, named, day)]
-        alarms = [a for a in alarms if not self._ignored(past, a, day)]
+        judged = Judged("trustworthy") if self.judged is None else self.judged(*self._judgeable(kind, measured), result, kind)
+        alarms = [alarm_of(known, since(past, machine, day), ahead, tonight, named)] if alarm else []
+        diagnosis: dict[str, Any] = {}
+        if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
+            diagnosis = dict(self.diagnosed(self._cell(kind), readings))
+        judged = believed(judged, diagnosis, alarms, first)
+        alarms = [a for a in alarms if judged.believed and not ignored(past, machine, a, day)]
+        moving = None if first or alarm or not judged.believed else drift(known, recent, after, tonight.scale)
         chart = over_volume(self.lever, after.mean, after.covariance)
         limits = self._limits(after, chart)
-        beyond = any(limit["passed"] is False for limit in limits)
+        beyond = [limit for limit in limits if limit["passed"] is False]
+        parameters = self._parameters(recent, ahead, after, what, first)
+        if moving is not None:
+            parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
+        waiting = standing(past, machine, day, parameters if judged.believed else {}, kind)
+        goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
+        if moving is not None and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
+            alarms = [a for a in [as_alarm(moving, known)] if not ignored(past, machine, a, day)]
+        doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
+        causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit)) is not None]
         told = {
-            "verdict": "doubtful" if doubtful else "changed" if alarms else "out_of_limits" if beyond else "good",
-            "change": None if first else parts.change(tonight, rate),
+            "verdict": "doubtful"
+            if doubtful
+            else "changed"
+            if alarms
+            else "out_of_limits"
+            if beyond
+            else "changed"
+            if waiting
+            else "good",
+            "change": None if first else parts.change(tonight, rate * AT_ONCE, rate),
             "alarms": alarms,
-            "parameters": self._parameters(past, ahead, after, what, first),
+            "parameters": parameters,
             "volume": {"worst_um": chart.worst * 1e3, "rms_um": chart.rms * 1e3, "std_um": chart.std * 1e3},
             "limits": limits,
             "residual": parts.residual(result),
             "outliers": list(tonight.outliers),
-            "plausible": {"verdict": verdict, "reasons": list(reasons)},
+            "plausible": {"verdict": judged.verdict, "reasons": list(judged.reasons)},
             "temperatures": {name: parts.told(values) for name, values in warmth.items()},
             "versions": {"tango_cnc": __version__},
             "state": as_numbers(after) | {"learned": learned},
+            "carried": judged.believed,
         }
-        if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarms) and not doubtful:
-            told["diagnosis"] = dict(self.diagnosed(self._cell(kind), readings))
-        if doubtful:  # what is not believed must not teach the state anything
+        told |= {"standing": waiting} if waiting else {}
+        told |= {"behind": causes} if causes else {}
+        told |= {"diagnosis": diagnosis} if diagnosis else {}
+        if moving is not None and not alarms:
+            told["trend"] = vars(moving) | {"text": moving.text}
+        if not judged.believed:  # what is not believed must not teach the state anything
             told.pop("parameters")
             told.pop("state")
             return told | {"next": {"kind": "full", "why": "tonight's readings are in doubt"}}, None, {}
@@ -233,14 +266,13 @@ class Nights:
             return {"kind": "full", "why": f"the volume will only be known to {std:.1f} µm"}
         return {"kind": "check", "why": "nothing is too uncertain"}
 
-    def _learned(self, past: Past, after: State) -> tuple[State, int]:
+    def _learned(self, past: Past, recent: Sequence[Mapping[str, Any]], after: State) -> tuple[State, int]:
         """state → the same with rates learned from its history, and how many nights they were learned from."""
         machine = self.cell.machine.name
         if machine not in past.machines():
             return after, 0
         nights = [n for n in past.nights(machine, last=LEARNED_FROM) if n.status == "complete" and n.touches]
-        records = {r["start_utc"]: r for r in past.records(machine, LEARNED_FROM)}
-        before = next((r["state"].get("learned", 0) for r in records.values() if "state" in r), 0)
+        before = next((r["state"].get("learned", 0) for r in recent if "state" in r), 0)
         if not nights or len(nights) < LEARNED_EVERY or len(nights) % LEARNED_EVERY:
             return after, before
         nights.reverse()
@@ -286,9 +318,11 @@ class Nights:
             np.asarray(max(sigma, 1e-6) / uncertainty),
         )
 
-    def _parameters(self, past: Past, ahead: State, after: State, what: Seen, first: bool) -> dict[str, Any]:
+    def _parameters(
+        self, records: Sequence[Mapping[str, Any]], ahead: State, after: State, what: Seen, first: bool
+    ) -> dict[str, Any]:
         std, before, gained = after.std, ahead.std, {}
-        slopes = {} if first else self._slopes(past)
+        slopes = {} if first else self._slopes(records)
         for i in self.followed.machine:
             name = self.followed.selection.label(self.followed.names[i])
             mean = float(after.mean[i])
@@ -301,10 +335,9 @@ class Nights:
             }
         return gained
 
-    def _slopes(self, past: Past) -> dict[str, float]:
-        """→ {parameter: its slope a day over the last nights}, where that is larger than chance."""
-        machine = self.cell.machine.name
-        records = [r for r in past.records(machine, SLOPE) if r.get("parameters") and r.get("state")]
+    def _slopes(self, records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+        """records newest first → {parameter: its slope a day over the last nights}, where that is larger than chance."""
+        records = [r for r in records[:SLOPE] if r.get("parameters") and r.get("state")]
         recent = []
         for r in records:  # newest first, as far as the last change
             recent.append(r)
@@ -343,67 +376,3 @@ class Nights:
             passed = True if high <= limit else False if low > limit else None
             found.append({"what": name, "value": size, "unit": unit, "low": low, "high": high, "limit": limit, "passed": passed})
         return found
-
-    def _alarm(self, past: Past, ahead: State, tonight: Tonight, named: Named | None, day: float) -> dict[str, Any]:
-        nights = past.nights(self.cell.machine.name, last=10)
-        since = next((n.night for n in nights if n.status == "complete"), "")
-        alarm: dict[str, Any] = {"id": "", "since": since, "rate_per_day": None, "instead": []}
-        if named is None or (named.remains < 1e-6 and named.explained < 0.5 * tonight.statistic / tonight.scale):
-            if tonight.p_noise < tonight.p_machine:
-                seen_sigma = float(np.sqrt(tonight.noise[0] / max(tonight.noise[1], 1)))
-                sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
-                usual = f"{sigma_of(ahead) * 1e3:.2f} µm"
-                text = texts()("changed.noise_level", size=f"{seen_sigma * 1e3:.2f} µm", usual=usual)
-                cause, size, std, unit, parameter = "noise_level", seen_sigma, 0.0, "mm", "probe"
-            else:
-                sigmas = float(np.sqrt(max(tonight.statistic / tonight.scale - tonight.dof, 0.0)))
-                text = texts()("changed.unknown")
-                cause, size, std, unit, parameter = "unknown", 0.0, 0.0, "", "several"
-                if named is not None:
-                    alarm["instead"] = [named.hypothesis.parameter, *named.instead]
-        else:
-            h = named.hypothesis
-            cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
-            size, std, text = self._said(ahead, named)
-            alarm["instead"] = list(named.instead)
-        effect = abs(size) * 1e3 if unit == "mm" else self._on_part(ahead, named) if named is not None else 0.0
-        on_part, do = cause_texts(cause, effect)
-        return alarm | {
-            **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
-            **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
-        }
-
-    def _said(self, ahead: State, named: Named) -> tuple[float, float, str]:
-        h = named.hypothesis
-        if h.cause == "temperature":
-            worst = self._on_part(ahead, named)
-            return worst / 1e3, 0.0, texts()("changed.temperature", size=f"{worst:.1f} µm")
-        if len(h.axes) == 3 and h.cause in ("table", "stylus"):
-            size = named.length
-            towards = ", ".join(f"{a} {v * 1e3:+.1f} µm" for a, v in zip(h.axes, named.size, strict=True))
-            finite = named.std[np.isfinite(named.std)]
-            return (
-                size,
-                float(finite.max()) if len(finite) else 0.0,
-                texts()(f"changed.{h.cause}", size=f"{size * 1e3:.1f} µm", towards=towards),
-            )
-        size, std = float(named.size[0]), float(named.std[0])
-        told = value(size, h.unit, std)
-        if h.cause in ("facet", "pretravel"):
-            return size, std, texts()(f"changed.{h.cause}", size=told, **({"name": h.parameter} if h.cause == "facet" else {}))
-        return size, std, changed(h.parameter, told)
-
-    def _on_part(self, ahead: State, named: Named) -> float:
-        """→ µm, what the change does at the worst pose of the volume."""
-        moved = named.hypothesis.directions @ named.size
-        return float(np.linalg.norm(self.lever @ moved, axis=1).max()) * 1e3
-
-    def _ignored(self, past: Past, alarm: Mapping[str, Any], day: float) -> bool:
-        """→ whether somebody has decided to hear nothing of this cause and parameter until a later day."""
-        machine = self.cell.machine.name
-        today = (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).strftime("%Y-%m-%d")
-        wanted = {d.alarm for d in past.decisions(machine) if machine and d.action == "ignore" and (d.until or "") >= today}
-        if not wanted:
-            return False
-        earlier = [a for r in past.records(machine, 400) for a in r["alarms"] if a["id"] in wanted]
-        return any((a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"]) for a in earlier)

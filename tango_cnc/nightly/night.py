@@ -41,12 +41,14 @@ def night(machine: str, cell: str, settings: Nightly, world: World) -> dict[str,
         **{"format": FORMAT, "machine": machine, "cell": cell, "night": begun.strftime("%Y-%m-%d")},
         **{"start_utc": stamp_of(begun), "kind": "none", "status": "failed", "why": "", "verdict": "not_measured"},
         **{"preflight": [], "touches": 0, "planned": 0, "machine_time_s": 0.0, "alarms": [], "limits": []},
+        "owner": settings.owner or None,
         "artefacts": {"folder": f"nights/{stamp}"},
     }
     left: list[str] = []
     try:
         with world.lock:
             left = _left_behind(machine, cell, settings, world, begun)
+            base |= _before(machine, world)
             world.disk.begin(stamp, base["start_utc"])
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
             record = base | found
@@ -78,7 +80,8 @@ def _measured(settings: Nightly, world: World, day: float) -> tuple[dict[str, An
     try:
         more, knowledge, files = world.analysis.analysed(world.past, day, kind, measured)
     except TangoError as error:
-        more, knowledge, files = {"verdict": "doubtful", "plausible": {"verdict": "implausible", "reasons": [str(error)]}}, None, {}
+        doubt = {"verdict": "implausible", "reasons": [str(error)]}
+        more, knowledge, files = {"verdict": "doubtful", "plausible": doubt, "carried": False}, None, {}
     return found | more, knowledge, files, measured.text
 
 
@@ -112,6 +115,17 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: World, now: 
         world.past.add_night(_empty(machine, cell, stamp_of(when), when.strftime("%Y-%m-%d"), "missed", why, ""))
         said.append(f"{when:%Y-%m-%d}: {why}")
     return said
+
+
+def _before(machine: str, world: World) -> dict[str, Any]:
+    """→ date of the last night that measured, and a sentence on each night since that did not."""
+    if machine not in world.past.machines():
+        return {}
+    nights = world.past.nights(machine, last=60)
+    last = next((n for n in nights if n.touches), None)
+    gone = [n for n in nights if last is None or n.start_utc > last.start_utc][:MISSED]
+    found: dict[str, Any] = {} if last is None else {"last_measured": last.night}
+    return found | ({"unmeasured": [f"{n.night}: {n.headline}" for n in reversed(gone)]} if gone else {})
 
 
 def _empty(machine: str, cell: str, start: str, date: str, status: str, why: str, stamp: str) -> dict[str, Any]:
@@ -167,7 +181,7 @@ def _kept(
 
 
 def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: World, stamp: str) -> None:
-    subject, text = message(record, trouble, left)
+    subject, text = message(record, trouble, left, _newest(record["machine"], world))
     waiting = True
     try:
         world.disk.post(stamp, f"{subject}\n{text}")
@@ -184,6 +198,14 @@ def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: Wo
             record["notifications"] = [vars(d) for d in deliveries]
         if all(d.sent for d in deliveries) and (waiting or old != stamp):
             world.disk.sent(old)
+
+
+def _newest(machine: str, world: World) -> tuple[int, str] | None:
+    """→ number of entries of the machine and hash of the newest: who keeps the message sees a history whose end was cut off."""
+    try:
+        return world.past.newest_hashes().get(machine)
+    except (TangoError, OSError):
+        return None
 
 
 def _sentence(error: Exception) -> str:

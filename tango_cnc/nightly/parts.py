@@ -40,10 +40,10 @@ def opened(ahead: State, followed: Frame, named: Named | None) -> State:
     return reopened(ahead, followed, named.hypothesis.directions * (3 * np.maximum(spread, 1e-9)))
 
 
-def change(tonight: Tonight, rate: float) -> dict[str, Any]:
-    """test of the night, rate → member `change` of the record."""
+def change(tonight: Tonight, limit: float, rate: float) -> dict[str, Any]:
+    """test of the night, p-value below which it alarms, false alarms a night of all tests → member `change` of the record."""
     return {
-        **{"p_value": tonight.p_value, "statistic": tonight.statistic / tonight.scale, "dof": tonight.dof, "limit": rate},
+        **{"p_value": tonight.p_value, "statistic": tonight.statistic / tonight.scale, "dof": tonight.dof, "limit": limit},
         **{"p_machine": tonight.p_machine, "p_noise": tonight.p_noise},
         "text": f"one false alarm in {1 / rate:.0f} nights is expected",
     }

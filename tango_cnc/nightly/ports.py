@@ -117,6 +117,12 @@ class Past(Protocol):
     def decisions(self, machine: str) -> tuple[Decision, ...]:
         """machine → what was decided, oldest first."""
 
+    def alarmed(self, machine: str, last: int | None = None) -> tuple[Any, ...]:
+        """machine, how many → its nights with alarms, newest first."""
+
+    def newest_hashes(self) -> dict[str, tuple[int, str]]:
+        """→ {machine: (number of entries, hash of the newest)}."""
+
     def night(self, entry: int) -> Any:
         """entry → the night whole."""
 

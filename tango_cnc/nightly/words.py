@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..history import Decision
 from ..report.texts import texts
 from ..report.units import shown
 from ..report.words import spoken
@@ -17,6 +18,9 @@ SUBJECT = {
     "doubtful": "readings in doubt",
     "not_measured": "NOT MEASURED",
 }
+STILL = "STILL CHANGED"
+NOBODY = "none is stated in nightly.yaml"
+SHOWN = 3  # alarms that wait, in full
 PLACE = re.compile(r"E([XYZ])0([XYZABCS])")
 
 
@@ -26,16 +30,16 @@ def cause_texts(cause: str, effect_um: float) -> tuple[str, str]:
     return t(f"cause.{cause}.on_part", effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
 
 
-def changed(parameter: str, size: str) -> str:
-    """name of ISO 230-1 or a facet, size of its change → a sentence that names the axis before the symbol."""
+def changed(parameter: str, size: str, since: str = "last night") -> str:
+    """name of ISO 230-1 or a facet, size of its change, since when → a sentence that names the axis before the symbol."""
     t = texts()
     plain = spoken(parameter)
     if plain == parameter:
-        return t("changed.unnamed", name=parameter, size=size)
+        return t("changed.unnamed", name=parameter, size=size, since=since)
     if match := PLACE.fullmatch(parameter):
         what = t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
-        return t("changed.off", what=what, letter=match[1], size=size, name=parameter)
-    return t("changed.other", what=plain, size=size, name=parameter)
+        return t("changed.off", what=what, letter=match[1], size=size, name=parameter, since=since)
+    return t("changed.other", what=plain, size=size, name=parameter, since=since)
 
 
 def value(number: float, unit: str, std: float | None = None) -> str:
@@ -57,39 +61,82 @@ def headline(record: Mapping[str, Any]) -> str:
         return f"the readings are not to be relied on: {reasons[0]}"
     if alarms:
         return str(alarms[0]["text"])
+    part = f" (stopped after {record['touches']} of {record['planned']} touches)" if record["status"] == "partial" else ""
+    gap = _gap(record.get("unmeasured") or ())
     beyond = [limit for limit in record["limits"] if limit["passed"] is False]
     if beyond:
         b = beyond[0]
-        return f"{b['what']} is {b['value']:.1f} {b['unit']}, {b['limit']:g} {b['unit']} are allowed"
-    part = f" (stopped after {record['touches']} of {record['planned']} touches)" if record["status"] == "partial" else ""
+        cause = next((f": {x['text']}" for x in record.get("behind") or () if x["what"] == b["what"]), "")
+        return f"{b['what']} is {b['value']:.1f} {b['unit']}, {b['limit']:g} {b['unit']} are allowed{cause}{part}{gap}"
+    if standing := record.get("standing"):
+        first = standing[0]
+        more = f"; {len(standing) - 1} more wait" if len(standing) > 1 else ""
+        now = f" ({first['now']})" if first.get("now") else ""
+        who = f"{first['owner']} has it" if first["decision"] else f"nobody has answered the alarm of {first['night']}"
+        return f"changed since the night of {first['night']}: {first['text']}{now}; {who}{more}{part}{gap}"
+    nothing = "nothing has changed"
+    if trend := record.get("trend"):
+        nothing = f"no alarm, but {trend['text']}"
     open_ones = [limit for limit in record["limits"] if limit["passed"] is None]
     if open_ones:
         o = open_ones[0]
-        return f"nothing has changed{part}; whether {o['what']} is within {o['limit']:g} {o['unit']} is not certain"
+        return f"{nothing}{part}; whether {o['what']} is within {o['limit']:g} {o['unit']} is not certain{gap}"
     volume = (record.get("volume") or {}).get("worst_um")
     told = "" if volume is None else f"; the largest error over the volume is {volume:.1f} µm"
-    first = (record.get("change") or {}).get("p_value") is None
-    return f"{'measured for the first time' if first else 'nothing has changed'}{part}{told}"
+    first_time = (record.get("change") or {}).get("p_value") is None
+    return f"{'measured for the first time' if first_time else nothing}{part}{told}{gap}"
 
 
-def message(record: Mapping[str, Any], trouble: Sequence[str], left: Sequence[str]) -> tuple[str, str]:
-    """record, what went wrong while keeping it, what was found of earlier nights → subject and text of a message."""
-    subject = f"{record['machine']}: {SUBJECT[record['verdict']]} ({record['night']})"
-    lines = [record["headline"][:1].upper() + record["headline"][1:].rstrip(".") + ".", ""]
+def _gap(unmeasured: Sequence[str]) -> str:
+    if not unmeasured:
+        return ""
+    return "; the night before was not measured" if len(unmeasured) == 1 else f"; {len(unmeasured)} nights before were not measured"
+
+
+def message(
+    record: Mapping[str, Any],
+    trouble: Sequence[str],
+    left: Sequence[str],
+    newest: tuple[int, str] | None = None,
+    decisions: Sequence[Decision] = (),
+) -> tuple[str, str]:
+    """record, what went wrong while keeping it, what was found of earlier nights → subject and text of a message.
+
+    `newest`: number of entries of the machine's history and hash of the last; `decisions`: what was decided about alarms.
+    """
+    still = record["verdict"] == "changed" and not record["alarms"]
+    subject = f"{record['machine']}: {STILL if still else SUBJECT[record['verdict']]} ({record['night']})"
+    lines = [_sentence(record["headline"]), ""]
+    owner = record.get("owner") or NOBODY
     for alarm in record["alarms"]:
         lines += [f"* {alarm['text']}", f"  since {alarm['since']}, {alarm['sigmas']:.0f} standard deviations"]
-        if alarm.get("rate_per_day"):
-            lines.append(f"  at {value(alarm['rate_per_day'], alarm['unit'])} a day")
-        lines += [f"  on a part: {alarm['on_part']}", f"  what to do: {alarm['do']}"]
-        if alarm["instead"]:
-            lines.append(f"  fits nearly as well: {', '.join(alarm['instead'])}")
-        lines += [
-            f"  owner: {alarm['owner'] or 'none is stated in nightly.yaml'}",
-            f"  to answer: tango history decide {alarm['id']} --action … --owner …",
-            "",
-        ]
+        lines += [*_about(alarm, alarm["owner"] or NOBODY), *_answers(alarm["id"], decisions), ""]
+    standing = record.get("standing") or ()
+    for alarm in standing[:SHOWN]:
+        who = f"{alarm['owner']} has acknowledged it" if alarm["decision"] else "not answered"
+        lines += [f"* alarm of {alarm['night']}, {who}: {alarm['text']}"]
+        lines += [f"  {alarm['now']}"] if alarm.get("now") else []
+        lines += [*_about(alarm, alarm["owner"] or NOBODY), *_answers(alarm["id"], decisions), ""]
+    if len(standing) > SHOWN:
+        lines += [f"* {len(standing) - SHOWN} more alarms wait: tango nightly --status", ""]
+    for cause in record.get("behind") or ():
+        lines += [f"* behind {cause['what']}: {cause['text']}", *_about(cause, owner), ""]
+    if record["verdict"] == "out_of_limits" and not record.get("behind"):
+        lines += [f"* what to do: {texts()('night.beyond_do')}", f"  owner: {owner}", ""]
     failed = [p for p in record["preflight"] if not p["passed"]]
-    lines += [f"* {p['check']}: {p['found'].rstrip('.')}{'; ' + p['do'] if p['do'] else ''}. Nothing was moved." for p in failed]
+    lines += [
+        f"* {p['check']}: {_sentence('; '.join(x for x in (p['found'].rstrip('.'), p['do']) if x))} Nothing was moved."
+        for p in failed
+    ]
+    if record["verdict"] == "not_measured":
+        lines += _unmeasured(record, owner, failed)
+    if record["verdict"] == "doubtful":
+        lines += [f"* {_sentence(r)}" for r in ((record.get("plausible") or {}).get("reasons") or ())]
+        lines += [f"* what to do: {texts()('night.doubtful_do')}", f"  owner: {owner}"]
+        if not record.get("carried", True):
+            lines.append(
+                f"* nothing of this night is carried on; what is known is that of {record.get('last_measured') or 'no night yet'}"
+            )
     for limit in record["limits"]:
         word = {True: "within", False: "BEYOND", None: "not certain to be within"}[limit["passed"]]
         lines.append(f"* {limit['what']}: {limit['value']:.1f} {limit['unit']}, {word} {limit['limit']:g}")
@@ -97,11 +144,47 @@ def message(record: Mapping[str, Any], trouble: Sequence[str], left: Sequence[st
         lines.append(f"* {change['text']}; tonight's probability by chance: {change['p_value']:.2g}")
     if (asked := record.get("next")) is not None:
         lines.append(f"* next night: {asked['kind']} ({asked['why']})")
-    lines += [f"* {text}" for text in (*left, *trouble)]
+    before = list(record.get("unmeasured") or ())
+    lines += [f"* {text}" for text in (*before, *(x for x in left if x not in before and x[:10] not in {b[:10] for b in before}))]
+    lines += [f"* {text}" for text in trouble]
+    lines.append("")
+    if record["kind"] == "none":
+        lines.append("nothing was measured")
+    else:
+        minutes = record["machine_time_s"] / 60
+        lines.append(f"{record['kind']} night, {record['touches']} of {record['planned']} touches, {minutes:.0f} min")
     kept = record["artefacts"]["folder"] if "artefacts" in record else ""
-    lines += [
-        "",
-        f"{record['kind']} night, {record['touches']} of {record['planned']} touches, {record['machine_time_s'] / 60:.0f} min",
-    ]
-    lines += [f"cell {record['cell']}, files in {kept}"]
+    lines.append(f"cell {record['cell']}" + (f", files in {kept}" if kept and record["touches"] else ""))
+    if newest is not None:
+        lines.append(f"history: {newest[0]} entries, the newest is {newest[1]}")
     return subject, "\n".join(lines) + "\n"
+
+
+def _about(cause: Mapping[str, Any], owner: str) -> list[str]:
+    lines = [f"  at {value(cause['rate_per_day'], cause['unit'])} a day"] if cause.get("rate_per_day") else []
+    lines += [f"  on a part: {cause['on_part']}", f"  what to do: {cause['do']}"]
+    if cause.get("instead"):
+        lines.append(f"  fits nearly as well: {', '.join(cause['instead'])}")
+    return [*lines, f"  owner: {owner}"]
+
+
+def _answers(alarm: str, decisions: Sequence[Decision]) -> list[str]:
+    own = [d for d in decisions if d.alarm == alarm]
+    if not own:
+        return [f"  to answer: tango history decide {alarm} --action … --owner …"]
+    until = {d: f" until {d.until}" if d.until else "" for d in own}
+    return [f"  answered: {d.action}{until[d]} by {d.owner}, {d.utc[:10]}{f': {d.note}' if d.note else ''}" for d in own]
+
+
+def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[str, Any]]) -> list[str]:
+    t = texts()
+    do = "" if any(p["do"] for p in failed) else f"* what to do: {t('night.unmeasured_do', cell=record['cell'])}"
+    last = record.get("last_measured")
+    known = t("night.unmeasured_part", date=last) if last else t("night.unmeasured_never")
+    return [*([do] if do else []), f"* on a part: {known}", f"* owner: {owner}"]
+
+
+def _sentence(text: str) -> str:
+    """text → a capital in front and one full stop at the end."""
+    whole = text[:1].upper() + text[1:]
+    return whole if whole.endswith((".", "?", "!", "…")) else f"{whole}."

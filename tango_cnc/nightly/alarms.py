@@ -1,0 +1,201 @@
+"""What changed → an alarm: its text, since when, what it does to parts, what to do, and whether somebody wants to hear of it."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+
+from ..records import Array, Cell
+from ..report.texts import texts
+from ..report.units import shown
+from ..state import Frame, Named, State, Tonight
+from ..state.filter import sigma_of
+from .ports import Past
+from .words import cause_texts, changed, value
+
+NEAR = 1.5  # days within which the night before is last night
+LISTED = 60  # nights looked back over for the last one with a result
+OFFSET = re.compile(r"E[XYZ]0([ABC])")
+TURNED = re.compile(r"E[ABC]0([XYZABC])")
+
+
+@dataclass(frozen=True)
+class Known:
+    """What alarms are told by: the cell, what is followed, and (m, 3, p) mm of the volume by unknown."""
+
+    cell: Cell
+    followed: Frame
+    lever: Array
+
+    def worst(self, moved: Array) -> float:
+        """(p,) change of the unknowns → µm at the worst pose of the volume."""
+        return float(np.linalg.norm(self.lever @ moved, axis=1).max()) * 1e3
+
+
+@dataclass(frozen=True)
+class Since:
+    """The last night on which the machine was as before: its local date, and in words."""
+
+    date: str
+    words: str
+
+
+def date_of(day: float) -> str:
+    """days since 1970-01-01 UTC → 2026-11-23."""
+    return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).strftime("%Y-%m-%d")
+
+
+def since(past: Past, machine: str, day: float) -> Since:
+    """history, machine, day of tonight → the last night that left a result; nights in between without one are said."""
+    found = past.latest_knowledge(machine)
+    if found is None:
+        return Since("", "the last night")
+    last = found[0]
+    newer = [n for n in past.nights(machine, last=LISTED) if n.start_utc > last.start_utc]
+    if not newer and day - datetime.fromisoformat(last.start_utc).timestamp() / 86_400 < NEAR:
+        return Since(last.night, "last night")
+    what = "not measured" if all(n.verdict == "not_measured" for n in newer) else "without a result"
+    skipped = f" ({len(newer)} night{'s' * (len(newer) > 1)} {what})" if newer else ""
+    return Since(last.night, f"{last.night}{skipped}")
+
+
+def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Named | None) -> dict[str, Any]:
+    """what is known, since when, prediction, test of the night, its best story → the alarm of the record."""
+    alarm: dict[str, Any] = {"id": "", "since": before.date, "rate_per_day": None, "instead": []}
+    moved = np.zeros(len(k.followed.names))
+    if named is None or (named.remains < 1e-6 and named.explained < 0.5 * tonight.statistic / tonight.scale):
+        if tonight.p_noise < tonight.p_machine:
+            dof = max(tonight.noise[1], 1)
+            size = float(np.sqrt(tonight.noise[0] / dof))
+            sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
+            usual = f"{sigma_of(ahead) * 1e3:.2f} µm"
+            text = texts()("changed.noise_level", size=f"{size * 1e3:.2f} µm", usual=usual)
+            cause, std, unit, parameter = "noise_level", size / float(np.sqrt(2 * dof)), "mm", "probe"
+        else:
+            sigmas = float(np.sqrt(max(tonight.statistic / tonight.scale - tonight.dof, 0.0)))
+            text = texts()("changed.unknown")
+            cause, size, std, unit, parameter = "unknown", 0.0, 0.0, "", "several"
+            if named is not None:
+                alarm["instead"] = [named.hypothesis.parameter, *named.instead]
+    else:
+        h = named.hypothesis
+        cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
+        moved = h.directions @ named.size
+        size, std, text = _said(k, before, named)
+        alarm["instead"] = list(named.instead)
+    effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved)
+    return alarm | {
+        **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
+        **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
+    }
+
+
+def effect_of(k: Known, cause: str, parameter: str, size: float, unit: str, moved: Array) -> tuple[float, str, str]:
+    """cause, parameter, size in its unit, (p,) change of the unknowns → µm at most on a part, what that means, what to do."""
+    t = texts()
+    if (match := OFFSET.fullmatch(parameter)) and cause == "axis_location":
+        turn = _range(k.cell, match[1], 2 * math.pi)
+        effect = 2 * math.sin(min(turn, math.pi) / 2) * abs(size) * 1e3
+        angle = f"{math.degrees(min(turn, math.pi)):.0f}"
+        return effect, t("part.turned", axis=match[1], angle=angle, effect=f"{effect:.1f} µm"), t("cause.axis_location.do")
+    if (match := TURNED.fullmatch(parameter)) and cause == "axis_location":
+        if match[1] in k.cell.machine.linear:
+            length = _range(k.cell, match[1], 1000.0)
+            effect = abs(size) * length * 1e3
+            told = t("part.square", axis=match[1], length=f"{length:.0f}", effect=f"{effect:.1f} µm")
+            return effect, told, t("part.square_do")
+        effect = k.worst(moved)
+        return effect, t("part.tilted", axis=match[1], effect=f"{effect:.1f} µm"), t("cause.axis_location.do")
+    effect = abs(size) * 1e3 if unit == "mm" else k.worst(moved)
+    return (effect, *cause_texts(cause, effect))
+
+
+def _range(cell: Cell, axis: str, endless: float) -> float:
+    """cell, axis → mm or rad of its travel; `endless` where none is stated."""
+    travel = next((a.travel for a in cell.machine.axes if a.name == axis), None)
+    return endless if travel is None else travel[1] - travel[0]
+
+
+def _said(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
+    h = named.hypothesis
+    if h.cause == "temperature":
+        worst = k.worst(h.directions @ named.size)
+        return worst / 1e3, 0.0, texts()("changed.temperature", size=f"{worst:.1f} µm")
+    if len(h.axes) == 3 and h.cause in ("table", "stylus"):
+        size = named.length
+        towards = ", ".join(f"{a} {v * 1e3:+.1f} µm" for a, v in zip(h.axes, named.size, strict=True))
+        finite = named.std[np.isfinite(named.std)]
+        told = texts()(f"changed.{h.cause}", size=f"{size * 1e3:.1f} µm", towards=towards, since=before.words)
+        return size, float(finite.max()) if len(finite) else 0.0, told
+    size, std = float(named.size[0]), float(named.std[0])
+    told = value(size, h.unit, std)
+    if h.cause in ("facet", "pretravel"):
+        name = {"name": h.parameter} if h.cause == "facet" else {}
+        return size, std, texts()(f"changed.{h.cause}", size=told, since=before.words, **name)
+    return size, std, changed(h.parameter, told, before.words)
+
+
+def ignored(past: Past, machine: str, alarm: Mapping[str, Any], day: float) -> bool:
+    """→ whether somebody has decided to hear nothing of this cause and parameter until a later day."""
+    if machine not in past.machines():
+        return False
+    today = date_of(day)
+    wanted = {d.alarm for d in past.decisions(machine) if d.action == "ignore" and (d.until or "") >= today}
+    if not wanted:
+        return False
+    earlier = [a for r in past.alarmed(machine) for a in r.record["alarms"] if a["id"] in wanted]
+    return any((a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"]) for a in earlier)
+
+
+def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
+    """history, machine, day, what is known tonight, kind of night → alarms of other nights that nobody has closed, newest first.
+
+    Closed is accept, repaired, and ignore until its date has passed; who acknowledged one is named with it.
+    """
+    if machine not in past.machines():
+        return []
+    today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
+    found = []
+    for stored in past.alarmed(machine, LISTED):
+        for alarm in stored.record["alarms"]:
+            decision = last.get(alarm["id"])
+            if decision is not None and decision.action in ("accept", "repaired"):
+                continue
+            if decision is not None and decision.action == "ignore" and (decision.until or "") >= today:
+                continue
+            told = {key: alarm.get(key) for key in ("id", "cause", "parameter", "text", "since", "size", "std", "unit", "sigmas")}
+            told |= {key: alarm.get(key) for key in ("rate_per_day", "on_part_um", "on_part", "do", "instead", "owner")}
+            answered = decision is not None and decision.action == "acknowledge"
+            told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
+            told["text"] = str(alarm["text"]).replace("since last night", f"since {alarm['since']}")
+            told |= {"now": _now(alarm, stored.record, parameters, kind)}
+            if answered and decision is not None:
+                told["owner"] = decision.owner
+            found.append(told)
+    return found
+
+
+def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:
+    """alarm, its night, what is known tonight → whether what moved is still where it went; '' for what is no one parameter."""
+    then, now = (record.get("parameters") or {}).get(alarm["parameter"]), parameters.get(alarm["parameter"])
+    if then is None or now is None or then.get("change") is None:
+        return ""
+    step = alarm["size"] if alarm.get("rate_per_day") else then["change"]  # a drift was not made in its last night alone
+    change = now["value"] - (then["value"] - step)
+    spread = math.hypot(now["std"], then["std"])
+    told = value(change, now["unit"], spread)
+    slack = max(3 * spread, 0.25 * abs(alarm["size"]))
+    if abs(change - alarm["size"]) < slack:
+        return f"still there: {told}" + (", confirmed by tonight's full measurement" if kind == "full" and now.get("seen") else "")
+    return f"gone again: {told} is left" if abs(change) < slack else f"it is {told} now"
+
+
+def factor_of(unit: str) -> tuple[float, str]:
+    """unit of a parameter → factor to what people read, and its name."""
+    return shown(unit)

@@ -1,0 +1,56 @@
+"""Whether the readings of a night may be believed, and what is told of a machine that was warming up while it was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..report.texts import texts
+
+WARM = "thermal_drift"  # cause of the diagnosis
+BLURRED = ("noise_level", "unknown")  # alarms that a machine on the move looks like
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What is said of the readings of a night."""
+
+    verdict: str  # trustworthy, doubtful, implausible
+    reasons: tuple[str, ...] = ()
+    incomplete: bool = False  # too little of what was asked for was measured
+    wandered: str = ""  # why the machine counts as on the move while it was measured, as a sentence; empty: it does not
+    walk: float = 0.0  # of the touches in time, over their white scatter
+    believed: bool = True  # whether tonight teaches the state anything
+
+
+def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict[str, Any]], first: bool) -> Judged:
+    """judgement, diagnosis ({} where none was made), alarms of the touches, whether nothing was known → the judgement of the night.
+
+    Not believed: implausible, incomplete, doubtful without an alarm, and a machine that warmed up while it was measured. What such
+    a night would have said by itself is told with the reasons. An alarm that may be warm-up as well says so. What the diagnosis
+    cannot explain makes a night doubtful; it is carried on, as every touch still tells the machine as it is.
+    """
+    t = texts()
+    warm = next((f for f in (*diagnosis.get("findings", ()), *diagnosis.get("not_named", ())) if f.get("cause") == WARM), None)
+    blurred = bool(alarms) and alarms[0]["cause"] in BLURRED
+    reasons = list(judged.reasons)
+    warming = bool(judged.wandered) or (blurred and (warm is not None or judged.walk > 1.0))
+    if warming:
+        wandered = judged.wandered or t("night.warming")
+        reasons = [wandered, *(r for r in reasons if r != judged.wandered)]
+    if warm is not None and alarms:
+        alarms[0]["instead"] = [t("night.warm_up"), *alarms[0]["instead"]]
+    teaches = not (
+        warming or judged.incomplete or judged.verdict == "implausible" or (judged.verdict == "doubtful" and (first or not alarms))
+    )
+    if not teaches and alarms:
+        reasons.append(t("night.by_itself", text=alarms[0]["text"]))
+    verdict = judged.verdict
+    if teaches and diagnosis.get("verdict") == "unexplained":
+        left = next((u["text"] for u in diagnosis.get("unexplained", ())), t("night.unexplained"))
+        reasons.append(t("night.unexplained_by", what=left.rstrip(".")))
+        verdict = "doubtful"
+    if not teaches and verdict == "trustworthy":
+        verdict = "doubtful"
+    return replace(judged, verdict=verdict, reasons=tuple(reasons), believed=teaches)

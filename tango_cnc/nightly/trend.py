@@ -1,0 +1,158 @@
+"""What no single night shows: a parameter that goes one way night after night, and which one stands behind a crossed limit.
+
+A parameter wanders; how fast is known (`State.rates`). Between two nights k days apart it moves by less than
+√(rate k + what neither night knows). What moves farther has drifted. Every parameter is tried over every span of the last week,
+and the price of so many tries is paid (Bonferroni), so that the share of false alarms that drifts have is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from ..records import Array
+from ..report.texts import texts
+from ..state import State
+from .alarms import Known, effect_of
+from .words import changed, value
+
+MONTH = 30  # nights that what stands behind a limit is looked for over
+SPANS = 7  # measured nights that a drift is looked for over
+LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
+TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A parameter that has moved since a night: by how much (its unit), how sure, how fast, what it does."""
+
+    parameter: str
+    since: str
+    size: float
+    std: float
+    unit: str
+    rate_per_day: float
+    sigmas: float
+    p_value: float  # of all that was tried
+    on_part_um: float
+    on_part: str
+    do: str
+
+    @property
+    def text(self) -> str:
+        """→ a sentence without its full stop."""
+        rate = value(self.rate_per_day, self.unit)
+        return texts()("changed.drift", moved=changed(self.parameter, value(self.size, self.unit, self.std), self.since), rate=rate)
+
+
+def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
+    """what is known, records newest first, state after tonight, scale of quiet nights' statistic → the surest drift.
+
+    Looks back to the last alarm and no farther: what it told is told. None where nothing has moved by `TOLD` and `LEAST`.
+    """
+    back = []
+    for record in records:
+        if record.get("parameters") and record.get("state"):
+            back.append(record)
+        if record["alarms"] or len(back) == SPANS:
+            break
+    places = k.followed.machine
+    names = [k.followed.selection.label(k.followed.names[i]) for i in places]
+    best: tuple[float, int, Mapping[str, Any], float, float] | None = None
+    tried = 0
+    for record in back[1:]:
+        days = after.day - float(record["state"]["day"])
+        rates = np.array(record["state"]["rates"], dtype=float)
+        rates = rates[places] if len(rates) == len(k.followed.names) else k.followed.wander[places]
+        for j, (i, name) in enumerate(zip(places, names, strict=True)):
+            then = record["parameters"].get(name)
+            if then is None:
+                continue
+            tried += 1
+            size = float(after.mean[i]) - then["value"]
+            known = float(after.std[i]) ** 2 + then["std"] ** 2
+            sigmas = abs(size) / float(np.sqrt((known + rates[j] * max(days, 0.0)) * max(scale, 1.0)))
+            if best is None or sigmas > best[0]:
+                best = (sigmas, int(i), record, size, float(np.sqrt(known)))
+    if best is None or best[0] < TOLD:
+        return None
+    sigmas, i, record, size, std = best
+    if k.worst(_only(k, i, size)) < LEAST:
+        return None
+    p_value = min(1.0, tried * 2 * float(special.ndtr(-sigmas)))
+    return _drift(k, i, record, size, std, after.day, sigmas, p_value)
+
+
+def _drift(
+    k: Known, i: int, record: Mapping[str, Any], size: float, std: float, day: float, sigmas: float, p_value: float
+) -> Drift:
+    name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
+    effect, on_part, _ = effect_of(k, _cause(k, i), name, size, unit, _only(k, i, size))
+    do = texts()("night.drift_do", name=name)
+    rate = size / max(day - float(record["state"]["day"]), 1e-3)
+    return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do)
+
+
+def _only(k: Known, i: int, size: float) -> Array:
+    moved = np.zeros(len(k.followed.names))
+    moved[i] = size
+    return moved
+
+
+def _cause(k: Known, i: int) -> str:
+    return {"gain": "scale", "backlash": "backlash"}.get(k.followed.families[i], "axis_location")
+
+
+def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
+    """drift → the alarm of the record."""
+    place = next(i for i in k.followed.machine if k.followed.selection.label(k.followed.names[i]) == found.parameter)
+    return {
+        **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "instead": [], "cause": _cause(k, int(place))},
+        **{"parameter": found.parameter, "text": found.text, "size": found.size, "std": found.std, "unit": found.unit},
+        **{"sigmas": found.sigmas, "on_part_um": found.on_part_um, "on_part": found.on_part, "do": found.do},
+    }
+
+
+def behind(k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: Mapping[str, Any]) -> dict[str, Any] | None:
+    """what is known, records newest first, state after tonight, limit that is crossed → the parameter that stands behind it.
+
+    Against the first of the last `MONTH` nights that kept the limit: what has moved most since, by what it does to the volume, and
+    the last night on which it had not. Where no night kept it, the parameter that does most, and no date.
+    """
+    known = [r for r in records[:MONTH] if r.get("parameters") and r.get("state")]
+    kept = [r for r in known if any(x["what"] == limit["what"] and x["passed"] is not False for x in r.get("limits") or ())]
+    share: list[tuple[float, int, float, float]] = []
+    for i in k.followed.machine:
+        name = k.followed.selection.label(k.followed.names[i])
+        then = kept[-1]["parameters"].get(name) if kept else {"value": 0.0, "std": 0.0}
+        if limit["what"] not in ("volume", name) or then is None:
+            continue
+        size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
+        if abs(size) > 3 * std:
+            share.append((k.worst(_only(k, int(i), size)), int(i), size, std))
+    if not share:
+        return None
+    worst, i, size, std = max(share)
+    name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
+    told = {"what": limit["what"], "parameter": name, "unit": unit}
+    if not kept:
+        _, on_part, _ = effect_of(k, _cause(k, i), name, size, unit, _only(k, i, size))
+        text = texts()("changed.most", name=name, size=value(size, unit, std), share=f"{worst:.1f} µm")
+        return (
+            told
+            | {"text": text, "since": "", "rate_per_day": None, "size": size, "std": std, "on_part": on_part}
+            | {"do": texts()("night.most_do")}
+        )
+    begun = kept[-1]["parameters"][name]
+    still = [
+        r for r in known if name in r["parameters"] and abs(r["parameters"][name]["value"] - begun["value"]) < 3 * begun["std"]
+    ]
+    found = _drift(k, i, still[0], float(after.mean[i]) - still[0]["parameters"][name]["value"], std, after.day, 0.0, 0.0)
+    return told | {
+        **{"text": found.text, "since": found.since, "rate_per_day": found.rate_per_day, "size": found.size, "std": found.std},
+        **{"on_part": found.on_part, "do": found.do},
+    }

@@ -1,0 +1,196 @@
+"""What a morning says: what has changed and what still is, since when, how fast, what it does, who has it, what is missing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+from test_history import knowledge
+from test_history import record as kept
+
+from tango_cnc.commands import _simulated_nights as simulated
+from tango_cnc.commands._simulated_nights import Event, Story, nights
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.files.nightly import Nightly
+from tango_cnc.history import Decision, opened
+from tango_cnc.nightly import World
+from tango_cnc.nightly.alarms import Known, effect_of, since, standing
+from tango_cnc.nightly.doubt import Judged, believed
+from tango_cnc.nightly.night import _before
+from tango_cnc.nightly.words import headline, message
+from tango_cnc.records import Cell
+from tango_cnc.state import Frame
+
+Tell = Callable[..., list[dict[str, Any]]]
+
+
+@pytest.fixture
+def tell(root: Path, tmp_path: Path) -> Tell:
+    """→ nights of the trunnion machine, as a story has them; `answer`: night after which its alarms are accepted."""
+
+    def play(story: Story, count: int, answer: int = 0, **settings: Any) -> list[dict[str, Any]]:
+        folder, found = root / "examples" / "trunnion", []
+        cell, truth = read_cell(folder), read_world(folder / "world.yaml")
+        with opened(tmp_path / "history.db") as history:
+            asked = Nightly(diagnose=False, owner="Ann Meier", **settings)
+            for number, (record, _) in enumerate(nights(cell, truth, history, count, 3, story, asked), 1):
+                found.append(record)
+                if number == answer:
+                    for alarm in history.open_alarms(cell.machine.name):
+                        history.decide(cell.machine.name, Decision(alarm["id"], "accept", "Ann", utc=record["end_utc"]))
+            assert history.verify() == ()
+        return found
+
+    return play
+
+
+def night(**more: Any) -> dict[str, Any]:
+    record: dict[str, Any] = {
+        **{"machine": "M", "cell": "/cells/m", "night": "2026-10-04", "kind": "check", "status": "complete", "why": ""},
+        **{"verdict": "good", "preflight": [], "touches": 74, "planned": 74, "machine_time_s": 300.0, "alarms": [], "limits": []},
+        **{"owner": "Ann Meier", "artefacts": {"folder": "nights/now"}, **more},
+    }
+    return record | {"headline": headline(record)}
+
+
+@pytest.mark.long
+def test_a_drift_of_two_microns_a_night_is_named_with_its_rate_before_the_limit_is_crossed(tell: Tell) -> None:
+    records = tell(Story((Event(6, drift={"EY0C": 0.002}),), wander=0.0), 10, limits={"volume": 60.0})
+    alarmed = [i for i, r in enumerate(records, 1) if r["alarms"]]
+    assert len(alarmed) == 1 and alarmed[0] in (7, 8)  # one alarm for one drift, and no later than its third night
+    alarm = records[alarmed[0] - 1]["alarms"][0]
+    assert (alarm["cause"], alarm["parameter"]) == ("axis_location", "EY0C")
+    assert alarm["rate_per_day"] == pytest.approx(0.002, rel=0.2) and alarm["since"] in ("2026-10-04", "2026-10-05")
+    assert all(r["verdict"] == "good" for r in records[:5])
+    assert all("nothing has changed" not in r["headline"] for r in records[alarmed[0] - 1 :])
+    beyond = [r for r in records if r["verdict"] == "out_of_limits"]
+    assert beyond and all(r["behind"][0]["parameter"] == "EY0C" for r in beyond)
+    text = message(beyond[-1], (), ())[1]
+    assert "since 2026-10-05" in text and "+2.0 µm a day" in text and "owner: Ann Meier" in text and "what to do" in text
+
+
+@pytest.mark.long
+def test_a_knock_that_nobody_has_answered_is_told_every_morning_until_somebody_has(tell: Tell) -> None:
+    records = tell(Story((Event(2, {"EY0C": 0.020}),), wander=0.0), 4, answer=3)
+    assert [r["verdict"] for r in records] == ["good", "changed", "changed", "good"]
+    alarm = records[1]["alarms"][0]
+    assert alarm["on_part_um"] == pytest.approx(40, abs=2)  # a part that was set up at C 0 and is turned to C 180
+    assert "C is turned by 180°" in alarm["on_part"]
+    assert records[2]["kind"] == "full" and records[2]["alarms"] == []
+    subject, text = message(records[2], (), ())
+    assert "STILL CHANGED" in subject and "nothing has changed" not in text.lower()
+    assert "confirmed by tonight's full measurement" in text and "not answered" in text and "owner: Ann Meier" in text
+    assert "since last night" not in text and "since 2026-10-01" in text
+
+
+@pytest.mark.long
+def test_a_machine_that_warms_up_while_it_is_measured_is_no_broken_probe(tell: Tell, monkeypatch: pytest.MonkeyPatch) -> None:
+    warming = {"cause": "thermal_drift", "amplitude": 0.025, "tau": 900, "direction": [0, 0.7, 0.7]}
+    measure, count, made = simulated._Machine.measure, iter(range(1, 9)), simulated.nights_of
+
+    def warm(self: Any, kind: str, touches: Any) -> Any:
+        truth = self.truth
+        self.truth = replace(truth, effects=(*truth.effects, warming)) if next(count) in (2, 3) else truth
+        try:
+            return measure(self, kind, touches)
+        finally:
+            self.truth = truth
+
+    monkeypatch.setattr(simulated._Machine, "measure", warm)
+    monkeypatch.setattr(simulated, "nights_of", lambda cell, settings, plan, deep: made(cell, settings, plan, deep=True))
+    records = tell(Story(wander=0.0), 4)
+    assert [r["kind"] for r in records[:3]] == ["full", "check", "full"]
+    for record in records[1:3]:
+        assert record["verdict"] == "doubtful" and not record["alarms"] and not record["carried"]
+        assert "warm-up" in record["headline"] and "probe" not in record["headline"]
+        assert "nothing of this night is carried on" in message(record, (), ())[1]
+    assert records[3]["verdict"] == "good"  # cold again: the state has not followed the warm-up
+
+
+@pytest.fixture(scope="module")
+def cell(root: Path) -> Cell:
+    return read_cell(root / "examples" / "hu40t")
+
+
+def test_what_a_change_does_to_parts_is_reckoned_where_it_does_it(cell: Cell) -> None:
+    known = Known(cell, cast(Frame, None), cast(Any, None))
+    turned = effect_of(known, "axis_location", "EX0C", 0.0198, "mm", cast(Any, None))
+    assert turned[0] == pytest.approx(39.6) and "39.6 µm" in turned[1]  # C 0 against C 180: twice the offset
+    square = effect_of(known, "axis_location", "EC0X", 26.6e-6, "rad", cast(Any, None))
+    travel = next(a.travel for a in cell.machine.axes if a.name == "X")
+    assert travel is not None and square[0] == pytest.approx(26.6e-3 * (travel[1] - travel[0]))
+    assert "no rotary axis" in square[1] and "location" not in square[2]
+
+
+def test_since_when_says_which_nights_were_not_measured(tmp_path: Path) -> None:
+    missing = {"kind": "none", "verdict": "not_measured", "touches": 0, "parameters": {}}
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(kept(1), "touch\n1\n", knowledge(1))
+        tonight = 20727.083  # 2026-10-01 02:00 UTC
+        assert since(history, "M", tonight + 1).words == "last night"
+        history.add_night(kept(2, status="failed", headline="not measured: no answer", **missing))
+        history.add_night(kept(3, status="missed", headline="no measurement: no night began", **missing))
+        found = since(history, "M", tonight + 3)
+        assert (found.date, found.words) == ("2026-10-01", "2026-10-01 (2 nights not measured)")
+        before = _before("M", cast(World, SimpleNamespace(past=history)))
+    assert before["last_measured"] == "2026-10-01"
+    record = night(**before)
+    text = message(record, (), ())[1]
+    assert "2 nights before were not measured" in record["headline"]
+    assert "2026-10-03: no measurement: no night began" in text and "2026-10-02: not measured: no answer" in text
+
+
+def test_a_morning_without_a_measurement_says_what_to_do_who_and_since_when() -> None:
+    nothing = {"kind": "none", "status": "failed", "verdict": "not_measured", "touches": 0, "planned": 0}
+    failed = {"check": "control", "passed": False, "found": "no answer", "do": "is the control on, and at the right port?"}
+    text = message(night(**nothing, why="preflight: no answer", preflight=[failed], last_measured="2026-10-02"), (), ())[1]
+    assert "owner: Ann Meier" in text and "2026-10-02" in text and "right port? Nothing was moved." in text
+    assert "nothing was measured\n" in text and "none night" not in text and "files in" not in text
+    assert "what to do" in message(night(**nothing, why="the line is dead"), (), ())[1]
+
+
+def test_a_message_carries_the_hash_by_which_a_shortened_history_shows() -> None:
+    assert "18 entries, the newest is " + "ab" * 32 in message(night(), (), (), (18, "ab" * 32))[1]
+
+
+def test_who_has_answered_is_shown_instead_of_how_to_answer() -> None:
+    alarm = {"id": "2026-10-04-1", "text": "it moved", "since": "2026-10-03", "sigmas": 9.0, "instead": [], "owner": "Ann"}
+    alarm |= {"on_part": "x", "do": "y", "cause": "axis_location", "parameter": "EX0C"}
+    record = night(verdict="changed", alarms=[alarm])
+    assert "to answer: tango history decide 2026-10-04-1" in message(record, (), ())[1]
+    text = message(record, (), (), None, [Decision("2026-10-04-1", "repaired", "Bo", "clamp", None, "2026-10-04T08:00:00Z")])[1]
+    assert "to answer" not in text and re.search(r"answered: repaired by Bo, 2026-10-04: clamp", text)
+
+
+@pytest.mark.parametrize(
+    ("action", "until", "stands"),
+    [("acknowledge", None, True), ("accept", None, False), ("repaired", None, False), ("ignore", "2026-10-20", False)],
+)
+def test_an_alarm_stands_until_it_is_accepted_repaired_or_for_a_while_ignored(
+    tmp_path: Path, action: str, until: str | None, stands: bool
+) -> None:
+    alarm = {"id": "2026-10-02-1", "cause": "axis_location", "parameter": "EX0C", "size": 0.02, "text": "it moved since last night"}
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(kept(2, alarms=[{**alarm, "since": "2026-10-01"}]))
+        day = 20727.083 + 2
+        (open_one,) = standing(history, "M", day, {}, "check")
+        assert open_one["text"] == "it moved since 2026-10-01" and open_one["decision"] is None
+        history.decide("M", Decision("2026-10-02-1", action, "Ann", until=until, utc="2026-10-02T08:00:00Z"))
+        assert bool(standing(history, "M", day, {}, "check")) == stands
+        assert bool(standing(history, "M", day + 30, {}, "check")) == (stands or until is not None)
+
+
+def test_half_a_night_and_what_the_diagnosis_cannot_explain_are_doubtful_and_say_so() -> None:
+    half = believed(
+        Judged("doubtful", ("40 of 74 touches are missing",), incomplete=True), {}, [{"cause": "stylus", "text": "t"}], False
+    )
+    assert not half.believed and "taken by themselves the touches would say: t" in half.reasons
+    left = believed(Judged("trustworthy"), {"verdict": "unexplained", "unexplained": [{"text": "waves along X."}]}, [], False)
+    assert left.verdict == "doubtful" and left.believed and "waves along X" in left.reasons[0]
+    knocked = believed(Judged("trustworthy"), {}, [{"cause": "axis_location", "text": "t", "instead": []}], False)
+    assert knocked.believed and knocked.verdict == "trustworthy"
