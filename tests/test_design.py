@@ -140,6 +140,14 @@ def test_a_body_that_is_none_is_refused(body: str, tmp_path: Path, capsys: pytes
     assert not list(tmp_path.iterdir())
 
 
+def test_a_relaxed_design_that_goes_on_from_another_ends_where_one_that_begins_anew_does() -> None:
+    rows, of_pose = TOUCHES[:12], [np.arange(3 * j, 3 * j + 3) for j in range(4)]
+    cheap, dear = (Costs(np.full(12, c), np.full(4, 2.0)) for c in (1.0, 1.7))
+    first = relax(rows, of_pose, HELD, cheap, 17.0, CRITERIA[0])
+    anew, on = relax(rows, of_pose, HELD, dear, 17.0, CRITERIA[0]), relax(rows, of_pose, HELD, dear, 17.0, CRITERIA[0], first)
+    assert on.bound == pytest.approx(anew.bound, rel=0.02)
+
+
 @pytest.mark.parametrize("count", [2, 3, 6, 9])
 def test_one_tour_makes_every_turn(count: int) -> None:
     tour = order._tour(count)

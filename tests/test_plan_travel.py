@@ -140,3 +140,17 @@ def test_every_touch_is_come_down_to_along_the_tool() -> None:
     assert len(down) == len(made.touches)
     z = made.machine.column("Z")
     assert all(change[z] <= -DROP + 1e-9 and np.abs(np.delete(change, z)).max() < 1e-9 for change in down)
+
+
+def test_a_facet_that_is_touched_again_at_once_is_left_no_further_than_the_drop() -> None:
+    block_cell = cell(machine("wCBXfZY(S)t"), block(), [{}])
+    (one,) = block_cell.strategy.indexations
+    again = replace(one, facets=tuple(f for f in one.facets for _ in range(2)))
+    made = plan(replace(block_cell, strategy=replace(block_cell.strategy, indexations=(again,))), "leave-out")
+    chain = kinematics.chain(made.machine)
+    first, second = made.touches[0], made.touches[1]
+    assert first.facet == second.facet and first.leave is not None and first.leave == second.enter
+    places = np.array([first.standoff, first.leave])
+    low, up = kinematics.tip(chain, places)
+    assert np.linalg.norm(up - low) == pytest.approx(DROP)
+    assert (up - low) @ kinematics.spindle_axis(chain, places[:1])[0] == pytest.approx(DROP)

@@ -11,8 +11,9 @@ import yaml
 
 from .. import kinematics
 from ..design import choose, order, propose, region
+from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
-from ..design.choose import Chosen
+from ..design.problem import Chosen
 from ..design.propose import Setting
 from ..duration import spoken
 from ..files.write import dump
@@ -49,7 +50,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         data["certificate"] = {
             "bound": propose.reached(ready, found.bound)[0],
             "efficiency": found.efficiency,
-            "seconds_per_touch": found.costs[0],
+            "touches_in_a_row": found.problem.times,
+            "seconds_per_facet": found.costs[0],
             "seconds_per_indexation": found.costs[1],
         }
     if sees is None and not ready.problem.criterion.determinant:
@@ -60,6 +62,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         data["check"] = {
             "power": POWER,
             "false_alarms": ALARMS,
+            "stylus_um": 1e3 * ready.wish.stylus,
+            "limit_um": 1e3 * sees.limit,
             "size_um": 1e3 * sees.size,
             "missed_below_um": {n: 1e3 * s for n, s in sees.others.items() if math.isfinite(s)},
             "unseen": [n for n, s in sees.others.items() if not math.isfinite(s)],
@@ -85,8 +89,8 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     if "certificate" in data:
         own = data["certificate"]
         lines.append(
-            f"no plan of this time with {own['seconds_per_touch']:.1f} s a touch and "
-            f"{own['seconds_per_indexation']:.1f} s a turn gets below {own['bound']:.3g} {unit}: "
+            f"no plan of this time with {own['seconds_per_facet']:.1f} s for {_facet(own['touches_in_a_row'])} and "
+            f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}: "
             f"efficiency {100 * own['efficiency']:.0f} %"
         )
     if "competitors" in data:
@@ -102,6 +106,10 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
     return "\n".join(lines)
+
+
+def _facet(times: int) -> str:
+    return "a touch" if times == 1 else f"{times} touches of a facet"
 
 
 def _means(goal: str, value: float, unit: str) -> str:
@@ -120,7 +128,8 @@ def _seen(check: dict[str, Any]) -> list[str]:
     small = f"{check['size_um']:.1f} µm"
     lines = [
         f"a change of axis locations, gains and backlashes that moves the tool tip by {small} anywhere there is seen with "
-        f"{100 * check['power']:.0f} % power at 1/{1 / check['false_alarms']:.0f} false alarms"
+        f"{100 * check['power']:.0f} % power at 1/{1 / check['false_alarms']:.0f} false alarms",
+        _stylus(check["stylus_um"]),
     ]
     missed = sorted(((s, n) for n, s in check["missed_below_um"].items() if s > check["size_um"]), reverse=True)
     if missed:
@@ -130,6 +139,46 @@ def _seen(check: dict[str, Any]) -> list[str]:
     if check["unseen"]:
         lines.append(f"it sees nothing of {', '.join(check['unseen'])}")
     return lines
+
+
+def _stylus(size: float) -> str:
+    if not size:
+        return "this takes it that the stylus has stayed in the spindle since the full run (--stylus)"
+    return f"this takes it that the stylus comes back to the spindle within {size:g} µm (one standard deviation; --stylus)"
+
+
+def change_json(found: Change) -> dict[str, Any]:
+    """what a check says → plain data of the format tango-change/1."""
+    return {
+        "format": "tango-change/1",
+        "changed": found.changed,
+        "moved_um": 1e3 * found.moved,
+        "limit_um": 1e3 * found.limit,
+        "p_other": found.p_other,
+        "false_alarms": found.alarms,
+        "parameters": {name: {"change": change, "std": std} for name, (change, std) in found.parameters.items()},
+    }
+
+
+def change_text(found: Change) -> str:
+    """what a check says → what a person reads."""
+    moved, limit = 1e3 * found.moved, 1e3 * found.limit
+    rate = f"one false alarm in {1 / found.alarms:.0f} checks"
+    if found.moved > found.limit:
+        (name, (change, std)), *_ = found.parameters.items()
+        said = (
+            f"changed: where parts are made the tool tip has moved by up to {moved:.1f} µm since the full run; "
+            f"more than {limit:.1f} µm is an alarm ({rate})\n"
+            f"the surest parameter is {name}: {change:+.3g}, {abs(change / std):.1f} standard deviations. Make a full run."
+        )
+    else:
+        said = (
+            f"not changed: where parts are made the tool tip seems to have moved by {moved:.1f} µm at most since the full run; "
+            f"more than {limit:.1f} µm would be an alarm ({rate})"
+        )
+    if found.p_other < found.alarms / 2:
+        said += f"\nchanged: the touches differ from what the full run predicts (p = {found.p_other:.1g}). Make a full run."
+    return said
 
 
 def drawn(ready: Setting, found: Chosen) -> Drawn:

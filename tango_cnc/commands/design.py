@@ -14,7 +14,7 @@ from ..files import read_cell, read_readings, read_terms, write_text
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, of_facets
-from ._common import Output, cell_option, json_option, write_json
+from ._common import Output, cell_option, dialect, json_option, write_json
 from ._trust import despite_option, judged, usable
 from .check import positioning_feed
 
@@ -36,6 +36,19 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--readings", type=click.Path(path_type=Path, exists=True), help="Of an earlier run: says --within, and what a check knows."
+)
+@click.option(
+    "--stylus",
+    type=click.FloatRange(0.0, 5.0),
+    default=0.002,
+    show_default=True,
+    help="For a check: mm within which the stylus comes back to the spindle after the full run; 0: it stayed there.",
+)
+@click.option(
+    "--judge",
+    type=click.Path(path_type=Path, exists=True),
+    metavar="FILE",
+    help="Readings of a check: has the machine changed since --readings?",
 )
 @click.option(
     "--volume", metavar="X0:X1,Y0:Y1,Z0:Z1", help="Where parts are made, mm in the table frame, instead of above the facets."
@@ -64,6 +77,8 @@ def command(
     regular: bool,
     within: float | None,
     readings: Path | None,
+    stylus: float,
+    judge: Path | None,
     volume: str | None,
     compare: bool,
     picture: Path | None,
@@ -89,7 +104,9 @@ def command(
             click.echo(as_text(found))
         return 0
     before = None if readings is None else _before(cell, readings, despite)
-    asked = _wish(cell, goal, minutes, within, before, readings, volume, terms, degree)
+    asked = _wish(cell, goal or ("check" if judge else None), minutes, within, before, readings, volume, terms, degree, stylus)
+    if judge is not None:
+        return _judge(cell, asked[0], judge, despite, json_file)
     return _design(cell, *asked, regular=regular, compare=compare, output=output, picture=picture, json_file=json_file)
 
 
@@ -123,6 +140,7 @@ def _wish(
     volume: str | None,
     terms: str | None,
     degree: int,
+    stylus: float,
 ) -> tuple[Wish, str]:
     """options → what is asked for, and why facets are touched as they are."""
     from ..design import goals, propose, touching
@@ -133,7 +151,35 @@ def _wish(
         within, source = touching.known_within(cell, before), f"learned from {readings}"
     how = touching.touching(cell.strategy.approach, within, source)
     wanted = propose.usual_terms(aim, cell.terms) if terms is None else read_terms(terms)
-    return propose.Wish(aim, minutes, wanted, how.approach, degree, positioning_feed(cell), _box(volume), before), how.why
+    feed, gate = positioning_feed(cell), _gate(cell)
+    return propose.Wish(aim, minutes, wanted, how.approach, degree, feed, _box(volume), before, stylus, gate), how.why
+
+
+def _gate(cell: Cell) -> str:
+    """cell → what proves the probe alive in its programs: its time is part of the run."""
+    from postprocessors import _base as posts
+
+    if cell.controller is None:
+        return "none"
+    return str(posts.settings(dialect(cell), cell.controller.options).get("gate", "none"))
+
+
+def _judge(cell: Cell, wish: Wish, source: Path, despite: bool, json_file: str | None) -> int:
+    """Says whether the machine has changed → exit status, 1 when it has."""
+    from ..design import propose
+    from ..design.changed import changed
+    from . import _design as told
+
+    if wish.before is None:
+        raise InputError("--judge: state --readings of the full run too; allowed: --readings full.csv --judge check.csv")
+    if wish.goal.word != "check":
+        raise InputError(f"--judge: found --goal {wish.goal.text}; allowed: --goal check, or no --goal")
+    ready = propose.setting(cell, wish)
+    few = read_readings(source, cell.machine, cell.artefact)
+    found = changed(ready.problem.choice, ready.lever, wish.before, few)
+    if not write_json(json_file, told.change_json(found)):
+        click.echo(told.change_text(found))
+    return int(found.changed)
 
 
 def _design(

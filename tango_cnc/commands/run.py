@@ -23,6 +23,7 @@ from ._common import Output, cell_option, dialect
 from ._plan import obstructed_option, warnings
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
+from ._until import run_until, wanted_by
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -54,6 +55,12 @@ PAUSE = 0.3  # s between two looks at the journal of another program
     "--readings", "readings_file", type=click.Path(path_type=Path), metavar="FILE", help="Default: readings.csv in the cell."
 )
 @click.option("--resume", is_flag=True, help="Continue the run that stopped: make the touches that have no reading.")
+@click.option(
+    "--until",
+    metavar="GOAL",
+    help="End when this is reached: locations, volume=5 (µm rms where parts are made) or limits such as EX0C=1,EA0C=5 "
+    "(µm, µrad, µm/m). Touches are appended where the strategy alone does not reach it.",
+)
 @click.option("--watch", "watching", is_flag=True, help="Follow a run that another program makes; nothing is sent.")
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option(
@@ -76,6 +83,7 @@ def command(
     port: str | None,
     readings_file: Path | None,
     resume: bool,
+    until: str | None,
     watching: bool,
     yes: bool,
     timeout: float | None,
@@ -111,7 +119,8 @@ def command(
         raise InputError(
             f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
         )
-    address = port or cell.controller.port
+    controller = cell.controller
+    address = port or controller.port
     if address is None:
         raise InputError(
             f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
@@ -120,7 +129,12 @@ def command(
         raise InputError("--program and --resume: a run goes on with a program of the remaining touches; leave --program out")
     if most is not None and program_file is not None:
         raise InputError("--program and --split: the parts are written anew from the cell; leave --program out")
-    made = plan(cell, obstructed)
+    if until is not None and (program_file is not None or obstructed is not None):
+        raise InputError("--until: found --program or --obstructed too; allowed: --until alone, which plans what it needs")
+    goal = None if until is None else wanted_by(cell, until)
+    if goal is not None:
+        cell = goal.cell
+    made = plan(cell, obstructed) if goal is None else goal.plan
     for text in warnings(made):
         click.echo(text, err=True)
     post = dialect(cell)
@@ -132,15 +146,19 @@ def command(
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, _Live(json_file) as live, _transcript(transcript) as heard:
-        wanted = Wanted(address, post.link, cell.controller.post, target, resume, timeout, 600.0 if someone else 60.0, heard)
-        origin = measure(cell, made, wanted, lambda part: _posted(cell, post, made, part, program_file, most), live, confirm)
+        wanted = Wanted(address, post.link, controller.post, target, resume, timeout, 600.0 if someone else 60.0, heard)
+
+        def run(own: Wanted, count: int | None = None) -> dict[str, Any]:
+            return measure(cell, made, own, lambda part: _posted(cell, post, made, part, program_file, most), live, confirm, count)
+
+        origin = run(wanted) if goal is None else run_until(cell, goal, wanted, run, _said)
         result = {"readings": str(target), **origin}
         if not live.add("end", result):
             bad = "".join(
                 f", {origin[status]} {word}" for status, word in (("miss", "missed"), ("early", "early")) if origin[status]
             )
             doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
-            _said(f"{origin['touches']} touches{bad}{doubted} → {target}", err=False)
+            _said(f"{origin['touches'] - len(origin['missing'])} touches{bad}{doubted} → {target}", err=False)
     for text in left(whole, cell, "tango run"):
         _said(text)
 

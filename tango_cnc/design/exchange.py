@@ -23,6 +23,7 @@ NEAREST = 4  # new visits that are worked out exactly
 PASSES = 1
 SHAKES = 40_000  # times that some visits are given up at random, for each candidate less
 LEAST_SHAKES, MOST_SHAKES = 6, 200
+UNSTICK = 60  # times that some is given up at random for what takes most out of what is worst
 LEVELS = 12  # choices with more weight on what is worst
 
 
@@ -263,7 +264,15 @@ def whole(
         draft.revisit(seconds)
         if len(np.unique(draft.pose[draft.chosen])) > 1:
             draft.shake(seconds, max(LEAST_SHAKES, min(MOST_SHAKES, shakes // len(rows))))
-    return draft.chosen if many is None else _levelled(draft, seconds, many)
+    if many is None:
+        return draft.chosen
+    return _unstuck(
+        draft,
+        seconds,
+        many,
+        _levelled(draft, seconds, many),
+        int(UNSTICK * min(10.0, (150 / rows.shape[1]) ** 1.5)) if shakes else 0,
+    )
 
 
 def _levelled(draft: Draft, seconds: float, many: Criterion) -> NDArray[np.bool_]:
@@ -280,5 +289,30 @@ def _levelled(draft: Draft, seconds: float, many: Criterion) -> NDArray[np.bool_
         if level % 4 == 3:
             draft.retouch(seconds)
         if (now := value(many, draft.information)) < best:
+            best, chosen = now, draft.chosen.copy()
+    return chosen
+
+
+def _unstuck(draft: Draft, seconds: float, many: Criterion, chosen: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
+    """draft, s, criterion of the worst of many, (n,) mask → (n,) mask that is no worse.
+
+    Gives up visits or touches at random and fills the time with what takes most out of what is worst now.
+    """
+    rng = np.random.default_rng(len(chosen))
+    best = value(many, draft.held + draft.rows[chosen].T @ draft.rows[chosen])
+    for _ in range(times):
+        draft.chosen = chosen.copy()
+        weights = parts(many, draft.held + draft.rows[chosen].T @ draft.rows[chosen]) ** float(rng.uniform(1, 6))
+        draft.criterion = many.with_weights(weights / weights.sum())
+        visited = np.unique(draft.pose[chosen])
+        gone = rng.choice(visited, min(len(visited) - 1, int(rng.integers(0, 3))), replace=False)
+        draft.chosen[np.isin(draft.pose, gone)] = False
+        inside = np.flatnonzero(draft.chosen)
+        if not len(gone):
+            draft.chosen[rng.choice(inside, min(len(inside) - 1, int(rng.integers(2, 8))), replace=False)] = False
+        draft.renew()
+        draft.fill(seconds, frozenset(gone[:1].tolist()))
+        draft.swap(seconds)
+        if (now := value(many, draft.information)) < best * (1 - 1e-9):
             best, chosen = now, draft.chosen.copy()
     return chosen

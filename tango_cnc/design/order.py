@@ -8,6 +8,7 @@ most for its time, and exchanges that save time are made where they leave that w
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -131,6 +132,20 @@ def turns(cell: Cell, visits: Sequence[Indexation], feed: float | None) -> Array
         elif move.kind not in TOUCHING:
             spent[number] += seconds
     return _filled(times, tour, spent)
+
+
+def again(cell: Cell, feed: float | None) -> float:
+    """cell, mm/min of protected moves → s that one more touch of the facet takes that has just been touched."""
+    for indexation in cell.strategy.indexations:
+        with suppress(InputError):
+            once, twice = (_lasts(cell, replace(indexation, facets=indexation.facets[:1] * n), feed) for n in (2, 3))
+            return twice - once
+    return 0.0
+
+
+def _lasts(cell: Cell, visit: Indexation, feed: float | None) -> float:
+    made = plan(replace(cell, strategy=replace(cell.strategy, indexations=(visit,))), "leave-out")
+    return sum(of_moves(made, feed))
 
 
 def _filled(times: Array, tour: Sequence[int], spent: Array) -> Array:

@@ -16,8 +16,8 @@ from ..touches import from_readings
 from . import candidates, check, choose, goals, prior, region
 from . import regular as plain
 from .candidates import Candidates
-from .choose import Chosen, Problem
 from .goals import Goal
+from .problem import AGAIN, Chosen, Problem
 from .region import Levers, Region
 
 TRIES = 5  # times that are looked at when limits are given and no time
@@ -36,6 +36,8 @@ class Wish:
     feed: float | None = None  # mm/min of protected moves
     box: tuple[tuple[float, float], ...] | None = None  # mm, table frame, where parts are made
     before: Readings | None = None  # of the full run that a check rests on; None: the cell's strategy as planned
+    stylus: float = check.STYLUS  # mm within which it comes back to the spindle, for a check
+    gate: str = "none"  # of the profile
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ def setting(cell: Cell, wish: Wish) -> Setting:
         criterion = goals.volume(lever, choice.scale)
     elif wish.goal.word == "check":
         changing = _changing(wish, choice)
-        choice = check.with_changes(choice, _before(cell, wish, choice), changing)
+        choice = check.with_changes(choice, _before(cell, wish, choice), changing, wish.stylus)
         criterion, begin = check.worst_change(choice, lever), choice.held
     elif wish.goal.word == "A":
         criterion = goals.every(choice)
@@ -80,14 +82,15 @@ def setting(cell: Cell, wish: Wish) -> Setting:
         reach = float(np.linalg.norm(np.subtract(where.high, where.low))) / 2
         limits = wish.goal.limits or goals.usual_limits(model, reach)
         criterion = goals.of_limits(choice, limits)
-    repeats = choose.AGAIN if seconds > 200 else 2
-    return Setting(wish, Problem(choice, criterion, seconds, wish.feed, begin, repeats), lever, where)
+    repeats = AGAIN if seconds > 200 else 2
+    return Setting(wish, Problem(choice, criterion, seconds, wish.feed, begin, repeats, gate=wish.gate), lever, where)
 
 
 def _changing(wish: Wish, choice: Candidates) -> list[int]:
-    """→ unknowns that a check takes for changed: those of its terms, and the stylus."""
+    """→ unknowns that a check takes for changed: those of its terms, and the stylus where it does not stay in the spindle."""
     few = {c.name for c in select(choice.selection.model.touches, wish.terms, wish.degree).model.coefficients}
-    return [j for j, c in enumerate(choice.selection.model.coefficients) if c.name in few]
+    own = [j for j, c in enumerate(choice.selection.model.coefficients) if c.name in few]
+    return [j for j in own if wish.stylus > 0 or not check.is_stylus(choice, j)]
 
 
 def _before(cell: Cell, wish: Wish, choice: Candidates) -> Array:
@@ -133,7 +136,7 @@ def propose(ready: Setting) -> Chosen:
 
 def same_time(ready: Setting, other: Cell, made: Plan) -> Chosen:
     """setting, cell with another strategy, its plan → what that is worth by the same criterion."""
-    return choose.judged(ready.problem, other, made, None)
+    return choose.judged(ready.problem, other, made)
 
 
 def information_of(ready: Setting, made: Plan) -> Array:

@@ -15,8 +15,9 @@ import numpy as np
 from ..plan import plan, standing
 from ..records import Array, Cell, Indexation, InputError, Plan, Strategy
 from . import order
-from .choose import Chosen, Problem, judged
+from .choose import judged
 from .criterion import value
+from .problem import Chosen, Problem
 from .region import turn
 
 GRIDS = ((3, 3), (3, 4), (4, 4), (5, 4), (5, 5), (5, 6), (7, 5))  # steps of the axis with the smaller travel and of the other one
@@ -66,7 +67,7 @@ def _fitted(problem: Problem, whole: Strategy, legs: order.Legs) -> Chosen | Non
     low, high, best = 0, most, None
     count = max(2, most // 3)
     for _ in range(FITS):
-        found = judged(problem, *_planned(cell, whole, count, legs), None)
+        found = judged(problem, *_planned(cell, whole, count, legs))
         if found.seconds <= problem.seconds:
             low, best = count, found
         else:
@@ -102,7 +103,7 @@ def at_random(found: Chosen, count: int = 100, seed: int = 1) -> Array:
     """
     problem = found.problem
     choice, rng = problem.choice, np.random.default_rng(seed)
-    visits, touches = len(found.cell.strategy.indexations), len(found.rows)
+    visits, touches = len(found.cell.strategy.indexations), len(found.rows) // problem.times
     values = np.empty(count)
     for number in range(count):
         offered = np.empty(0, dtype=np.int64)

@@ -49,6 +49,8 @@ class Relaxed:
     visits: Array  # (m,)
     bound: float
     criterion: Criterion  # with the weights of the worst of many
+    made_of: tuple[tuple[int, Rows, float], ...] = ()  # visits: indexation, touches, weight
+    many: Array | None = None  # weights of the directions of the worst of many
 
 
 def best_visits(gradient: Array, of_pose: Sequence[Rows], costs: Costs) -> tuple[Array, list[Rows]]:
@@ -64,13 +66,28 @@ def best_visits(gradient: Array, of_pose: Sequence[Rows], costs: Costs) -> tuple
     return ratio, chosen
 
 
-def relax(rows: Array, of_pose: Sequence[Rows], held: Array, costs: Costs, seconds: float, criterion: Criterion) -> Relaxed:
-    """(n, p) touches, rows of each indexation, (p, p) known without them, costs, s, criterion → relaxed design and its bound."""
-    visits = {(j, own.tobytes()): own for j, own in enumerate(of_pose) if len(own)}
+def relax(
+    rows: Array,
+    of_pose: Sequence[Rows],
+    held: Array,
+    costs: Costs,
+    seconds: float,
+    criterion: Criterion,
+    begin: Relaxed | None = None,
+) -> Relaxed:
+    """(n, p) touches, rows of each indexation, (p, p) known without them, costs, s, criterion → relaxed design and its bound.
+
+    `begin`: of nearly the same problem, from which it goes on.
+    """
+    made_of = [(j, own, 1.0) for j, own in enumerate(of_pose) if len(own)] if begin is None else list(begin.made_of)
+    visits = {(j, own.tobytes()): own for j, own, _ in made_of}
     keys = list(visits)
     price = np.array([costs.visit[j] + costs.touch[visits[j, b]].sum() for j, b in keys])
-    weight = np.full(len(keys), seconds / price.sum())
+    weight = np.array([share for _, _, share in made_of])
+    weight *= seconds / (weight @ price)
     many = None if criterion.worst is None else np.full(len(criterion.worst), 1 / len(criterion.worst))
+    if begin is not None and begin.many is not None:
+        many = begin.many
     here, lowest, found = criterion, -np.inf, criterion
     for _ in range(ROUNDS):
         total = np.zeros(len(rows))
@@ -112,7 +129,8 @@ def relax(rows: Array, of_pose: Sequence[Rows], held: Array, costs: Costs, secon
         weight *= seconds / (weight @ price)
     come = np.zeros(len(of_pose))
     np.add.at(come, [key[0] for key in keys], weight[: len(keys)])
-    return Relaxed(total, come, lowest, found)
+    kept = tuple((key[0], visits[key], float(share)) for key, share in zip(keys, weight, strict=True))
+    return Relaxed(total, come, lowest, found, kept, many)
 
 
 def _spread(keys: Sequence[tuple[int, bytes]], visits: dict[tuple[int, bytes], Rows], weight: Array, count: int) -> Array:

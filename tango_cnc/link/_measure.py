@@ -70,8 +70,11 @@ def measure(
     post: Callable[[Plan], Sequence[Program]],
     watch: Callable[[Step], None],
     confirm: Callable[[Plan, Program], None],
+    most: int | None = None,
 ) -> dict[str, Any]:
     """cell, its plan, what is wanted, how to post a plan → provenance of the readings that are on disk now.
+
+    `most` touches are made, the next ones of the plan; the others can be made by resuming.
 
     A plan that is posted as several programs is run one after the other, over the same port, into the same readings.
     `confirm` is asked before the first byte of each is sent; it raises what stops the run. Raises InputError before anything is
@@ -80,13 +83,13 @@ def measure(
     protocol, address = protocol_of(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
     file = wanted.readings.with_suffix(".journal")
     before, digest = _started(file, plan) if wanted.resume else ([], "")
-    left = missing(before, plan)
+    left = missing(before, plan)[:most]
     if not left:
         total = len(plan.touches)
         watch(Step(total, total, 0.0, None, "every touch has been measured: nothing was sent"))
         return _finish(before, digest, plan, wanted.readings)
     again = repeatable(before, plan)
-    part = rest_of(cell, plan, again, left) if before else plan
+    part = rest_of(cell, plan, again, left) if before or len(left) < len(plan.touches) else plan
     with _written("the program", "make room, or check the rights of the folder, and start again"):
         programs = post(part)
     jobs = _jobs(programs, again, left, wanted, _quiet(before, plan, wanted))

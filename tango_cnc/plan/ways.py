@@ -22,7 +22,9 @@ def lifts(scene: Scene, facet: Rows, at: Rows) -> tuple[Array, Array]:
     for some in blocks(len(follows)):
         before, after = follows[some], follows[some] + 1
         (start, up), (end, _) = (scene.standoff(facet[these], at[these]) for these in (before, after))
-        leave[before], enter[after] = roof.lifts(Travels(start, end, up), np.minimum(level[at[before]], level[at[after]]))
+        rise, fall = roof.lifts(Travels(start, end, up), np.minimum(level[at[before]], level[at[after]]))
+        same = facet[before] == facet[after]  # up and down again above the same place, where nothing is passed over
+        leave[before], enter[after] = np.where(same, DROP, rise), np.where(same, DROP, fall)
     return np.array([clear, enter, leave]), level
 
 

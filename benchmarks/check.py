@@ -1,0 +1,130 @@
+"""How often the quick check sees a change of the machine: predicted, and counted over simulated machines.
+
+    python benchmarks/check.py CELL [--runs N] [--minutes M] [--size UM]
+
+A check is designed for the cell. The simulated machine of its world.yaml is measured in full, changes, and is checked, with the
+check's touches and new scatter. What a change does to the tool tip where parts are made is worked out from the simulator's own
+transforms, the best placing of a rigid part and the tool's length taken out, so that nothing of the design judges itself.
+
+* nothing has changed: false alarms;
+* random changes of locations, gains and backlashes, as large as --size at the worst place of the volume;
+* the change that the check sees worst, of that size: about the stated power at the stated size, no more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sim_controller.simulate import simulate
+from sim_controller.world import tip_in_table, true_machine
+from tango_cnc.commands.check import positioning_feed
+from tango_cnc.design import check, choose, goals, propose, region, touching
+from tango_cnc.design.changed import changed
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.plan import last_moves, plan
+from tango_cnc.records import Array, Cell, Machine, World
+
+FULL = 8  # full runs that the checks rest on in turn
+USUAL = {"mm": 0.01, "rad": 2e-5, "": 2e-5}
+
+
+def moved(machine: Machine, one: World, other: World, position: Array) -> float:
+    """machine, two worlds, (m, k) poses → mm: the most that the tip moves, a rigid part's placing and the tool's length apart."""
+    still = np.zeros_like(position)
+    before, after = (tip_in_table(true_machine(machine, w), position, still) for w in (one, other))
+    longer = replace(machine, probe=replace(machine.probe, length=machine.probe.length + 1.0))
+    along = tip_in_table(true_machine(longer, World()), position, still) - tip_in_table(
+        true_machine(machine, World()), position, still
+    )
+    placing = np.zeros((len(position), 3, 7))
+    placing[:, :, :3] = np.eye(3)
+    for i in range(3):
+        placing[:, :, 3 + i] = np.cross(np.eye(3)[i], before) / 100
+    placing[:, :, 6] = along
+    change = (after - before).ravel()
+    flat = placing.reshape(-1, 7)
+    left = change - flat @ np.linalg.lstsq(flat, change, rcond=None)[0]
+    largest = float(np.linalg.norm(left.reshape(-1, 3), axis=1).max())
+    for sense in np.eye(position.shape[1]):  # what is lost by a reversal of one axis
+        jump = [tip_in_table(true_machine(machine, w), position, sense[None] + still) for w in (one, other)]
+        lost = (jump[1] - jump[0]) - (after - before)
+        largest = max(largest, float(np.linalg.norm(lost, axis=1).max()))
+    return largest
+
+
+def readings(cell: Cell, world: World, seed: int):
+    """cell, true machine, seed → readings of its strategy."""
+    made = plan(cell, "leave-out")
+    return simulate(cell.machine, cell.artefact, made.strategy, world, seed=seed, moved=last_moves(made))
+
+
+def main() -> int:
+    """→ exit status: 1 when the stated power is not reached, or false alarms are too many."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("cell", type=Path)
+    parser.add_argument("--runs", type=int, default=200)
+    parser.add_argument("--minutes", type=float)
+    parser.add_argument("--size", type=float)
+    given = parser.parse_args()
+    cell, world = read_cell(given.cell), read_world(given.cell / "world.yaml")
+    aim = goals.read("check")
+    how = touching.touching(cell.strategy.approach, 0.3)
+    terms = propose.usual_terms(aim, cell.terms)
+    ready = propose.setting(cell, propose.Wish(aim, given.minutes, terms, how.approach, feed=positioning_feed(cell)))
+    found = choose.chosen(ready.problem)
+    sees = check.power(found, ready.lever)
+    size = given.size or 1e3 * sees.size
+    print(
+        f"{len(found.rows)} touches in {found.seconds:.0f} s; stated: {1e3 * sees.size:.2f} µm seen with {check.POWER:.0%}",
+        flush=True,
+    )
+    rng, choice = np.random.default_rng(1), ready.problem.choice
+    full = [readings(cell, world, 100 + n) for n in range(FULL)]
+    position = region.poses(cell.machine, ready.where)
+    own = [choice.selection.model.coefficients[j] for j in choice.twice if not check.is_stylus(choice, j)]
+    told = check.seen(choice, found.information, ready.lever)
+    flat = np.linalg.eigh(told.moved @ told.covariance @ np.swapaxes(told.moved, 1, 2))
+    pose = int(np.argmax(flat.eigenvalues[:, -1]))
+    worst = told.covariance @ told.moved[pose].T @ flat.eigenvectors[pose][:, -1]
+    scale = np.array([choice.scale[j] for j in choice.twice if not check.is_stylus(choice, j)])
+    good = True
+    for name in ("nothing", "random", "worst"):
+        seen = 0
+        for run in range(given.runs):
+            step = (
+                worst * scale
+                if name == "worst"
+                else rng.normal(size=len(own))
+                * [USUAL.get(c.unit.split("/")[0] if c.unit in ("mm", "rad") else "", 2e-5) for c in own]
+            )
+            other = _changed(world, own, step)
+            factor = 0.0 if name == "nothing" else size / 1e3 / moved(cell.machine, world, other, position)
+            now = _changed(world, own, step * factor)
+            stylus = {
+                n: v + rng.normal(0, ready.wish.stylus)
+                for n, v in {**dict.fromkeys(("EXt", "EYt", "EZt"), 0.0), **world.stylus}.items()
+            }
+            few = readings(found.cell, replace(now, stylus=stylus), 10_000 + run)
+            seen += changed(choice, ready.lever, full[run % FULL], few, limit=sees.limit).changed
+        share = seen / given.runs
+        print(f"{name}: {size if name != 'nothing' else 0:.2f} µm, alarms {seen} of {given.runs} ({share:.1%})", flush=True)
+        spread = 3 * np.sqrt(check.POWER * (1 - check.POWER) / given.runs)
+        good &= share <= 0.03 if name == "nothing" else share >= check.POWER - spread
+    return int(not good)
+
+
+def _changed(world: World, own, step: Array) -> World:
+    """world, coefficients, change of each → the world after it."""
+    errors = dict(world.errors)
+    for c, change in zip(own, step, strict=True):
+        errors[c.name] = errors.get(c.name, 0.0) + float(change)
+    return replace(world, errors=errors)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

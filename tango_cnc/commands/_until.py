@@ -1,0 +1,63 @@
+"""`tango run --until`: how many touches are made before the goal is looked at again, and what is said at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..records import Cell
+
+if TYPE_CHECKING:
+    from ..design.until import Until
+    from ..link._measure import Wanted
+
+
+def wanted_by(cell: Cell, text: str) -> Until:
+    """cell, --until → what is to be reached, and the plan that does. Raises InputError for a goal that says no limit."""
+    from ..design import goals, until
+    from ..design.propose import Wish, usual_terms
+    from .check import positioning_feed
+
+    aim = goals.read(text)
+    terms = usual_terms(goals.Goal(until.WORD, {}) if until.WORD in aim.limits else aim, cell.terms)
+    found = until.until(cell, Wish(aim, None, terms, cell.strategy.approach, feed=positioning_feed(cell)))
+    if found.appended:
+        click.echo(f"--until: the strategy alone does not reach {text}; {found.appended} touches are appended to it", err=True)
+    return found
+
+
+def run_until(
+    cell: Cell, goal: Until, wanted: Wanted, run: Callable[[Wanted, int], dict[str, Any]], say: Callable[[str], object]
+) -> dict[str, Any]:
+    """cell, goal, what is wanted, how to make the next touches → provenance; ends when the goal is reached, or no touch is left."""
+    from ..files import read_readings
+
+    before = None
+    if wanted.resume:
+        origin = run(wanted, 0)
+        before = read_readings(wanted.readings, cell.machine, cell.artefact)
+    count, now = goal.ahead(before)
+    while count:
+        say(f"--until: {count} touches are to be made now")
+        origin = run(wanted, count)
+        wanted = replace(wanted, resume=True)
+        count, now = goal.ahead(read_readings(wanted.readings, cell.machine, cell.artefact))
+    text = goal.ready.wish.goal.text
+    if now <= 1:
+        say(f"--until: reached: the largest uncertainty is {100 * now:.0f} % of what was asked for; {_left(origin, goal)}")
+    else:
+        say(
+            f"--until: not reached: the largest uncertainty is {now:.2g} times what was asked for, because touches scatter more "
+            "than machine.yaml says, or some have missed. Find out why, or make a longer plan with 'tango design'"
+        )
+    return origin | {"until": {"goal": text, "reached": bool(now <= 1), "ratio": now}}
+
+
+def _left(origin: dict[str, Any], goal: Until) -> str:
+    """provenance, goal → what was not measured, in words."""
+    count = len(origin["missing"])
+    how = f"tango run --resume --until {goal.ready.wish.goal.text}" if goal.appended else "tango run --resume"
+    return f"{count} touches of the plan were not needed ('{how}' makes them)" if count else "every touch was needed"

@@ -1,0 +1,77 @@
+"""Readings of a check, and of the full run before it → whether the machine has changed, and by how much where parts are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import linalg, special
+
+from ..records import InputError, Readings
+from ..touches import from_readings
+from .candidates import Candidates
+from .check import ALARMS, is_stylus, scatter, seen
+from .measured import fitted, seen_at
+from .region import Levers
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a check says. Lengths in mm."""
+
+    moved: float  # the most that the likely changes move the tool tip anywhere, or lose
+    limit: float  # more is an alarm
+    p_other: float  # of the touches' differences from the prediction, whatever their shape
+    alarms: float  # false alarms of both tests together
+    parameters: dict[str, tuple[float, float]]  # change, standard deviation, in the parameter's own unit; most certain first
+
+    @property
+    def changed(self) -> bool:
+        """→ whether it is an alarm."""
+        return self.moved > self.limit or self.p_other < self.alarms / 2
+
+
+def changed(
+    choice: Candidates,
+    lever: Levers,
+    before: Readings,
+    check: Readings,
+    alarms: float = ALARMS,
+    limit: float | None = None,
+) -> Change:
+    """candidates of the check, levers, readings of the full run and of the check, false alarms → what the check says.
+
+    `limit`: mm, where it is known already (`Seen.limit`).
+
+    Raises InputError for a check that touches a facet which the full run has not touched.
+    """
+    artefact = choice.cell.artefact
+    machine = choice.cell.machine
+    full, few = (replace(from_readings(machine, artefact, r), artefact=artefact) for r in (before, check))
+    new = sorted(set(few.facets) - set(full.facets))
+    if new:
+        raise InputError(f"check: facet {new[0]} is not in the readings of the full run; allowed: facets that it has touched")
+    p = len(choice.scale) - len(choice.twice)
+    was = fitted(choice, full)
+    gaps, jacobian = seen_at(choice, few, was)
+    rows = np.hstack([jacobian, jacobian[:, list(choice.twice)]])
+    root = scatter(choice, rows)
+    information = choice.held + rows.T @ rows
+    estimate = np.linalg.solve(information, rows.T @ -gaps)
+    told = seen(choice, information, lever)
+    own = [k for k, j in enumerate(choice.twice) if not is_stylus(choice, j)]
+    change = estimate[p:][own]
+    white = linalg.solve_triangular(root, gaps / choice.sigma, lower=True)
+    std = np.sqrt(np.diag(told.covariance))
+    names = {}
+    for i in np.argsort(-np.abs(change) / std):
+        j = choice.twice[own[i]]
+        label = choice.selection.label(choice.selection.model.coefficients[j].name)
+        names[label] = (float(change[i] * choice.scale[j]), float(std[i] * choice.scale[j]))
+    return Change(
+        float(told.most(change[None])[0]),
+        told.limit(alarms / 2) if limit is None else limit,
+        float(special.chdtrc(len(white), white @ white)),
+        alarms,
+        names,
+    )

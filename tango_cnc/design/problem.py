@@ -1,0 +1,71 @@
+"""What decides the choice of a plan, and the plan that was chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..records import Array, Cell, Plan
+from .candidates import Candidates
+from .criterion import Criterion
+
+AGAIN = 4  # facets of the first indexation that are touched once more at the end
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything that decides the choice."""
+
+    choice: Candidates
+    criterion: Criterion
+    seconds: float
+    feed: float | None  # mm/min of protected moves
+    begin: Array  # (p, p) what is known of a machine whose errors are as usual: it decides the order
+    repeats: int = AGAIN
+    times: int = 1  # touches in a row at each facet
+    gate: str = "none"  # what proves the probe alive before the first touch: as the profile says
+
+    @property
+    def held(self) -> Array:
+        """→ (p, p) what is known without a touch, per squared scatter of a touch."""
+        return self.choice.held
+
+    def in_a_row(self, times: int) -> Problem:
+        """how often each facet is touched before the next one → the same problem; a row stands for all of them."""
+        rows = self.choice.rows * (times / self.times) ** 0.5
+        return replace(self, choice=replace(self.choice, rows=rows), times=times)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The plan, and what is known of it before anything moves."""
+
+    problem: Problem
+    cell: Cell  # with the strategy that was chosen
+    plan: Plan
+    seconds: float
+    information: Array  # (p, p) with the last motions of the plan
+    value: float  # φ
+    bound: float  # on φ of any plan whose touches and turns cost what they cost in this one
+    efficiency: float
+    costs: tuple[float, float]  # s of a touch with its way, s of coming to an indexation
+    time: Array  # (n,) s at which each touch is done
+    rows: Array  # (n, p) of the touches in their order
+
+
+def lighter(problem: Problem) -> Problem:
+    """problem → the same; of a check nearly the same, with the changes alone as unknowns, which is lighter to search in.
+
+    What the full run leaves uncertain counts as scatter of each touch, as if of each its own.
+    """
+    choice = problem.choice
+    if not choice.twice:
+        return problem
+    p = len(choice.scale) - len(choice.twice)
+    old, new = choice.rows[:, :p], choice.rows[:, p:]
+    spread = 1 + np.einsum("ij,ji->i", old, np.linalg.solve(problem.held[:p, :p], old.T))
+    few = replace(choice, rows=new / np.sqrt(spread)[:, None], scale=choice.scale[p:], held=problem.held[p:, p:], twice=())
+    assert problem.criterion.worst is not None
+    criterion = replace(problem.criterion, worst=problem.criterion.worst[:, p:])
+    return replace(problem, choice=few, criterion=criterion, begin=problem.begin[p:, p:])
