@@ -32,7 +32,7 @@ INTERNAL: dict[str, str | None] = {
     "readback": "records kinematics check gate",
     "program": "records files plan readback",
     "link": "records gate files plan duration program",
-    "design": f"{NUMERIC} plan check duration iso230 verify report.units",
+    "design": f"{NUMERIC} plan check duration gate iso230 verify report.units",
     "noise": f"{NUMERIC} plausible",
     "plausible": NUMERIC,
     "uncertainty": f"{NUMERIC} files",

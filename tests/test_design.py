@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.design import goals, order
@@ -134,7 +135,26 @@ def test_facets_are_proposed_on_every_side_that_does_not_look_down(body: str, co
     assert np.sum(points * normals, axis=1).max() < 201 and len({tuple(p) for p in points}) == len(points)
 
 
-@pytest.mark.parametrize("body", ["box:1:0,0:1,0:1", "ball:3", "cylinder:5,0:1", "table:4", "table:nan,4", "table:10,10"])
+@pytest.mark.parametrize("binary", [False, True])
+def test_a_drawing_gives_the_facets_of_its_hull(binary: bool, tmp_path: Path) -> None:
+    corners = np.array(list(itertools.product([-200.0, 200], [-150.0, 150], [-80.0, 0])))
+    triangles = corners[ConvexHull(corners).simplices]
+    drawing, one, other = tmp_path / "table.stl", tmp_path / "one.yaml", tmp_path / "other.yaml"
+    if binary:
+        rows = np.zeros(len(triangles), np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("more", "<u2")]))
+        rows["corner"] = triangles
+        drawing.write_bytes(b"a table".ljust(80) + len(rows).to_bytes(4, "little") + rows.tobytes())
+    else:
+        loops = ["outer loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in t) + "endloop\n" for t in triangles]
+        drawing.write_text("solid table\n" + "".join(loops) + "endsolid\n", encoding="utf-8")
+    for body, file in ((f"mesh:{drawing}", one), ("box:-200:200,-150:150,-80:0", other)):
+        assert guarded(tango.main, ["design", "--facets", body, "-o", str(file)], standalone_mode=False) == 0
+    assert read_artefact(one).facets == read_artefact(other).facets
+
+
+@pytest.mark.parametrize(
+    "body", ["mesh:nothing.stl", "box:1:0,0:1,0:1", "ball:3", "cylinder:5,0:1", "table:4", "table:nan,4", "table:10,10"]
+)
 def test_a_body_that_is_none_is_refused(body: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert guarded(tango.main, ["design", "--facets", body, "-o", str(tmp_path / "a.yaml")], standalone_mode=False) == 2
     assert not list(tmp_path.iterdir())
@@ -189,4 +209,5 @@ def test_the_strategy_that_is_written_is_one_that_check_and_plan_take(goal: str,
     assert len(made.touches) == data["touches"] and not made.left_out
     first, last = made.strategy.indexations[0], made.strategy.indexations[-1]
     assert first.position == last.position and set(last.facets) <= set(first.facets)
-    assert guarded(tango.main, ["check", "-C", str(folder)], standalone_mode=False) == 0
+    # A check rests on the full run: alone it need not determine every parameter, which `tango check` says with status 1.
+    assert guarded(tango.main, ["check", "-C", str(folder)], standalone_mode=False) in ((0, 1) if goal == "check" else (0,))

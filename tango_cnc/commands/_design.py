@@ -130,6 +130,7 @@ def _seen(check: dict[str, Any]) -> list[str]:
         f"a change of axis locations, gains and backlashes that moves the tool tip by {small} anywhere there is seen with "
         f"{100 * check['power']:.0f} % power at 1/{1 / check['false_alarms']:.0f} false alarms",
         _stylus(check["stylus_um"]),
+        "it rests on the full run: 'tango check' says what these touches alone do not determine",
     ]
     missed = sorted(((s, n) for n, s in check["missed_below_um"].items() if s > check["size_um"]), reverse=True)
     if missed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from ..files.origin import FEW, changed_keys, edited_rows, hurried, read_origin
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
 from ..plausible import judge
-from ..records import Cell, InputError, Readings, TangoError, TermItem
+from ..records import Cell, Indexation, InputError, Readings, TangoError, TermItem
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 SHOWN = 3  # suspicions that a person reads
@@ -39,6 +40,7 @@ def judged(
 
     Raises TangoError where there is no fit, with the mistake that most likely is the reason.
     """
+    cell = cell if source is None else as_run(cell, source)
     try:
         result = fit() if fit is not None else estimate(cell.machine, cell.artefact, readings, terms, degree)
     except InputError:
@@ -54,6 +56,18 @@ def judged(
         raise NoFit("\n".join([f"estimate: {why}", *suspected(judgement)]), judgement) from None
     judgement = judge(cell, readings, result)
     return result, judgement if source is None else traced(judgement, source, cell.folder)
+
+
+def as_run(cell: Cell, source: Path) -> Cell:
+    """cell, readings.csv → the cell with the touches that a run to a goal meant to make, where `run --until` made the readings."""
+    try:
+        meant = json.loads(source.with_suffix(".json").read_text(encoding="utf-8"))["until"]["strategy"]
+        indexations = tuple(Indexation(dict(i["position"]), tuple(i["facets"])) for i in meant)
+    except (OSError, ValueError, KeyError, TypeError):
+        return cell
+    if not all(facet in cell.artefact.facets for i in indexations for facet in i.facets):
+        return cell
+    return replace(cell, strategy=replace(cell.strategy, indexations=indexations))
 
 
 def traced(judgement: Judgement, source: Path, folder: Path) -> Judgement:

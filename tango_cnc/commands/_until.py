@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -33,7 +34,7 @@ def run_until(
     cell: Cell, goal: Until, wanted: Wanted, run: Callable[[Wanted, int], dict[str, Any]], say: Callable[[str], object]
 ) -> dict[str, Any]:
     """cell, goal, what is wanted, how to make the next touches → provenance; ends when the goal is reached, or no touch is left."""
-    from ..files import read_readings
+    from ..files import read_readings, write_text
 
     before = None
     if wanted.resume:
@@ -53,7 +54,22 @@ def run_until(
             f"--until: not reached: the largest uncertainty is {now:.2g} times what was asked for, because touches scatter more "
             "than machine.yaml says, or some have missed. Find out why, or make a longer plan with 'tango design'"
         )
-    return origin | {"until": {"goal": text, "reached": bool(now <= 1), "ratio": now}}
+    made = {"until": {"goal": text, "reached": bool(now <= 1), "ratio": now, "strategy": _meant(goal, len(origin["missing"]))}}
+    whole = json.dumps(origin | made, indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(wanted.readings.with_suffix(".json"), whole + "\n")
+    return origin | {"until": {key: value for key, value in made["until"].items() if key != "strategy"}}
+
+
+def _meant(goal: Until, left: int) -> list[dict[str, Any]]:
+    """goal, touches that were not needed → the indexations and facets that were, so that nothing counts as missing."""
+    last = goal.plan.touches[len(goal.plan.touches) - left - 1].number
+    found, done = [], 0
+    for indexation in goal.cell.strategy.indexations:
+        facets = list(indexation.facets[: max(0, last - done)])
+        done += len(indexation.facets)
+        if facets:
+            found.append({"position": dict(indexation.position), "facets": facets})
+    return found
 
 
 def _left(origin: dict[str, Any], goal: Until) -> str:

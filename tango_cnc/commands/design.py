@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 @click.option(
     "--facets",
     metavar="BODY",
-    help="artefact.yaml for box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1 or table:WIDTH,DEPTH.",
+    help="artefact.yaml for box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1, table:WIDTH,DEPTH or mesh:FILE.stl.",
 )
 @click.option("--separate", nargs=2, metavar="CAUSE CAUSE", help="Which touches would tell these two causes apart.")
 @click.option(

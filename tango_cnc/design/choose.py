@@ -27,9 +27,8 @@ from .problem import Chosen, Problem, lighter
 from .relaxed import Costs, Relaxed, efficiency, relax
 from .sequence import FRACTIONS, sequence
 
-ROUNDS = 2  # choices until costs and plan agree
-AGREE = 0.08
 MOST = 4  # touches in a row at each facet: each further one tells as much and takes a third of the time
+SHARE = 0.75  # of the time that goes into touches at most
 ENOUGH = 1.1  # facets for each unknown; with fewer, touching them again is not looked at
 CLOSE = 0.015  # of the time
 TRIMS = 12
@@ -38,33 +37,36 @@ Mask = NDArray[np.bool_]
 
 def chosen(problem: Problem) -> Chosen:
     """problem → plan. Raises InputError when the time is too short for any plan that tells something."""
-    choice = problem.choice
-    again = order.again(choice.cell, problem.feed)
-    single, visit, spare = _first_costs(problem), 12.0, 0.0
-    problem, relaxed = _in_a_row(problem, single, again, visit)
-    touch = single + (problem.times - 1) * again
-    best: Chosen | None = None
-    for number in range(ROUNDS):
-        light = lighter(problem)
-        choice = light.choice
-        costs = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
-        seconds = problem.seconds - spare
-        _enough(problem, seconds, touch, visit)
-        if number:
-            relaxed = relax(choice.rows, choice.of_pose, light.held, costs, seconds, light.criterion, relaxed)
-        shakes = SHAKES if number else 0  # the first choice says what touches and turns cost
-        mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, costs, seconds, relaxed, shakes)
-        found = _fitted(problem, mask, costs, _lifted(problem, relaxed))
-        if best is None or found.value < best.value:
-            best = found
-        change = max(abs(found.costs[0] / touch - 1), abs(found.costs[1] / visit - 1))
-        touch, visit = found.costs
-        visits = len({tuple(sorted(i.position.items())) for i in found.cell.strategy.indexations})
-        spare = found.seconds - touch * (len(found.time) / problem.times - problem.repeats) - visit * visits
-        if number and change < AGREE:
-            break
-    assert best is not None
-    return certified(best, _lifted(problem, relaxed))
+    again = order.again(problem.choice.cell, problem.feed)
+    # The first choice, a quick one, says what touches and turns cost.
+    first, relaxed = _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)
+    costs = _costs(first)
+    rows, relaxed = _in_a_row(problem, costs, again, relaxed)
+    found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
+    best = min((found, last), (first, relaxed), key=lambda each: each[0].value)
+    if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
+        best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
+    return certified(best[0], _lifted(best[0].problem, best[1]))
+
+
+def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:
+    """problem, s of a facet, of a visit and of all else, how thoroughly, where to begin → plan, relaxed design."""
+    touch, visit, spare = costs
+    light, seconds = lighter(problem), problem.seconds - spare
+    choice = light.choice
+    _enough(problem, seconds, touch, visit)
+    each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
+    relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
+    mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, shakes)
+    return _fitted(problem, mask, each, _lifted(problem, relaxed)), relaxed
+
+
+def _costs(found: Chosen) -> tuple[float, float, float]:
+    """plan → s of a facet, of a visit, and of all else: the gate, and the first indexation once more."""
+    touch, visit = found.costs
+    visits = len({tuple(sorted(i.position.items())) for i in found.cell.strategy.indexations})
+    facets = len(found.time) / found.problem.times - found.problem.repeats
+    return touch, visit, found.seconds - touch * facets - visit * visits
 
 
 def _lifted(problem: Problem, relaxed: Relaxed) -> Relaxed:
@@ -74,20 +76,20 @@ def _lifted(problem: Problem, relaxed: Relaxed) -> Relaxed:
     return replace(relaxed, criterion=problem.criterion.with_weights(relaxed.many))
 
 
-def _in_a_row(problem: Problem, single: float, again: float, visit: float) -> tuple[Problem, Relaxed]:
-    """problem, s of a touch, of the same once more and of a visit → the problem with the best number of touches in a row."""
+def _in_a_row(problem: Problem, costs: tuple[float, float, float], again: float, relaxed: Relaxed) -> tuple[Problem, Relaxed]:
+    """problem, its costs, s of the same touch once more, where to begin → the problem with the best number of touches in a row."""
+    single, visit, spare = costs
+    seconds, unknowns = problem.seconds - spare, len(lighter(problem).held)
     best: tuple[float, Problem, Relaxed] | None = None
-    relaxed: Relaxed | None = None
     for times in range(1, MOST + 1):
         touch = single + (times - 1) * again
-        _enough(problem, problem.seconds, touch, visit)
-        if times > 1 and 0.75 * problem.seconds / touch < ENOUGH * len(lighter(problem).held):
+        if times > 1 and SHARE * seconds / touch < ENOUGH * unknowns:
             break
         light = lighter(tried := problem.in_a_row(times))
         choice = light.choice
-        costs = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
-        relaxed = relax(choice.rows, choice.of_pose, light.held, costs, light.seconds, light.criterion, relaxed)
-        mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, costs, light.seconds, relaxed, 0)
+        each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
+        relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
+        mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)
         reached = value(light.criterion, light.held + choice.rows[mask].T @ choice.rows[mask])
         if best is None or reached < best[0]:
             best = reached, tried, relaxed

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -20,15 +21,18 @@ SIDES = 3  # facets along a face, and two rows of them where it is tall enough
 AROUND = 8  # facets around a cylinder
 DOWN = -0.1  # cosine with the direction up below which a face looks down
 FLAT = 1e-6
-KINDS = ("box", "cylinder", "table")
+KINDS = ("box", "cylinder", "table", "mesh")
 
 
 def of_text(text: str, up: Sequence[float] = (0.0, 0.0, 1.0)) -> Artefact:
     """'box:-200:200,-200:200,-80:0', 'cylinder:250,-80:0', 'table:400,400' → artefact; mm, table frame.
 
-    `table:WIDTH,DEPTH` is a box whose top is at zero and of which the sides are 80 mm deep. Raises InputError for anything else.
+    `table:WIDTH,DEPTH` is a box whose top is at zero and of which the sides are 80 mm deep. `mesh:FILE.stl` is the convex hull of
+    a drawing. Raises InputError for anything else.
     """
     kind, _, rest = text.partition(":")
+    if kind == "mesh":
+        return of_hull(mesh(Path(rest)), up, "proposed facets of the hull of a mesh")
     try:
         numbers = [float(part) for piece in rest.split(",") for part in piece.split(":")]
     except ValueError:
@@ -36,7 +40,8 @@ def of_text(text: str, up: Sequence[float] = (0.0, 0.0, 1.0)) -> Artefact:
     count = {"box": 6, "cylinder": 3, "table": 2}.get(kind)
     if count is None or len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise InputError(
-            f"--facets: found {text!r}; allowed: box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1 or table:WIDTH,DEPTH in mm"
+            f"--facets: found {text!r}; allowed: box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1 or table:WIDTH,DEPTH in mm, "
+            f"or mesh:FILE.stl"
             f"{suggestion(kind, KINDS)}"
         )
     if kind == "table":
@@ -48,6 +53,28 @@ def of_text(text: str, up: Sequence[float] = (0.0, 0.0, 1.0)) -> Artefact:
         raise InputError(f"--facets: found {text!r}; allowed: spans from the smaller end to the larger one")
     corners = np.array([[(low, high)[i][0], (low, high)[k][1], (low, high)[m][2]] for i in (0, 1) for k in (0, 1) for m in (0, 1)])
     return of_hull(corners, up, "proposed facets of a box")
+
+
+def mesh(file: Path) -> Array:
+    """STL file, text or binary → (v, 3) mm corners of its convex hull that count. Raises InputError for what is no such file."""
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"--facets: found mesh:{file}, which cannot be read ({error.strerror}); allowed: a file .stl") from None
+    count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
+    if len(data) == 84 + 50 * count:
+        kind = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("more", "<u2")])
+        points = np.frombuffer(data[84:], kind)["corner"].reshape(-1, 3).astype(float)
+    else:
+        lines = [line.split() for line in data.decode("latin-1").splitlines()]
+        try:
+            points = np.array([[float(v) for v in words[1:4]] for words in lines if words[:1] == ["vertex"]]).reshape(-1, 3)
+        except ValueError:
+            points = np.empty((0, 3))
+    points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
+    if len(points) < 4 or np.linalg.matrix_rank(points - points.mean(axis=0), tol=FLAT * float(np.abs(points).max())) < 3:
+        raise InputError(f"--facets: found mesh:{file}, which has no body; allowed: an STL file in mm, text or binary, of a body")
+    return points[ConvexHull(points).vertices]
 
 
 def of_hull(points: Array, up: Sequence[float], name: str = "proposed facets") -> Artefact:

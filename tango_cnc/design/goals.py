@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..files.checked import suggestion
-from ..model import Model
+from ..model import STYLUS, Model
 from ..records import Array, InputError
 from ..report.units import shown
 from ..terms import Coefficient, inter_axis
@@ -18,6 +18,7 @@ from .criterion import Criterion
 from .region import Levers
 
 WORDS = ("volume", "locations", "check", "D", "A", "condition")
+COARSE = 10.0  # times as uncertain as a location may be what is no location
 USUAL_MINUTES = {"volume": 10.0, "locations": 5.0, "check": 2.5, "D": 10.0, "A": 10.0, "condition": 10.0}
 
 
@@ -91,11 +92,14 @@ def of_limits(choice: Candidates, limits: Mapping[str, float]) -> Criterion:
 
 
 def usual_limits(model: Model, reach: float) -> dict[str, float]:
-    """model, mm of the part's half diagonal → of every axis location 1 µm, or the µrad that move a part's far end by 1 µm."""
-    found = {c.name: 1.0 if c.unit == "mm" else 1e3 / reach for c in model.coefficients if is_location(c)}
-    if not found:
+    """model, mm of the part's half diagonal → of every axis location 1 µm, or the µrad that move a part's far end by 1 µm.
+
+    Gains and backlashes are asked for too, ten times as coarsely: what is not determined at all could be in a location.
+    """
+    if not any(is_location(c) for c in model.coefficients):
         raise InputError("--goal locations: no axis location is among the terms; allowed: --terms with S3 or S4")
-    return found
+    own = [c for c in model.coefficients if c.name not in STYLUS]
+    return {c.name: (1.0 if is_location(c) else COARSE) * (1.0 if c.unit == "mm" else 1e3 / reach) for c in own}
 
 
 def every(choice: Candidates) -> Criterion:

@@ -170,7 +170,9 @@ def competitors(ready: Setting, found: Chosen) -> dict[str, float]:
     """setting, plan → φ of the regular plan of its time, and of the best of 100 random ones of as many touches and turns."""
     others = {"best of 100 random": float(plain.at_random(found).min())}
     with suppress(InputError):  # none fits into the time
-        others["regular"] = plain.regular(replace(ready.problem, seconds=max(found.seconds, ready.problem.seconds))).value
+        others["regular"] = plain.regular(
+            replace(ready.problem, seconds=max(found.seconds, ready.problem.seconds), times=found.problem.times)
+        ).value
     return others
 
 

@@ -32,8 +32,8 @@ def regular(problem: Problem) -> Chosen:
     grids = GRIDS if len(names) == 2 else tuple((n,) for n in (4, 6, 8, 12)) if names else ((),)
     legs = order.Legs(cell, problem.feed)
     best: Chosen | None = None
-    for counts in grids:
-        found = _fitted(problem, _grid(cell, names, counts), legs)
+    for counts, times in itertools.product(grids, sorted({1, problem.times})):
+        found = _fitted(replace(problem, times=times), _grid(cell, names, counts), legs)
         if found is not None and (best is None or found.value < best.value):
             best = found
     if best is None:
@@ -62,12 +62,11 @@ def _grid(cell: Cell, names: list[str], counts: tuple[int, ...]) -> Strategy:
 
 def _fitted(problem: Problem, whole: Strategy, legs: order.Legs) -> Chosen | None:
     """→ the plan of as many facets at each position as fit into the time, None when hardly any does."""
-    cell = problem.choice.cell
     most = max(len(i.facets) for i in whole.indexations)
     low, high, best = 0, most, None
     count = max(2, most // 3)
     for _ in range(FITS):
-        found = judged(problem, *_planned(cell, whole, count, legs))
+        found = judged(problem, *_planned(problem, whole, count, legs))
         if found.seconds <= problem.seconds:
             low, best = count, found
         else:
@@ -80,9 +79,9 @@ def _fitted(problem: Problem, whole: Strategy, legs: order.Legs) -> Chosen | Non
     return best
 
 
-def _planned(cell: Cell, whole: Strategy, count: int, legs: order.Legs) -> tuple[Cell, Plan]:
+def _planned(problem: Problem, whole: Strategy, count: int, legs: order.Legs) -> tuple[Cell, Plan]:
     """→ cell and plan with `count` facets at each position, taken in turn so that each facet comes equally often."""
-    following = itertools.count()
+    cell, following = problem.choice.cell, itertools.count()
     indexations = []
     for indexation in whole.indexations:
         own = indexation.facets
@@ -91,7 +90,7 @@ def _planned(cell: Cell, whole: Strategy, count: int, legs: order.Legs) -> tuple
         picked = sorted({(first + i * len(own) // some) % len(own) for i in range(some)})
         facets = [own[i] for i in picked]
         way = order.path(legs.between(dict(indexation.position), facets))
-        indexations.append(replace(indexation, facets=tuple(facets[i] for i in way)))
+        indexations.append(replace(indexation, facets=tuple(facets[i] for i in way for _ in range(problem.times))))
     chosen = replace(cell, strategy=replace(whole, name="regular", indexations=tuple(indexations)))
     return chosen, plan(chosen, "leave-out")
 

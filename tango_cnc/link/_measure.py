@@ -86,7 +86,8 @@ def measure(
     left = missing(before, plan)[:most]
     if not left:
         total = len(plan.touches)
-        watch(Step(total, total, 0.0, None, "every touch has been measured: nothing was sent"))
+        if most is None:
+            watch(Step(total, total, 0.0, None, "every touch has been measured: nothing was sent"))
         return _finish(before, digest, plan, wanted.readings)
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before or len(left) < len(plan.touches) else plan
