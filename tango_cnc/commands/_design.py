@@ -144,8 +144,8 @@ def _seen(check: dict[str, Any]) -> list[str]:
 
 def _stylus(size: float) -> str:
     if not size:
-        return "this takes it that the stylus has stayed in the spindle since the full run (--stylus)"
-    return f"this takes it that the stylus comes back to the spindle within {size:g} µm (one standard deviation; --stylus)"
+        return "this takes it that the stylus has stayed in the spindle since the full run (--stylus-within)"
+    return f"this takes it that the stylus comes back to the spindle within {size:g} µm (one standard deviation; --stylus-within)"
 
 
 def change_json(found: Change) -> dict[str, Any]:

@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     "--readings", type=click.Path(path_type=Path, exists=True), help="Of an earlier run: says --within, and what a check knows."
 )
 @click.option(
-    "--stylus",
+    "--stylus-within",
+    "stylus",
     type=click.FloatRange(0.0, 5.0),
     default=0.002,
     show_default=True,

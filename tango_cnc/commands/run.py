@@ -131,6 +131,8 @@ def command(
         raise InputError("--program and --split: the parts are written anew from the cell; leave --program out")
     if until is not None and (program_file is not None or obstructed is not None):
         raise InputError("--until: found --program or --obstructed too; allowed: --until alone, which plans what it needs")
+    if until is not None and len({i.stylus for i in whole.strategy.indexations}) > 1:
+        raise InputError("--until: found a strategy with several styli; allowed: a strategy with one")
     goal = None if until is None else wanted_by(cell, until)
     if goal is not None:
         cell = goal.cell
