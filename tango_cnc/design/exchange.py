@@ -266,13 +266,8 @@ def whole(
             draft.shake(seconds, max(LEAST_SHAKES, min(MOST_SHAKES, shakes // len(rows))))
     if many is None:
         return draft.chosen
-    return _unstuck(
-        draft,
-        seconds,
-        many,
-        _levelled(draft, seconds, many),
-        int(UNSTICK * min(10.0, (150 / rows.shape[1]) ** 1.5)) if shakes else 0,
-    )
+    times = min(UNSTICK * min(10.0, (150 / rows.shape[1]) ** 1.5), 5.0 * len(rows)) if shakes else 0
+    return _unstuck(draft, seconds, many, _levelled(draft, seconds, many), int(times))
 
 
 def _levelled(draft: Draft, seconds: float, many: Criterion) -> NDArray[np.bool_]:
