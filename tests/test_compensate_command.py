@@ -127,11 +127,18 @@ def test_readings_that_see_little_of_it_decide_nothing(cell: Path, tmp_path: Pat
     mill = copied(cell, tmp_path / "mill")
     assert run("compensate", "-C", mill, "--target", "siemens").exit_code == 0
     assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
+    same = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "simulated.csv")
+    assert isinstance(same.exception, InputError) and "that the compensation was made from" in str(same.exception)
     # Nothing was loaded: an estimate of few terms finds little error all the same.
-    done = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "simulated.csv", "--terms", "EXX1,EZZ1")
+    assert run("simulate", "-C", mill, "-o", mill / "after.csv", "--seed", 8).exit_code == 0
+    done = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "after.csv", "--terms", "EXX1,EZZ1")
     assert "undecided: these touches see" in done.output, done.output
-    whole = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "simulated.csv")
-    assert "rolled back" in whole.output
+    whole = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "after.csv")
+    assert "rolled back" in whole.output and "not loaded" in whole.output
+    # A clock tells as well: what ended before the proposal cannot contain it.
+    record = loop.one(mill, 1).record
+    assert "before the compensation was proposed" in loop.older(record, ["00000000"], "2020-01-01T00:00:00Z")
+    assert not loop.older(record, ["00000000"], "2999-01-01T00:00:00Z")
 
 
 @pytest.mark.long
@@ -155,6 +162,10 @@ def test_it_asks_whether_the_second_run_saw_the_kinematics(tmp_path: Path) -> No
         verdicts.append(run("compensate", "-C", cradle, "--measured", 1, "--readings", after, switch).output.split(": ")[1])
         loop.note(cradle, loop.one(cradle, 1), "2026-01-01T00:00:00Z", "written")
     assert verdicts == ["kept", "kept"]
+    # Nothing in the control: what the kinematics would hold is calculated, and that alone has not helped.
+    assert run("simulate", "-C", cradle, "-o", cradle / "nothing.csv", "--seed", 57).exit_code == 0
+    nothing = run("compensate", "-C", cradle, "--measured", 1, "--readings", cradle / "nothing.csv", "--no-tcp").output
+    assert "rolled back" in nothing and "by calculation" in nothing, nothing
 
 
 def _volume(folder: Path) -> str:

@@ -25,13 +25,17 @@ def drawn(world: World, seed: int) -> World:
 
 
 def kept(name: str, target: str, seeds: range, folder: Path) -> tuple[int, list[float]]:
-    """Example, target, seeds → promises that were kept, µm left of every machine."""
+    """Example, target, seeds → promises kept, µm left of every machine; one with more error than the target takes is none."""
     cell, world = example(name)
     within, left = 0, []
     for seed in seeds:
         true = drawn(world, seed)
         proposal = propose(measured(cell, true), target, SETTINGS.get(target, ()))
-        control = read(write(proposal, folder / f"{name}{target}{seed}"), cell.machine)
+        try:
+            control = read(write(proposal, folder / f"{name}{target}{seed}"), cell.machine)
+        except InputError as error:
+            assert "beyond MAX OFFSET" in str(error)
+            continue
         after, promise = truth(cell, true, proposal, control), proposal.fit.rms_after
         within += promise.low <= after <= promise.high
         left.append(after)
@@ -59,7 +63,8 @@ def test_two_hundred_promises_are_kept(name: str, target: str, tmp_path: Path) -
         assert "allowed:" in str(error)
         pytest.skip(f"{name}, {target}: refused: {error}")
     within, left = kept(name, target, range(MACHINES), tmp_path)
-    share = binomtest(within, MACHINES).proportion_ci(0.95, method="wilson")
-    said = f"{name}, {target}: {within} of {MACHINES} within the promise, 95 % Wilson interval {share.low:.3f} to {share.high:.3f}"
+    assert len(left) > 0.8 * MACHINES
+    share = binomtest(within, len(left)).proportion_ci(0.95, method="wilson")
+    said = f"{name}, {target}: {within} of {len(left)} within the promise, 95 % Wilson interval {share.low:.3f} to {share.high:.3f}"
     print(f"{said}; {np.mean(left):.2f} µm left on average")
     assert share.high >= 0.95, said

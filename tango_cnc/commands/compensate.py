@@ -12,7 +12,7 @@ from ..compensate import as_json, capped, loop, propose, targets, trial
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
-from ..files.origin import current
+from ..files.origin import check_values, current, read_origin
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
 from . import _compensate, _program
@@ -122,7 +122,7 @@ def command(**options: Any) -> int:
     capped(proposal, options["cap_mm"], options["cap_deg"])
     if options["dry_run"]:
         return 0
-    kept = loop.store(folder, proposal, _now(), options["out"])
+    kept = loop.store(folder, proposal, _now(), options["out"], _rows(current(folder, options["file"])))
     if options["out"] is None:
         recorded(folder)
     click.echo(_next(kept, proposal, counted=options["out"] is None), err=taken)
@@ -140,6 +140,10 @@ def _estimate(cell: Cell, options: dict[str, Any]) -> Estimate:
     result, judgement = judged(cell, readings, terms, options["degree"], source=source)
     usable(judgement, options["despite"], "compensate")
     return result
+
+
+def _rows(readings: Path) -> list[str]:
+    return check_values(readings.read_text(encoding="utf-8-sig"))
 
 
 def _present(folder: Path, options: dict[str, Any]) -> dict[str, float] | None:
@@ -200,13 +204,16 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     number = options["measured"]
     kept = loop.one(cell.folder, number)
     loop.check(kept.folder)
-    if (state := loop.state(cell.folder, number)) not in ("written", "not as promised", "undecided"):
+    if (state := loop.state(cell.folder, number)) not in loop.IN_CONTROL:
         raise InputError(
             f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is written "
             f"('tango compensate --written {number}')"
         )
-    if options["file"] is None:
+    file: Path | None = options["file"]
+    if file is None:
         raise InputError("--readings: found none; allowed: readings that were made with the compensation in the control")
+    if file.exists() and (why := loop.older(kept.record, _rows(file), ((read_origin(file) or {}).get("run") or {}).get("end_utc"))):
+        raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
     result = _estimate(cell, options)
     again = propose(
         result,

@@ -22,13 +22,15 @@ from ..files import write_text
 from ..files.checked import read_text
 from ..files.readjson import parse_json
 from ..records import InputError, TangoError
-from .fit import Figure, Known, intervals, known
+from .fit import Figure, intervals, known
 from .proposal import FORMAT, Proposal, as_json
 from .space import Held, Poses, sample
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
 IN_CONTROL = ("written", "kept", "not as promised", "undecided")  # after these events the control has it
 SEEN = 0.9  # of what was changed, so that touches can decide
+LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
+HELPED = 0.5  # of what was changed: less is no help
 
 
 @dataclass(frozen=True)
@@ -40,14 +42,15 @@ class Kept:
     record: dict[str, Any]
 
 
-def store(cell: Path, proposal: Proposal, now: str, folder: Path | None = None) -> Kept:
-    """folder of a cell, proposal, UTC → its folder, written whole; the first line of its history."""
+def store(cell: Path, proposal: Proposal, now: str, folder: Path | None = None, rows: Sequence[str] = ()) -> Kept:
+    """folder of a cell, proposal, UTC, check values of the rows of its readings → its folder, whole; its first line of history."""
     number = max((k.number for k in found(cell)), default=0) + 1
     place = folder or cell / FOLDER / f"{number:03d}-{proposal.target}"
     if place.exists() and any(place.iterdir()):
         raise InputError(f"-o: found {place}, which is not empty; allowed: a new folder")
     steps = [f"{i}. {text}" for i, text in enumerate(proposal.module.steps(proposal.job), 1)]
     record = as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
+    record["readings_rows"] = list(rows)
     record["digest"] = digest(record)
     for name, text in proposal.files.items():
         write_text(place / name, text)
@@ -188,73 +191,88 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     limits = {n: (low * scale[n], high * scale[n]) for n, (low, high) in kept.record["volume"].items()}
     at = sample(machine, limits)
     now = known(result, at)
-    gone = _unseen(kept, proposal_held, at) if not tcp else np.zeros(3 * len(at))
-    measured = _measured(now, at, gone)
+    told = _moved(kept, proposal_held, at, [h.tcp for h in proposal_held]) if not tcp else np.zeros(3 * len(at))
+    error = at.free((now.error(at).ravel() - told)[:, None])
+    levers = at.free(now.levers(at))
+    drawn = error + levers @ now.draws(1000)
+    measured = intervals(drawn)
     promise = kept.record["promise"]
     before, promised = (Figure(**promise[key]) for key in ("rms_before_um", "rms_after_um"))
-    seen = _seen(kept, proposal_held, now, at, tcp=tcp)
-    if seen < SEEN or measured.low <= promised.high < before.value <= measured.high:
+    moved = at.free(_moved(kept, proposal_held, at, [tcp or not h.tcp for h in proposal_held])[:, None])[:, 0]
+    helped = _helped(moved, levers, drawn)
+    left = f"{measured.value:.2f} µm ({measured.low:.2f} to {measured.high:.2f}) are left of {before.value:.2f} µm"
+    undo = f"load the files of {kept.folder / 'undo'}"
+    calculated = ""
+    if told.any():
+        size = float(np.sqrt(np.mean(np.sum(at.free(told[:, None]).reshape(-1, 3) ** 2, axis=1))) * 1e3)
+        calculated = f". What the kinematics hold ({size:.2f} µm) is taken off by calculation: this run could not see it"
+    share = f"of what it could see of the compensation, the run finds {_percent(helped)} gone" if helped is not None else ""
+    if helped is None or helped.low <= 0 < 1 <= helped.high:
         verdict = "undecided"
-        why = (
-            f"these touches see {100 * seen:.0f} % of what was changed"
-            if seen < SEEN
-            else f"{measured.low:.2f} to {measured.high:.2f} µm may be left, and {before.value:.2f} µm were there before"
-        )
+        why = "these touches see too little of what was changed" if helped is None else share
         text = (
-            f"{why}: too little to decide. Measure again with the strategy that the compensation was made from, and as many terms"
+            f"{why}: that decides nothing. Measure again with the strategy that the compensation was made from and as many terms"
+            f"{'' if tcp or not told.any() else ', and with tool centre point control on (--tcp)'}"
+        )
+    elif helped.high < HELPED or measured.low > 0.9 * before.low:
+        verdict = "rolled back"
+        text = (
+            f"{left}: it has not helped; {share}{calculated}. Now {undo}: it is noted as taken out. "
+            "The files were not loaded, or a sign is wrong, or the control does not use what was written: do a sign trial"
         )
     elif measured.low <= promised.high:
         verdict = "kept"
-        text = f"{measured.value:.2f} µm are left, {promised.low:.2f} to {promised.high:.2f} µm were promised"
-    elif measured.low > 0.9 * before.low:
-        verdict = "rolled back"
-        text = (
-            f"{measured.value:.2f} µm are left of {before.value:.2f} µm: it has not helped. Load the files of "
-            f"{kept.folder / 'undo'} now: it is noted as taken out. "
-            "A sign is wrong, or the control does not use what was written: do a sign trial"
-        )
+        text = f"{left}, and {promised.low:.2f} to {promised.high:.2f} µm were promised: they agree; {share}{calculated}"
     else:
         verdict = "not as promised"
         text = (
-            f"{measured.value:.2f} µm are left of {before.value:.2f} µm, but no more than {promised.high:.2f} µm were promised. "
-            "It has helped in part: look for a table that the control does not use; to go back, load the files of "
-            f"{kept.folder / 'undo'}"
+            f"{left}, but no more than {promised.high:.2f} µm were promised; {share}{calculated}. It has helped in part: look for "
+            f"a table that the control does not use; to go back, {undo}"
         )
     return Outcome(before, promised, measured, verdict, text)
+
+
+def _percent(share: Figure) -> str:
+    return f"{100 * share.value:.0f} % ({100 * share.low:.0f} to {100 * share.high:.0f})"
+
+
+def _moved(kept: Kept, held: Sequence[Held], at: Poses, which: Sequence[bool]) -> np.ndarray:
+    """→ (3n,) mm of tip error that these entries take away."""
+    numbers = {v["place"]: v["new"] - v["present"] for v in kept.record["values"]}
+    result = np.zeros(3 * len(at))
+    for h, wanted in zip(held, which, strict=True):
+        if wanted and numbers.get(h.place):
+            result += h.lever(at).ravel() * numbers[h.place] * h.sign / h.factor
+    return result
+
+
+def _helped(moved: np.ndarray, levers: np.ndarray, left: np.ndarray) -> Figure | None:
+    """(3n,) mm that a compensation takes away, (3n, p) what touches can tell, (3n, m) draws of what is left → share that is gone.
+
+    What a fit leaves is at right angles to what it takes away: whatever of `moved` is found in the rest has not been taken.
+    None where touches tell less than `SEEN` of it.
+    """
+    whole = float(moved @ moved)
+    if whole < LEAST**2 * len(moved):
+        return None
+    rest = moved - levers @ np.linalg.lstsq(levers, moved, rcond=1e-9)[0]
+    if 1.0 - np.sqrt(rest @ rest / whole) < SEEN:
+        return None
+    low, middle, high = np.quantile(1.0 - moved @ left / whole, [0.025, 0.5, 0.975])
+    return Figure(float(middle), float(low), float(high))
+
+
+def older(record: Mapping[str, Any], rows: Sequence[str], ended: str | None) -> str:
+    """record, check values of rows of readings, when they ended (UTC) → why they cannot be of a second run; '' if they can."""
+    same = len(set(rows) & set(record.get("readings_rows", ())))
+    if rows and 2 * same >= len(rows):
+        return f"{same} of {len(rows)} rows are those that the compensation was made from"
+    if ended is not None and ended[:19] < str(record["created_utc"])[:19]:
+        return f"they ended at {ended}, before the compensation was proposed ({record['created_utc']})"
+    return ""
 
 
 def switched(record: Mapping[str, Any], held: Sequence[Held]) -> list[str]:
     """record, what its target holds → places that changed and act with tool centre point control only."""
     changed = {v["place"] for v in record["values"] if v["new"] != v["present"]}
     return [h.place for h in held if h.tcp and h.place in changed]
-
-
-def _seen(kept: Kept, held: Sequence[Held], now: Known, at: Poses, *, tcp: bool) -> float:
-    """→ share of what the compensation moves the tip by that the second estimate could show, 0 to 1."""
-    numbers = {v["place"]: v["new"] - v["present"] for v in kept.record["values"]}
-    moved = np.zeros(3 * len(at))
-    for h in held:
-        if numbers.get(h.place) and (tcp or not h.tcp):
-            moved += h.lever(at).ravel() * numbers[h.place] * h.sign / h.factor
-    moved = at.free(moved[:, None])[:, 0]
-    whole = float(moved @ moved)
-    if whole < 1e-16:
-        return 1.0
-    levers = at.free(now.levers(at))
-    rest = moved - levers @ np.linalg.lstsq(levers, moved, rcond=1e-9)[0]
-    return 1.0 - float(np.sqrt(rest @ rest / whole))
-
-
-def _measured(now: Known, at: Poses, gone: np.ndarray) -> Figure:
-    error = at.free((now.error(at).ravel() - gone)[:, None])
-    return intervals(error + at.free(now.levers(at)) @ now.draws(1000))
-
-
-def _unseen(kept: Kept, held: list[Held], at: Poses) -> np.ndarray:
-    """→ (3n,) mm of tip error that entries take away which act with tool centre point control only."""
-    numbers = {v["place"]: v["new"] - v["present"] for v in kept.record["values"]}
-    result = np.zeros(3 * len(at))
-    for h in held:
-        if h.tcp and numbers.get(h.place):
-            result += h.lever(at).ravel() * numbers[h.place] * h.sign / h.factor
-    return result
