@@ -170,6 +170,11 @@ def _draw(file: Path, way: predict.Way) -> None:
         cmap="viridis",
         width=0.002,
     )
+    tips = at[:, :2] + off[:, :2] * scale
+    left.plot(tips[:, 0], tips[:, 1], alpha=0)  # the ends of the arrows belong into the picture, too
+    if outside.any():
+        left.plot(at[outside, 0], at[outside, 1], "|", color="crimson", markersize=5, label="extrapolated")
+        left.legend()
     figure.colorbar(colours, ax=left, label="deviation of the tip, µm")
     left.set(xlabel="x, mm", ylabel="y, mm", title=f"seen from above; arrows {1e3 * scale:.0f} times as long", aspect="equal")
     lines = np.array(way.line)

@@ -21,6 +21,11 @@ FACTS = (
     Fact("axis vectors of a table are entered reversed", IM9),
     Fact("$AN_CEC[t,i], INPUT_AXIS, OUTPUT_AXIS, STEP, MIN, MAX, DIRECTION 0 1 -1, IS_MODULO; M17 ends the file", K3),
     Fact("$AA_ENC_COMP[0,i,AX] in mm or degrees with _STEP _MIN _MAX _IS_MODULO", K3),
+    Fact(
+        "$AN_CEC_MULT_BY_TABLE adds the product of two tables; whether their own values stay added was not found: none is written",
+        "SINUMERIK Function Manual K3 03/2013, p. 245, 249, 252",
+        confirmed=False,
+    ),
     Fact("the sum of the CEC tables is added to the commanded position", K3, confirmed=False),
     Fact("ENC_COMP is added to the position that the encoder gives", K3, confirmed=False),
     Fact("MD32450 is the whole reversal value, positive where the encoder is ahead of the table", "memory", confirmed=False),
