@@ -12,9 +12,12 @@ from click.testing import CliRunner
 
 from tango_cnc.cli import tango
 from tango_cnc.identify import condition_number, scaled_condition_number
+from tango_cnc.iso230 import ranges
 from tango_cnc.iso230.interval import of_range
 from tango_cnc.iso230.onpart import minimum_zone
-from tests.support.iso_coverage import one
+from tango_cnc.iso230.signed import Sheet, signed
+from tests.support.iso_coverage import EXAMPLES, estimated, measured, one
+from tests.support.truth import Truth
 
 Row = tuple[str, str, float | None, tuple[float, float] | None, float]
 
@@ -88,3 +91,49 @@ def test_most_intervals_hold_the_truth(example: str) -> None:
     inside = sum(row[3][0] <= row[4] <= row[3][1] for row in given if row[3] is not None)
     assert len(given) > 30
     assert inside / len(given) > 0.88  # figures of one machine are correlated; the table in docs/verify.md has the rate
+
+
+def told(truth: Truth) -> tuple[Sheet, dict[tuple[str, str], float]]:
+    """random machine of the HU40T → its figures, and those of the truth."""
+    result = estimated(truth, EXAMPLES / "hu40t")
+    sheet = signed(result)
+    return sheet, truth.figures(ranges(result.model.touches), dict(sheet.reference.pose))
+
+
+def test_an_axis_with_three_lobes_is_told_with_an_interval_that_holds_them() -> None:
+    """EXC = 3 µm cos 3C: a polynomial of degree 3 would tell half of it."""
+    truth = Truth(EXAMPLES / "hu40t", 7, size=0.0)
+    truth.waves["C"][0, 2, 0] = 0.003
+    sheet, known = told(truth)
+    figure = next(f for f in sheet.figures if f.name == "EXC")
+    assert figure.value is not None and figure.interval is not None
+    assert known["radial", "EXC"] == pytest.approx(5.0, abs=1.2)
+    assert figure.interval[0] <= known["radial", "EXC"] <= figure.interval[1]
+
+
+@pytest.mark.long
+def test_a_straightness_of_degree_five_is_told_at_an_order_that_can_tell_it() -> None:
+    truth = Truth(EXAMPLES / "hu40t", 7, size=0.0)
+    truth.series["Z"] = np.hstack([truth.series["Z"], np.zeros((6, 2))])
+    truth.series["Z"][0, 5] = 0.006
+    sheet, known = told(truth)
+    assert sheet.order >= (5, 5), sheet.orders
+    figure = next(f for f in sheet.figures if f.name == "EXZ")
+    assert figure.value is not None and figure.interval is not None
+    assert figure.interval[0] <= known["straightness", "EXZ"] <= figure.interval[1]
+
+
+@pytest.mark.long
+def test_volumetric_ranges_for_a_longer_tool_are_known_with_two_styli_alone() -> None:
+    """Ranges of position over the working volume, for a tool 60 mm longer than the probe, by an independent program."""
+    for longer, least in ((None, 0), (60.0, 2)):
+        truth, result = measured("hu40t", 3, longer)
+        sheet = signed(result, truth.length + 60.0)
+        truth.length += 60.0
+        known = truth.figures(ranges(result.model.touches), dict(sheet.reference.pose))
+        given = [f for f in sheet.figures if f.kind == "volumetric" and f.name in ("VX", "VY", "VZ") and f.interval is not None]
+        assert len(given) >= least
+        assert longer is not None or not given
+        for f in given:
+            assert f.interval is not None
+            assert f.interval[0] <= known[f.kind, f.name] <= f.interval[1], f.name

@@ -12,7 +12,7 @@ from .. import iso230
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
-from ..iso230.signed import Sheet, signed
+from ..iso230.signed import WORTH, Sheet, signed
 from ..iso230.temperature import Thermal, read_thermal
 from ._common import cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, status, told
@@ -81,6 +81,8 @@ def sheet_json(sheet: Sheet) -> dict[str, Any]:
             "functional_point_mm": list(at.point),
         },
         "temperature": sheet.temperature,
+        "order": {"degree": sheet.order[0], "harmonics": sheet.order[1]},
+        "orders": [{"degree": d, "harmonics": h, "weight": worth} for (d, h), worth in sheet.orders],
         "touch_std_um": sheet.sigma * 1e3,
         "dof": sheet.freedom,
         "figures": [
@@ -111,10 +113,13 @@ def sheet_text(sheet: Sheet) -> list[str]:
         between = f"{f.interval[0]:.2f} … {f.interval[1]:.2f}"
         rows.append([f.kind, f.name, f"{f.value:.2f}", between, f.unit, over, f"{f.positions or ''}", f.note])
     lines = [sheet.reference.text, f"temperature of scales: {sheet.temperature}"]
+    tried = ", ".join(f"degree {d} with {h} harmonics {100 * worth:.0f} %" for (d, h), worth in sheet.orders if worth > WORTH)
+    used = f"error motions as polynomials of degree {sheet.order[0]} and {sheet.order[1]} harmonics"
     if sheet.temperature == "not stated":
         lines[1] += (
             " (write temperature.yaml for 20 °C); positioning holds for a bar and a machine as warm as each other, and alike"
         )
+    lines.append(f"{used}, or more where the intervals say so; what each order is worth to these touches: {tried}")
     lines.append(table(rows, "<<>><>><") if len(rows) > 1 else "these touches decide no figure")
     return lines + [f"withheld: {text}" for text in sheet.not_identifiable]
 

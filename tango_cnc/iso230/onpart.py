@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from ..records import COMPONENTS, Array, Machine
 from ..terms import Coefficient
-from ._line import line_of, motions
-from .trajectory import Reference, Trajectory, trajectory
+from ._line import Line, Motion, across, line_of, motions
+from .trajectory import Reference, Trajectory, relative, trajectory
 
 PERPENDICULAR = 1e-6
+LEVELS = 5  # poses along each linear axis
 
 
 @dataclass(frozen=True)
@@ -54,8 +56,50 @@ def asked(
         if name in over:
             line = line_of(machine, machine.axis(name), coefficients, *over[name])
             degrees = (float(np.degrees(over[name][0])), float(np.degrees(over[name][1])))
-            found += [Ask(m.kind, m.name, m.unit, m.factor, m.curve[::3], m.name, degrees, m.note) for m in motions(line)]
+            moves = motions(line)
+            found += [Ask(m.kind, m.name, m.unit, m.factor, m.curve[::3], m.name, degrees, m.note) for m in moves]
+            found += _total(name, line, {m.name: m for m in moves}, degrees)
+    if len(names) == 3:
+        found += _volumetric(machine, coefficients, over, at)
     return found
+
+
+def _total(name: str, line: Line, moves: Mapping[str, Motion], over: tuple[float, float]) -> list[Ask]:
+    """Radial and tilt error motion in the rotating sensitive direction: what a tool or feature that turns with the axis sees."""
+    j, k = across(line)
+    angle = (line.sense * line.command)[::3, None]
+    found = []
+    for kind, letters in (("radial", "XYZ"), ("tilt", "ABC")):
+        pair = [moves.get(f"E{letters[i]}{name}") for i in (j, k)]
+        if pair[0] is None or pair[1] is None:
+            continue
+        first, second = (np.asarray(m.curve)[::3] for m in pair if m is not None)
+        curve = np.cos(angle) * first + np.sin(angle) * second
+        own = f"E{letters[j]}{name}"
+        note = "rotating sensitive direction, about the least-squares circle"
+        found.append(Ask(kind, f"{name} rotating", pair[0].unit, pair[0].factor, curve, own, over, note))
+    return found
+
+
+def _volumetric(
+    machine: Machine, coefficients: Sequence[Coefficient], over: Mapping[str, tuple[float, float]], at: Reference
+) -> list[Ask]:
+    """Ranges of position and orientation over the touched ranges of X Y Z, the workpiece aligned by least squares."""
+    grid = np.array(list(product(*(np.linspace(*over[n], LEVELS) for n in machine.linear))))
+    position = np.tile([at.pose.get(name, 0.0) for name in machine.names], (len(grid), 1))
+    position[:, [machine.column(n) for n in machine.linear]] = grid
+    seen = relative(machine, coefficients, position, at.length)
+    arm = seen.nominal - seen.nominal.mean(axis=0)
+    lever = np.zeros((len(grid), 3, 6))
+    lever[:, :, :3] = np.eye(3)
+    for i in range(3):
+        lever[:, :, 3 + i] = np.cross(np.eye(3)[i], arm)
+    flat, moved = lever.reshape(-1, 6), seen.shift.reshape(len(grid) * 3, -1)
+    rest = (moved - flat @ np.linalg.lstsq(flat, moved, rcond=None)[0]).reshape(seen.shift.shape)
+    over_what = f"range over {LEVELS} × {LEVELS} × {LEVELS} poses of the touched ranges of X Y Z"
+    aligned = f"{over_what}, workpiece aligned by least squares"
+    found = [Ask("volumetric", f"V{c}", "µm", 1e3, rest[:, i], "", None, aligned) for i, c in enumerate("XYZ")]
+    return found + [Ask("volumetric", f"V{c}", "µrad", 1e6, seen.turn[:, i], "", None, over_what) for i, c in enumerate("ABC")]
 
 
 def _slope(command: Array, curve: Array) -> tuple[Array, Array]:

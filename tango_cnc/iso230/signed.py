@@ -18,12 +18,13 @@ from .interval import of_range
 from .onpart import Ask, asked, minimum_zone
 from .temperature import Known, Thermal, scale
 from .trajectory import Reference, reference
-from .whole import Whole, foreseen, whole
+from .whole import DEGREE, ORDER, Whole, foreseen, orders, whole
 
 COVERAGE = 0.95
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
 SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
 NAMED = 4
+WORTH = 0.01  # of an order of the model that counts
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,8 @@ class Sheet:
     sigma: float  # mm, of a touch, beside every error motion
     freedom: float
     temperature: str = "not stated"  # or: 20 °C, as found
+    orders: tuple[tuple[tuple[int, int], float], ...] = ()  # degree and harmonics, and what each is worth
+    order: tuple[int, int] = (DEGREE, ORDER)  # which was used
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
@@ -63,21 +66,39 @@ def signed(result: Estimate, length: float | None = None, thermal: Thermal | Non
 
     Raises TangoError where there are too few touches.
     """
-    asks, all_of_it, at = _all(result, length)
-    asks, all_of_it = (asks, all_of_it) if thermal is None else expanded(asks, all_of_it, scale(thermal, at_reference))
-    found = [told(ask, all_of_it) for ask in asks]
+    compared = orders(result)
+    # A lower order decides more only because it leaves out what the machine may have: it is told and never used.
+    full = [(w, worth) for w, worth in compared if w.order >= (DEGREE, ORDER)]
+    used, total = full[0][0], sum(worth for _, worth in full)
+    asks, at = _asked(used, length)
+    spread = _spread(asks, used, [(w, worth / total) for w, worth in full[1:] if worth > WORTH * total], length)
+    asks, used = (asks, used) if thermal is None else expanded(asks, used, scale(thermal, at_reference))
+    found = [told(ask, used, spread.get((ask.kind, ask.name), ())) for ask in asks]
     state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
-    return Sheet((*found, *_relative(asks, found, all_of_it)), at, all_of_it.sigma, all_of_it.freedom, state)
+    tried = tuple((w.order, worth) for w, worth in compared)
+    return Sheet((*found, *_relative(asks, found, used)), at, used.sigma, used.freedom, state, tried, used.order)
 
 
-def _all(result: Estimate, length: float | None = None) -> tuple[list[Ask], Whole, Reference]:
-    """estimate, tool length (mm; default: of the probe) → every figure, machine, where the other axes stand."""
+def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:
+    """machine, tool length (mm; default: of the probe) → every figure, where the other axes stand."""
     from . import ranges
 
-    over = ranges(result.model.touches)
-    machine = result.model.touches.machine
-    all_of_it, at = whole(result), reference(machine, over, length)
-    return asked(machine, all_of_it.coefficients, over, at), all_of_it, at
+    over = ranges(w.touches)
+    at = reference(w.touches.machine, over, length)
+    return asked(w.touches.machine, w.coefficients, over, at), at
+
+
+def _spread(
+    asks: list[Ask], used: Whole, others: list[tuple[Whole, float]], length: float | None
+) -> dict[tuple[str, str], tuple[Array, ...]]:
+    """figures, machine, the same at other orders and what they are worth → (kind, name): what each adds to the uncertainty."""
+    found: dict[tuple[str, str], tuple[Array, ...]] = {}
+    values = {(a.kind, a.name): a.factor * a.curve @ used.values for a in asks}
+    for other, worth in others:
+        for a in _asked(other, length)[0]:
+            if (key := (a.kind, a.name)) in values:
+                found[key] = (*found.get(key, ()), worth**0.5 * (a.factor * a.curve @ other.values - values[key]))
+    return found
 
 
 def expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
@@ -100,19 +121,16 @@ def expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
 def withheld(result: Estimate) -> tuple[str, ...]:
     """estimate → a sentence for every ISO figure that these touches do not decide; one where they are too few for any."""
     try:
-        asks, all_of_it, _ = _all(result)
-        return tuple(doubt[1] for ask in asks if (doubt := _undecided(ask, all_of_it)))
+        all_of_it = whole(result)
+        return tuple(doubt[1] for ask in _asked(all_of_it)[0] if (doubt := _undecided(ask, all_of_it)))
     except TangoError as error:
         return (str(error),)
 
 
 def decided(selection: Selection, length: float | None = None) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """selection for touches that nobody has made yet, tool length (mm) → ISO figures that they will decide, those they will not."""
-    from . import ranges
-
-    touches = selection.model.touches
-    over, w = ranges(touches), foreseen(selection)
-    asks = asked(touches.machine, w.coefficients, over, reference(touches.machine, over, length))
+    w = foreseen(selection)
+    asks, _ = _asked(w, length)
     doubtful = {ask.name for ask in asks if _undecided(ask, w)}
     return tuple(a.name for a in asks if a.name not in doubtful), tuple(a.name for a in asks if a.name in doubtful)
 
@@ -137,27 +155,27 @@ def _undecided(ask: Ask, w: Whole) -> tuple[tuple[str, ...], str] | None:
     return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
 
 
-def told(ask: Ask, w: Whole) -> OnPart:
-    """figure as it depends on the coefficients, machine → value and interval, or withheld with the reason."""
+def told(ask: Ask, w: Whole, more: tuple[Array, ...] = ()) -> OnPart:
+    """figure as it depends on the coefficients, machine, what other orders add → value and interval, or withheld and why."""
     axis = ask.own[2:3] if ask.range is not None else ""
     positions = len(np.unique(np.round(w.touches.axis(axis), 3))) if axis in w.touches.machine.names else 0
     if (doubt := _undecided(ask, w)) is not None:
         return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, positions)
-    value, interval = _interval(ask, w)
+    value, interval = _interval(ask, w, more)
     return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", positions)
 
 
-def _interval(ask: Ask, w: Whole) -> tuple[float, tuple[float, float]]:
+def _interval(ask: Ask, w: Whole, more: tuple[Array, ...] = ()) -> tuple[float, tuple[float, float]]:
     student = float(special.stdtrit(w.freedom, 0.5 + COVERAGE / 2))
     if not ask.is_range:
         value = float(ask.curve @ w.values) * ask.factor
-        wide = student * _worst(ask, w)[1]
+        wide = student * float(np.hypot(_worst(ask, w)[1], np.linalg.norm(np.array(more))))
         return value, (value - wide, value + wide)
     mean = ask.curve @ w.values * ask.factor
     size, vectors = np.linalg.eigh(ask.curve @ w.covariance @ ask.curve.T * ask.factor**2)
     keep = size > 1e-10 * size[-1]
     root = vectors[:, keep] * np.sqrt(size[keep]) * student / float(special.ndtri(0.5 + COVERAGE / 2))
-    best, low, high = of_range(mean, root)
+    best, low, high = of_range(mean, np.column_stack([root, *(part[:, None] for part in more)]))
     if ask.zone and ask.command is not None and np.ptp(mean) > 0:
         part = minimum_zone(ask.command, mean) / float(np.ptp(mean))
         best, low, high = best * part, low * part, high * part

@@ -65,28 +65,45 @@ def trajectory(
     machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], low: float, high: float, at: Reference
 ) -> Trajectory:
     """machine, linear axis, coefficients, range (mm), reference → its trajectory."""
-    tool = replace(machine, probe=replace(machine.probe, length=at.length))
     command = np.linspace(low, high, POINTS)
     position = np.tile([at.pose.get(name, 0.0) for name in machine.names], (POINTS, 1))
     position[:, machine.column(axis.name)] = command
+    seen = relative(machine, coefficients, position, at.length)
+    way = (seen.nominal[-1] - seen.nominal[0]) / np.linalg.norm(seen.nominal[-1] - seen.nominal[0])
+    own = np.array([c.slot.axis == axis.name for c in coefficients])
+    return Trajectory(axis, command, way, seen.shift, seen.turn, seen.jump[POINTS // 2] * own)
+
+
+@dataclass(frozen=True)
+class Relative:
+    """n poses: the tool relative to the workpiece, as seen along the axes of the table frame."""
+
+    nominal: Array  # (n, 3) mm
+    shift: Array  # (n, 3, p) mm
+    turn: Array  # (n, 3, p) rad
+    jump: Array  # (n, 3, p) mm, what last motions in the positive direction add
+
+
+def relative(machine: Machine, coefficients: Sequence[Coefficient], position: Array, length: float) -> Relative:
+    """machine, coefficients (p), poses (n, k) mm rad, tool length (mm) → tool relative to workpiece, linear in the coefficients."""
+    tool = replace(machine, probe=replace(machine.probe, length=length))
     still, forward = at_poses(tool, position, np.zeros_like(position)), at_poses(tool, position, np.ones_like(position))
-    p = len(coefficients)
-    shift, turn, reversal = np.zeros((POINTS, 3, p)), np.zeros((POINTS, 3, p)), np.zeros((3, p))
+    n, p = len(position), len(coefficients)
+    shift, turn, moves = np.zeros((n, 3, p)), np.zeros((n, 3, p)), np.zeros((n, 3, p))
     nominal = kinematics.tip(still.chain, position)
-    way = (nominal[-1] - nominal[0]) / np.linalg.norm(nominal[-1] - nominal[0])
     use = all_steady(coefficients, still)
     value = np.array([coefficients[j].regressor(still) for j in use])
-    jump = np.array([(coefficients[j].regressor(forward) - v)[0] for j, v in zip(use, value, strict=True)])
+    jump = np.array([coefficients[j].regressor(forward) - v for j, v in zip(use, value, strict=True)])
     if not use:
-        return Trajectory(axis, command, way, shift, turn, reversal)
+        return Relative(nominal, shift, turn, moves)
     slots = [coefficients[j].slot for j in use]
     points = [np.zeros(3), *(ARM * np.eye(3))]
     moved, tips = [], []
     for offset in points:
         run = kinematics.trace(still.chain, position, {Slot("t", "stylus", i): float(offset[i]) for i in range(3)})
-        ways = np.zeros((POINTS, 3, len(use)))
+        ways = np.zeros((n, 3, len(use)))
         for i in range(3):
-            lever = kinematics.sensitivity(still.chain, run, np.tile(np.eye(3)[i], (POINTS, 1))).slots
+            lever = kinematics.sensitivity(still.chain, run, np.tile(np.eye(3)[i], (n, 1))).slots
             ways[:, i, :] = np.array([lever[s] for s in slots]).T
         moved.append(ways)
         tips.append(run.tip)
@@ -96,6 +113,5 @@ def trajectory(
         around += np.cross(spoke[:, :, None], (ways - moved[0]) / ARM, axis=1) / 2
     shift[:, :, use] = moved[0] * value.T[:, None, :]
     turn[:, :, use] = around * value.T[:, None, :]
-    own = np.array([s.axis == axis.name for s in slots])
-    reversal[:, use] = moved[0][POINTS // 2] * jump * own
-    return Trajectory(axis, command, way, shift, turn, reversal)
+    moves[:, :, use] = moved[0] * jump.T[:, None, :]
+    return Relative(nominal, shift, turn, moves)

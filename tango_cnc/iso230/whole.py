@@ -9,6 +9,7 @@ depend on it are withheld. Source: Bayesian linear model with a wide prior (Gelm
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +24,8 @@ from ..records import COMPONENTS, Array, Machine, TangoError
 from ..terms import Coefficient, backlash, cause, error_motion, inter_axis
 from ..touches import Touches
 
-ORDERS = (1, 2, 3, 4)  # harmonics of rotary axes
-DEGREE = 3
+DEGREE, ORDER = 3, 4  # of polynomials; highest harmonic of rotary axes
+ORDERS = ((2, 2), (DEGREE, ORDER), (4, 4), (5, 5), (6, 6))  # degree and harmonics that are compared
 WIDTH = (0.1, 3e-4)  # mm and rad, of an error motion at the end of its touched range
 PLACED = (2.0, 1e-2)  # mm and rad, of axis locations, stylus and table
 STEPS = 4
@@ -42,11 +43,32 @@ class Whole:
     covariance: Array  # (p, p)
     sigma: float  # mm, standard deviation of a touch
     freedom: float  # touches less the directions that they decide
+    order: tuple[int, int] = (DEGREE, ORDER)  # degree of the polynomials, highest harmonic
+    criterion: float = 0.0  # AICc: the smaller, the better this order predicts touches that were not made
 
 
-def whole(result: Estimate) -> Whole:
-    """estimate → the same touches with every error motion of the topology. Raises TangoError where too few touches are left."""
-    model, p = _with_all(result.model)
+def orders(result: Estimate) -> list[tuple[Whole, float]]:
+    """estimate → the same touches with every error motion at each of `ORDERS`, and how much each is worth, the best first.
+
+    Akaike weights with the correction for few touches; what counts as fitted is what the touches decide beside the prior (Burnham
+    and Anderson, Model Selection and Multimodel Inference, 2.9). Raises TangoError where too few touches are left for any.
+    """
+    found = [whole(result)]
+    for degree, order in ORDERS:
+        if (degree, order) != (DEGREE, ORDER):
+            with suppress(TangoError):
+                found.append(whole(result, degree, order))
+    least = min(w.criterion for w in found)
+    worth = np.array([np.exp(-(w.criterion - least) / 2) for w in found])
+    return sorted(zip(found, (worth / worth.sum()).tolist(), strict=True), key=lambda pair: -pair[1])
+
+
+def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
+    """estimate, degree of polynomials, highest harmonic → the same touches with every error motion of the topology.
+
+    Raises TangoError where too few touches are left.
+    """
+    model, p = _with_all(result.model, degree, order)
     touches = model.touches
     start = np.zeros(len(model.names))
     place = {name: i for i, name in enumerate(model.names)}
@@ -86,7 +108,9 @@ def whole(result: Estimate) -> Whole:
         inverse = linalg.solve_triangular(root, np.eye(len(root)))
         covariance[np.ix_(seen, seen)] = inverse @ inverse.T
     found = model.coefficients[:p]
-    return Whole(touches, found, tuple(motion_of(c) for c in found), values[:p], covariance[:p, :p], sigma, freedom)
+    names, few = tuple(motion_of(c) for c in found), max(n - decided - 1, 1.0)
+    criterion = n * np.log(gaps @ gaps / n) + 2 * decided + 2 * decided * (decided + 1) / few
+    return Whole(touches, found, names, values[:p], covariance[:p, :p], sigma, freedom, (degree, order), float(criterion))
 
 
 def foreseen(selection: Selection) -> Whole:
@@ -107,35 +131,35 @@ def foreseen(selection: Selection) -> Whole:
     return Whole(model.touches, found, tuple(motion_of(c) for c in found), values[:p], covariance[:p, :p], sigma, freedom)
 
 
-def _with_all(fitted: Model) -> tuple[Model, int]:
-    """fitted model → the same touches with every error motion of the topology, number of coefficients of the machine."""
+def _with_all(fitted: Model, degree: int = DEGREE, order: int = ORDER) -> tuple[Model, int]:
+    """fitted model, degree, highest harmonic → the same touches with every error motion, number of the machine's coefficients."""
     own = [c for c in fitted.coefficients if c.slot.axis not in ("t", "w") and not error_motion.PATTERN.fullmatch(c.name)]
     setup = [c for c in fitted.coefficients if c.slot.axis in ("t", "w")]
     names = {c.name for c in own}
-    extra = [c for c in every(fitted.touches) if c.name not in names]
+    extra = [c for c in every(fitted.touches, degree, order) if c.name not in names]
     return Model(fitted.touches, (*own, *extra, *setup)), len(own) + len(extra)
 
 
-def every(touches: Touches) -> Iterator[Coefficient]:
-    """touches → every coefficient of the topology that these touches may feel, each name once."""
+def every(touches: Touches, degree: int = DEGREE, order: int = ORDER) -> Iterator[Coefficient]:
+    """touches, degree, highest harmonic → every coefficient of the topology that these touches may feel, each name once."""
     machine, names = touches.machine, set()
-    for c in (*_candidates(machine), *_series(touches)):
+    for c in (*_candidates(machine, order), *_series(touches, degree)):
         if c.name not in names:
             names.add(c.name)
             yield c
 
 
-def _candidates(machine: Machine) -> Iterator[Coefficient]:
+def _candidates(machine: Machine, highest: int) -> Iterator[Coefficient]:
     yield from inter_axis.coefficients(machine, DEGREE)
     yield from backlash.coefficients(machine, DEGREE)
     for axis in machine.rotary:
-        for order in ORDERS:
+        for order in range(1, highest + 1):
             for name in ("encoder_harmonic", "rotary_radial", "rotary_axial", "rotary_tilt"):
                 yield from cause(name, machine, {"axis": axis, "order": order})
 
 
-def _series(touches: Touches) -> Iterator[Coefficient]:
-    """touches → Legendre polynomials over the touched range of every error motion of every axis, mm and rad.
+def _series(touches: Touches, highest: int) -> Iterator[Coefficient]:
+    """touches, degree → Legendre polynomials over the touched range of every error motion of every axis, mm and rad.
 
     Powers of a command far from zero are all but alike: a width on each would say nothing of the curve they make together.
     """
@@ -146,7 +170,7 @@ def _series(touches: Touches) -> Iterator[Coefficient]:
             continue
         for component, letter in enumerate(COMPONENTS):
             slot = Slot(axis, "motion") if letter == axis else Slot(axis, "intra", component)
-            for degree in range(1, DEGREE + 1):
+            for degree in range(1, highest + 1):
                 yield _legendre(slot, f"E{letter}{axis}.P{degree}", "mm" if component < 3 else "rad", degree, low, high)
 
 

@@ -1,6 +1,6 @@
 """How often the intervals of the printed figures hold the truth, on random machines of every example topology.
 
-python -m tests.support.iso_coverage 20 hu40t trunnion …
+python -m tests.support.iso_coverage 20 hu40t trunnion … +60 (a second stylus, 60 mm longer)
 """
 
 from __future__ import annotations
@@ -27,14 +27,19 @@ TOPOLOGIES = ("hu40t", "huron", "trunnion", "split", "fork_head", "three_axis", 
 def measured(name: str, seed: int, longer: float | None = None) -> tuple[Truth, Estimate]:
     """example, seed, how much longer a second stylus is (mm; None: there is none) → random machine, what is estimated of it."""
     truth = Truth(EXAMPLES / name, seed, longer=longer)
+    return truth, estimated(truth, EXAMPLES / name)
+
+
+def estimated(truth: Truth, folder: Path) -> Estimate:
+    """machine, its example → what is estimated of it."""
     rows = truth.readings()
     n = len(rows["facet"])
-    cell = read_cell(EXAMPLES / name)
+    cell = read_cell(folder)
     assert list(cell.machine.names) == truth.names
     number, ones = np.arange(1, n + 1), np.ones(n, dtype=int)
     machine = cell.machine
-    if longer is not None:
-        machine = replace(machine, styli=(machine.probe, replace(machine.probe, length=machine.probe.length + longer)))
+    if truth.longer is not None:
+        machine = replace(machine, styli=(machine.probe, replace(machine.probe, length=machine.probe.length + truth.longer)))
     readings = Readings(
         machine.names,
         number,
@@ -45,9 +50,9 @@ def measured(name: str, seed: int, longer: float | None = None) -> tuple[Truth, 
         ("ok",) * n,
         ones,
         ones,
-        stylus=None if longer is None else rows["stylus"],
+        stylus=None if truth.longer is None else rows["stylus"],
     )
-    return truth, estimate(machine, cell.artefact, readings, cell.terms)
+    return estimate(machine, cell.artefact, readings, cell.terms)
 
 
 def one(
@@ -69,8 +74,8 @@ def one(
     return found
 
 
-def main(count: int, names: tuple[str, ...]) -> None:
-    """count of machines, examples → a table."""
+def main(count: int, names: tuple[str, ...], longer: float | None = None) -> None:
+    """count of machines, examples, how much longer a second stylus is (mm) → a table."""
     print(f"{'example':22} {'machines':>8} {'figures':>8} {'withheld':>8} {'inside':>8} {'%':>6}")
     total = [0, 0]
     kinds: dict[str, list[int]] = defaultdict(lambda: [0, 0])
@@ -79,7 +84,7 @@ def main(count: int, names: tuple[str, ...]) -> None:
         bad: dict[str, list[int]] = defaultdict(lambda: [0, 0])
         for seed in range(FIRST, FIRST + count):
             try:
-                rows = one(name, seed)
+                rows = one(name, seed, longer)
             except TangoError as error:
                 failed += 1
                 if failed == 1:
@@ -106,4 +111,5 @@ def main(count: int, names: tuple[str, ...]) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), tuple(sys.argv[2:]) or TOPOLOGIES)
+    second = [float(word[1:]) for word in sys.argv[2:] if word.startswith("+")]
+    main(int(sys.argv[1]), tuple(w for w in sys.argv[2:] if not w.startswith("+")) or TOPOLOGIES, *second)

@@ -119,7 +119,7 @@ class Truth:
             return e
         if name in self.rotary:
             e = np.zeros((len(q), 6))
-            for order in range(3):
+            for order in range(self.waves[name].shape[1]):
                 w = self.waves[name][:, order, :]
                 e += np.cos((order + 1) * q)[:, None] * w[:, 0] + np.sin((order + 1) * q)[:, None] * w[:, 1]
             return e
@@ -283,6 +283,24 @@ class Truth:
                 found["squareness", f"E{'ABC'[about]}(0{a}){b}"] = 1e6 * error
         for a in self.rotary:
             found |= self._rotary(a, np.linspace(*over[a], 241))
+        return found | self._volume(over, rest)
+
+    def _volume(self, over: dict[str, tuple[float, float]], rest: dict[str, float]) -> dict[tuple[str, str], float]:
+        mesh = np.meshgrid(*(np.linspace(*over[a], 5) for a in self.linear), indexing="ij")
+        pose = {n: np.full(125, rest.get(n, 0.0)) for n in self.names} | {
+            a: m.ravel() for a, m in zip(self.linear, mesh, strict=True)
+        }
+        still = {n: np.zeros(125) for n in self.names}
+        real, nominal = self.tool_in_table(pose, still), self.tool_in_table(pose, still, errors=False)
+        p, q = real[:, :3, 3], nominal[:, :3, 3]
+        u, _, v = np.linalg.svd((q - q.mean(0)).T @ (p - p.mean(0)))  # Kabsch: the turn that fits the points best
+        turn = v.T @ np.diag([1, 1, np.linalg.det(v.T @ u.T)]) @ u.T
+        d = (p - p.mean(0)) @ turn - (q - q.mean(0))
+        small = real[:, :3, :3] @ np.swapaxes(nominal[:, :3, :3], 1, 2)
+        found = {("volumetric", f"V{'XYZ'[i]}"): 1e3 * float(np.ptp(d[:, i])) for i in range(3)}
+        for i in range(3):
+            angle = (small[:, (i + 2) % 3, (i + 1) % 3] - small[:, (i + 1) % 3, (i + 2) % 3]) / 2
+            found["volumetric", f"V{'ABC'[i]}"] = 1e6 * float(np.ptp(angle))
         return found
 
     def _rotary(self, a: str, q: np.ndarray) -> dict[tuple[str, str], float]:
@@ -299,6 +317,7 @@ class Truth:
             rest = fixed - matrix @ np.linalg.lstsq(matrix, fixed, rcond=None)[0]
             found[kind, f"E{letters[j]}{a}"] = factor * float(np.ptp(rest.real))
             found[kind, f"E{letters[k]}{a}"] = factor * float(np.ptp(rest.imag))
+            found[kind, f"{a} rotating"] = factor * float(np.ptp((rest * np.conj(spin)).real))
         return found
 
 
