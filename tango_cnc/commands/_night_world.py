@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import time
@@ -61,6 +62,11 @@ class RealDisk:
             file = file.with_name(f"{file.stem}.again{file.suffix}")
         write_text(file, text)
 
+    def read(self, stamp: str, name: str) -> str | None:
+        """→ text of a file of a night, None where there is none."""
+        file = self.folder / "nights" / stamp / name
+        return file.read_text(encoding="utf-8") if file.exists() else None
+
     def post(self, stamp: str, text: str) -> None:
         """Puts a message into the outbox."""
         write_text(self.folder / "nights" / "outbox" / f"{stamp}.txt", text)
@@ -82,6 +88,14 @@ def _texts(folder: Path) -> list[tuple[str, str]]:
         return []
     files = sorted(f for f in folder.iterdir() if f.is_file() and not f.name.startswith("."))
     return [(f.name, f.read_text(encoding="utf-8")) for f in files]
+
+
+def _cell_hash(folder: Path) -> str:
+    """folder of a cell → SHA-256 over name and bytes of its files (*.yaml), in the order of the alphabet."""
+    digest = hashlib.sha256()
+    for file in sorted(folder.glob("*.yaml")):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()
 
 
 @dataclass
@@ -188,5 +202,8 @@ class RealControl:
                     raise
         text = target.read_text(encoding="utf-8")
         read = read_readings(target, self.cell.machine, self.cell.artefact)
-        hashes = (("plan", plan_hash(made)), ("program", str(origin.get("program_hash", ""))))
+        hashes = (
+            *(("cell", _cell_hash(self.cell.folder)), ("plan", plan_hash(made))),
+            *(("program", str(origin.get("program_hash", ""))), ("readings", hashlib.sha256(text.encode()).hexdigest())),
+        )
         return Measured(read, text, len(made.touches), time.monotonic() - began, why, hashes, tuple(touches))

@@ -221,7 +221,10 @@ def decide(history: History, machine: str, alarm: str, action: str, owner: str, 
     """What somebody decided about an alarm; it is kept with the nights."""
     from ..history import Decision
 
+    before = [d for d in history.decisions(machine) if d.alarm == alarm]
     history.decide(machine, Decision(alarm, action, owner, note, until))
+    for d in before:
+        click.echo(f"before: {d.action}{f' until {d.until}' if d.until else ''} by {d.owner}, {d.utc[:10]}; the last one counts")
     click.echo(f"{alarm}: {action} by {owner}")
 
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..files import read_cell, write_text
-from ..files.nightly import Nightly, history_of, read_nightly
+from ..files.nightly import NAME, Nightly, history_of
 from ..link.lock import holding
-from ..records import Cell, InputError
+from ..records import Cell, InputError, TangoError
 from ._common import cell_option, json_option, write_json
+
+if TYPE_CHECKING:
+    from ..history import History
 
 PLACE = "Keep 10"
 
@@ -57,36 +62,43 @@ def command(
     from ._cell_nights import nights_of
     from ._compensated import recorded
     from ._night_world import RealClock, RealControl, RealDisk
+    from ._unreadable import settings_of
 
     if sum([dry_run, status, tell, kind is not None]) > 1:
         raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
-    cell = read_cell(folder)
-    settings = read_nightly(folder)
+    settings, wrong = settings_of(folder)
     disk, mail = RealDisk(folder), Notifier(settings.notify)
-    if kind is not None:
-        return _install(cell, kind, at)
     if tell:
         return _tell(disk, mail)
-    place = history_of(folder, settings, where)
     if status:
-        return _status(cell, settings, place, disk, json_file)
-    if cell.controller is None:
-        raise InputError(
-            f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
-        )
-    made = plan(cell)
-    analysis = nights_of(cell, settings, made)
-    clock = RealClock()
-    begun = clock.now()
+        return _status(folder, settings, wrong, where, disk, json_file)
+    begun = RealClock().now()
     stamp = begun.astimezone(UTC).strftime("%Y-%m-%dT%H%M%SZ")
-    control = RealControl(cell, settings, made, analysis.check, stamp, port)
-    with opened(place) as history:
-        if dry_run:
-            return _dry(control, analysis, history, begun, disk, settings, json_file)
-        recorded(folder, history)
-        world = World(_Held(begun), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
-        record = night(cell.machine.name, str(folder.resolve()), settings, world)
-        newest = None if record.get("trouble") else history.newest_hashes().get(cell.machine.name)
+    try:
+        if wrong is not None:
+            raise wrong
+        cell = read_cell(folder)
+        if kind is not None:
+            return _install(cell, kind, at)
+        place = history_of(folder, settings, where)
+        if cell.controller is None:
+            raise InputError(
+                f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
+            )
+        made = plan(cell)
+        analysis = nights_of(cell, settings, made)
+        control = RealControl(cell, settings, made, analysis.check, stamp, port)
+        with opened(place) as history:
+            if dry_run:
+                return _dry(control, analysis, history, begun, disk, settings, json_file)
+            recorded(folder, history)
+            world = World(_Held(begun), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
+            record = night(cell.machine.name, str(folder.resolve()), settings, world)
+            newest = _newest(history, record)
+    except TangoError as error:
+        if not dry_run and kind is None and ((folder / NAME).exists() or (folder / "nights").exists()):
+            _unread(folder, settings, where, begun, disk, mail, error)
+        raise
     try:
         from ..report import morning
 
@@ -114,6 +126,34 @@ class _Held:
         """→ now, with the local zone."""
         first, self._first = self._first, None
         return first or datetime.now().astimezone()
+
+
+def _newest(history: History, record: Mapping[str, Any]) -> tuple[int, str] | None:
+    """history, record of the night that was just told → entries and newest hash; None where it is not in the history."""
+    with suppress(TangoError):
+        return None if record.get("trouble") else history.newest_hashes().get(record["machine"])
+    return None
+
+
+def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime, disk: Any, mail: Any, error: TangoError) -> None:
+    """Puts a night on record whose cell or history cannot be read, as far as that goes, and tells whoever is to be told."""
+    from ..history import opened
+    from ..nightly import World, night
+    from ._unreadable import NoHistory, Unreadable, machine_of
+
+    none, cell = Unreadable(error), str(folder.resolve())
+
+    def begin(past: Any, name: str) -> None:
+        night(name, cell, settings, World(_Held(begun), disk, none, mail, past, none, holding(folder, "tango nightly")))
+
+    with ExitStack() as stack:
+        try:
+            history = stack.enter_context(opened(history_of(folder, settings, where)))
+            name = machine_of(folder, history.machines())
+        except TangoError as second:
+            begin(NoHistory(second), machine_of(folder, ()))
+        else:
+            begin(history, name)
 
 
 def _install(cell: Cell, kind: str, at: str) -> int:
@@ -167,11 +207,17 @@ def _dry(control: Any, analysis: Any, history: Any, now: datetime, disk: Any, se
     return 0 if data["passed"] else 1
 
 
-def _status(cell: Cell, settings: Nightly, place: str | Path, disk: Any, json_file: str | None) -> int:
+def _status(folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None) -> int:
     from ..history import opened
+    from ._unreadable import machine_of
 
-    name = cell.machine.name
-    with opened(place, create=False) as history:
+    name = ""
+    try:
+        name = read_cell(folder).machine.name
+    except TangoError as error:
+        wrong = wrong or error
+    with opened(history_of(folder, settings, where), create=False) as history:
+        name = name or machine_of(folder, history.machines())
         nights = history.nights(name, last=7) if name in history.machines() else ()
         waiting = [stamp for stamp, _ in disk.unsent()]
         unfinished = [stamp for stamp, _ in disk.unfinished()]
@@ -182,10 +228,13 @@ def _status(cell: Cell, settings: Nightly, place: str | Path, disk: Any, json_fi
     )
     data = {
         **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
+        "trouble": None if wrong is None else str(wrong),
         **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": record.get("next")},
     }
     if not write_json(json_file, data):
         click.echo(f"{name}: {'no night yet' if not nights else 'LATE' if late else 'on time'}")
+        if wrong is not None:
+            click.echo(f"  no night can begin: {wrong}")
         for n in nights:
             click.echo(f"  {n.night} {n.kind:5} {n.status:8} {n.verdict:13} {n.headline}")
         for alarm in alarms:
@@ -198,4 +247,4 @@ def _status(cell: Cell, settings: Nightly, place: str | Path, disk: Any, json_fi
             click.echo(f"  begun and not ended: {stamp}")
         if record.get("next"):
             click.echo(f"  next night: {record['next']['kind']} ({record['next']['why']})")
-    return 1 if late or alarms else 0
+    return 1 if late or alarms or wrong is not None else 0

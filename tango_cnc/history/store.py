@@ -100,7 +100,9 @@ class History:
                 f"decision: {decision.action} with until {decision.until!r}; allowed: a date with ignore, and only there"
             )
         if decision.until is not None:
-            _date(decision.until)
+            today = (decision.utc or _stamp(datetime.now(UTC)))[:10]
+            if _date(decision.until) < today:
+                raise InputError(f"decision: found until {decision.until!r}, which is over; allowed: {today} or later")
         if not decision.owner.strip():
             raise InputError("decision: found no owner; allowed: the name of who decides")
         known = {alarm["id"] for stored in self.alarmed(machine) for alarm in stored.record["alarms"]}

@@ -7,16 +7,20 @@ Nothing moves before every point of the preflight has passed. What is kept is ke
 
 from __future__ import annotations
 
+import json
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+import numpy as np
+
 from ..files.nightly import Nightly
 from ..history import FORMAT, Knowledge
-from ..records import LinkError, TangoError
+from ..records import InputError, LinkError, TangoError
 from .ports import Disk, Finding, World
 from .words import headline, message
 
 MISSED = 7  # nights that were missed and are put on record one by one
+UNKEPT = "unkept.json"  # file of a night that the history did not take
 EXIT = {"good": 0, "changed": 1, "out_of_limits": 1, "doubtful": 1, "not_measured": 3}
 
 
@@ -97,6 +101,9 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: World, now: 
     said = []
     known = {n.start_utc for n in world.past.nights(machine, last=30)} if machine in world.past.machines() else set()
     for stamp, started in world.disk.unfinished():
+        if started not in known and _added(world, stamp):
+            known.add(started)
+            said.append(f"{started[:10]}: its result was kept in nights/{stamp} and is in the history now")
         if started not in known:
             why = "the night was cut off: power, a killed program or a computer that was switched off"
             record = _empty(machine, cell, started, started[:10], "failed", why, stamp)
@@ -115,6 +122,31 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: World, now: 
         world.past.add_night(_empty(machine, cell, stamp_of(when), when.strftime("%Y-%m-%d"), "missed", why, ""))
         said.append(f"{when:%Y-%m-%d}: {why}")
     return said
+
+
+def _packed(record: dict[str, Any], readings: str | None, knowledge: Knowledge | None) -> str:
+    """record, readings, unknowns of a night that the history did not take → the text that keeps them until it does."""
+    state = None
+    if knowledge is not None:
+        state = {"names": knowledge.names, "values": knowledge.values.tolist(), "covariance": knowledge.covariance.tolist()}
+    return json.dumps({"record": record, "readings": readings, "knowledge": state}, ensure_ascii=False) + "\n"
+
+
+def _added(world: World, stamp: str) -> bool:
+    """→ whether the history has now taken a night that it refused when it was measured. Raises LinkError where it still refuses."""
+    text = world.disk.read(stamp, UNKEPT)
+    if text is None:
+        return False
+    try:
+        kept = json.loads(text)
+        state = kept["knowledge"]
+        known = (
+            None if state is None else Knowledge(tuple(state["names"]), np.array(state["values"]), np.array(state["covariance"]))
+        )
+        world.past.add_night(kept["record"], kept["readings"], known)
+    except (ValueError, KeyError, TypeError, InputError):  # not whole: the night counts as cut off, its files stay
+        return False
+    return True
 
 
 def _before(machine: str, world: World) -> dict[str, Any]:
@@ -170,7 +202,11 @@ def _kept(
         kept = True
     except (TangoError, OSError) as error:
         kept = False
-        trouble.append(f"the night is not in the history: {_sentence(error)}")
+        trouble.append(f"the night is not in the history: {_sentence(error)}; the next night adds it")
+        try:
+            world.disk.write(stamp, UNKEPT, _packed(record, readings, knowledge))
+        except OSError as second:
+            trouble[-1] = f"the night is not in the history: {_sentence(error)}; nor on the disk: {_sentence(second)}"
     _told(record, trouble, left, world, stamp)
     if kept:
         try:

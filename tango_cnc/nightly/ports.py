@@ -72,6 +72,9 @@ class Disk(Protocol):
     def write(self, stamp: str, name: str, text: str) -> None:
         """A file of a night, whole or not at all. Raises OSError."""
 
+    def read(self, stamp: str, name: str) -> str | None:
+        """→ text of a file of a night, None where there is none."""
+
     def post(self, stamp: str, text: str) -> None:
         """Puts a message where it stays until it is sent. Raises OSError."""
 

@@ -150,6 +150,10 @@ class Disk:
             raise Broken(f"{stamp}/{name} is overwritten")
         self._write(("file", f"{stamp}/{name}"), text)
 
+    def read(self, stamp: str, name: str) -> str | None:
+        """→ a file, None where there is none."""
+        return self.files.get(("file", f"{stamp}/{name}"))
+
     def post(self, stamp: str, text: str) -> None:
         """A message."""
         self._write(("outbox", stamp), text)

@@ -1,0 +1,141 @@
+"""A mistake in the cell is found at night: somebody hears of it, it is on record, and what waits is sent all the same."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import nullcontext
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from click.testing import CliRunner
+from support.controls import GOLDEN
+from test_history import knowledge
+
+from tango_cnc.cli import tango
+from tango_cnc.commands._night_world import RealDisk
+from tango_cnc.commands._simulated_nights import Nobody, Time
+from tango_cnc.commands._unreadable import machine_of, settings_of
+from tango_cnc.files.nightly import Nightly
+from tango_cnc.history import History, opened
+from tango_cnc.nightly import Finding, Measured, World, night
+from tango_cnc.records import LinkError, Readings
+
+SETTINGS = "nightly: 1\nowner: Ann Meier\nnotify: ['file://{board}', mailto:ann@shop.example?smtp=127.0.0.1:9]\n"
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    shutil.copytree(GOLDEN, tmp_path / "cell")
+    (tmp_path / "cell" / "nightly.yaml").write_text(SETTINGS.format(board=tmp_path / "board.txt"), encoding="utf-8")
+    return tmp_path / "cell"
+
+
+def spoil(cell: Path, name: str, old: str, new: str) -> None:
+    file = cell / name
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [("machine.yaml", "tip_radius", "tip_radios"), ("nightly.yaml", "owner: Ann Meier", "owner: Ann Meier\nlimit: 3")],
+)
+def test_somebody_hears_of_a_mistake_in_the_cell_and_the_night_is_on_record(
+    cell: Path, tmp_path: Path, name: str, old: str, new: str
+) -> None:
+    spoil(cell, name, old, new)
+    found = CliRunner().invoke(tango, ["nightly", "-C", str(cell)])
+    assert found.exit_code != 0
+    told = (tmp_path / "board.txt").read_text(encoding="utf-8")
+    assert "NOT MEASURED" in told and name in told and new.split("\n")[-1].split(":")[0] in told and "owner: Ann Meier" in told
+    with opened(cell / "history.db", create=False) as history:
+        (night,) = history.nights()
+        assert (night.status, night.verdict) == ("failed", "not_measured") and name in night.headline
+        assert history.verify() == ()
+    (waiting,) = (cell / "nights" / "outbox").glob("*.txt")  # nobody answers at port 9
+    tell = CliRunner().invoke(tango, ["nightly", "-C", str(cell), "--tell"], standalone_mode=False)
+    assert tell.return_value == 3 and "not sent" in tell.output and waiting.exists()
+    status = CliRunner().invoke(tango, ["nightly", "-C", str(cell), "--status"], standalone_mode=False)
+    assert status.return_value == 1 and "no night can begin" in status.output and "not sent yet" in status.output
+
+
+def test_a_history_that_cannot_be_opened_is_told(cell: Path, tmp_path: Path) -> None:
+    (cell / "history.db").write_bytes(b"these are notes, and no database at all" * 30)
+    CliRunner().invoke(tango, ["nightly", "-C", str(cell)])
+    told = (tmp_path / "board.txt").read_text(encoding="utf-8")
+    assert "NOT MEASURED" in told and "history.db" in told
+
+
+def test_a_folder_that_is_no_cell_is_left_alone(tmp_path: Path) -> None:
+    assert CliRunner().invoke(tango, ["nightly", "-C", str(tmp_path)]).exit_code != 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_can_be_read_of_a_spoilt_nightly_yaml_is_who_is_told(tmp_path: Path) -> None:
+    (tmp_path / "nightly.yaml").write_text(
+        "nightly: 1\nowner: 'Ann'\nnotify:\n  - mailto:ann@x?smtp=y:25\n  - https://hooks.x/m  # ours\n"
+        "# - mqtt://old/one\nlimits: {volume: }}\n",
+        encoding="utf-8",
+    )
+    settings, wrong = settings_of(tmp_path)
+    assert wrong is not None and settings.owner == "Ann"
+    assert settings.notify == ("mailto:ann@x?smtp=y:25", "https://hooks.x/m")
+    (tmp_path / "machine.yaml").write_text("machine: 1\nname: Mill 7 # the old one\naxes: [\n", encoding="utf-8")
+    assert machine_of(tmp_path, ("Mill 7", "Mill 8")) == "Mill 7" and machine_of(tmp_path, ("Mill 9",)) == "Mill 9"
+
+
+class ReadOnly(History):
+    """A history on a disk that may be read and not be written."""
+
+    def add_night(self, record: Any, readings: Any = None, knowledge: Any = None) -> int:
+        """Raises LinkError."""
+        raise LinkError("history: it could not be written (attempt to write a readonly database)")
+
+
+@dataclass(frozen=True)
+class Four:
+    """Four touches, and an analysis that believes them."""
+
+    def preflight(self, kind: str, touches: Any) -> Any:
+        """→ all is well."""
+        return (Finding("control", True, "idle"),)
+
+    def measure(self, kind: str, touches: Any) -> Measured:
+        """→ four touches."""
+        return Measured(cast(Readings, range(4)), "touch\n1\n2\n3\n4\n", 4, 20.0)
+
+    def choice(self, past: Any, day: float) -> Any:
+        """→ a check."""
+        return "check", "nothing is too uncertain", ()
+
+    def analysed(self, past: Any, day: float, kind: str, measured: Measured) -> Any:
+        """→ a good night."""
+        parameters = {"EX0C": {"value": 0.001, "std": 0.0002, "unit": "mm"}}
+        return {"verdict": "good", "alarms": [], "parameters": parameters}, knowledge(3), {}
+
+
+def test_a_night_that_the_history_did_not_take_is_added_by_the_next_one(tmp_path: Path) -> None:
+    disk, four = RealDisk(tmp_path), Four()
+
+    def one(day: int, history: History) -> dict[str, Any]:
+        clock = Time(datetime(2026, 10, day, 2, tzinfo=UTC))
+        return night("M", str(tmp_path), Nightly(), World(clock, disk, four, Nobody(), history, four, nullcontext()))
+
+    with opened(tmp_path / "history.db") as history:
+        one(1, history)
+        refused = one(2, ReadOnly(history.engine))
+        assert "the next night adds it" in refused["trouble"][0] and len(history.nights("M")) == 1
+        assert "unmeasured" not in one(3, history)
+        assert [(n.night, n.status, n.touches) for n in history.nights("M")] == [
+            ("2026-10-03", "complete", 4),
+            ("2026-10-02", "complete", 4),
+            ("2026-10-01", "complete", 4),
+        ]
+        stored = history.night(history.nights("M")[1].entry)
+        assert stored.readings == "touch\n1\n2\n3\n4\n" and stored.knowledge is not None
+        assert (stored.knowledge.covariance == knowledge(3).covariance).all()
+        assert history.verify() == () and not list((tmp_path / "nights" / "begun").iterdir())
