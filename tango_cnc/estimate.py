@@ -31,6 +31,17 @@ SIGMA_FLOOR = 1e-6
 
 
 @dataclass(frozen=True)
+class Step:
+    """Something moved at once: touches before and after contradict each other."""
+
+    before: int  # number of the last touch before it
+    after: int  # number of the first touch after it
+    frame: str  # machine, table or spindle: in which it moved
+    shift: tuple[float, float, float]  # mm, by which it moved there
+    moves: tuple[str, ...]  # coefficients that it moves, or without which nothing would be known of them
+
+
+@dataclass(frozen=True)
 class Noise:
     """What the residuals are made of, mm: white scatter of a touch; root mean square over the touches of a walk and of seating."""
 
@@ -38,6 +49,7 @@ class Noise:
     walk: float = 0.0
     seating: float = 0.0
     facets: Mapping[str, float] = field(default_factory=dict)  # facets that scatter more than the others, each with its scatter
+    step: Step | None = None
 
 
 @dataclass(frozen=True)

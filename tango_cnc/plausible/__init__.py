@@ -16,7 +16,8 @@ from ..records import Cell, Readings
 from ..touches import FAR, from_readings, misnamed
 from .bounds import Bound, bounds
 from .data import Remark, coarse, listed, remarks
-from .search import suspects
+from .groups import common
+from .search import place, suspects
 from .words import beyond_text
 
 ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
@@ -49,6 +50,10 @@ def judge(cell: Cell, readings: Readings, result: Estimate | None, *, search: bo
         found += _fit(cell, result, told)
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
+        if result.noise is not None and result.noise.step is not None:
+            bad |= set(result.noise.step.moves)
+        if any(r.kind == "another_program" and "S" in r.key.split(", ") for r in found):
+            bad |= {c.name for c in result.model.coefficients if c.slot.axis in ("S", "t")}  # what only turning the spindle tells
         untrusted = [label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in bad]
     found += _elsewhere(cell, readings)
     verdict = worst([r.verdict for r in found])
@@ -67,22 +72,21 @@ def judge(cell: Cell, readings: Readings, result: Estimate | None, *, search: bo
 
 def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tuple[Suspicion, ...]:
     """→ mistakes with the readings and mistakes of the cell: first what explains the fit where the fit is bad."""
-    own = tuple(
-        Suspicion(r.kind, r.text, "readings.csv", r.key, r.change, touches=r.touches)
-        for r in found
-        if r.kind and r.verdict != "trustworthy"
-    )
+    own = tuple(_own(cell, r) for r in found if r.kind and r.verdict != "trustworthy")
+    sure = {r.text for r in found if r.sure}
     tried = suspects(cell, readings)
     direct = [s for s in own if s.kind in DIRECT and (not s.touches or len(s.touches) > len(readings) / 2)]
-    if tried and tried[0].before < coarse(readings):  # no more is to be explained than the rounding makes
-        direct = [s for s in own if s.kind == "rounded_positions"]
-        return (*direct, *tried, *(s for s in own if s not in direct))
-    if any(s.key in ("cycle", "day") for s in direct):
-        return (*direct, *tried, *(s for s in own if s not in direct))
     alike = len(readings) > 1 and not np.ptp(readings.position, axis=0).any()  # such readings fit anything
-    if not tried or alike or (direct and tried[0].after > EXPLAINED):
-        return (*direct, *tried, *(s for s in own if s not in direct))
-    return (*tried, *own)
+    if tried and tried[0].before < coarse(readings):  # no more is to be explained than the rounding makes
+        first = [s for s in own if s.kind == "rounded_positions"]
+    elif not tried or alike or (direct and tried[0].after > EXPLAINED):
+        first = direct
+    else:
+        first = []
+    first = [s for s in own if s.text in sure] + [s for s in first if s.text not in sure]
+    kinds = {s.kind for s in first if s.text in sure}
+    rest = [s for s in tried if s.kind not in kinds]
+    return (*first, *rest, *(s for s in own if s not in first))
 
 
 def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
@@ -105,6 +109,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
             )
         )
     found += _noise(result)
+    found += common(result)
     share = len(result.outliers) / len(result.residuals)
     if share > MANY:
         text = f"{len(result.outliers)} of {len(result.residuals)} touches do not fit ({listed(result.outliers.tolist())})"
@@ -156,3 +161,8 @@ def _elsewhere(cell: Cell, readings: Readings) -> list[Remark]:
         f"{m.near} is touched"
     )
     return [Remark("implausible", text, tuple(m.number for m in away))]
+
+
+def _own(cell: Cell, remark: Remark) -> Suspicion:
+    file, line = place(cell.folder, remark.file, remark.key)
+    return Suspicion(remark.kind, remark.text, file, remark.key, remark.change, line, remark.touches)

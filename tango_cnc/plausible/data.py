@@ -11,7 +11,6 @@ import numpy as np
 from ..judgement import Verdict
 from ..kinematics import chain, spindle_axis, tip
 from ..records import Array, Cell, Readings
-from ..touches import from_readings
 from .copies import copied, last_digit
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
@@ -34,6 +33,8 @@ class Remark(NamedTuple):
     key: str = ""  # column of the readings
     change: str = ""
     incomplete: bool = False
+    file: str = "readings"  # in which the mistake is: readings, machine, artefact, strategy
+    sure: bool = False  # it explains the result, whatever else is tried
 
 
 def remarks(cell: Cell, readings: Readings) -> Iterator[Remark]:
@@ -155,6 +156,7 @@ def _pasted(cell: Cell, readings: Readings) -> Iterator[Remark]:
         "copied_positions",
         "cycle" if not days else "day",
         change,
+        sure=True,
     )
 
 
@@ -210,24 +212,37 @@ def _another_strategy(cell: Cell, readings: Readings) -> Iterator[Remark]:
     inside = (readings.touch >= 1) & (readings.touch <= len(facets))
     rows = np.flatnonzero(inside)
     place = readings.touch[rows] - 1
-    turning = [machine.column(name) for name in (*machine.rotary, "S")]
-    off = np.abs(readings.position[rows][:, turning] - position[place][:, turning])
-    off = np.abs((off + np.pi) % (2 * np.pi) - np.pi).max(axis=1, initial=0.0)
-    elsewhere = [int(readings.touch[r]) for r, o in zip(rows, off, strict=True) if o > np.radians(TURNED)]
+    names = (*machine.rotary, "S")
+    turning = [machine.column(name) for name in names]
+    made, meant = readings.position[rows][:, turning], position[place][:, turning]
+
+    def apart(one: Array, two: Array) -> Array:
+        return np.asarray(np.abs((one - two + np.pi) % (2 * np.pi) - np.pi) > np.radians(TURNED))
+
+    off = apart(made, meant)
+    elsewhere = [int(readings.touch[r]) for r in rows[off.any(axis=1)]]
+    columns = [name for name, wrong in zip(names, off.T, strict=True) if wrong.any()]
+    counted = [n for n, wrong, other in zip(names, off.T, apart(made, -meant).T, strict=True) if wrong.any() and not other.any()]
+    backward = f". {counted[0]} has the other sign everywhere: it counts the other way" if counted else ""
     other = [int(readings.touch[r]) for r, p in zip(rows, place, strict=True) if readings.facet[r] != facets[p]]
-    for wrong, what in (
-        (other, "name another facet than strategy.yaml has"),
-        (elsewhere, "have other rotary positions than strategy.yaml"),
+    for wrong, what, key, more in (
+        (other, "name another facet than strategy.yaml has", "facet", ""),
+        (elsewhere, f"have other positions of {', '.join(columns)} than strategy.yaml", ", ".join(columns), backward),
     ):
         if wrong:
+            change = (
+                "see whether the column has the sign of the control"
+                if more
+                else "take the strategy.yaml that the program was made from"
+            )
             yield Remark(
                 "doubtful",
                 f"{len(wrong)} of {len(readings)} touches {what} ({listed(wrong)}): the readings are of another program, or "
-                "strategy.yaml was changed after it",
+                f"strategy.yaml was changed after it{more}",
                 tuple(wrong),
                 "another_program",
-                "facet" if wrong is other else ", ".join(machine.rotary),
-                "take the strategy.yaml that the program was made from",
+                key,
+                change,
             )
 
 
@@ -236,9 +251,10 @@ def _nominal(cell: Cell, readings: Readings) -> Iterator[Remark]:
     used = readings.rows(readings.ok)
     if len(used) < 4:
         return
-    touches = from_readings(cell.machine, cell.artefact, used)
-    contact = touches.point + touches.radius[:, None] * touches.normal
-    away = np.linalg.norm(tip(touches.chain, used.position) - contact, axis=1)
+    facets = [cell.artefact.facets[f] for f in used.facet]
+    radius = cell.machine.probe.tip_radius
+    contact = np.array([np.array(f.point) + radius * np.array(f.normal) for f in facets])
+    away = np.linalg.norm(tip(chain(cell.machine), used.position) - contact, axis=1)
     if np.median(away) < EXACT:
         yield Remark(
             "implausible",

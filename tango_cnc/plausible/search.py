@@ -104,7 +104,7 @@ def _told(cell: Cell, case: Case, tried: Sequence[_Tried]) -> tuple[Suspicion, .
         h = t.hypothesis
         text, change = h.words(t.explained.values) if h.words else (h.text, h.change)
         equally = tuple(_text(o) for o in group if o is not t) if t is group[0] else ()
-        file, line = _place(cell.folder, h.file, h.key)
+        file, line = place(cell.folder, h.file, h.key)
         found.append(
             Suspicion(t.kind, text, file, h.key, change, line, h.touches, case.stated.size, t.explained.size, odds, equally)
         )
@@ -124,7 +124,7 @@ def _alike(one: Explained, other: Explained) -> bool:
     return bool(np.median(difference) < 0.002)
 
 
-def _place(folder: Path, file: str, key: str) -> tuple[str, int | None]:
+def place(folder: Path, file: str, key: str) -> tuple[str, int | None]:
     """folder of a cell, what kind of file, key → its name and the line of the key, or of the nearest key above it."""
     if file == "readings":
         return "readings.csv", None

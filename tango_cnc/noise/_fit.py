@@ -1,16 +1,4 @@
-"""Noise as the residuals show it → honest standard deviations: white, walk, seating, rough facets, outliers.
-
-A least-squares fit takes every touch for independent. A machine that warms up, clamps that seat anew at every indexation, a
-rough facet: each makes touches err together, and what they put into a parameter is then far beyond its standard deviation. Here
-the residuals tell how large each of these is (restricted maximum likelihood; Patterson and Thompson 1971), and parameters and
-covariance are those of generalised least squares with it, as Henderson's mixed model equations give them (1975).
-
-    gap = J δ + Z_walk u + Z_seat v + ε,   u ~ N(0, θ_w), v ~ N(0, θ_s), ε ~ N(0, σ² s_f²)
-
-The walk is a Wiener process in each direction of the machine frame, by its first Karhunen–Loève functions: smooth drifts lie
-in it. Touches that a robust fit with a high breakdown point cannot reach have no weight (least absolute deviations, then
-bisquare; Yohai 1987).
-"""
+"""The fit by the noise that the residuals show: the system, its robust start, its components (see the package)."""
 
 from __future__ import annotations
 
@@ -20,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, special
 
-from .estimate import SIGMA_FLOOR, Estimate, Noise
-from .judgement import TableTolerances
-from .plausible.bounds import alone, is_backlash
-from .records import Array, Machine
-from .terms import Coefficient
+from ..estimate import SIGMA_FLOOR, Estimate, Noise
+from ..judgement import TableTolerances
+from ..plausible.bounds import alone, is_backlash
+from ..records import Array, Machine
+from ..terms import Coefficient
 
 WAVES = 12  # functions of the walk in each direction
 MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
@@ -41,7 +29,7 @@ FINEST = 1e-5  # mm: residuals below this are rounding, and are left alone
 
 
 @dataclass(frozen=True)
-class _System:
+class System:
     """Rows of the touches with weight, and the few known distances below them, at the solution of `estimate`."""
 
     gaps: Array  # (n,)
@@ -56,15 +44,15 @@ class _System:
     seats: Array  # (n, b)
 
 
-def honest(result: Estimate) -> Estimate:
+def by_noise(result: Estimate) -> Estimate:
     """estimate → the same model with parameters, standard deviations and outliers by the noise that its residuals show."""
     touches = result.model.touches
     if result.sigma < FINEST or result.dof < 8:
         return result
-    s = _system(result)
-    keep = _reachable(s)
+    s = system(result)
+    keep = reachable(s)
     rough = np.ones(len(touches))
-    fitted = _fitted(s, keep, rough)
+    fitted = gls(s, keep, rough)
     for _ in range(2):
         left = np.abs(fitted.left) / (fitted.sigma * rough)
         again = left < CUT * max(1.0, -float(special.ndtri(0.25 / max(keep.sum(), 1))) / 3.5)
@@ -74,7 +62,7 @@ def honest(result: Estimate) -> Estimate:
         if np.array_equal(again, keep) and np.allclose(rough_now, rough):
             break
         keep, rough = again, rough_now
-        fitted = _fitted(s, keep, rough)
+        fitted = gls(s, keep, rough)
     change = fitted.change
     if fitted.white and keep.all() and np.all(rough == 1):
         return replace(result, rejected=np.empty(0, dtype=np.int64), noise=Noise(result.sigma))
@@ -107,7 +95,7 @@ def _thinned(left: Array) -> float:
     return inside / max(inside - near, 0.5)
 
 
-def _system(result: Estimate) -> _System:
+def system(result: Estimate) -> System:
     touches = result.model.touches
     n = len(touches)
     scale = 1 / np.maximum(np.linalg.norm(result.jacobian, axis=0), 1e-300)
@@ -124,7 +112,7 @@ def _system(result: Estimate) -> _System:
     prior = (scale / _before(result)) ** 2
     jacobian, values = result.jacobian[:n] * scale, result.values / scale
     least = max(touches.machine.probe.repeatability / 5, SIGMA_FLOOR)
-    return _System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, walk, seats)
+    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, walk, seats)
 
 
 def _before(result: Estimate) -> Array:
@@ -152,7 +140,7 @@ def _waves(time: Array, rows: NDArray[np.bool_], normal: Array) -> Array:
     return np.asarray((wave[:, :, None] * normal[:, None, :]).reshape(len(time), -1))
 
 
-def _solved(jacobian: Array, right: Array, weight: Array, s: _System, sigma: float) -> Array:
+def _solved(jacobian: Array, right: Array, weight: Array, s: System, sigma: float) -> Array:
     """weighted least squares → unknowns (scaled)."""
     normal = (jacobian.T * weight) @ jacobian + sigma**2 * s.known.T @ s.known
     normal[np.diag_indices_from(normal)] += 1e-12
@@ -168,7 +156,7 @@ def _positive(normal: Array, pull: Array) -> Array:
         return np.asarray(linalg.pinvh(normal, check_finite=False) @ pull)
 
 
-def _reachable(s: _System) -> NDArray[np.bool_]:
+def reachable(s: System) -> NDArray[np.bool_]:
     """→ (n,) touches that a robust fit reaches: least absolute deviations by reweighting, then bisquare with that scale."""
     n, p = s.jacobian.shape
     left = s.gaps
@@ -192,7 +180,7 @@ def _reachable(s: _System) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class _Fitted:
+class Fitted:
     change: Array  # (p,) of the unknowns
     covariance: Array  # (p, p)
     left: Array  # (n,) mm, white part of every touch's residual
@@ -200,11 +188,12 @@ class _Fitted:
     walk: float  # mm, root mean square over the touches
     seating: float
     white: bool
+    residual: Array  # (n,) mm, of every touch, walk and seating in it
 
 
-def _fitted(s: _System, keep: NDArray[np.bool_], rough: Array) -> _Fitted:
-    """rows with weight, scatter of each against the common one → generalised least squares."""
-    parts = [part for part in (s.walk, s.seats) if part.shape[1]]
+def gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool = False) -> Fitted:
+    """rows with weight, scatter of each against the common one → generalised least squares; `white`: neither walk nor seating."""
+    parts = [part for part in (s.walk, s.seats) if part.shape[1] and not white]
     weight = 1 / rough[keep]
     j, gaps = s.jacobian[keep] * weight[:, None], s.gaps[keep] * weight
     # Without the touches that fix it, the scale is a combination of columns as small as the residuals, and equal to them: it
@@ -240,7 +229,16 @@ def _fitted(s: _System, keep: NDArray[np.bool_], rough: Array) -> _Fitted:
     covariance = sigma**2 * inverse[:p, :p] * np.outer(s.scale, s.scale)
     left = s.gaps - np.hstack([s.jacobian, z]) @ found
     size = {id(part): float(sigma * np.sqrt(ratio * np.mean(np.sum(part**2, axis=1)))) for part, ratio in used}
-    return _Fitted(change, covariance, left, sigma, size.get(id(s.walk), 0.0), size.get(id(s.seats), 0.0), not used)
+    return Fitted(
+        change,
+        covariance,
+        left,
+        sigma,
+        size.get(id(s.walk), 0.0),
+        size.get(id(s.seats), 0.0),
+        not used,
+        s.gaps - s.jacobian @ found[:p],
+    )
 
 
 def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
@@ -290,7 +288,7 @@ def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
     return float(np.sqrt(deviance(ratios)[1])), ratios.tolist()
 
 
-def _rough(result: Estimate, fitted: _Fitted, keep: NDArray[np.bool_]) -> Array:
+def _rough(result: Estimate, fitted: Fitted, keep: NDArray[np.bool_]) -> Array:
     """→ (n,) scatter of each touch's facet against the common one, 1 where nothing speaks for more."""
     facets = np.array(result.model.touches.facet)
     names, place, count = np.unique(facets[keep], return_inverse=True, return_counts=True)

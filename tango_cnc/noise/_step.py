@@ -1,0 +1,134 @@
+"""Something moved once and stayed there: a table knocked, a work offset changed, a stylus bent.
+
+The change point is where a displacement from one touch on takes most out of the residuals (maximum likelihood; Hawkins 1977, in
+the frame of the machine, the table and the spindle). It is believed when the robust fit with that displacement leaves little beyond
+white scatter, where the fit without it left much: a drift is not explained by a step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..estimate import Estimate, Step
+from ..records import Array
+from ._fit import LARGEST, Fitted, System, gls, reachable, system
+
+FEWEST = 4  # touches before and after
+WORTH = 60.0  # white variances that a step has to take out of the residuals before it is tried
+FAINT = 1e-3  # share of what a displacement does to the touches below which other unknowns stand for it
+LEFT = 0.4  # of what the fit without it leaves, at most, that a step may leave
+LOST = 7.0  # what each touch without weight costs: as much as one that is a hundred times off
+WHITE = 1.3  # times the white scatter beside walk and seating that it may leave: a drift leaves more
+TIMES = 3.0  # white standard deviations that it has to be
+
+
+def moved(result: Estimate, found: Estimate) -> Step | None:
+    """estimate, the same by its noise → the step that explains what that noise does not, if any."""
+    n = len(result.residuals)
+    if found.noise is None or n > LARGEST or result.dof < 12 or n < 4 * FEWEST:
+        return None
+    touches = result.model.touches
+    s = system(result)
+    frames = {"machine": touches.machine_normal, "table": touches.normal, "spindle": touches.spindle_normal}
+    every = np.ones(n, dtype=np.bool_)
+    rows = [every] if found.rejected is None or not len(found.rejected) else [every, ~np.isin(touches.number, found.rejected)]
+    white = max(found.noise.white, s.least)
+    plane = np.cumsum(touches.ball_index < 0)
+    tried = []
+    for keep in rows:
+        for name, normal in frames.items():
+            gain, at, until = _scan(s, normal, keep, white)
+            # Touches on balls often stand alone at the beginning: what they contradict is the bar or the tip radius.
+            if gain > WORTH * white**2 and min(plane[at - 1], plane[-1] - plane[at - 1]) >= FEWEST:
+                tried.append((name, at, until))
+    if not tried:
+        return None
+    plain = _refit(s)
+    best, least = None, np.inf
+    for name, at, until in dict.fromkeys(tried):
+        with_it = _with(s, frames[name], at)
+        other = _refit(with_it)
+        cost, before = _cost(other, plain, other, white), _cost(plain, plain, other, white)
+        shift = other[0].change[-3:]
+        lost = cost + LOST * float((~other[1]).sum())
+        if other[0].sigma < WHITE * white and cost < LEFT * before and lost < least and np.linalg.norm(shift) > TIMES * white:
+            best, least = (name, at, until, other[0]), lost
+    if best is None:
+        return None
+    name, at, until, other_fit = best
+    p = len(result.values)
+    std = np.sqrt(np.diag(other_fit.covariance))[:p]
+    off = np.abs(result.values + other_fit.change[:p] - found.values)
+    own = np.flatnonzero((off > found.std) | (std > 3 * found.std))
+    names = tuple(result.model.names[i] for i in own if i < len(result.model.coefficients))
+    shift = -other_fit.change[-3:]
+    return Step(
+        int(touches.number[at - 1]), int(touches.number[until]), name, (float(shift[0]), float(shift[1]), float(shift[2])), names
+    )
+
+
+def _scan(s: System, normal: Array, keep: NDArray[np.bool_], white: float) -> tuple[float, int, int]:
+    """system, (n, 3) normals, touches that count, mm → largest mm² that a displacement takes out of the residuals, its first touch.
+
+    The last number is the last touch that could as well be the first after it: those between did not feel it.
+    """
+    n = len(s.gaps)
+    full = np.vstack([s.jacobian * keep[:, None], s.known * s.least])
+    basis, singular, _ = np.linalg.svd(full, full_matrices=False)
+    basis = basis[:n, singular > 1e-7 * singular[0]]
+    left = np.where(keep, s.gaps, 0.0)
+    left = left - basis @ (basis.T @ left)
+    seen = normal * keep[:, None]
+
+    def after(rows: Array) -> Array:
+        return np.asarray(np.cumsum(rows[::-1], axis=0)[::-1])
+
+    within = after(np.einsum("ij,ik->ijk", basis, seen))
+    plain = after(np.einsum("ij,ik->ijk", seen, seen))
+    gram = plain - np.einsum("nij,nik->njk", within, within)
+    pull = after(seen * np.where(keep, left, 0.0)[:, None])
+    size, turn = np.linalg.eigh(gram[FEWEST : n - FEWEST + 1])
+    along = np.einsum("nij,ni->nj", turn, pull[FEWEST : n - FEWEST + 1])
+    enough = size > FAINT * np.trace(plain[FEWEST : n - FEWEST + 1], axis1=1, axis2=2)[:, None]
+    gain = np.where(enough, along**2 / np.where(enough, size, 1.0), 0.0).sum(axis=1)
+    best = int(np.argmax(gain))
+    alike = gain > gain[best] - (3 * white) ** 2
+    begin, end = best, best
+    while begin > 0 and alike[begin - 1]:
+        begin -= 1
+    while end + 1 < len(gain) and alike[end + 1]:
+        end += 1
+    return float(gain[best]), begin + FEWEST, end + FEWEST
+
+
+def _with(s: System, normal: Array, at: int) -> System:
+    """system, (n, 3) normals, first touch after it → the system with three more unknowns."""
+    n = len(s.gaps)
+    columns = normal * (np.arange(n) >= at)[:, None]
+    zero = np.zeros(3)
+    return replace(
+        s,
+        jacobian=np.hstack([s.jacobian, columns]),
+        known=np.hstack([s.known, np.zeros((len(s.known), 3))]),
+        scale=np.concatenate([s.scale, zero + 1]),
+        values=np.concatenate([s.values, zero]),
+        prior=np.concatenate([s.prior, zero + 1e-6]),
+    )
+
+
+Refit = tuple[Fitted, NDArray[np.bool_]]
+
+
+def _refit(s: System) -> Refit:
+    keep = reachable(s)
+    return gls(s, keep, np.ones(len(s.gaps)), white=True), keep
+
+
+def _cost(of: Refit, one: Refit, other: Refit, white: float) -> float:
+    """A fit, two fits, mm of white scatter → what it leaves of the touches that either of them reaches."""
+    left = of[0].residual[one[1] | other[1]]
+    scatter = 3 * min(max(one[0].sigma, white), max(other[0].sigma, white))
+    return float(np.log1p((left / scatter) ** 2).sum())

@@ -1,0 +1,225 @@
+"""Touches without weight that have something in common: a ball, a facet, an indexation, a moment. That is a mistake, not bad luck.
+
+A robust fit drops what does not fit. When what it dropped is all on one ball, or all on one facet from one touch on, dropping it
+hides a bar of another length, a wrong tip radius, a chip.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ..estimate import Estimate
+from ..records import Array
+from .data import Remark, listed
+
+CHANCE = 1e-4  # that touches dropped at random fall together as much
+SHARE = 0.5  # of the touches of a group that are dropped
+FEWEST = 3
+FEW = 0.1  # share of all touches that one indexation may make unfit
+FITS = 5.0  # white standard deviations within which touches fit
+CERTAIN = 3.0  # standard deviations that a bar has to be beyond what gains explain
+REACH = 400.0  # mm: what an angle does to a touch beyond its lever is half of its square times this, at most
+TURNED = math.radians(0.002)  # rad: smaller angles of one indexation are seating
+PLACES = {"table": "the table, or what is on it,", "machine": "the table, the work offset or the spindle", "spindle": "the stylus"}
+
+
+def common(result: Estimate) -> Iterator[Remark]:
+    """estimate by the noise of its residuals → remarks on the step, the bar and touches without weight that belong together."""
+    step, bar = list(_step(result)), list(_bar(result))
+    yield from (*bar, *step)
+    if bar or step:
+        return  # the touches that have no weight belong together by that
+    balls = list(_balls(result))
+    yield from balls
+    if not balls:
+        yield from _indexations(result)
+        yield from _facets(result)
+
+
+def _dropped(result: Estimate) -> NDArray[np.bool_]:
+    touches = result.model.touches
+    return np.zeros(len(touches), dtype=np.bool_) if result.rejected is None else np.isin(touches.number, result.rejected)
+
+
+def _white(result: Estimate) -> float:
+    white = result.sigma if result.noise is None else result.noise.white
+    return max(white, result.model.touches.machine.probe.repeatability / 2)
+
+
+def _step(result: Estimate) -> Iterator[Remark]:
+    step = None if result.noise is None else result.noise.step
+    if step is None:
+        return
+    touches = result.model.touches
+    size = ", ".join(f"{c} {d * 1e3:+.1f}" for c, d in zip("XYZ", step.shift, strict=True))
+    where = {"table": "of the table", "machine": "of the machine", "spindle": "that turns with the spindle"}[step.frame]
+    change = "find out what happened then, and measure again; parts on both sides of it describe no machine"
+    at = touches.time[int(np.flatnonzero(touches.number == step.after)[0])] - touches.time.min()
+    after = tuple(int(i) for i in touches.number[touches.time >= touches.time.min() + at])
+    yield Remark(
+        "doubtful",
+        f"something moved between touches {step.before} and {step.after} ({at:.0f} s after the start) and stayed there: "
+        f"{PLACES[step.frame]} by {size} µm (in the frame {where}). The touches before and after contradict each other",
+        after,
+        "step",
+        "time_s",
+        change,
+        sure=True,
+    )
+
+
+def _distance(result: Estimate) -> tuple[float, float] | None:
+    """→ mm between the centres of the two balls of the bar by their own touches, all of them; its standard deviation."""
+    model = result.model
+    if model.bar is None:
+        return None
+    first = len(model.coefficients) + len(model.touches.facets)
+    found, spread = [], 0.0
+    white = _white(result)
+    for ball in model.bar:
+        rows = model.touches.ball_index == ball
+        columns = list(range(first + 3 * ball, first + 3 * ball + 3))
+        own = result.jacobian[: len(rows)][np.ix_(rows, columns)]
+        if rows.sum() < 3 or np.linalg.cond(own) > 1e4:
+            return None
+        # Touches that contradict each other say nothing of the distance; a wrong radius moves all gaps of a ball alike.
+        round_ball = np.hstack([own, -np.ones((len(own), 1))])
+        for system in (own, round_ball) if len(own) > 4 and np.linalg.cond(round_ball) < 1e4 else (own,):
+            change = np.linalg.lstsq(system, -result.residuals[rows], rcond=None)[0]
+            # A gap is quadratic in a shift of the centre: half of its square over the radius.
+            bent = float(change[:3] @ change[:3]) / model.touches.artefact.balls[model.touches.balls[ball]].radius
+            if np.abs(result.residuals[rows] + system @ change).max() < FITS * white + bent:
+                break
+        else:
+            return None
+        key = model.touches.balls[ball]
+        found.append(result.balls[key] + change[:3])
+        spread += float(np.trace(np.linalg.inv(system.T @ system)[:3, :3]))
+    return float(np.linalg.norm(found[0] - found[1])), white * math.sqrt(spread)
+
+
+def _bar(result: Estimate) -> Iterator[Remark]:
+    bar, machine = result.model.touches.artefact.scale_bar, result.model.touches.machine
+    measured = _distance(result)
+    if bar is None or measured is None:
+        return
+    length, std = measured
+    off, allowed = bar.length - length, machine.tolerances.scale * bar.length
+    if abs(off) - CERTAIN * std <= allowed:
+        return
+    change = "compare it with the certificate of the bar, see which bar is on the table, and what its balls are fixed to"
+    yield Remark(
+        "implausible",
+        f"the touches put the balls of the scale bar {length:.3f} mm apart, artefact.yaml states {bar.length:g} mm: "
+        f"{abs(off):.3f} mm too {'much' if off > 0 else 'little'}. The gains of the axes explain at most {allowed:.3g} mm of it "
+        f"(machine.yaml: tolerances.scale)",
+        (),
+        "scale_bar",
+        "scale_bar.length",
+        change,
+        file="artefact",
+        sure=True,
+    )
+
+
+def _together(dropped: NDArray[np.bool_], groups: Sequence[NDArray[np.bool_]], choices: int = 1) -> list[bool]:
+    """(n,) dropped, masks of groups → whether more of each were dropped than chance would (hypergeometric)."""
+    n, k = len(dropped), int(dropped.sum())
+    found = []
+    for group in groups:
+        size, own = int(group.sum()), int((group & dropped).sum())
+        few = own < FEWEST or own < SHARE * size
+        found.append(not few and _tail(n, k, size, own) * len(groups) * choices < CHANCE)
+    return found
+
+
+def _tail(n: int, k: int, size: int, own: int) -> float:
+    def ways(a: float, b: Array) -> Array:
+        return np.asarray(special.gammaln(a + 1) - special.gammaln(b + 1) - special.gammaln(a - b + 1))
+
+    i = np.arange(own, min(size, k) + 1, dtype=float)
+    i = i[k - i <= n - size]
+    return float(np.exp(ways(size, i) + ways(n - size, k - i) - ways(n, np.array(float(k)))).sum())
+
+
+def _balls(result: Estimate) -> Iterator[Remark]:
+    touches, dropped = result.model.touches, _dropped(result)
+    masks = [touches.ball_index == i for i in range(len(touches.balls))]
+    for ball, mask, accused in zip(touches.balls, masks, _together(dropped, masks), strict=True):
+        if accused:
+            numbers = tuple(int(i) for i in touches.number[mask & dropped])
+            change = "compare tip radius, ball radius and the length of the bar with what was measured; look for dirt on the ball"
+            yield Remark(
+                "doubtful",
+                f"{len(numbers)} of {int(mask.sum())} touches on ball {ball} do not fit the others ({listed(numbers)}): {change}",
+                numbers,
+                "",
+                "touch",
+                change,
+            )
+
+
+def _facets(result: Estimate) -> Iterator[Remark]:
+    touches, dropped = result.model.touches, _dropped(result)
+    masks = [(touches.facet_index == i) & (touches.ball_index < 0) for i in range(len(touches.facets))]
+    for facet, mask in zip(touches.facets, masks, strict=True):
+        own = np.flatnonzero(mask & dropped)
+        if len(own) < FEWEST:
+            continue
+        place = np.arange(len(dropped))
+        pieces = [mask & (place >= own[0]), mask & (place <= own[-1])]
+        # Where it begins and ends was chosen after the fact: as many choices as the facet has touches.
+        if not any(_together(dropped, pieces, choices=len(masks) * int(mask.sum()))):
+            continue
+        numbers = tuple(int(i) for i in touches.number[own])
+        change = f"look for a chip or a burr on facet {facet}, clean it, and measure again"
+        yield Remark(
+            "doubtful",
+            f"facet {facet} is {abs(np.median(result.residuals[own])) * 1e3:.0f} µm elsewhere between touches {numbers[0]} and "
+            f"{numbers[-1]} than in its other touches ({listed(numbers)})",
+            numbers,
+            "chip",
+            "touch",
+            change,
+            sure=True,
+        )
+
+
+def _indexations(result: Estimate) -> Iterator[Remark]:
+    """Touches of one indexation that all fit if one axis was turned a little further there."""
+    touches, dropped = result.model.touches, _dropped(result)
+    machine, white = touches.machine, _white(result)
+    if dropped.mean() > FEW:
+        return  # one indexation does not explain so much: the cell is wrong, and any angle fits some of it
+    for index in np.unique(touches.indexation[dropped]):
+        rows = touches.indexation == index
+        if (rows & dropped).sum() < 2:
+            continue
+        best = None
+        for axis in (*machine.rotary, "S"):
+            lever, left = touches.lever(axis)[rows], result.residuals[rows]
+            if not np.abs(lever).max(initial=0.0) > 1.0 or (np.abs(lever[dropped[rows]]) > 1.0).sum() < 2:
+                continue
+            angle = float(lever @ left / (lever @ lever))
+            rest = float(np.abs(left - lever * angle).max())
+            if rest < FITS * white + REACH * angle**2 / 2 and abs(angle) > TURNED and (best is None or rest < best[0]):
+                best = rest, axis, angle
+        if best is None:
+            continue
+        _, axis, angle = best
+        numbers = tuple(int(i) for i in touches.number[rows])
+        change = "see whether it was clamped, and whether the program or somebody moved it there; measure these touches again"
+        yield Remark(
+            "doubtful",
+            f"{axis} was {abs(math.degrees(angle)):.4f}° from where the readings say at touches {numbers[0]} to {numbers[-1]}",
+            numbers,
+            "indexation",
+            axis,
+            change,
+            sure=True,
+        )

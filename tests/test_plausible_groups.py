@@ -1,0 +1,93 @@
+"""Touches that do not fit are no bad luck when they belong together: a table that moved, a wrong bar, a chip, an angle, a sign."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.coverage import pushed
+
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.judgement import Judgement
+from tango_cnc.noise import honest
+from tango_cnc.plausible import judge
+from tango_cnc.records import Cell, Readings
+
+
+@pytest.fixture(scope="module")
+def cell(root: Path) -> Cell:
+    return read_cell(root / "examples" / "trunnion")
+
+
+@pytest.fixture(scope="module")
+def readings(cell: Cell, root: Path) -> Readings:
+    return simulate(cell.machine, cell.artefact, cell.strategy, read_world(root / "examples/trunnion/world.yaml"), seed=11)
+
+
+def judged(cell: Cell, readings: Readings) -> Judgement:
+    return judge(cell, readings, honest(estimate(cell.machine, cell.artefact, readings, cell.terms)), search=False)
+
+
+def only(judgement: Judgement, verdict: str) -> str:
+    assert judgement.verdict == verdict
+    return " ".join(judgement.reasons)
+
+
+def moved(cell: Cell, readings: Readings, share: float, *by: float) -> Readings:
+    """The table moves by mm in its own frame after this share of the touches."""
+    normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
+    late = np.arange(len(readings)) >= round(share * len(readings))
+    return pushed(cell, readings, late * (normal @ np.array(by)))
+
+
+def test_a_table_that_moves_late_or_half_way_is_a_step(cell: Cell, readings: Readings) -> None:
+    late = judged(cell, moved(cell, readings, 0.9, 0.035, 0.035, 0.0))
+    assert re.search("something moved between touches 20[123] and 20[456]", only(late, "doubtful"))
+    assert {"EX0S", "EY0S"} <= set(late.untrusted)  # the spindle is turned after it only
+    half = judged(cell, moved(cell, readings, 0.5, 0.05, 0.0, 0.0))
+    assert re.search("something moved between touches 11[123] and 11[456]", only(half, "doubtful"))
+
+
+def test_a_bar_half_a_millimetre_too_long_is_named(cell: Cell, readings: Readings) -> None:
+    bar = cell.artefact.scale_bar
+    assert bar is not None
+    wrong = replace(cell, artefact=replace(cell.artefact, scale_bar=replace(bar, length=bar.length + 0.5)))
+    reason = only(judged(wrong, readings), "implausible")
+    assert f"artefact.yaml states {bar.length + 0.5:g} mm: 0.50" in reason or f"{bar.length + 0.5:g} mm: 0.49" in reason
+
+
+def test_a_tip_radius_that_only_the_balls_see_is_not_lulled(cell: Cell, readings: Readings) -> None:
+    probe = replace(cell.machine.probe, tip_radius=cell.machine.probe.tip_radius + 0.25)
+    reason = only(judged(replace(cell, machine=replace(cell.machine, probe=probe)), readings), "doubtful")
+    assert "touches on ball 1 do not fit the others" in reason
+
+
+def test_a_chip_and_an_angle_of_one_indexation_are_named(cell: Cell, readings: Readings) -> None:
+    own = np.array([f == "5" for f in readings.facet]) & (np.arange(len(readings)) >= 110)
+    assert "facet 5 is 30 µm elsewhere" in only(judged(cell, pushed(cell, readings, 0.03 * own)), "doubtful")
+    position = np.array(readings.position)
+    turned = np.abs(np.diff(position[:, [cell.machine.column(n) for n in ("A", "C")]], axis=0)).max(axis=1) > 1e-3
+    eighth = np.concatenate([[0], np.cumsum(turned)]) == 8
+    position[eighth, cell.machine.column("C")] += np.radians(1.0)
+    first = int(readings.touch[np.flatnonzero(eighth)[0]])
+    reason = only(judged(cell, replace(readings, position=position)), "doubtful")
+    assert "C was 1.00" in reason and f"at touches {first} to" in reason
+
+
+def test_a_spindle_that_counts_the_other_way_is_named(cell: Cell, readings: Readings) -> None:
+    position = np.array(readings.position)
+    position[:, cell.machine.column("S")] *= -1
+    judgement = judged(cell, replace(readings, position=position))
+    assert "S has the other sign everywhere: it counts the other way" in only(judgement, "doubtful")
+    assert {"EX0S", "EY0S"} <= set(judgement.untrusted)
+
+
+def test_single_wrong_touches_are_no_group(cell: Cell, readings: Readings) -> None:
+    rng = np.random.default_rng(4)
+    wrong = (rng.random(len(readings)) < 0.04) * rng.uniform(0.25, 0.5, len(readings)) * rng.choice([-1, 1], len(readings))
+    assert judged(cell, pushed(cell, readings, wrong)).verdict == "trustworthy"
