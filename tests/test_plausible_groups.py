@@ -87,6 +87,30 @@ def test_a_spindle_that_counts_the_other_way_is_named(cell: Cell, readings: Read
     assert {"EX0S", "EY0S"} <= set(judgement.untrusted)
 
 
+def test_directions_that_lead_away_from_the_facets_turn_every_backlash(cell: Cell, readings: Readings) -> None:
+    judgement = judged(cell, replace(readings, direction=-readings.direction))
+    assert "by dX, dY, dZ the axis moved away from the facet" in only(judgement, "doubtful")
+    assert {"EXXb", "EYYb"} <= set(judgement.untrusted)
+
+
+def test_residuals_that_follow_the_feed_are_named(cell: Cell, readings: Readings) -> None:
+    fast = np.arange(len(readings)) % 3 == 0
+    late = pushed(cell, readings, np.where(fast, -0.030, -0.003))  # 1 ms at 1800 and at 180 mm/min
+    judgement = judged(cell, replace(late, feed=np.where(fast, 1800.0, 180.0)))
+    assert re.search("the position is latched (0.99|1) ms too late", only(judgement, "doubtful"))
+    assert "EXX1" in judgement.untrusted
+
+
+def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readings) -> None:
+    bar = cell.artefact.scale_bar
+    assert bar is not None
+    wrong = replace(cell, artefact=replace(cell.artefact, scale_bar=replace(bar, length=bar.length + 0.03)))
+    judgement = judged(wrong, readings)
+    assert judgement.verdict == "trustworthy" and any(
+        "so is a scale bar that is not as long as stated" in r for r in judgement.remarks
+    )
+
+
 def test_single_wrong_touches_are_no_group(cell: Cell, readings: Readings) -> None:
     rng = np.random.default_rng(4)
     wrong = (rng.random(len(readings)) < 0.04) * rng.uniform(0.25, 0.5, len(readings)) * rng.choice([-1, 1], len(readings))

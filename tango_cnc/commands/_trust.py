@@ -146,10 +146,7 @@ def suspected(judgement: Judgement) -> list[str]:
     first, *others = judgement.suspicions[:SHOWN]
     if first.kind == "missing_touches":  # the reason above says it already
         return [f"less likely: {s.text} ({_where(s)})" for s in others]
-    known = first.text in judgement.reasons
-    lines = [
-        f"what to do: {first.change} ({_where(first)})" if known else f"most likely: {first.text} ({_where(first)}: {first.change})"
-    ]
+    lines = [f"most likely: {first.text} ({_where(first)}: {first.change})"]
     if first.before > 0:
         lines += [f"  this leaves {first.after * 1e3:.4g} µm of {first.before * 1e3:.4g} µm (root mean square of all touches)"]
     lines += [f"  {text} would explain it as well" for text in first.equally]

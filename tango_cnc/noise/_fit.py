@@ -96,6 +96,7 @@ def _thinned(left: Array) -> float:
 
 
 def system(result: Estimate) -> System:
+    """estimate → the system of its touches, known distances, walk and seating."""
     touches = result.model.touches
     n = len(touches)
     scale = 1 / np.maximum(np.linalg.norm(result.jacobian, axis=0), 1e-300)
@@ -181,6 +182,8 @@ def reachable(s: System) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Fitted:
+    """What generalised least squares gave."""
+
     change: Array  # (p,) of the unknowns
     covariance: Array  # (p, p)
     left: Array  # (n,) mm, white part of every touch's residual

@@ -14,8 +14,9 @@ from ..estimate import Estimate
 from ..judgement import Judgement, Suspicion, Verdict
 from ..records import Cell, Readings
 from ..touches import FAR, from_readings, misnamed
-from .bounds import Bound, bounds
+from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
+from .directions import approaches
 from .groups import common
 from .search import place, suspects
 from .words import beyond_text
@@ -24,7 +25,7 @@ ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
 MANY = 0.1  # share of outliers that makes a result doubtful
 EXPLAINED = 0.1  # mm: a mistake that leaves less explains the readings
 MOST = 0.35  # share of outliers beyond which nobody knows which touches are right
-NOISY = 8.0  # times the stated repeatability that a touch may scatter before the result is doubtful
+NOISY = 4.0  # times the stated repeatability that a touch may scatter before the result is doubtful
 DIRECT = ("another_program", "copied_positions", "constant_column")  # seen in the readings without any fit
 STRUCTURED = 3.0  # times the white scatter that a walk or seating may have before the result is doubtful
 SWAMPED = 3.0  # times what white noise would make of it that the standard deviation of a trusted parameter may be
@@ -41,7 +42,7 @@ def judge(cell: Cell, readings: Readings, result: Estimate | None, *, search: bo
 
     `search`: look for the mistake where the verdict is not trustworthy.
     """
-    found = list(remarks(cell, readings))
+    found = [*remarks(cell, readings), *approaches(cell, readings)]
     untrusted: list[str] = []
     if result is None:
         found.append(Remark("implausible", "there is no fit"))
@@ -50,10 +51,11 @@ def judge(cell: Cell, readings: Readings, result: Estimate | None, *, search: bo
         found += _fit(cell, result, told)
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
-        if result.noise is not None and result.noise.step is not None:
-            bad |= set(result.noise.step.moves)
+        bad |= {name for r in found for name in r.moves}
         if any(r.kind == "another_program" and "S" in r.key.split(", ") for r in found):
             bad |= {c.name for c in result.model.coefficients if c.slot.axis in ("S", "t")}  # what only turning the spindle tells
+        away = {axis for r in found if r.kind == "directions" for axis in r.key.replace("d", "").split(", ")}
+        bad |= {c.name for c in result.model.coefficients if is_backlash(c) and c.slot.axis in away}
         untrusted = [label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in bad]
     found += _elsewhere(cell, readings)
     verdict = worst([r.verdict for r in found])

@@ -35,6 +35,7 @@ class Remark(NamedTuple):
     incomplete: bool = False
     file: str = "readings"  # in which the mistake is: readings, machine, artefact, strategy
     sure: bool = False  # it explains the result, whatever else is tried
+    moves: tuple[str, ...] = ()  # coefficients that it makes untrusted
 
 
 def remarks(cell: Cell, readings: Readings) -> Iterator[Remark]:

@@ -23,6 +23,7 @@ FEWEST = 3
 FEW = 0.1  # share of all touches that one indexation may make unfit
 FITS = 5.0  # white standard deviations within which touches fit
 CERTAIN = 3.0  # standard deviations that a bar has to be beyond what gains explain
+LENGTH = 6e-5  # mm/mm: gains that are alike and larger speak of the bar
 REACH = 400.0  # mm: what an angle does to a touch beyond its lever is half of its square times this, at most
 TURNED = math.radians(0.002)  # rad: smaller angles of one indexation are seating
 PLACES = {"table": "the table, or what is on it,", "machine": "the table, the work offset or the spindle", "spindle": "the stylus"}
@@ -32,6 +33,8 @@ def common(result: Estimate) -> Iterator[Remark]:
     """estimate by the noise of its residuals → remarks on the step, the bar and touches without weight that belong together."""
     step, bar = list(_step(result)), list(_bar(result))
     yield from (*bar, *step)
+    yield from _feed(result)
+    yield from _gains(result)
     if bar or step:
         return  # the touches that have no weight belong together by that
     balls = list(_balls(result))
@@ -70,6 +73,7 @@ def _step(result: Estimate) -> Iterator[Remark]:
         "time_s",
         change,
         sure=True,
+        moves=step.moves,
     )
 
 
@@ -124,6 +128,56 @@ def _bar(result: Estimate) -> Iterator[Remark]:
         change,
         file="artefact",
         sure=True,
+    )
+
+
+def _gains(result: Estimate) -> Iterator[Remark]:
+    names = [n for n in ("EXX1", "EYY1", "EZZ1") if n in result.model.names]
+    if len(names) < 3 or result.selection.mismatch:
+        return
+    values = np.array([result.value(n) for n in names])
+    std = max(float(result.std[result.model.names.index(n)]) for n in names)
+    mean = float(values.mean())
+    if abs(mean) > max(LENGTH, 8 * std) and np.ptp(values) < abs(mean) / 2:
+        yield Remark(
+            "trustworthy",
+            f"all three axes are {abs(mean) * 1e6:.0f} µm/m too {'long' if mean > 0 else 'short'} alike: so is a scale bar that is "
+            "not as long as stated, or not at 20 °C (10 K make some 115 µm/m of steel). Compare it with its certificate",
+        )
+
+
+def _feed(result: Estimate) -> Iterator[Remark]:
+    """Touches at another feed read elsewhere where the control latches late."""
+    touches, keep = result.model.touches, ~_dropped(result)
+    feed = touches.feed
+    if not np.isfinite(feed).all() or np.ptp(feed) < 1.0:
+        return
+    weights = np.concatenate([np.ones(len(feed)), result.known_weights])
+    weighted = result.jacobian * weights[:, None]
+    basis = np.linalg.qr(weighted / np.maximum(np.linalg.norm(weighted, axis=0), 1e-300))[0]
+
+    def free(values: Array) -> Array:
+        whole = np.concatenate([values, np.zeros(len(result.known_residuals))])
+        return np.asarray(whole - basis @ (basis.T @ whole))
+
+    pattern, left = free(feed - feed.mean()), free(result.residuals)
+    slope = float(pattern @ left / max(float(pattern @ pattern), 1e-300))
+    explained = slope * float(pattern @ left) / max(float(left @ left), 1e-300)
+    if explained < 0.5 or keep.sum() < len(feed) / 2:
+        return
+    moved = np.abs(slope * (np.linalg.pinv(weighted) @ np.concatenate([feed - feed.mean(), np.zeros(len(left) - len(feed))])))
+    moves = tuple(c.name for c, off, std in zip(result.model.coefficients, moved, result.std, strict=False) if off > std)
+    change = "measure all touches at one feed, or estimate the delay: --terms S3,trigger_latency"
+    yield Remark(
+        "doubtful",
+        f"touches at a feed of {feed.max():g} mm/min read {abs(slope) * np.ptp(feed) * 1e3:.1f} µm elsewhere than those at "
+        f"{feed.min():g} mm/min: the position is latched {abs(slope) * 60e3:.2g} ms too late",
+        (),
+        "feed",
+        "feed",
+        change,
+        sure=True,
+        moves=moves,
     )
 
 
