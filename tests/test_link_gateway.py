@@ -2,14 +2,16 @@
 
 import os
 import random
+import sys
 
 import pytest
-from support import gateway
+from support import gateway, gateway_wire
 from support.gateway import BEGIN, END, Control, session
 from support.linkfaults import scene
 
 from sim_controller.motion import Motion
 from sim_controller.protocols.modbus import Registers
+from tango_cnc.link.transport import _modbus
 
 CAMPAIGN = int(os.environ.get("TANGO_SESSIONS", "1000"))
 
@@ -42,6 +44,37 @@ def test_thirty_sessions_behind_a_gateway():
 def test_a_thousand_sessions_behind_a_gateway(part):
     many = -(-CAMPAIGN // 10)
     sessions(range(1000 + many * part, 1000 + many * (part + 1)))
+
+
+def wired(monkeypatch, kind, seeds):
+    """→ what went wrong on the way, over real frames and pymodbus; two computers cannot share a serial line."""
+    monkeypatch.setattr(_modbus, "ANSWER", 0.04)
+    monkeypatch.setattr(gateway, "Gateway", gateway_wire.Wire)
+    monkeypatch.setattr(gateway, "Run", gateway_wire.WireRun)
+    monkeypatch.setattr(gateway, "OTHERS", 1e-3 if kind == "tcp" else 0.0)
+    monkeypatch.setattr(gateway_wire.Wire, "kind", kind)
+    try:
+        happened = sessions(seeds)
+        print(f"over {kind}, seeds {seeds.start} to {seeds.stop - 1}: {sum(w.frames for w in gateway_wire.Wire.opened)} frames")
+        return happened
+    finally:
+        while gateway_wire.Wire.opened:
+            gateway_wire.Wire.opened.pop().close()
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
+@pytest.mark.parametrize(("kind", "many"), [("tcp", 10), ("rtu", 4)])
+def test_a_few_sessions_over_real_frames(monkeypatch, kind, many):
+    assert sum(wired(monkeypatch, kind, range(5000, 5000 + many)).values()) > 50
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("part", range(10))
+@pytest.mark.parametrize("kind", ["tcp", "rtu"])
+def test_a_thousand_sessions_over_real_frames(monkeypatch, kind, part):
+    many = -(-CAMPAIGN // 10)
+    wired(monkeypatch, kind, range(6000 + many * part, 6000 + many * (part + 1)))
 
 
 def test_the_judge_notices_a_control_that_acts_on_what_comes_late(monkeypatch):

@@ -1,4 +1,4 @@
-"""Sessions of twelve touches over real servers of FTP, FTPS, SFTP, SMB and LSV2 behind a network that breaks.
+"""Sessions of twelve touches over real servers of FTP, FTPS, SFTP, SMB, LSV2 and OPC UA behind a network that breaks.
 
 python -m pytest -m long -s tests/test_link_net_campaign.py                              200 sessions each
 TANGO_SESSIONS=3000 python -m pytest -m campaign -s tests/test_link_net_campaign.py      as many as you like, each
@@ -17,10 +17,11 @@ import pytest
 from pyftpdlib.handlers import DTPHandler, TLS_DTPHandler
 from support import linkfaults
 from support.lsv2 import Control, serving
-from support.netfaults import Disk, Drive, Proxy, behind, net_session, patched
-from test_link_remote import KINDS, NEEDED, ftp_server, place
+from support.netfaults import Disk, Drive, Proxy, Variables, behind, net_session, patched
+from support.opcua import FOLDER, control
+from test_link_remote import KINDS, NEEDED, free_port, ftp_server, place
 
-LINKS = (*KINDS, "lsv2")
+LINKS = (*KINDS, "lsv2", "opcua")
 CAMPAIGN = int(os.environ.get("TANGO_SESSIONS", "3000"))
 PARTS = 4  # of the long test: 50 sessions each
 
@@ -65,9 +66,14 @@ def breaking(kind, ways):
 def served(kind, tmp_path):
     """→ the port's URL, who gets the way of a session, the disk."""
     if kind == "lsv2":
-        control = Control()
-        with serving(control) as port, behind(port) as proxy:
-            yield f"lsv2://127.0.0.1:{proxy.port}/TNC:/TANGO.TXT?program=TNC:/O8700.NC", Ways(proxy), Drive(control)
+        drive = Control()
+        with serving(drive) as port, behind(port) as proxy:
+            yield f"lsv2://127.0.0.1:{proxy.port}/TNC:/TANGO.TXT?program=TNC:/O8700.NC", Ways(proxy), Drive(drive)
+        return
+    if kind == "opcua":
+        port = free_port()
+        with control(port) as server, behind(port) as proxy:
+            yield f"opcua://127.0.0.1:{proxy.port}?program={FOLDER}", Ways(proxy), Variables(server)
         return
     folder = tmp_path / "control"
     folder.mkdir()

@@ -153,6 +153,20 @@ def test_nobody_there_is_said_at_once():
         open_port(parse(f"opcua://127.0.0.1:{free_port()}", opcua.OPTIONS))
 
 
+def test_who_has_the_password_is_let_in_and_nobody_else_and_it_is_shown_to_nobody(cell, tmp_path, monkeypatch):
+    monkeypatch.setenv("CELL_WORD", "geheim9")
+    with control(free_port(), word="geheim9") as server, server.attended(cell):
+        url = f"{server.url}?program={FOLDER}&user=anna&password=env:CELL_WORD"
+        result = Result("run", "-C", cell, "--port", url, "--timeout", "20", "--transcript", tmp_path / "said.txt")
+        assert result.code == 0, result.err
+        for wrong in (url.replace("env:CELL_WORD", "falsch7"), url.replace("anna", "otto"), server.url):
+            refused = Result("link-test", "-C", cell, "--port", wrong, "--seconds", "1")
+            assert refused.code != 0 and "the control refuses" in refused.err + refused.out, refused.err
+            assert "falsch7" not in refused.err + refused.out
+    files = [*cell.rglob("*"), tmp_path / "said.txt"]
+    assert not [file for file in files if file.is_file() and b"geheim9" in file.read_bytes()]
+
+
 def test_a_machine_with_an_axis_that_has_no_node_is_refused(tmp_path):
     (tmp_path / "nodes.yaml").write_text("".join(text for text in STANDARD.read_text().splitlines(True) if "  C: " not in text))
     with pytest.raises(InputError, match="C is missing"):

@@ -22,6 +22,7 @@ FRESH, SILENCE = 2, 10
 ANSWER = 1.0  # s that the computer waits for an answer
 IDLE, BUSY, HOLD = 0, 1, 5
 LONGEST = 3600.0  # s of a session: whatever happens, it has an end
+OTHERS = 1e-3  # chance of a second computer, at each step
 TEN = [10.0**-4] * 7
 
 
@@ -278,7 +279,7 @@ def session(seed: int) -> Verdict:
         run.step(gateway)
         if chance.random() < 1e-3:  # killed
             run.ended, run.why = control.now, "killed"
-        if len(live) == 1 and chance.random() < 1e-3:  # somebody else begins
+        if len(live) == 1 and chance.random() < OTHERS:  # somebody else begins
             live.append(begin())
         live = [run for run in live if run.ended is None]
         if not live:

@@ -23,10 +23,11 @@ from typing import Any
 from sim_controller.faults import Faults
 from sim_controller.probing import rig
 from support import linkfaults
+from support.opcua import Gone
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.link import _measure
 from tango_cnc.link._measure import Wanted, measure
-from tango_cnc.link.transport import _lsv2, _remote, _stores
+from tango_cnc.link.transport import _lsv2, _opcua, _remote, _stores
 from tango_cnc.plan import plan
 from tango_cnc.records import LinkError
 
@@ -162,6 +163,12 @@ class Disk:
         with self.records.open("wb" if anew else "ab", buffering=0) as file:
             file.write(data)
 
+    def stop(self) -> None:
+        """The program that runs writes nothing more."""
+
+    def begin(self) -> None:
+        """A program is started."""
+
     def clean(self) -> None:
         """As at the beginning of a session."""
         self.records.write_bytes(b"of another day\n")
@@ -188,6 +195,28 @@ class Drive(Disk):
         self.control.joined.clear()
 
 
+class Variables(Disk):
+    """A control with an OPC UA server: its program comes as a file, its records go out through variables, one by one."""
+
+    def __init__(self, server: Any) -> None:
+        self.server = server
+
+    def text(self) -> str:
+        return bytes(self.server.files.get("TANGO.MPF", b"")).decode("ascii", "replace")
+
+    def write(self, data: bytes, anew: bool = False) -> None:
+        self.server.printed(data)
+
+    def clean(self) -> None:
+        self.server.anew()
+
+    def stop(self) -> None:
+        self.server.left.set()
+
+    def begin(self) -> None:
+        self.server.left.clear()
+
+
 class Person:
     """Starts what lies at the place of the program when the run says so, and resets the control before every new attempt."""
 
@@ -200,6 +229,7 @@ class Person:
     def reset(self) -> None:
         """Nothing more is written by what was started."""
         self._stop.set()
+        self.disk.stop()
         if self._thread is not None:
             self._thread.join()
         self._stop, self._thread = threading.Event(), None
@@ -208,8 +238,9 @@ class Person:
 
     def told(self, step: Any) -> None:
         """What the run says; the person starts the program when it is to be started."""
-        if step.remark and "start it there" in step.remark and self._thread is None:
+        if step.remark and ("start it there" in step.remark or "start the program at" in step.remark) and self._thread is None:
             self.stands.clear()
+            self.disk.begin()
             text = self.disk.text()
             if text not in self.sent:
                 self.ledger.unsafe.append("a program that nobody sent was to be started")
@@ -224,10 +255,11 @@ class Person:
         for event, data in events:
             self.ledger.note(event, **data)
         anew = self.chance.random() < 0.3
-        for number, (_, data) in enumerate(printed):
-            if stop.wait(0.001):
-                break
-            self.disk.write(data, anew and number == 0)
+        with contextlib.suppress(Gone):
+            for number, (_, data) in enumerate(printed):
+                if stop.wait(0.001):
+                    break
+                self.disk.write(data, anew and number == 0)
         self.moving.clear()
         self.stands.set()
 
@@ -250,6 +282,8 @@ def patched(monkeypatch) -> None:
     monkeypatch.setattr(_measure, "durations", linkfaults.lasting)
     for name, value in {"LOOK": 0.005, "AGAIN": 0.4, "BETWEEN": 0.02}.items():
         monkeypatch.setattr(_remote, name, value)
+    for name, value in {"AGAIN": 0.6, "BETWEEN": 0.05, "ANSWER": 2.0, "LOOK": 0.002}.items():
+        monkeypatch.setattr(_opcua, name, value)
     monkeypatch.setattr(_stores, "PATIENCE", 2.0)
     monkeypatch.setattr(_lsv2, "PATIENCE", 2.0)
     monkeypatch.setattr(_lsv2, "BETWEEN", 0.02)
@@ -271,10 +305,13 @@ def net_session(seed: int, url: str, way: Callable[[Way], None], disk: Disk, fol
         person.sent.append(found[0].text)
         return found
 
+    if isinstance(disk, Variables):  # one connection for the whole run
+        bad.rates["cut"] = chance.choice([0.5, 0.8, 0.95])
+    silence = 3 * SILENCE if isinstance(disk, Variables) else SILENCE
     begun, resumed = time.monotonic(), 0
     for attempt in range(ATTEMPTS):
         bad.whole = attempt > ATTEMPTS // 2
-        wanted = Wanted(url, "dnc", "fanuc", folder / "readings.csv", (folder / "readings.journal").exists(), SILENCE)
+        wanted = Wanted(url, "dnc", "fanuc", folder / "readings.csv", (folder / "readings.journal").exists(), silence)
         try:
             measure(cell, made, wanted, posting, person.told, lambda part, program: None)
             break

@@ -11,8 +11,10 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from asyncua import ua
+from asyncua.server.user_managers import User, UserManager, UserRole
 from asyncua.sync import Server
 
 from sim_controller.languages import Alarm
@@ -41,6 +43,16 @@ class Parameters(dict):  # type: ignore[type-arg]
         self._control.put(int(name[1:]), value)
 
 
+class Known(UserManager):
+    """Lets anna in who has the password."""
+
+    def __init__(self, word: str) -> None:
+        self._word = word
+
+    def get_user(self, iserver, username=None, password=None, certificate=None):  # type: ignore[no-untyped-def]
+        return User(role=UserRole.User) if (username, password) == ("anna", self._word) else None
+
+
 class Gone(Exception):
     """The control was switched off."""
 
@@ -48,13 +60,17 @@ class Gone(Exception):
 class Control:
     """The server, its variables and files. `taken` waits as the program of a control does."""
 
-    def __init__(self, port: int, files: bool = True) -> None:
+    def __init__(self, port: int, files: bool = True, word: str = "") -> None:
+        """port, whether it has a file system, the password of user anna where one is asked for."""
         self.files: dict[str, bytearray] = {}
         self._made: set[str] = set()  # files that have a node
         self.on, self.spoil = True, lambda data: data
         self.left = threading.Event()  # the person has
         self._open: dict[int, tuple[str, int]] = {}
         self.server = Server()
+        if word:
+            self.server.aio_obj.iserver.user_manager = Known(word)
+            self.server.aio_obj.set_identity_tokens([ua.UserNameIdentityToken])
         self.server.set_endpoint(f"opc.tcp://127.0.0.1:{port}/")
         self.server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
         self.url = f"opcua://127.0.0.1:{port}"
@@ -162,7 +178,7 @@ class Control:
         number = (int(self.read(R["record"])) + 1) % 65536
         self.put(R["record"], number)
         while self.read(R["taken"]) != number:
-            if not self.on:
+            if not self.on or self.left.is_set():
                 raise Gone
             time.sleep(0.005)
 
@@ -198,7 +214,7 @@ class Control:
 
 
 @contextlib.contextmanager
-def control(port: int, **options: bool) -> Iterator[Control]:
+def control(port: int, **options: Any) -> Iterator[Control]:
     """port → a control that is switched on."""
     one = Control(port, **options)
     try:
