@@ -228,6 +228,7 @@ class Run:
     complete: bool = False
     why: str = ""
     touched: list[Touched] = field(default_factory=list)
+    began: float = 0.0
 
     def step(self, gateway: Gateway) -> None:
         """One request, or what the silence means."""
@@ -270,7 +271,7 @@ def session(seed: int) -> Verdict:
 
     def begin() -> Run:
         made = job(nonce=chance.randrange(1, WORD), patience=(60.0,) * 4, start_patience=60.0)
-        runs.append(Run(made.nonce, Client(made, {}), wanted(made)))
+        runs.append(Run(made.nonce, Client(made, {}), wanted(made), began=control.now))
         return runs[-1]
 
     live = [begin()]
@@ -298,16 +299,17 @@ def judged(control: Control, gateway: Gateway, runs: list[Run]) -> Verdict:
     unsafe = []
     done: dict[int, int] = {}
     for begun in control.begun:
-        run = next((run for run in runs if run.nonce == begun.client), None)
+        # two runs in some 65 000 have one number: the one that had begun last is meant
+        run = next((run for run in reversed(runs) if run.nonce == begun.client and run.began <= begun.at), None)
         if run is None:
             unsafe.append(f"{begun}: nobody asked for it")
             continue
         if run.ended is not None and begun.at > run.ended + FRESH + 1.0:
             unsafe.append(f"{begun}: {begun.at - run.ended:.1f} s after its run had ended ({run.why})")
-        place = done.get(begun.client, 0)
+        place = done.get(id(run), 0)
         if place >= len(run.asked) or begun.words != run.asked[place]:
             unsafe.append(f"{begun}: its run's command {place} was another one")
-        done[begun.client] = place + 1
+        done[id(run)] = place + 1
     if control.unheard > SILENCE + 1.5:
         unsafe.append(f"moved for {control.unheard:.1f} s without having heard anybody")
     invented = 0

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import ftplib
 import ssl
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import Any, Protocol
 from urllib.parse import SplitResult, unquote
@@ -121,7 +122,7 @@ class Sftp:
         self._client.set_missing_host_key_policy(Known())
         self._errors = paramiko.SSHException
         try:
-            with self._asked():
+            with watched(self._client.close), self._asked():  # opening a channel waits for an hour by itself
                 self._client.connect(
                     parts.hostname or "",
                     parts.port or PORTS["sftp"],
@@ -195,15 +196,21 @@ class Smb:
 
     @contextlib.contextmanager
     def _asked(self) -> Iterator[None]:
-        """Within it, what the library raises is a LinkError or an OSError."""
+        """Within it, what the library raises is a LinkError or an OSError; it waits for an answer for ever by itself."""
         try:
-            yield
+            with watched(self._cut):
+                yield
         except self._errors.SMBOSError as error:  # made anew, a missing file is a FileNotFoundError
             raise OSError(error.errno, error.strerror) from None
         except (self._errors.LogonFailure, self._errors.AccessDenied) as error:
             raise LinkError(f"the control refuses: {error.message}") from None
         except (self._errors.SMBException, ValueError) as error:  # ValueError: what it could not connect to
             raise OSError(str(error)) from None
+
+    def _cut(self) -> None:
+        for connection in list(self._connections.values()):
+            with contextlib.suppress(Exception):
+                connection.transport.close()
 
     def _path(self, path: str) -> str:
         return "\\\\" + self._host + path.replace("/", "\\")
@@ -234,6 +241,18 @@ class Smb:
         """Hangs up."""
         with contextlib.suppress(Exception):
             self._smb.reset_connection_cache(connection_cache=self._connections)
+
+
+@contextlib.contextmanager
+def watched(hang_up: Callable[[], None]) -> Iterator[None]:
+    """what closes a connection → within it, that is done after three times PATIENCE: the line has fallen silent."""
+    timer = threading.Timer(3 * PATIENCE, hang_up)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def needed(module: str, extra: str) -> Any:
