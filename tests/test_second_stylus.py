@@ -19,6 +19,7 @@ from sim_controller.probing import rig
 from sim_controller.session import language
 from sim_controller.simulate import simulate
 from tango_cnc.cli import guarded, tango
+from tango_cnc.commands._stylus import bought
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import joined, read_cell, read_readings, read_world, readings_text
 from tango_cnc.model import residual
@@ -209,3 +210,12 @@ def test_tilts_come_back_that_one_stylus_cannot_part() -> None:
         _, _, value, interval, truth = parted["angular", name]
         assert value is not None and interval is not None
         assert interval[0] <= truth <= interval[1], name
+
+
+@pytest.mark.long
+def test_a_plan_says_what_a_second_stylus_would_add() -> None:
+    """Before one is bought: machine.yaml of the example has none, so one that is 60 mm longer is taken."""
+    found = bought(plan(read_cell(EXAMPLE), "leave-out"), ("S3",), 3)
+    assert found["length_mm"] == pytest.approx(386.674)
+    assert {"EAY", "EBY", "ECZ", "VY"} <= set(found["more"])
+    assert found["alone"] < found["together"] <= found["figures"]

@@ -96,6 +96,13 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     if "competitors" in data:
         said = ", ".join(f"{name} {other:.3g}" for name, other in data["competitors"].items())
         lines.append(f"other plans of this time ({unit}): {said}")
+    if "second_stylus" in data:
+        own = data["second_stylus"]
+        more = ", ".join(own["more"]) or "none"
+        lines.append(f"ISO figures that it decides: {own['alone']} of {own['figures']} ('tango iso230')")
+        lines.append(
+            f"every touch again with a stylus of {own['length_mm']:g} mm: {own['together']}, in twice the time; more: {more}"
+        )
     if "broken_off" in data:
         said = ", ".join(f"{b['value']:.3g} at {100 * b['part']:.0f} %" for b in data["broken_off"])
         lines.append(f"broken off, on a machine with usual errors ({unit}): {said}")

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
+import numpy as np
 
-from ..plan import by_stylus
-from ..records import Cell, InputError
+from ..plan import by_stylus, last_motion
+from ..records import Cell, InputError, Plan, TermItem
 from ._common import Decorator
+
+LONGER = 60.0  # mm
 
 stylus_option: Decorator = click.option(
     "--stylus",
@@ -39,6 +45,33 @@ def left(cell: Cell, part: Cell, command: str) -> list[str]:
         for other in by_stylus(cell)
         if other.strategy.before > part.strategy.before
     ]
+
+
+def bought(made: Plan, terms: Sequence[TermItem], degree: int) -> dict[str, Any]:
+    """plan with one stylus, terms, degree → ISO figures that it decides, and with every touch made again with a second stylus.
+
+    That is the second one of machine.yaml, else one that is `LONGER` mm longer.
+    """
+    from ..identify import select
+    from ..iso230.signed import decided
+    from ..touches import of_facets
+
+    machine, n = made.machine, len(made.touches)
+    other = machine.styli[1] if machine.styli else replace(machine.probe, length=machine.probe.length + LONGER)
+    both = replace(machine, styli=(machine.probe, other))
+    facets, moved = [t.facet for t in made.touches], last_motion(made)
+    position = np.array([t.contact for t in made.touches])
+    stylus = np.repeat([1, 2], n)
+    one = of_facets(machine, made.artefact, facets, position, moved)
+    two = of_facets(both, made.artefact, facets * 2, np.tile(position, (2, 1)), np.tile(moved, (2, 1)), stylus).nominal
+    (alone, withheld), (together, _) = (decided(select(touches, terms, degree)) for touches in (one, two))
+    return {
+        "length_mm": other.length,
+        "figures": len(alone) + len(withheld),
+        "alone": len(alone),
+        "together": len(together),
+        "more": [name for name in together if name not in alone],
+    }
 
 
 def folder_of(folder: Path, cell: Cell) -> Path:

@@ -15,6 +15,7 @@ from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, of_facets
 from ._common import Output, cell_option, dialect, json_option, write_json
+from ._stylus import bought
 from ._trust import despite_option, judged, usable
 from .check import positioning_feed
 
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     "--volume", metavar="X0:X1,Y0:Y1,Z0:Z1", help="Where parts are made, mm in the table frame, instead of above the facets."
 )
 @click.option("--compare", is_flag=True, help="Also a regular plan of that time, and the best of 100 random ones.")
+@click.option("--styli", is_flag=True, help="Also say which ISO figures the plan decides, and what a second stylus would add.")
 @click.option(
     "--picture", type=Output(), metavar="FILE", help="What is known when, where touches are, the volume (.png .svg .pdf)."
 )
@@ -82,6 +84,7 @@ def command(
     judge: Path | None,
     volume: str | None,
     compare: bool,
+    styli: bool,
     picture: Path | None,
     facets: str | None,
     separate: tuple[str, str] | None,
@@ -108,7 +111,7 @@ def command(
     asked = _wish(cell, goal or ("check" if judge else None), minutes, within, before, readings, volume, terms, degree, stylus)
     if judge is not None:
         return _judge(cell, asked[0], judge, despite, json_file)
-    return _design(cell, *asked, regular=regular, compare=compare, output=output, picture=picture, json_file=json_file)
+    return _design(cell, *asked, regular=regular, compare=compare, styli=styli, output=output, picture=picture, json_file=json_file)
 
 
 def _facets(text: str, output: Path | None) -> int:
@@ -190,6 +193,7 @@ def _design(
     *,
     regular: bool,
     compare: bool,
+    styli: bool,
     output: Path | None,
     picture: Path | None,
     json_file: str | None,
@@ -204,6 +208,8 @@ def _design(
     found = propose.regular(ready) if regular else propose.propose(ready)
     sees = check.power(found, ready.lever) if aim.word == "check" else None
     data = told.as_json(ready, found, why, sees, propose.competitors(ready, found) if compare else {})
+    if styli:
+        data["second_stylus"] = bought(found.plan, wish.terms, wish.degree)
     lines = told.as_text(ready, data)
     if output is not None:
         write_text(output, told.strategy_text(found, data, lines.splitlines()))
