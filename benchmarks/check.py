@@ -27,7 +27,7 @@ from tango_cnc.design import check, choose, goals, propose, region, touching
 from tango_cnc.design.changed import changed
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.plan import last_moves, plan
-from tango_cnc.records import Array, Cell, Machine, World
+from tango_cnc.records import Array, Machine, Plan, Readings, World
 
 FULL = 8  # full runs that the checks rest on in turn
 USUAL = {"mm": 0.01, "rad": 2e-5, "": 2e-5}
@@ -57,10 +57,9 @@ def moved(machine: Machine, one: World, other: World, position: Array) -> float:
     return largest
 
 
-def readings(cell: Cell, world: World, seed: int):
-    """cell, true machine, seed → readings of its strategy."""
-    made = plan(cell, "leave-out")
-    return simulate(cell.machine, cell.artefact, made.strategy, world, seed=seed, moved=last_moves(made))
+def measured(made: Plan, moved_by: Array, world: World, seed: int) -> Readings:
+    """plan, its last motions, true machine, seed → readings."""
+    return simulate(made.machine, made.artefact, made.strategy, world, seed=seed, moved=moved_by)
 
 
 def main() -> int:
@@ -84,7 +83,9 @@ def main() -> int:
         flush=True,
     )
     rng, choice = np.random.default_rng(1), ready.problem.choice
-    full = [readings(cell, world, 100 + n) for n in range(FULL)]
+    whole = plan(cell, "leave-out")
+    by, small_by = last_moves(whole), last_moves(found.plan)
+    full = [measured(whole, by, world, 100 + n) for n in range(FULL)]
     position = region.poses(cell.machine, ready.where)
     own = [choice.selection.model.coefficients[j] for j in choice.twice if not check.is_stylus(choice, j)]
     told = check.seen(choice, found.information, ready.lever)
@@ -109,7 +110,7 @@ def main() -> int:
                 n: v + rng.normal(0, ready.wish.stylus)
                 for n, v in {**dict.fromkeys(("EXt", "EYt", "EZt"), 0.0), **world.stylus}.items()
             }
-            few = readings(found.cell, replace(now, stylus=stylus), 10_000 + run)
+            few = measured(found.plan, small_by, replace(now, stylus=stylus), 10_000 + run)
             seen += changed(choice, ready.lever, full[run % FULL], few, limit=sees.limit).changed
         share = seen / given.runs
         print(f"{name}: {size if name != 'nothing' else 0:.2f} µm, alarms {seen} of {given.runs} ({share:.1%})", flush=True)

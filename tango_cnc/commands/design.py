@@ -296,11 +296,11 @@ def as_text(found: Separation) -> str:
     if found.together < found.evidence + 1.0:
         again = "No indexation of this plan, made again at its end, changes that: touch other facets or at other angles."
         return "\n".join([*lines, again])
-    lines.append("Appended to the indexations of strategy.yaml, each of these makes that score")
+    lines.append("One of these lines, appended to the indexations of strategy.yaml, raises that score to the number before it:")
     for a in found.additions:
         entry = _indexation(a.position, a.facets)
         facets = ", ".join(entry.pop("facets"))
         place = ", ".join(f"{k}: {v:g}" for k, v in entry.items())
         lines.append(f"  {a.evidence:6.1f}   - {{{place}, facets: [{facets}]}}")
-    lines.append(f"and all together {found.together:.1f}.")
+    lines.append(f"All of them together raise it to {found.together:.1f}.")
     return "\n".join(lines)
