@@ -209,11 +209,14 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     share = f"of what it could see of the compensation, the run finds {_percent(helped)} gone" if helped is not None else ""
     if helped is None or helped.low <= 0 < 1 <= helped.high:
         verdict = "undecided"
-        why = "these touches see too little of what was changed" if helped is None else share
-        text = (
-            f"{why}: that decides nothing. Measure again with the strategy that the compensation was made from and as many terms"
-            f"{'' if tcp or not told.any() else ', and with tool centre point control on (--tcp)'}"
-        )
+        if helped is None and told.any():
+            text = (
+                "a run without tool centre point control sees too little of what was changed to decide anything. Measure again "
+                "with it on, and state --tcp"
+            )
+        else:
+            why = "these touches see too little of what was changed" if helped is None else share
+            text = f"{why}: that decides nothing. Measure again with the strategy and the terms that the compensation was made from"
     elif helped.high < HELPED or measured.low > 0.9 * before.low:
         verdict = "rolled back"
         text = (
