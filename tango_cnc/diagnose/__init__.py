@@ -30,7 +30,7 @@ from ._records import SUBSETS, Dropped, Finding, Remainder, Size, Why
 from ._richer import Richer, richer
 from ._rows import Rows
 from ._scatter import Scatter
-from ._search import Chosen
+from ._search import LEARNED, Chosen
 from ._seen import Test
 from ._size import size
 from ._smooth import kernels as kernels_of
@@ -40,6 +40,7 @@ __all__ = ["Diagnosis", "Dropped", "Finding", "Moment", "Remainder", "Test", "as
 Verdict = Literal["adequate", "explained", "unexplained"]
 EVENTS = 3  # searches, each with what the one before found to belong to one moment set aside
 ROUNDS = 3  # of weighting rough facets and searching again
+MAJORITY = 3  # of the subsets
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
 SHOWS = 0.15  # that part of it at least
 BLIND = 3  # searches without what turned out to be as large as that
@@ -108,12 +109,25 @@ def diagnose(
     moments: tuple[Moment, ...] = ()
     for _ in range(EVENTS):
         found, weight, rough, scatter = _explained(before, means, excluded, seed, moments, learned)
+        found = _with_learned(found)
         field, outcome = _contested(means, found, weight)
         new = [m for m in _moments.moments(means, found, outcome, weight) if m.item not in [o.item for o in moments]]
         if not new:
             break
         moments = (*moments, *new)
     return _told(before, means, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome)
+
+
+def _with_learned(found: Explanation) -> Explanation:
+    """Shapes of this machine always compete: a larger shape without a name may have taken the place of one in the search."""
+    place, cat = found.place, found.catalogue
+    there = {str(c.candidate.setting["name"]) for c in found.chosen if c.candidate.cause == LEARNED}
+    more = [
+        Chosen(c, place.project(c.columns), float(price))
+        for c, price in zip(cat.candidates, cat.price, strict=True)
+        if c.cause == LEARNED and str(c.setting["name"]) not in there
+    ]
+    return replace(found, chosen=(*found.chosen, *more), named=(*found.named, *more)) if more else found
 
 
 def _contested(means: Rows, found: Explanation, weight: Array) -> tuple[Field, Outcome]:
@@ -290,12 +304,23 @@ def _told(
     def padded(columns: Array) -> Array:
         return np.vstack([columns, np.zeros((len(base) - n, columns.shape[1]))])
 
-    sizes = size(found, touches, weight * means.scale)
+    whole = found
+    sizes = size(whole, touches, weight * means.scale)
+    # What stands is judged without what did not.
+    stand = [c for c in whole.chosen if not c.candidate.named or any(c is o for o in outcome.named)]
+    stand = [c for c in stand if c.candidate.cause] if outcome.named else stand
+    if outcome.named and len(stand) < len(whole.chosen):
+        found = replace(whole, chosen=tuple(stand), named=outcome.named)
+        sizes |= size(found, touches, weight * means.scale)
+
+    def among(c: Chosen) -> Explanation:
+        return found if any(c is o for o in found.chosen) else whole
+
     gains: dict[int, _gain.Gain] = {}
-    for c in found.chosen:
+    for c in whole.chosen:
         if c.candidate.cause == "outlier":
             continue
-        others = [padded(raw[id(o)]) for o in found.chosen if o is not c]
+        others = [padded(raw[id(o)]) for o in among(c).chosen if o is not c]
         rng = np.random.default_rng([seed, n])
         gains[id(c)] = _gain.measure(np.hstack([base, *others]), data, raw[id(c)], schemes, keep, rng)
     certain = np.concatenate([weight, np.ones(len(base) - n)])
@@ -329,7 +354,7 @@ def _told(
             c.candidate.setting,
             s.detail,
             s,
-            _explain.significance(found, c),
+            _explain.significance(among(c), c),
             gains[id(c)],
             shift,
             tuple((o.candidate.cause, o.candidate.setting, behind) for o, behind in like),
@@ -344,14 +369,14 @@ def _told(
     findings = [finding(c, _explain.alternatives(found, c), moved, _aliases.aliases(found, c)) for c in accepted]
     remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
-    findings += _spread.findings(found, seen, rough, excluded, remains, "seat" in noises)
+    findings += _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises)
     dropped = [
         Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
-        for c in found.chosen
-        if c.candidate.named and c not in accepted
+        for c in whole.chosen
+        if c.candidate.named and c not in accepted and c.candidate.cause != LEARNED
     ]
     if "walk" in noises or not outcome.picked:
-        remains += _spread.wandering(found, seen)
+        remains += _spread.wandering(whole, seen)
     if not remains and not findings:  # names that did not stand had taken what is there all the same
         spreads = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
         remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in spreads]
@@ -398,7 +423,8 @@ def _refused(c: Chosen, s: Size, g: _gain.Gain, back: int, everywhere: bool) -> 
     """Why a name that no shape beats is not named all the same."""
     if not g.real or not everywhere:
         return "no gain"
-    if back < SUBSETS:
+    # A shape that was learned has one free number; a new one may follow a subset better, as it was not learned without noise.
+    if back < (MAJORITY if c.candidate.cause == LEARNED else SUBSETS):
         return "unstable"
     drifts = "tau" in c.candidate.setting  # of what has not settled, the size at the end is not known: it is not reported either
     if not drifts and s.amplitude_std > s.amplitude / 2:

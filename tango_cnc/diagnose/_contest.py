@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .. import terms as families
 from ..records import Array
 from ._rows import Rows
-from ._search import Chosen
+from ._search import LEARNED, Chosen
 from ._smooth import Kernel, groups, scaled, window
 from ._space import orthonormal
 
@@ -25,7 +25,6 @@ MOST = 6  # shapes that are added
 ROUND = 1e-7
 NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
-LEARNED = "learned"  # the cause that stands for shapes of this machine
 TWICE = 2  # times a cause of one axis may be named
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
 MARGIN = 6.0  # evidence by which names must beat shapes: strong (Kass & Raftery 1995)

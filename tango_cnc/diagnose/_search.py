@@ -27,6 +27,7 @@ TRIALS = 200
 MOST = 30  # candidates selected, single outliers included
 MOST_NAMED = 6
 FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
+LEARNED = "learned"  # the cause that stands for shapes of this machine
 TOP = 8  # variants of a cause that are looked at when the best one has an impossible size
 UNDECIDED = 3.0  # score by which a rival must beat what is expected of every machine
 STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
@@ -105,10 +106,12 @@ def catalogue(
 def cost(c: Candidate, tried: int, m: int) -> float:
     """candidate, variants of its cause, degrees of freedom → its price; a shape must be clearly better than a name.
 
-    A coefficient whose value is known beforehand costs nothing: it is not free to follow the noise.
+    A coefficient whose value is known beforehand costs nothing: it is not free to follow the noise. A shape that was learned is
+    one of those that were learned, and no longer one of hundreds.
     """
     flexible = SHAPELESS if c.cause == "" else 0.0
-    return float((c.columns.shape[1] - c.known) * np.log(m) + 2 * np.log(max(tried, FEWEST_TRIED)) + flexible)
+    among = tried if c.cause == LEARNED else max(tried, FEWEST_TRIED)
+    return float((c.columns.shape[1] - c.known) * np.log(m) + 2 * np.log(among) + flexible)
 
 
 def _visibility(columns: Array, projected: Array) -> float:
