@@ -10,6 +10,7 @@ from support import blind, trials
 
 from tango_cnc.diagnose import diagnose
 from tango_cnc.diagnose._rows import alike, rows
+from tango_cnc.diagnose.words import as_text
 from tango_cnc.records import Readings
 from tango_cnc.touches import Touches, from_readings
 
@@ -83,3 +84,17 @@ def test_many_nights_show_a_shape_as_small_as_the_noise() -> None:
     assert not d.findings and d.unexplained[0].covariate == "Y × B"
     assert abs(d.unexplained[0].amplitude - 0.0009) < 3 * d.unexplained[0].std < 0.0009
     assert d.richer is None
+
+
+def test_a_stale_record_and_a_wrong_name_are_set_aside_before_the_search() -> None:
+    s = trials.stage()
+    cell, n = s.bench.cell, len(s.history)
+    read = s.readings(blind.NOISE * np.random.default_rng(6).normal(size=n))
+    position, facet = read.position.copy(), list(read.facet)
+    stale = next(i for i in range(40, n) if facet[i] != facet[i - 1] and np.abs(position[i] - position[i - 1]).max() > 30)
+    position[stale] = position[stale - 1]
+    wrong = next(i for i in range(200, n) if facet[i] != facet[i - 1])
+    facet[wrong] = facet[wrong - 1]
+    d = diagnose(cell.machine, cell.artefact, replace(read, position=position, facet=tuple(facet)), cell.terms)
+    assert [m.number for m in d.misnamed] == [read.touch[stale], read.touch[wrong]]
+    assert d.verdict == "adequate" and not d.outliers and "is set aside" in as_text(d)

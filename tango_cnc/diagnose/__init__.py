@@ -16,11 +16,11 @@ from typing import Any, Literal
 import numpy as np
 
 from .. import terms as families
-from ..estimate import Estimate, estimate, tips
+from ..estimate import Estimate, estimate, tips, without
 from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
-from ..touches import Touches
+from ..touches import Misnamed, Touches, from_readings, misnamed
 from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._contest import Field, Outcome, contest
@@ -40,6 +40,7 @@ __all__ = ["Diagnosis", "Dropped", "Finding", "Moment", "Remainder", "Test", "as
 Verdict = Literal["adequate", "explained", "unexplained"]
 EVENTS = 3  # searches, each with what the one before found to belong to one moment set aside
 ROUNDS = 3  # of weighting rough facets and searching again
+SLIPS = 0.05  # of the touches: so many records may be of another facet before it is no slip of single ones
 MAJORITY = 3  # of the subsets
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
 SHOWS = 0.15  # that part of it at least
@@ -69,6 +70,7 @@ class Diagnosis:
     outcome: Outcome | None = None  # names against shapes
     scatter: Scatter = _scatter.EVEN  # what the size of the noise depends on
     rows: Rows | None = None  # what was searched: touches, or means of touches that were made alike
+    misnamed: tuple[Misnamed, ...] = ()  # records of another facet, or of the touch before: set aside when they are few
 
     @property
     def terms_text(self) -> str:
@@ -104,6 +106,7 @@ def diagnose(
 
     Raises InputError and TangoError as `estimate`.
     """
+    elsewhere, readings = _aside(machine, artefact, readings)
     before = estimate(machine, artefact, readings, terms)
     means = _rows.rows(replace(before.model.touches, tip=tips(before)), before.residuals)
     moments: tuple[Moment, ...] = ()
@@ -115,7 +118,17 @@ def diagnose(
         if not new:
             break
         moments = (*moments, *new)
-    return _told(before, means, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome)
+    told = _told(before, means, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome)
+    return replace(told, misnamed=elsewhere)
+
+
+def _aside(machine: Machine, artefact: Artefact, readings: Readings) -> tuple[tuple[Misnamed, ...], Readings]:
+    """Records of another facet or of the touch before, and the readings without them; many are no slips of single ones."""
+    touches = from_readings(machine, artefact, readings)
+    found = misnamed(touches)
+    if not found or len(found) > SLIPS * len(touches):
+        return found, readings
+    return found, without(readings, np.array([m.number for m in found]))
 
 
 def _with_learned(found: Explanation) -> Explanation:

@@ -334,7 +334,7 @@ def as_text(data: Mapping[str, Any]) -> str:
         where = ", ".join(
             f"{k} {x:.5g}" if isinstance(x, float) else f"{k} {x}" for k, x in f["detail"].items() if k != "coefficients"
         )
-        lines.append(f"{i}. {f['cause']} ({where}): {f['amplitude']:.4g} ± {f['amplitude_std']:.2g}, p {f['p_value']:.1g}")
+        lines.append(f"{i}. {f['cause']} ({where}): {_size(f['amplitude'], f['amplitude_std'])}, p {f['p_value']:.1g}")
         if f["gain"]:
             g = f["gain"]
             lines.append(
@@ -351,6 +351,11 @@ def as_text(data: Mapping[str, Any]) -> str:
     if data["outliers"]:
         lines.append(f"rows that fit nothing: {', '.join(map(str, data['outliers']))}")
     return "\n".join(lines)
+
+
+def _size(amplitude: float, std: float) -> str:
+    """size and its standard deviation → both, or about how much where it is not known to half of itself."""
+    return f"{amplitude:.4g} ± {std:.2g}" if 0 < std < amplitude / 2 else f"about {amplitude:.1g}"
 
 
 def _along(detail: Mapping[str, Any]) -> str:

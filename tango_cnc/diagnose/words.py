@@ -11,7 +11,6 @@ import numpy as np
 from .. import terms as families
 from ..estimate import Estimate
 from ..records import Array
-from ..touches import misnamed
 from . import Diagnosis, Finding, Test
 from ._richer import Richer
 from ._size import plain
@@ -71,10 +70,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "rms_um": d.richer.rms * 1e3,
             "more_parameters": d.richer.more,
         },
-        "misnamed": [
-            {"touch": m.number, "facet": m.facet, "away_mm": round(m.away, 3), "near": m.near}
-            for m in misnamed(d.before.model.touches)
-        ],
+        "misnamed": [{"touch": m.number, "facet": m.facet, "away_mm": round(m.away, 3), "near": m.near} for m in d.misnamed],
         "noise_um": d.noise * 1e3,
         "rows": None
         if d.rows is None
@@ -145,10 +141,10 @@ def sentence(f: Finding) -> str:
 def as_text(d: Diagnosis) -> str:
     """diagnosis → what a person reads on the terminal."""
     lines = [_headline(d), ""]
-    for m in misnamed(d.before.model.touches):
+    for m in d.misnamed:
         lines += _wrapped(
             f"! Touch {m.number} is called facet {m.facet} in the readings, but was made {m.away:.0f} mm away from it, "
-            f"{m.beside:.1f} mm from where facet {m.near} is touched: correct the name or leave it out, then diagnose again.",
+            f"{m.beside:.1f} mm from where facet {m.near} is touched: it is set aside. Correct the name or leave it out.",
             "  ",
         )
     shown = telling(d)
