@@ -26,7 +26,8 @@ from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
 from ._moments import Moment
-from ._records import SUBSETS, Dropped, Finding, Remainder, Size, Why
+from ._records import Dropped, Finding, Remainder
+from ._refused import refused, shift_of
 from ._richer import Richer, richer
 from ._rows import Rows
 from ._scatter import Scatter
@@ -41,7 +42,6 @@ Verdict = Literal["adequate", "explained", "unexplained"]
 EVENTS = 3  # searches, each with what the one before found to belong to one moment set aside
 ROUNDS = 3  # of weighting rough facets and searching again
 SLIPS = 0.05  # of the touches: so many records may be of another facet before it is no slip of single ones
-MAJORITY = 3  # of the subsets
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
 SHOWS = 0.15  # that part of it at least
 BLIND = 3  # searches without what turned out to be as large as that
@@ -71,6 +71,10 @@ class Diagnosis:
     scatter: Scatter = _scatter.EVEN  # what the size of the noise depends on
     rows: Rows | None = None  # what was searched: touches, or means of touches that were made alike
     misnamed: tuple[Misnamed, ...] = ()  # records of another facet, or of the touch before: set aside when they are few
+
+    def searched(self, values: Array) -> Array:
+        """(n,) of touches → (r,) of the rows that were searched: the touches, or means of them."""
+        return values if self.rows is None else self.rows.of(values)
 
     @property
     def terms_text(self) -> str:
@@ -342,7 +346,7 @@ def _told(
     inside = {id(c): folds.nested(c, schemes, keep) for c in outcome.named}
     gains |= {key: _gain.nested(gains[key], one.schemes) for key, one in inside.items()}
     back = {key: min(times, inside[key].selected) for key, times in back.items()}
-    why = {id(c): _refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains) for c in outcome.named}
+    why = {id(c): refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains) for c in outcome.named}
     accepted = [c for c in outcome.named if why[id(c)] is None]
     if len(accepted) < len(outcome.named):  # what they explained is there all the same
         fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
@@ -378,11 +382,12 @@ def _told(
             back.get(id(c)),
         )
 
-    moved = _shift(before, after)
+    moved = shift_of(before, after)
     findings = [finding(c, _explain.alternatives(found, c), moved, _aliases.aliases(found, c)) for c in accepted]
     remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
-    findings += _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises)
+    spreads = _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises)
+    findings += [replace(f, pattern=np.zeros(len(touches))) for f in spreads]
     dropped = [
         Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
         for c in whole.chosen
@@ -391,8 +396,8 @@ def _told(
     if "walk" in noises or not outcome.picked:
         remains += _spread.wandering(whole, seen)
     if not remains and not findings:  # names that did not stand had taken what is there all the same
-        spreads = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
-        remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in spreads]
+        picked = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
+        remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in picked]
     tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, seen, keep)
     if (findings or moments) and not remains and not outcome.picked:
         remains += _seen.left_over(tests_after)
@@ -430,27 +435,3 @@ def _richer(
         after = estimate(machine, artefact, readings, (*extended, *shapes))
     found = richer(after, readings, (*terms, *shapes), (*extended, *shapes))
     return None if found is None else replace(found, terms=tuple(t for t in found.terms if t not in shapes))
-
-
-def _refused(c: Chosen, s: Size, g: _gain.Gain, back: int, everywhere: bool) -> Why | None:
-    """Why a name that no shape beats is not named all the same."""
-    if not g.real or not everywhere:
-        return "no gain"
-    # A shape that was learned has one free number; a new one may follow a subset better, as it was not learned without noise.
-    if back < (MAJORITY if c.candidate.cause == LEARNED else SUBSETS):
-        return "unstable"
-    drifts = "tau" in c.candidate.setting  # of what has not settled, the size at the end is not known: it is not reported either
-    if not drifts and s.amplitude_std > s.amplitude / 2:
-        return "size"
-    return None
-
-
-def _shift(before: Estimate, after: Estimate) -> dict[str, tuple[float, float, float]]:
-    """→ parameters that move, largest move in standard deviations first."""
-    old, new = before.parameters, after.parameters
-    moved = {
-        name: (p.value, new[name].value, (new[name].value - p.value) / p.std if p.std else 0.0)
-        for name, p in old.items()
-        if name in new
-    }
-    return dict(sorted(moved.items(), key=lambda item: -abs(item[1][2])))

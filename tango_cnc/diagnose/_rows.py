@@ -103,13 +103,14 @@ def rows(touches: Touches, residual: Array, most: int = MOST) -> Rows:
 
 
 def alike(touches: Touches) -> NDArray[np.int64]:
-    """touches → (n,) number of the kind of each: same facet, rotary axes, spindle and directions of motion."""
+    """touches → (n,) number of the kind of each: same facet, stylus, rotary axes, spindle, motion."""
     machine = touches.machine
     angles = [np.round(np.degrees(touches.axis(a)) / ANGLE) for a in (*machine.rotary, "S")]
     signs = [np.sign(touches.sign(a)) for a in (*machine.linear, *machine.rotary)]
     facets = {f: i for i, f in enumerate(dict.fromkeys(touches.facet))}
     facet = np.array([facets[f] for f in touches.facet], dtype=float)
-    return np.unique(np.column_stack([facet, *angles, *signs]), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    stylus = np.zeros(len(touches)) if touches.stylus is None else touches.stylus
+    return np.unique(np.column_stack([facet, stylus, *angles, *signs]), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
 def _thinned(indexation: NDArray[np.int64], most: int) -> NDArray[np.bool_]:
@@ -146,6 +147,7 @@ def taken(touches: Touches, index: NDArray[np.int64]) -> Touches:
         normal=touches.normal[index],
         temperatures={k: v[index] for k, v in touches.temperatures.items()},
         tip=None if touches.tip is None else touches.tip[index],
+        stylus=None if touches.stylus is None else touches.stylus[index],
     )
 
 

@@ -201,6 +201,7 @@ def taken(touches: Touches, index: NDArray[np.int64], tail: Array, gap: float) -
         normal=touches.normal[index],
         temperatures={k: v[index] for k, v in touches.temperatures.items()},
         tip=None if touches.tip is None else touches.tip[index],
+        stylus=None if touches.stylus is None else touches.stylus[index],
     )
 
 

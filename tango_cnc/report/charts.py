@@ -219,7 +219,7 @@ def finding(d: Diagnosis, f: Finding, t: Texts, unit: str, k: float) -> list[str
     about, x, unit_x = covariate_of(d, f)
     basis = d.explanation.place.basis
     others = sum((o.pattern for o in d.findings if o is not f), np.zeros(len(m)))
-    visible, rest = basis @ (basis.T @ f.pattern), basis @ (basis.T @ (d.before.residuals - others))
+    visible, rest = (basis @ (basis.T @ d.searched(x)) for x in (f.pattern, d.before.residuals - others))
     whole, what, left_over, rows = f.pattern, unit, d.after.residuals, np.ones(len(m), dtype=bool)
     if "direction" in f.detail and f.detail.get("frame") in ("machine", "table"):
         direction = np.array(f.detail["direction"])

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..diagnose import Diagnosis, Finding, Test
+from ..diagnose import Diagnosis, Finding, Remainder, Test
 from ..diagnose.sentences import advice, also, covariate, dropped, meaning, said, towards, unexplained
 from ..diagnose.words import as_text, telling
+from ..terms._shape import values
 from .over import covariate_of, shown_over
 from .pictures import BAD, GOOD, INK, PALE, embedded, figure, styled
 
@@ -48,6 +49,8 @@ def page(d: Diagnosis) -> str:
         parts += [f"<p>To tell: {html.escape(s)}.</p>" for s in f.separate_with]
     for r in d.unexplained:
         parts.append(f"<h2>Not explained</h2><p>{html.escape(unexplained(r))}.</p>")
+        if r.form is not None:
+            parts.append(_image(shape(d, r)))
     if d.dropped:
         parts += ["<h2>Fits, but is not named</h2>", *(f"<p>{html.escape(dropped(x))}.</p>" for x in d.dropped)]
     parts += ["<h2>The same in words</h2>", f"<pre>{html.escape(as_text(d))}</pre>"]
@@ -140,6 +143,30 @@ def dependence(d: Diagnosis, tests: Sequence[Test]) -> Any:
     return drawn
 
 
+def shape(d: Diagnosis, r: Remainder) -> Any:
+    """diagnosis, a shape without a name → what is visible of it over each of its covariates, with what is measured."""
+    touches = d.before.model.touches
+    first = np.arange(len(touches)) if d.rows is None else d.rows.first
+    scale = np.ones(len(first)) if d.rows is None else d.rows.scale
+    factors = () if r.form is None else r.form.factors
+    known = values(touches)
+    basis = d.explanation.place.basis
+    others = sum((o.pattern for o in d.unexplained if o is not r and len(o.pattern) == len(first)), np.zeros(len(first)))
+    measured = basis @ (basis.T @ d.searched(d.after.residuals)) / scale - others
+    with styled():
+        drawn = figure(9.5, 3.2)
+        grid = drawn.subplots(1, len(factors), squeeze=False).ravel()
+        for ax, f in zip(grid, factors, strict=True):
+            turning = f.covariate in touches.machine.rotary or f.covariate == "S"
+            x = np.degrees(known[f.covariate][first]) if turning else known[f.covariate][first]
+            ax.plot(x, 1e3 * measured, ".", color=PALE, ms=4, label="measured")
+            ax.plot(x, 1e3 * r.pattern, ".", color=BAD, ms=4, label="shape")
+            ax.set_xlabel(f"{covariate(f.covariate)}{', deg' if turning else ''}")
+            ax.set_ylabel("µm")
+        grid[0].legend(fontsize=7)
+    return drawn
+
+
 def seen(d: Diagnosis, f: Finding) -> Any:
     """diagnosis, finding → what it does over the covariate that it belongs to, with what is measured of it; and the part of it
     that the model without it cannot absorb.
@@ -147,8 +174,8 @@ def seen(d: Diagnosis, f: Finding) -> Any:
     touches = d.before.model.touches
     about, x, label = covariate_of(d, f)
     maker = d.explanation.place.basis @ d.explanation.place.basis.T
-    visible = maker @ f.pattern
-    rest = maker @ (d.before.residuals - sum((o.pattern for o in d.findings if o is not f), np.zeros(len(touches))))
+    others = sum((o.pattern for o in d.findings if o is not f), np.zeros(len(touches)))
+    visible, rest = maker @ d.searched(f.pattern), maker @ d.searched(d.before.residuals - others)
     whole, what, rows = f.pattern, "read too early when positive", np.ones(len(touches), dtype=bool)
     if "direction" in f.detail and f.detail.get("frame") in ("machine", "table"):
         normal = touches.machine_normal if f.detail["frame"] == "machine" else touches.normal

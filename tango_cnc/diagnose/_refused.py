@@ -1,0 +1,34 @@
+"""Why a name that no shape beats is not named all the same; and which parameters move when it is."""
+
+from __future__ import annotations
+
+from ..estimate import Estimate
+from ._gain import Gain
+from ._records import SUBSETS, Size, Why
+from ._search import LEARNED, Chosen
+
+MAJORITY = 3  # of the subsets
+
+
+def refused(c: Chosen, s: Size, g: Gain, back: int, everywhere: bool) -> Why | None:
+    """a name, its size, gain, subsets in which it came back, whether it gains in every scheme → why it is not named, or None."""
+    if not g.real or not everywhere:
+        return "no gain"
+    # A shape that was learned has one free number; a new one may follow a subset better, as it was not learned without noise.
+    if back < (MAJORITY if c.candidate.cause == LEARNED else SUBSETS):
+        return "unstable"
+    drifts = "tau" in c.candidate.setting  # of what has not settled, the size at the end is not known: it is not reported either
+    if not drifts and s.amplitude_std > s.amplitude / 2:
+        return "size"
+    return None
+
+
+def shift_of(before: Estimate, after: Estimate) -> dict[str, tuple[float, float, float]]:
+    """→ parameters that move, largest move in standard deviations first."""
+    old, new = before.parameters, after.parameters
+    moved = {
+        name: (p.value, new[name].value, (new[name].value - p.value) / p.std if p.std else 0.0)
+        for name, p in old.items()
+        if name in new
+    }
+    return dict(sorted(moved.items(), key=lambda item: -abs(item[1][2])))
