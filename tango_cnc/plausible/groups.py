@@ -20,7 +20,7 @@ from .data import Remark, listed
 CHANCE = 1e-4  # that touches dropped at random fall together as much
 SHARE = 0.5  # of the touches of a group that are dropped
 FEWEST = 3
-FEW = 0.1  # share of all touches that one indexation may make unfit
+FEW = 0.1  # share of all touches that one indexation or one facet may make unfit
 FITS = 5.0  # white standard deviations within which touches fit
 CERTAIN = 3.0  # standard deviations that a bar has to be beyond what gains explain
 LENGTH = 6e-5  # mm/mm: gains that are alike and larger speak of the bar
@@ -220,6 +220,8 @@ def _balls(result: Estimate) -> Iterator[Remark]:
 
 def _facets(result: Estimate) -> Iterator[Remark]:
     touches, dropped = result.model.touches, _dropped(result)
+    if dropped.mean() > FEW:
+        return  # so many are no chip
     masks = [(touches.facet_index == i) & (touches.ball_index < 0) for i in range(len(touches.facets))]
     for facet, mask in zip(touches.facets, masks, strict=True):
         own = np.flatnonzero(mask & dropped)
