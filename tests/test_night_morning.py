@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from test_history import knowledge
 from test_history import record as kept
@@ -22,9 +23,10 @@ from tango_cnc.nightly import World
 from tango_cnc.nightly.alarms import Known, effect_of, since, standing
 from tango_cnc.nightly.doubt import Judged, believed
 from tango_cnc.nightly.night import _before
+from tango_cnc.nightly.trend import behind
 from tango_cnc.nightly.words import headline, message
 from tango_cnc.records import Cell
-from tango_cnc.state import Frame
+from tango_cnc.state import Frame, State
 
 Tell = Callable[..., list[dict[str, Any]]]
 
@@ -125,6 +127,29 @@ def test_what_a_change_does_to_parts_is_reckoned_where_it_does_it(cell: Cell) ->
     travel = next(a.travel for a in cell.machine.axes if a.name == "X")
     assert travel is not None and square[0] == pytest.approx(26.6e-3 * (travel[1] - travel[0]))
     assert "no rotary axis" in square[1] and "location" not in square[2]
+
+
+@pytest.mark.parametrize(("path", "drifts"), [((0.0, 0.002, 0.004, 0.006), True), ((0.0, 0.0001, 0.0199, 0.020), False)])
+def test_a_knock_behind_a_crossed_limit_is_not_told_as_a_drift(cell: Cell, path: tuple[float, ...], drifts: bool) -> None:
+    lever = np.zeros((1, 3, 1))
+    lever[0, 0, 0] = 1.0
+    followed = SimpleNamespace(
+        **{"machine": [0], "names": ("EX0C",), "units": ("mm",), "families": ("location",)},
+        selection=SimpleNamespace(label=lambda name: name),
+    )
+    limits = [{"what": "volume", "passed": True}]
+    nights_before = [
+        {
+            **{"night": f"2026-10-{day:02d}", "limits": limits, "alarms": []},
+            **{"state": {"day": float(day)}, "parameters": {"EX0C": {"value": value, "std": 2e-4}}},
+        }
+        for day, value in enumerate(path[:-1], 1)
+    ]
+    after = SimpleNamespace(mean=[path[-1]], std=[2e-4], day=float(len(path)))
+    known = Known(cell, cast(Frame, followed), lever)
+    found = behind(known, nights_before[::-1], cast(State, after), {"what": "volume"})
+    assert found is not None and ("night after night" in found["text"]) == drifts == (found["rate_per_day"] is not None)
+    assert ("since 2026-10-01" if drifts else "since 2026-10-02") in found["text"]
 
 
 def test_since_when_says_which_nights_were_not_measured(tmp_path: Path) -> None:

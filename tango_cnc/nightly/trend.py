@@ -20,6 +20,7 @@ from ..state import State
 from .alarms import Known, effect_of
 from .words import changed, value
 
+AT_ONCE = 0.7  # share of a change that one night makes: no drift, but a step
 MONTH = 30  # nights that what stands behind a limit is looked for over
 SPANS = 7  # measured nights that a drift is looked for over
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
@@ -41,12 +42,16 @@ class Drift:
     on_part_um: float
     on_part: str
     do: str
+    steady: bool  # night after night; false: most of it in one night
 
     @property
     def text(self) -> str:
         """→ a sentence without its full stop."""
+        moved = changed(self.parameter, value(self.size, self.unit, self.std), self.since)
+        if not self.steady:
+            return moved
         rate = value(self.rate_per_day, self.unit)
-        return texts()("changed.drift", moved=changed(self.parameter, value(self.size, self.unit, self.std), self.since), rate=rate)
+        return texts()("changed.drift", moved=moved, rate=rate)
 
 
 def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
@@ -84,17 +89,29 @@ def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: f
     if k.worst(_only(k, i, size)) < LEAST:
         return None
     p_value = min(1.0, tried * 2 * float(special.ndtr(-sigmas)))
-    return _drift(k, i, record, size, std, after.day, sigmas, p_value)
+    return _drift(k, i, record, size, std, after, sigmas, p_value, records)
 
 
 def _drift(
-    k: Known, i: int, record: Mapping[str, Any], size: float, std: float, day: float, sigmas: float, p_value: float
+    k: Known,
+    i: int,
+    record: Mapping[str, Any],
+    size: float,
+    std: float,
+    after: State,
+    sigmas: float,
+    p_value: float,
+    records: Sequence[Mapping[str, Any]],
 ) -> Drift:
     name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
-    effect, on_part, _ = effect_of(k, _cause(k, i), name, size, unit, _only(k, i, size))
-    do = texts()("night.drift_do", name=name)
-    rate = size / max(day - float(record["state"]["day"]), 1e-3)
-    return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do)
+    effect, on_part, do = effect_of(k, _cause(k, i), name, size, unit, _only(k, i, size))
+    begun = float(record["state"]["day"])
+    between = [r for r in records if r.get("state") and name in (r.get("parameters") or {}) and r["state"]["day"] >= begun]
+    values = [float(after.mean[i]), *(r["parameters"][name]["value"] for r in between)]
+    steady = bool(np.max(np.abs(np.diff(values)), initial=0.0) < AT_ONCE * abs(size))
+    do = texts()("night.drift_do", name=name) if steady else do
+    rate = size / max(after.day - begun, 1e-3)
+    return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady)
 
 
 def _only(k: Known, i: int, size: float) -> Array:
@@ -151,8 +168,14 @@ def behind(k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: 
     still = [
         r for r in known if name in r["parameters"] and abs(r["parameters"][name]["value"] - begun["value"]) < 3 * begun["std"]
     ]
-    found = _drift(k, i, still[0], float(after.mean[i]) - still[0]["parameters"][name]["value"], std, after.day, 0.0, 0.0)
+    found = _drift(k, i, still[0], float(after.mean[i]) - still[0]["parameters"][name]["value"], std, after, 0.0, 0.0, known)
     return told | {
-        **{"text": found.text, "since": found.since, "rate_per_day": found.rate_per_day, "size": found.size, "std": found.std},
+        **{
+            "text": found.text,
+            "since": found.since,
+            "rate_per_day": found.rate_per_day if found.steady else None,
+            "size": found.size,
+            "std": found.std,
+        },
         **{"on_part": found.on_part, "do": found.do},
     }
