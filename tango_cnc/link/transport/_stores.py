@@ -234,7 +234,8 @@ class Smb:
 
     def write(self, path: str, data: bytes) -> None:
         """path, bytes → the file has them."""
-        with self._asked(), self._smb.open_file(self._path(path), "wb", **self._to) as file:
+        # shared: a connection that broke leaves its handle at the server for hours, and that must not keep the next one out
+        with self._asked(), self._smb.open_file(self._path(path), "wb", share_access="rwd", **self._to) as file:
             file.write(data)
 
     def close(self) -> None:
