@@ -50,13 +50,13 @@ def begin(job: Job) -> Iterator[str]:
     yield from common.warned(job, "(%s)")
     yield from _touch(job)
     yield from _record(job.machine)
-    yield from _free()
+    yield from _free(job)
     yield RESET
     yield "(MACHINE MINUS WORK COORDINATES)"
     for name in common.axes(job.machine):
         yield f"#<_tango_{name.lower()}> = [#<_abs_{name.lower()}> - #<_{name.lower()}>]"
     yield "#<_tango_misses> = 0"
-    yield from _abort("O100", "#[5210 + 20 * #5220] NE 0", "THE WORK FRAME IS ROTATED")
+    yield from _abort(job, "O100", "#[5210 + 20 * #5220] NE 0", "THE WORK FRAME IS ROTATED")
     yield f"(LOGOPEN,{job.options['log']})"
     yield f"(LOG,TANGO START {job.mark} {len(plan.touches)})"
 
@@ -71,7 +71,9 @@ def _touch(job: Job) -> Iterator[str]:
         yield f"#<_tango_at_{low}> = [#{5061 + PLACE[name]} + #<_abs_{low}> - #<_{low}>]"
     for name in "XYZ":
         low = name.lower()
-        yield from _abort(f"O11{PLACE[name]}", f"ABS[#<_abs_{low}> - #<_{low}> - #<_tango_{low}>] GT 0.001", "WORK OFFSET CHANGED")
+        yield from _abort(
+            job, f"O11{PLACE[name]}", f"ABS[#<_abs_{low}> - #<_{low}> - #<_tango_{low}>] GT 0.001", "WORK OFFSET CHANGED"
+        )
     way = " + ".join(f"[#<_tango_at_{name.lower()}> - #{i}] ** 2" for i, name in enumerate("XYZ", 4))
     yield "#<_tango_flag> = 1"
     yield f"O120 IF [SQRT[{way}] LT {number(early_distance(job.plan))}]"
@@ -83,7 +85,7 @@ def _touch(job: Job) -> Iterator[str]:
     yield "O130 ELSE"
     yield "#<_tango_misses> = 0"
     yield "O130 ENDIF"
-    yield from _abort("O140", f"#<_tango_misses> GE {job.options['misses']}", "NO CONTACT. IS THE PROBE ALIVE")
+    yield from _abort(job, "O140", f"#<_tango_misses> GE {job.options['misses']}", "NO CONTACT. IS THE PROBE ALIVE")
     yield "O<tango_touch> ENDSUB"
 
 
@@ -97,17 +99,24 @@ def _record(machine: Machine) -> Iterator[str]:
     yield "O<tango_record> ENDSUB"
 
 
-def _free() -> Iterator[str]:
+def _free(job: Job) -> Iterator[str]:
     """Subroutine: searches to #1 #2 #3 (machine coordinates) at #4 and is to find nothing."""
     yield "O<tango_free> SUB"
     yield f"G38.3 {' '.join(f'{name}[#{i} - #<_tango_{name.lower()}>]' for i, name in enumerate('XYZ', 1))} F#4"
-    yield from _abort("O150", "#5070 NE 0", "PROBE MET SOMETHING ON ITS WAY")
+    yield from _abort(job, "O150", "#5070 NE 0", "PROBE MET SOMETHING ON ITS WAY")
     yield "O<tango_free> ENDSUB"
 
 
-def _abort(label: str, condition: str, message: str) -> Iterator[str]:
-    """Ends the program with a message, but never a preview, where nothing is ever touched."""
+def _abort(job: Job, label: str, condition: str, message: str) -> Iterator[str]:
+    """Ends the program with a message, probe off and log closed; but never a preview, where nothing is ever touched.
+
+    What is still in the queue when the message comes is thrown away, so M66 waits until the words of the probe are carried out.
+    """
     yield f"{label} IF [[#<_task> EQ 1] AND [{condition}]]"
+    if job.options["probe_off"]:
+        yield job.options["probe_off"]
+        yield "M66 E0 L0"
+    yield "(LOGCLOSE)"
     yield f"(ABORT,{message})"
     yield f"{label} ENDIF"
 
@@ -123,7 +132,7 @@ def probe_on(job: Job) -> Iterator[str]:
     yield f"O160 IF [EXISTS[{PROBE}]]"
     yield f"#<_tango_on> = {PROBE}"
     yield "O160 ENDIF"
-    yield from _abort("O161", "#<_tango_on> NE 0", "THE PROBE IS DEFLECTED")
+    yield from _abort(job, "O161", "#<_tango_on> NE 0", "THE PROBE IS DEFLECTED")
 
 
 def retract(job: Job, leg: Leg) -> Iterator[str]:
@@ -176,7 +185,7 @@ def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow move up during which somebody touches the stylus, and back: a search, which the control refuses with the probe on."""
     yield f"(MSG,{common.proves(job, leg)})"
     yield from probe(proving(job), leg)
-    yield from _abort("O170", "#<_tango_flag> EQ 0", common.unproven(job))
+    yield from _abort(job, "O170", "#<_tango_flag> EQ 0", common.unproven(job))
     if leg.kind == "prove":
         return  # the subroutine has taken the probe off
     yield f"(MSG,{common.LETTING_GO})"

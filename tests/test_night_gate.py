@@ -12,6 +12,7 @@ import pytest
 from support.controls import GOLDEN, golden
 
 from sim_controller.simulate import simulate
+from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.commands._common import asks_for_a_finger
 from tango_cnc.commands._night_gate import NEAR, proves
@@ -91,3 +92,18 @@ def test_a_check_that_the_program_chooses_begins_with_the_facet_that_proves_the_
 def test_programs_that_a_person_starts_ask_for_the_finger() -> None:
     assert asks_for_a_finger({"gate": "facet", "misses": 3}) == {"gate": "finger", "misses": 3}
     assert asks_for_a_finger({"gate": "none"}) == {"gate": "none"}
+
+
+def test_a_run_that_trusts_a_facet_is_refused_where_nobody_has_found_it(cell: Cell, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = cell.folder / "tango.yaml"
+    settings.write_text(settings.read_text().replace("post: fanuc", "post: fanuc, gate: facet, port: 'socket://127.0.0.1:9'"))
+    assert read_cell(cell.folder).controller == replace(cell.controller, options={"gate": "facet"}, port="socket://127.0.0.1:9")  # type: ignore[type-var]
+    tries = ["run", "-C", str(cell.folder), "--yes"]
+    assert guarded(tango.main, tries, prog_name="tango", standalone_mode=False) == 2
+    said = capsys.readouterr().err
+    assert "no run has touched it yet" in said and "gate: finger" in said and "Nothing was sent" in said
+    measured(cell, 1.0)
+    assert guarded(tango.main, tries, prog_name="tango", standalone_mode=False) == 2
+    assert "tango locate" in capsys.readouterr().err
+    measured(cell, 0.0)
+    assert guarded(tango.main, tries, prog_name="tango", standalone_mode=False) == 3  # nobody listens there: it would begin

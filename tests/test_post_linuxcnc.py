@@ -128,7 +128,7 @@ def test_a_preview_never_aborts(made: Plan) -> None:
     lines = text_of(made).splitlines()
     aborts = [i for i, line in enumerate(lines) if line.startswith("(ABORT")]
     assert len(aborts) == 7
-    assert all("[#<_task> EQ 1] AND" in lines[i - 1] for i in aborts)
+    assert all("[#<_task> EQ 1] AND" in lines[i - 2] and lines[i - 1] == "(LOGCLOSE)" for i in aborts)
 
 
 def test_rotary_axes_move_alone_and_wrap_only_when_told(made: Plan) -> None:

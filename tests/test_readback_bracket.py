@@ -32,8 +32,8 @@ def test_options_of_the_profile_pass(post: str, options: dict[str, Any]) -> None
     [
         ("G31 X-113. Y-10. Z280. F2000.", "G1 X-113. Y-10. Z280. F2000.", "found G1; allowed: G31, and G1 from where"),
         ("G1 X=VAPAX-1.5 F2000.(OFF)\n", "", "the probe is at a facet, and this does not take it off first"),
-        ("X=VAPAX-1.5", "X=VAPAX+1.5", "found an unprotected move of 1.50 mm; allowed: .* straight off the facet"),
-        ("X=VAPAX-1.5", "X=VAPAY-1.5", "found an unprotected move of .* mm; allowed: 0.5 to 2 mm"),
+        ("X=VAPAX-1.5", "X=VAPAX+1.5", "found an unprotected move of 1.500 mm; allowed: .* straight off the facet"),
+        ("X=VAPAX-1.5", "X=VAPAY-1.5", "found an unprotected move of .* mm; allowed: 1.5 mm"),
         ("X=VAPAX-1.5 F2000.", "X=VAPAX-1.5 F20000.", "the feed is 20000; allowed: 2000 mm/min"),
         ("G31 X-98. ", "G31 X98. ", r"found X 98\.000 mm"),
         ("G31 X-98. ", "G31 X-98 ", "no line that a program of this kind"),
@@ -80,7 +80,7 @@ def test_what_is_dangerous_on_okuma_is_named(old: str, new: str, words: str) -> 
     [
         ("G100 X[-113.-P1] Y[-10.-P2] Z[280.-P3]", "G1 X[-113.-P1] Y[-10.-P2] Z[280.-P3]", "found an unprotected move"),
         ("G1 X[V.A.POS.X-1.5-P1] F2000.\n", "", "the probe is at a facet, and this does not take it off first"),
-        ("X[V.A.POS.X-1.5-P1]", "X[V.A.POS.X+1.5-P1]", "found an unprotected move of 1.50 mm; allowed: .* straight off the facet"),
+        ("X[V.A.POS.X-1.5-P1]", "X[V.A.POS.X+1.5-P1]", "found an unprotected move of 1.500 mm; allowed: .* straight off the facet"),
         ("X[V.A.POS.X-1.5-P1]", "X[V.A.PPOS.X-1.5-P1]", "found an unprotected move of .* mm|no line|has no value"),
         ("G100 X[-98.-P1]", "G100 X[98.-P1]", r"found X 98\.000 mm"),
         ("G100 X[-98.-P1]", "G100 X[-98.-P2]", "P1 taken off instead of P2, the frame of X"),

@@ -74,7 +74,7 @@ def edited(post: str, file: str, old: str, new: str, made: Plan | None = None) -
         ("m882.m1s", "Call SetVar(122, PY)", "Call SetVar(122, PX)", "the record has Y"),
         ("m882.m1s", "Call SetVar(121, PX)", "Call SetVar(2000, PX)", "found #2000 given a value"),
         ("m883.m1s", "+ 1.5 * WX", "- 1.5 * WX", "straight off the facet"),
-        ("m883.m1s", "+ 1.5 * WX", "+ 15 * WX", "found an unprotected move of 15.00 mm"),
+        ("m883.m1s", "+ 1.5 * WX", "+ 15 * WX", "found an unprotected move of 15.000 mm"),
         ("m884.m1s", 'Letter = "B"', 'Letter = "C"', "found C|stops the program though"),
         ("m884.m1s", "G53 G0 ", "G0 ", "no line that a macro"),
         ("m884.m1s", "Off > 0.000087", "Off > 1", "goes on although B has not arrived"),

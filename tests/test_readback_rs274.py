@@ -28,7 +28,7 @@ Trace = list[tuple[str, tuple[float, ...]]]
         ("G38.3 X-98. F180.", "G38.2 X-98. F180.", "no line that a program of this kind"),
         ("G38.3 X-26.9808 Z313.2679 F180.", "G38.3 Z313.2679 F180.", r"found X -19\.481 mm; the plan goes to X -26\.981"),
         ("G1 X-1.5 F2000.", "G1 X1.5 F2000.", "straight off the facet"),
-        ("G1 X-1.5 F2000.", "G1 X-15. F2000.", "found an unprotected move of 15.00 mm"),
+        ("G1 X-1.5 F2000.", "G1 X-15. F2000.", "found an unprotected move of 15.000 mm"),
         ("G1 X-1.5 F2000.", "G1 Y-1.5 F2000.", "straight off the facet"),
         ("F2000.\nG90\n(RECORD P1 IS MADE OF THE ANSWER PRB)\n", "F2000.\n", "between G91 and G90"),
         ("G21 G91\nG1 X-1.5 F2000.\nG90\n", "", "does not take it off first"),
@@ -61,7 +61,7 @@ def test_what_is_dangerous_on_grbl_is_named(old: str, new: str, words: str) -> N
         (
             "#104=1500.\n#114=12\nM883",
             "#101=-128.\n#104=1500.\n#114=12\nM883",
-            "found an unprotected move of 1.50 mm; allowed: .* straight off the facet",
+            "found an unprotected move of 1.500 mm; allowed: .* straight off the facet",
         ),
         ("#105=-30.", "#105=30.", "found B 30 deg"),
         ("M884 P5", "M884 P4", "found A"),
@@ -105,14 +105,14 @@ def test_what_is_dangerous_on_mach4_is_named(old: str, new: str, words: str) -> 
         (
             "[#5021 - 1.5 - #29101]",
             "[#5021 + 1.5 - #29101]",
-            "found an unprotected move of 1.50 mm; allowed: .* straight off the facet",
+            "found an unprotected move of 1.500 mm; allowed: .* straight off the facet",
         ),
         (
             "[#5021 - 1.5 - #29101]",
             "[#24301 - 1.5 - #29101]",
-            "found an unprotected move of .* mm; allowed: 0.5 to 2 mm",
+            "found an unprotected move of .* mm; allowed: 1.5 mm",
         ),  # after a miss
-        ("[#5021 - 1.5 - #29101]", "[#5021 - 1.5]", "found an unprotected move of .* mm; allowed: 0.5 to 2 mm"),
+        ("[#5021 - 1.5 - #29101]", "[#5021 - 1.5]", "found an unprotected move of .* mm; allowed: 1.5 mm"),
         ("L1\n", "\n", "no line that a program of this kind"),
         ("M115 /X[-98. ", "M115 /X[98. ", r"found X 98\.000 mm"),
         ("> 0.02]] THEN GOTO 9001", "> 200.]] THEN GOTO 9001", "although a protected move has been stopped short"),

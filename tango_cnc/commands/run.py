@@ -20,6 +20,7 @@ from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, cell_option, dialect
+from ._night_gate import proves
 from ._plan import obstructed_option, warnings
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
@@ -140,6 +141,8 @@ def command(
     for text in warnings(made):
         click.echo(text, err=True)
     post = dialect(cell)
+    if not resume and _gate(cell, post) == "facet" and not (said := proves(cell, made)).passed:
+        raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {said.found}; {said.do}. Nothing was sent")
     someone = sys.stdin is not None and sys.stdin.isatty()
 
     def confirm(part: Plan, program: Program) -> None:

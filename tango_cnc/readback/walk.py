@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import check, kinematics
 from ..gate import gate, served
-from ..records import Array, Axis, InputError, Move, Plan, Touch
+from ..records import OFF, Array, Axis, InputError, Move, Plan, Touch
 from .switches import Switches
 
 CLOSE = 6e-4  # mm or deg: programs have three decimals
@@ -22,8 +22,8 @@ STEP = 5.0  # deg between the poses of a turn that are looked at
 SPACING = 10.0  # mm between the spheres that stand for the probe
 BEHIND = 300.0  # mm of what carries the probe
 
-FARTHEST = 2.0  # mm off a facet without a guard: with a wrong sign the stylus still gives way
-LEAST = 0.5  # mm: less does not let the probe come free
+ROUNDED = 0.002  # mm: the way off a facet is written axis by axis, with three decimals
+FARTHEST, LEAST = OFF + ROUNDED, OFF - ROUNDED  # mm off a facet without a guard: what the planner keeps free, and no more
 ALONG = math.cos(math.radians(2.0))
 
 PROTECTED = ("retract", "clear", "approach", "near", "off", "back")
@@ -162,9 +162,7 @@ class Walk:
         length, way = math.hypot(*step.values()), math.hypot(*away.values())
         along = sum(value * away[name] for name, value in step.items())
         if not LEAST <= length <= FARTHEST or along < ALONG * length * way:
-            raise InputError(
-                f"found an unprotected move of {length:.2f} mm; allowed: {LEAST:g} to {FARTHEST:g} mm straight off the facet"
-            )
+            raise InputError(f"found an unprotected move of {length:.3f} mm; allowed: {OFF:g} mm straight off the facet")
         return length
 
     def rotary(self, name: str, value: float) -> bool:

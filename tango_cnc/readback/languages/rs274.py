@@ -63,6 +63,8 @@ class _Program:
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
         self._machine = Rehearsal(plan, options, self._read)
         self._words = stated_words(options)
+        self._switches_off = options.get("probe_off") or "(LOGCLOSE)"
+        self._done: list[str] = []  # what a way out has done: the probe is off, the log is closed
         self._subs: dict[str, list[str]] = {}
         self._writing: str | None = None  # the subroutine whose text is read
         self._label: str | None = None  # the IF that is open
@@ -91,6 +93,8 @@ class _Program:
             self._machine.rests(float(match[1]))
         elif SHOWN.fullmatch(line):
             pass
+        elif self._label is not None and line in (self._switches_off, SYNCHRONOUS, "(LOGCLOSE)"):
+            self._done.append(line)
         elif (COMMENT.fullmatch(line) and line != "(LOGCLOSE)") or (self._opened and line in self._words):
             self._machine.walk.switch(line)
         elif match := ASSIGN.fullmatch(line):
@@ -202,7 +206,7 @@ class _Program:
     def _if(self, label: str, condition: str) -> None:
         if self._label is not None:
             raise InputError(f"O{label} within O{self._label}")
-        self._label = label
+        self._label, self._done = label, []
         if not self._rotated and not self._machine.begun:
             self._rotated = True
             rotated = self._machine.base.twin("stop", "the work frame is rotated")
@@ -229,6 +233,10 @@ class _Program:
             self._machine.does(_every_branch)
             self._label = None
         elif ABORT.fullmatch(line):
+            off = self._switches_off
+            if self._done != ([off, SYNCHRONOUS] if off != "(LOGCLOSE)" else []) + ["(LOGCLOSE)"]:
+                raise InputError(f"a way out without {off}, {SYNCHRONOUS} and (LOGCLOSE): it leaves the probe on or the log open")
+            self._done = []
             self._machine.does(_stop)
         else:
             raise InputError("no line that an IF may have")

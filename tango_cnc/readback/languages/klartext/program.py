@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from ....records import InputError, Plan
+from ....records import OFF, InputError, Plan
 from ...expressions import Value
 from ...language import Companions, Language
 from ...reading import MARK_BEHIND_SEMICOLON, stated_words
@@ -300,7 +300,7 @@ class _Program:
             raise InputError("found a probing direction of length 0")
         gone = machine.same(distance) / size
         if not LEAST <= back <= FARTHEST:
-            raise InputError(f"found MB {back:g} behind a measuring move; allowed: {LEAST:g} to {FARTHEST:g} mm off the facet")
+            raise InputError(f"found MB {back:g} behind a measuring move; allowed: {OFF:g} mm off the facet")
         machine.measures({name: start[name] + gone * a for name, a in along.items()}, feed)
         machine.freed()
         self._moving = True
