@@ -101,6 +101,16 @@ def test_residuals_that_follow_the_feed_are_named(cell: Cell, readings: Readings
     assert "EXX1" in judgement.untrusted
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("axis", ["X", "Y", "Z", "A"])
+def test_a_wrong_sense_comes_before_the_bar_that_it_contradicts(axis: str, cell: Cell, readings: Readings) -> None:
+    position = np.array(readings.position)
+    position[:, cell.machine.column(axis)] *= -1
+    spoilt = replace(readings, position=position)
+    found = judge(cell, spoilt, honest(estimate(cell.machine, cell.artefact, spoilt, cell.terms)))
+    assert (found.verdict, found.suspicions[0].kind) == ("implausible", "sense")
+
+
 def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readings) -> None:
     bar = cell.artefact.scale_bar
     assert bar is not None

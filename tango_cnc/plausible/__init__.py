@@ -24,6 +24,7 @@ from .words import beyond_text
 ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
 MANY = 0.1  # share of outliers that makes a result doubtful
 EXPLAINED = 0.1  # mm: a mistake that leaves less explains the readings
+GROSS = 5.0  # mm, root mean square of all touches as the cell states it, beyond which the whole cell is wrong
 MOST = 0.35  # share of outliers beyond which nobody knows which touches are right
 NOISY = 4.0  # times the stated repeatability that a touch may scatter before the result is doubtful
 DIRECT = ("another_program", "copied_positions", "constant_column")  # seen in the readings without any fit
@@ -75,8 +76,11 @@ def judge(cell: Cell, readings: Readings, result: Estimate | None, *, search: bo
 def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tuple[Suspicion, ...]:
     """→ mistakes with the readings and mistakes of the cell: first what explains the fit where the fit is bad."""
     own = tuple(_own(cell, r) for r in found if r.kind and r.verdict != "trustworthy")
-    sure = {r.text for r in found if r.sure}
     tried = suspects(cell, readings)
+    # Where every touch is centimetres off, or another mistake explains a bar, that is a symptom like any other.
+    gross = bool(tried) and tried[0].before > GROSS
+    other = bool(tried) and tried[0].kind != "scale_bar"
+    sure = {r.text for r in found if r.sure and not gross and not (other and r.kind == "scale_bar")}
     direct = [s for s in own if s.kind in DIRECT and (not s.touches or len(s.touches) > len(readings) / 2)]
     alike = len(readings) > 1 and not np.ptp(readings.position, axis=0).any()  # such readings fit anything
     if tried and tried[0].before < coarse(readings):  # no more is to be explained than the rounding makes
