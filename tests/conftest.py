@@ -12,7 +12,7 @@ from hypothesis import settings
 
 # Before anything imports numpy: matrices of 400 × 120 gain nothing from threads, and tests that share a machine lose by them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-pytest.register_assert_rewrite("support.controls")  # the one helper with assertions of its own
+pytest.register_assert_rewrite("support")  # helpers may assert, too
 ROOT = Path(__file__).parent.parent
 CI = bool(os.environ.get("CI"))
 PACKAGES = {

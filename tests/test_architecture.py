@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from support.imports import modules
 
 NUMERIC = "records judgement files.checked kinematics touches terms model identify estimate"
 # A module of tango_cnc → what else of tango_cnc it may import. The longest name that fits decides; its own package is allowed.
@@ -99,15 +100,6 @@ PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan
 
 # One function or record each, described where they stand.
 SMALL = {"compare.py", "conformity.py", "segments.py", "judgement.py", "nearest.py", "py.typed"}
-
-
-def modules(root: Path) -> dict[str, Path]:
-    found = {}
-    for package in ("tango_cnc", "postprocessors", "sim_controller"):
-        for file in sorted((root / package).rglob("*.py")):
-            parts = file.relative_to(root).with_suffix("").parts
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
-    return found
 
 
 def imports(name: str, file: Path, known: dict[str, Path]) -> Iterator[str]:

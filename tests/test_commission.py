@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 from support.controls import golden
+from support.dialects import EVERY
+from support.gates import NEAR, ran
 from support.wrongcontrols import Case, cases, sees, turned_round
-from test_dialects import EVERY
-from test_gate import NEAR, ran
 
 from postprocessors._base import companions, load, program
 from postprocessors._base import settings as settings_of

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from test_run import Result
+from support.runs import Result
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.compare import compare, latch

@@ -8,14 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from support.closing import EXAMPLES, SETTINGS
 from support.compensated import closed, example, first
 
 from sim_controller.compensation import targets as simulated
 from tango_cnc.compensate import propose, targets
 from tango_cnc.records import InputError
-
-EXAMPLES = ("hu40t", "huron", "fork_head", "split", "trunnion", "three_axis_calibrated")
-SETTINGS = {"value_sheet": ("increment=0.0001", "points=17")}
 
 
 def whole(name: str, target: str, folder: Path) -> str:

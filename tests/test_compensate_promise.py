@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import binomtest
+from support.closing import EXAMPLES, SETTINGS
 from support.compensated import example, first, measured, truth, write
-from test_compensate_closing import EXAMPLES, SETTINGS
 
 from sim_controller.compensation import read
 from tango_cnc.compensate import propose, targets

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 import yaml
-from test_run import STRATEGY, Control, run
+from support.runs import STRATEGY, Control, run
 
 from postprocessors._base import Post, comment, load, names, settings, unverified
 from tango_cnc.cli import guarded, tango

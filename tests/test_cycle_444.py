@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 from support.controls import ACTIVE, Ran, assert_as_planned, far_away, lines_of, run_on
-from test_dialects import EXAMPLE, PRINTED, measured
-from test_readback import bare, changed, read_back, refused, renumbered
+from support.dialects import EXAMPLE, PRINTED, measured
+from support.readback import bare, changed, read_back, refused, renumbered
 
 from postprocessors._base import load, unverified
 from postprocessors.heidenhain import mask

@@ -2,106 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from types import MappingProxyType
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.dialects import EVERY, PRINTED, QUICK, cell, measured, s3, world  # noqa: F401  fixtures
 
-from postprocessors._base import companions, load, program
-from postprocessors.heidenhain import mask
-from sim_controller.motion import Motion
-from sim_controller.probing import rig
-from sim_controller.session import language
 from sim_controller.simulate import simulate
-from tango_cnc.estimate import estimate
-from tango_cnc.files import read_cell, read_world
-from tango_cnc.link._client import Begun, Ended, Failed, Identified, Job, Touched
-from tango_cnc.link._trust import Gate, judge
-from tango_cnc.link._words import record
-from tango_cnc.link.protocols.grbl import Client
-from tango_cnc.plan import last_motion, plan, plan_hash
-from tango_cnc.records import Cell, Plan, Readings, World
-
-EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"
-PRINTED = 1e-4  # mm and deg, the last digit of a record
-OFFSETS = {"X": 11.5, "Y": -3.25, "Z": 100.25}
-
-
-@dataclass(frozen=True)
-class Spoken:
-    """The control of a dialect: language, settings, what is stored in it, how many lines at either end are for the line."""
-
-    family: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    library: tuple[str, ...] = ()
-    frame: int = 0
-    resolution: float = PRINTED  # mm and deg
-
-
-def beside(name: str) -> tuple[str, ...]:
-    """dialect → the files that have to be on its control, each with its name in front."""
-    files = companions(load(name), plan(read_cell(EXAMPLE)), {})
-    return tuple(line for file, lines in files.items() for line in (file, *lines))
-
-
-G31 = Spoken("macro_b", frame=1)
-SPOKEN = {
-    **dict.fromkeys(("fanuc", "mazak"), G31),
-    "mitsubishi": replace(G31, settings={"skip_feed": "own"}),
-    "haas": replace(
-        G31,
-        settings={
-            "macros_ahead": True,
-            "lettered": True,
-            "padding": "bare",
-            "overflow": "expanded",
-            "line_end": "cr",
-            "fastest_skip": 2500.0,
-        },
-    ),
-    "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
-    "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
-    "centroid": Spoken("centroid"),
-    "linuxcnc": Spoken("rs274"),
-    "mach3": Spoken("mach3", library=beside("mach3")),
-    "mach4": Spoken("mach4", library=beside("mach4")),
-    "fagor": Spoken("fagor", {"tool_lengths": {1: 326.674}}),
-    "okuma": Spoken("osp", {"tool_lengths": {1: 326.674}}),
-    "siemens": Spoken("siemens", {"tool_lengths": {1: 326.674}}),
-}
-
-DRIVEN = {"grbl": Spoken("grbl", resolution=1e-3)}  # no logic of its own: its driver decides and records
-QUICK = ("fanuc", "grbl", "heidenhain", "linuxcnc", "siemens")  # one of each way to speak; the others are many seconds together
-EVERY = {**SPOKEN, **DRIVEN}
-
-
-@pytest.fixture(scope="module")
-def cell() -> Cell:
-    """The HU40T, of whose strategy every facet is touched at some indexations: enough for S3."""
-    whole = read_cell(EXAMPLE)
-    some = [i for i in whole.strategy.indexations if len(i.facets) > 1][::3]
-    thin = [replace(i, facets=i.facets[k % 3 :: 3] if len(i.facets) > 6 else i.facets) for k, i in enumerate(some)]
-    spindle = [i for i in whole.strategy.indexations if abs(i.position.get("S", 0.0)) > 0]
-    return replace(whole, strategy=replace(whole.strategy, indexations=(*thin, *spindle)))
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return replace(read_world(EXAMPLE / "world.yaml"), noise=0.0)
+from tango_cnc.plan import plan
+from tango_cnc.records import Cell, Readings, World
 
 
 @pytest.fixture(scope="module")
 def true(cell: Cell, world: World) -> Readings:
     return simulate(cell.machine, cell.artefact, cell.strategy, world)
-
-
-def s3(cell: Cell, readings: Readings) -> dict[str, float]:
-    result = estimate(cell.machine, cell.artefact, readings, ["S3"])
-    return {name: p.value for name, p in {**result.parameters, **result.setup, **result.facets}.items()}
 
 
 @pytest.fixture(scope="module")
@@ -116,56 +30,6 @@ def limits(cell: Cell, true: Readings) -> tuple[dict[str, float], dict[str, floa
         rounded = s3(cell, replace(true, position=true.position + off))
         moved = {name: max(size, abs(rounded[name] - exact[name])) for name, size in moved.items()}
     return exact, moved
-
-
-def driven(made: Plan, control: Any) -> list[Any]:
-    """plan, control that answers line by line → what its driver makes of the answers: start mark, touches, end mark."""
-    numbers = tuple(touch.number for touch in made.touches)
-    client = Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19"})
-    events: list[Any] = []
-    while not any(isinstance(event, Ended | Failed) for event in events):
-        asked = client.bytes_to_send(1 << 16).decode("ascii")
-        answer = control.report() if asked == "?" else control.line(asked.strip())
-        events += client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii"))
-    return [event for event in events if not isinstance(event, Identified)]
-
-
-def measured(made: Plan, name: str, world: World, options: Mapping[str, Any] = MappingProxyType({})) -> Readings:
-    """plan, dialect, true machine, options of its profile → what its records say."""
-    control_of = EVERY[name]
-    spoken = language(control_of.family)
-    lines = list(program(load(name), made, options, plan_hash(made))[2]())
-    lines = lines[control_of.frame : len(lines) - control_of.frame]
-    punched: list[bytes] = []
-    profile = replace(spoken.default_profile(made.machine), g54=OFFSETS, **control_of.settings)
-    motion = Motion(rig(made.machine, made.artefact, world))
-    control = spoken.Control(motion, profile, punched.append, lambda event, **data: None, control_of.library)
-    if name in DRIVEN:
-        begun, *touched, ended = driven(made, control)
-    else:
-        control.run(lines, False)
-        text = b"".join(punched).decode("ascii").replace("\x12", "").replace("\x14", "")
-        begun, *touched, ended = [record(line, made.machine.names) for line in text.splitlines()]
-    assert isinstance(begun, Begun)
-    assert isinstance(ended, Ended) and ended.count == len(made.touches) and ended.mark in ("", begun.mark)
-    judged = []
-    for planned, event in zip(made.touches, touched, strict=True):
-        assert isinstance(event, Touched)
-        assert event.number == planned.number
-        judged.append(judge(event, planned, made.machine, Gate()))
-    count = len(judged)
-    return Readings(
-        made.machine.names,
-        np.arange(1, count + 1),
-        np.zeros(count),
-        tuple(t.facet for t in made.touches),
-        np.array([j.position for j in judged]),
-        last_motion(made),
-        tuple(j.status for j in judged),
-        np.ones(count, dtype=np.int64),
-        np.ones(count, dtype=np.int64),
-        np.full(count, made.strategy.approach.feed),
-    )
 
 
 @pytest.mark.long

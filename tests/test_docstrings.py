@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from test_architecture import modules
+from support.imports import modules
 
 Definition = ast.FunctionDef | ast.ClassDef | ast.AsyncFunctionDef
 # Here everything that is public turns numbers into numbers: without shapes and units nobody can call it.

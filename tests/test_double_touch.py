@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from support.controls import GOLDEN
+from support.dialects import DRIVEN, EVERY, EXAMPLE, OFFSETS, PRINTED, measured, s3
 from support.linkfaults import scene, stopped_by_the_user
-from test_dialects import DRIVEN, EVERY, EXAMPLE, OFFSETS, PRINTED, measured, s3
-from test_dialects_stop import ran
-from test_run import STRATEGY, Result, readings
-from test_run_simulated import agree, controller
+from support.runs import STRATEGY, Result, readings
+from support.simulated_runs import agree, controller
+from support.stopped import ran
 
 from postprocessors._base import Job, Leg, Post, _steps, companions, load, program, settings
 from sim_controller.motion import Motion

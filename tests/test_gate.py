@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -13,88 +12,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.controls import Ran, golden
+from support.dialects import EVERY
+from support.gates import NEAR, ran
 from support.randomplans import random_plans
-from test_dialects import EVERY
-from test_readback import renumbered
+from support.readback import renumbered
 
 from postprocessors._base import companions, load, program, unverified
 from postprocessors._base import settings as settings_of
-from sim_controller.languages import Alarm
-from sim_controller.motion import Motion
-from sim_controller.probing import rig
-from sim_controller.session import language
 from tango_cnc import readback
 from tango_cnc.gate import ALIVE_TIME, BEHIND, PROVING, TOUCH, gate, proving_touch
-from tango_cnc.link._client import Asked, Begun, Ended, Failed, Job, Touched
-from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
-from tango_cnc.records import InputError, Machine, Plan, World
+from tango_cnc.records import InputError, Plan
 
 QUICK = ("fanuc", "siemens")  # of two families by default; the others take as long each and run in CI
 DIALECTS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(EVERY)]
-NEAR = ("contact", "collision")  # what must not happen where nobody has proven the probe alive
-
-
-def ran(
-    name: str,
-    made: Plan,
-    options: Mapping[str, Any] | None = None,
-    habits: Mapping[str, Any] | None = None,
-    truly: Machine | None = None,
-    brake: int | None = None,
-    **who: Any,
-) -> Ran:
-    """dialect, plan, options of its profile, who is there and how the probe is wired → what came of the program.
-
-    `habits`: of the control, beside its usual ones; `truly`: the machine that really moves; `brake`: M code that opens it.
-    """
-    spoken, found = EVERY[name], Ran()
-    family = language(spoken.family)
-    lines = list(program(load(name), made, options or {}, plan_hash(made))[2]())
-    lines = lines[spoken.frame : len(lines) - spoken.frame]
-    library = [line for file, text in companions(load(name), made, options or {}).items() for line in (file, *text)]
-    machine = truly or made.machine
-    motion = Motion(rig(machine, made.artefact, World()), lambda event, **data: found.events.append((event, data)), **who)
-    profile = replace(family.default_profile(machine), **{**spoken.settings, **(habits or {})})
-
-    def note(event: str, **data: Any) -> None:
-        found.events.append((event, data))
-        if event == "m" and brake is not None and re.search(rf"\b{brake}\b", str([*data.values()]).replace("M", "M ")):
-            motion.freed()
-
-    control = family.Control(
-        motion,
-        profile,
-        lambda data: setattr(found, "out", found.out + data),
-        note,
-        spoken.library if name in ("brother", "heidenhain") else library,
-    )
-    if name == "grbl":
-        numbers = tuple(touch.number for touch in made.touches)
-        wait = (99.0,) * (len(numbers) + 1)
-        misses = len(numbers) + 1 if made.touches[0].facet == "air" else 3  # as 'tango commission' asks for
-        job = Job(made, "\n".join(lines), "M", made.machine.names, wait, numbers, misses=misses)
-        client = Client(job, {"orient": "m19"})
-        while not client._over:
-            asked = client.bytes_to_send(1 << 16).decode("ascii")
-            answer = control.report() if asked == "?" else control.line(asked.strip())
-            for event in client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii")):
-                if isinstance(event, Begun):
-                    found.out += b"TANGO START \n"
-                if isinstance(event, Touched):
-                    found.out += f"{event.text}\n".encode()
-                if isinstance(event, Ended):
-                    found.out += b"TANGO END \n"
-                if isinstance(event, Failed):
-                    found.alarm = Alarm("driver", event.why)
-                if isinstance(event, Asked):
-                    found.events.append(("message", {"text": event.text}))
-        return found
-    try:
-        control.run(lines, False)
-    except Alarm as alarm:
-        found.alarm = alarm
-    return found
 
 
 def events(found: Ran) -> list[str]:

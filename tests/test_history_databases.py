@@ -15,7 +15,7 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 from support import postgres
-from test_history import EVENTS, knowledge, record
+from support.histories import EVENTS, knowledge, record
 
 from tango_cnc.history import Decision, add_compensations, compensations, opened
 from tango_cnc.history.copy import copied
@@ -88,7 +88,7 @@ def test_a_backup_is_the_same_and_comes_back(place: Place, tmp_path: Path) -> No
 WRITER = """
 import sys
 sys.path.insert(0, {tests!r})
-from test_history import knowledge, record
+from support.histories import knowledge, record
 from tango_cnc.history import opened
 with opened({place!r}) as history:
     print("ready", flush=True)

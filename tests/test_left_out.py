@@ -13,8 +13,8 @@ import pytest
 import yaml
 from support.blockcell import block, machine
 from support.blockcell import cell as block_cell
-from test_run import Result, readings
-from test_run_simulated import controller
+from support.runs import Result, readings
+from support.simulated_runs import controller
 
 from postprocessors._base import load, names, program, settings
 from tango_cnc import kinematics

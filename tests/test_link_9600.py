@@ -3,7 +3,7 @@
 import sys
 
 import pytest
-from test_link_same_parameters import the_same_parameters
+from support.parameters import the_same_parameters
 
 pytestmark = [pytest.mark.campaign, pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")]
 

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 
 import pytest
-from test_run import STRATEGY, Result
-from test_run_simulated import agree, controller
+from support.runs import STRATEGY, Result
+from support.simulated_runs import agree, controller
 
 from tango_cnc.commands.init import write_example
 

@@ -6,9 +6,9 @@ import sys
 
 import numpy as np
 import pytest
-from test_link_kills import controller
-from test_run import Result, readings
-from test_run_simulated import agree, cell  # noqa: F401  a fixture
+from support.killed import controller
+from support.runs import Result, readings
+from support.simulated_runs import agree, cell  # noqa: F401  a fixture
 
 from sim_controller.faults import KINDS, LINE_KINDS
 
@@ -58,7 +58,7 @@ def happened(folder, events, name="readings.csv"):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", KINDS)
-def test_a_fault_of_the_machine(cell, name):  # noqa: F811
+def test_a_fault_of_the_machine(cell, name):
     result, events = ran(cell, "--fault", f"{name}=4", patience=1)
     assert SAID[name] in result.err + result.out
     if name == "bounce-after":  # a row that no estimate uses
@@ -72,7 +72,7 @@ def test_a_fault_of_the_machine(cell, name):  # noqa: F811
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", LINE_KINDS)
-def test_a_fault_of_the_line(cell, kind):  # noqa: F811
+def test_a_fault_of_the_line(cell, kind):
     protocol, where, chance = LINES[kind]
     options = ["--line-fault", f"{kind}={chance}", "--line-seed", "4"]
     result, events = ran(cell, *options, protocol=protocol, where=where, patience=4)
@@ -98,7 +98,7 @@ SEVEN = "serial://{}?bits=7&parity=even&tv=even"
         ([], SEVEN, None),
     ],
 )
-def test_the_reader_of_the_tape_stops_at_wrong_parity_and_at_a_wrong_number(cell, options, url, alarm):  # noqa: F811
+def test_the_reader_of_the_tape_stops_at_wrong_parity_and_at_a_wrong_number(cell, options, url, alarm):
     """A control that has stopped says nothing: the person is told how much has gone out, and nothing has moved."""
     result, events = ran(cell, "--parity", "--tv-check", *options, protocol="dnc", where="--pty", url=url, patience=1)
     assert [event["text"] for event in events if event["event"] == "alarm"] == ([alarm] if alarm else [])

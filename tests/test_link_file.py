@@ -6,8 +6,8 @@ import subprocess
 import sys
 
 import pytest
-from test_run import STRATEGY, Result
-from test_run_simulated import agree
+from support.runs import STRATEGY, Result
+from support.simulated_runs import agree
 
 from postprocessors import heidenhain
 from tango_cnc.commands.init import write_example

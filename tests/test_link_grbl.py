@@ -11,10 +11,11 @@ import pytest
 from support.blockcell import NORMALS, block, machine
 from support.blockcell import cell as block_cell
 from support.controls import GOLDEN
+from support.grbl import driven
 from support.linkfaults import scene
 from support.linkparts import job
-from test_run import STRATEGY, Result, readings
-from test_run_simulated import agree, controller
+from support.runs import STRATEGY, Result, readings
+from support.simulated_runs import agree, controller
 
 from postprocessors._base import load, program
 from sim_controller.languages.grbl import switched_on
@@ -24,7 +25,7 @@ from sim_controller.probing import rig
 from sim_controller.protocols.grbl import serve
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link._client import Ended, Failed, Job, Touched
+from tango_cnc.link._client import Ended, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError, World
@@ -105,23 +106,6 @@ def test_the_same_place_is_no_target(control):
     assert one.line("G38.3 X0 F100") == ["error:33"]
     assert one.line("") == ["ok"]
     assert one.line("G38.3 X1") == ["[PRB:1.000,0.000,800.000,0.000,0.000:0]", "ok"], "F stays"
-
-
-def driven(made, one, until=None, arrives=lambda line: line, text="", **options):
-    """plan, control, line after which the PC dies, what arrives of a line, program, options → events, every line that was sent."""
-    numbers = tuple(touch.number for touch in made.touches)
-    client = Client(Job(made, text, "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19", **options})
-    events, sent = [], []
-    while not any(isinstance(event, Ended | Failed) for event in events):
-        asked = client.bytes_to_send(1 << 16).decode("ascii")
-        assert asked, "it waits for a line that nobody sends"
-        sent.append(asked.strip())
-        if until and until(sent):
-            one.line(asked.strip())
-            break
-        answer = one.report() if asked == "?" else one.line(arrives(asked.strip()))
-        events += client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii"))
-    return events, sent
 
 
 @pytest.mark.parametrize("cut", ["G38.3 .* F180", "G1 .*"], ids=["in contact", "just off the facet"])

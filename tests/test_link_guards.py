@@ -5,15 +5,15 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from support.guards import MARKED, PROGRAM, played, resting
 from support.linkfaults import Bus, Ledger, Turns, post, resident, scene
 from support.linkparts import MARK as NAME
 from support.linkparts import FakeClock, job, machine, plan
-from test_link_session import Run, after_the_program, printed
+from support.sessions import Run, after_the_program, printed
 
 from sim_controller.motion import Motion
 from sim_controller.protocols.modbus import (
     BEGUN,
-    CONFIRMED,
     COUNT_OF,
     ECHO,
     HEARD,
@@ -25,7 +25,6 @@ from sim_controller.protocols.modbus import (
     STATUS,
     TAKEN,
     TICK,
-    TICKET,
     Registers,
 )
 from tango_cnc.link import _measure
@@ -33,7 +32,6 @@ from tango_cnc.link._client import Begun, Identified, Touched
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link._trust import Distrust, Gate, judge
 from tango_cnc.link.protocols import dnc
-from tango_cnc.link.protocols.modbus import Client
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import LinkError
 
@@ -178,43 +176,6 @@ def test_what_a_control_made_of_a_target_is_compared(tmp_path, monkeypatch, does
     said, _, commands = stopped(tmp_path, monkeypatch, ASKED, 4, does)
     assert why in said
     assert given is None or commands == given
-
-
-MARKED = [0, int(NAME[:4], 16), int(NAME[4:], 16)]
-
-
-def played(options, happens, words, keeps=(), most=30):
-    """options of the client, what happens to the registers before each look, where the run has begun → its events, its requests"""
-    client, events, requests = Client(job(), options), [], []
-    for _ in range(most):
-        request = client.bytes_to_send(1000).decode().split()
-        if not request:
-            break
-        requests.append(request[0])
-        code, address, *values = map(int, request)
-        if code == 16:
-            for register, value in enumerate(values, address):
-                words[register] = words[register] if register in keeps else value
-            if address == REQUEST:
-                words[ECHO : ECHO + LONG], words[TICKET] = words[REQUEST : REQUEST + LONG], words[TICKET] + 1
-            elif words[CONFIRMED] == words[TICKET] != words[BEGUN]:
-                words[BEGUN], words[STATUS] = words[TICKET], 1
-            answer = [16, address, len(values)]
-        else:
-            happens(words, len(requests))
-            answer = [3, *words[address : address + values[0]]]
-        events += client.receive((" ".join(map(str, answer)) + "\n").encode())
-    return events, requests
-
-
-def resting(**changed):
-    words = list(Registers(Motion(scene()[2])).words)
-    for name, value in changed.items():
-        words[{"status": STATUS, "record": RECORD, "heard": HEARD}[name]] = value
-    return words
-
-
-PROGRAM = {"run": "program"}
 
 
 def test_nothing_is_asked_for_while_a_command_of_before_is_open():

@@ -6,8 +6,8 @@ import socket
 import threading
 
 import pytest
-from test_run import Result
-from test_run_simulated import controller
+from support.runs import Result
+from support.simulated_runs import controller
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._heard import heard, parity_of

@@ -13,9 +13,8 @@ import time
 
 import numpy as np
 import pytest
-from support.linkfaults import moves_remembered
+from support.killed import controller, process
 
-from sim_controller import __main__ as sim_controller
 from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
@@ -51,22 +50,6 @@ def cell(tmp_path):
     return folder
 
 
-def process(work, out=os.devnull):
-    """what to do, where its output goes → number of a process that does it, without the seconds that starting Python takes."""
-    number = os.fork()
-    if number:
-        return number
-    nothing = os.open(os.devnull, os.O_RDWR)
-    for stream in (0, 1, 2):
-        os.dup2(out if stream == 1 and isinstance(out, int) else nothing, stream)
-    sys.stdin, sys.stdout, sys.stderr = os.fdopen(0, "r"), os.fdopen(1, "w"), os.fdopen(2, "w")  # pytest's are others
-    status = 1  # where it ends in an error too: what has been forked must not go on with the tests
-    try:
-        status = work()
-    finally:
-        os._exit(status)
-
-
 def child(folder, url, resume):
     """A `tango run` of its own process, which does not read its program back first: that is tested elsewhere. → its number"""
     arguments = ["run", "-C", str(folder), "--port", url, "--yes", "--timeout", "20", *(["--resume"] if resume else [])]
@@ -76,25 +59,6 @@ def child(folder, url, resume):
         return guarded(tango.main, arguments, standalone_mode=False)
 
     return process(work)
-
-
-@contextlib.contextmanager
-def controller(folder, *options):
-    """A simulated control in a process of its own → its address. What it meets on a move that was made before, it remembers."""
-
-    def work():
-        moves_remembered(pytest.MonkeyPatch())
-        return sim_controller.run(["--cell", str(folder), *options])
-
-    read, write = os.pipe()
-    number = process(work, write)
-    os.close(write)
-    try:
-        with os.fdopen(read) as out:
-            yield out.readline().strip()
-    finally:
-        os.kill(number, signal.SIGKILL)
-        os.waitpid(number, 0)
 
 
 def ended(number, seconds):

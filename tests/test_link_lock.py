@@ -10,7 +10,7 @@ import sys
 import threading
 
 import pytest
-from test_run import STRATEGY, Control, Result
+from support.runs import STRATEGY, Control, Result
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link import lock

@@ -11,9 +11,9 @@ from support.linkparts import job
 from support.lsv2 import Control, serving
 from support.lsv2_person import PROGRAM as PLACE
 from support.lsv2_person import Person
-from test_link_same_parameters import SIGMAS, estimate
-from test_run import STRATEGY, Result
-from test_run_simulated import agree
+from support.parameters import SIGMAS, estimate
+from support.runs import STRATEGY, Result
+from support.simulated_runs import agree
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link.protocols import lsv2

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 from support.linkfaults import scene, stopped_by_the_user
 from support.linkparts import job
-from test_run import STRATEGY, Result, readings
-from test_run_simulated import agree, controller
+from support.modbus import edited
+from support.runs import STRATEGY, Result, readings
+from support.simulated_runs import agree, controller
 
 from sim_controller.motion import Motion
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._client import Failed, Touched
-from tango_cnc.link._layout import STANDARD, read_layout
+from tango_cnc.link._layout import read_layout
 from tango_cnc.link.protocols.modbus import Client
 from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError
@@ -35,14 +36,6 @@ def cell(tmp_path):
     world = (folder / "world.yaml").read_text()
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
     return folder
-
-
-def edited(tmp_path, old, new):
-    text = STANDARD.read_text()
-    assert old in text
-    file = tmp_path / "own.yaml"
-    file.write_text(text.replace(old, new))
-    return str(file)
 
 
 @pytest.mark.parametrize(

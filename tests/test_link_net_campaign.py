@@ -19,7 +19,7 @@ from support import linkfaults
 from support.lsv2 import Control, serving
 from support.netfaults import Disk, Drive, Proxy, Variables, behind, net_session, patched
 from support.opcua import FOLDER, control
-from test_link_remote import KINDS, NEEDED, free_port, ftp_server, place
+from support.remote import KINDS, NEEDED, free_port, ftp_server, place
 
 LINKS = (*KINDS, "lsv2", "opcua")
 CAMPAIGN = int(os.environ.get("TANGO_SESSIONS", "3000"))

@@ -7,10 +7,10 @@ import threading
 import pytest
 from support.linkparts import job
 from support.opcua import FOLDER, MARK, R, control
-from test_link_remote import PROGRAM, free_port
-from test_link_same_parameters import SIGMAS, estimate
-from test_run import STRATEGY, Result
-from test_run_simulated import agree
+from support.parameters import SIGMAS, estimate
+from support.remote import PROGRAM, free_port
+from support.runs import STRATEGY, Result
+from support.simulated_runs import agree
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._nodes import STANDARD, read_nodes

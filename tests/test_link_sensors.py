@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from paho.mqtt import client as mqtt
 from paho.mqtt import publish
-from test_link_remote import free_port, listening
-from test_run import STRATEGY, Control, Result, readings
+from support.remote import free_port, listening
+from support.runs import STRATEGY, Control, Result, readings
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell

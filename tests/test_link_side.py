@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 from support.linkparts import FakeClock, job
-from test_link_session import GOOD, Run, after_the_program, printed
-from test_run import STRATEGY, Control, Result, readings
+from support.runs import STRATEGY, Control, Result, readings
+from support.sessions import GOOD, Run, after_the_program, printed
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link import _measure

@@ -4,12 +4,12 @@ import random
 
 import numpy as np
 import pytest
+from support.grbl import driven
+from support.guards import MARKED, PROGRAM, played, resting
 from support.linkfaults import Bus, scene
 from support.linkparts import FakeClock, job
-from test_link_grbl import driven
-from test_link_guards import MARKED, PROGRAM, played, resting
-from test_link_modbus import edited
-from test_link_session import GOOD, Run, after_the_program, printed
+from support.modbus import edited
+from support.sessions import GOOD, Run, after_the_program, printed
 
 from sim_controller.languages.grbl import switched_on
 from sim_controller.motion import Motion

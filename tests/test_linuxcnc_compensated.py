@@ -11,28 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support.linuxcnc_compensated_parts import ERRORS, LATE, cell, probed
 from support.realcontrol import HERE, ORDER, Control, linuxcnc
 
 from sim_controller.world import nominal_machine, tip_in_table
 from tango_cnc.cli import tango
-from tango_cnc.compensate.targets import Job, load, options
+from tango_cnc.compensate.targets import Request, load, options
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan
 from tango_cnc.records import Array, Plan
 
 pytestmark = pytest.mark.system("linuxcnc", "rs274")
-ERRORS = {"EXX1": 3e-4, "EYY1": -4e-4, "EZZ1": 2e-4}  # 30 µm and more on the way to this table: what a touch may be late by is 3
-LATE = 0.004  # mm
-
-
-def cell(folder: Path) -> Path:
-    shutil.copytree(HERE / "golden" / "cell", folder)
-    (folder / "tango.yaml").write_text(
-        "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\nterms: S1\n"
-        "controller: {post: linuxcnc, log: log.txt, gate: none, positioning_feed: 24000}\n"
-    )
-    (folder / "world.yaml").write_text(f"errors: {json.dumps(ERRORS)}\n")
-    return folder
 
 
 def files(folder: Path) -> dict[str, str]:
@@ -40,10 +29,10 @@ def files(folder: Path) -> dict[str, str]:
     machine = read_cell(folder).machine
     module = load("linuxcnc")
     limits = {a.name: a.travel for a in machine.axes if a.travel is not None}
-    job = Job(machine, limits, options(module, ["kinematics=trivkins", f"joints={ORDER}", "points=9"]))
-    held = module.held(job)
+    request = Request(machine, limits, options(module, ["kinematics=trivkins", f"joints={ORDER}", "points=9"]))
+    held = module.held(request)
     own = {h.place: h.number(ERRORS.get(f"E{h.axis}{h.axis}1", 0.0) * h.at) for h in held}
-    written: dict[str, str] = module.files(job, held, own)
+    written: dict[str, str] = module.files(request, held, own)
     return written
 
 
@@ -72,14 +61,6 @@ def by_motors(folder: Path) -> None:
             f"net c{letter} joint.{i}.pos-cmd => motor.{letter}.in0\nnet b{letter} joint.{i}.backlash-filt => motor.{letter}.in1\n"
         )
     (folder / "machine.hal").write_text(hal)
-
-
-def probed(control: Control, folder: Path) -> Array:
-    """Control, cell → (n, 3) mm: X Y Z that the control tells of every contact."""
-    lines, error = control.run(folder)
-    assert not error
-    rows = [{w[0]: float(w[1:]) for w in re.findall(r"[XYZ]-?[\d.]+", line)} for line in lines if re.match(r"P\d+ H1", line)]
-    return np.array([[row[a] for a in "XYZ"] for row in rows])
 
 
 def away(folder: Path, found: Array) -> Array:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.linuxcnc_compensated_parts import LATE, cell, probed
 from support.realcontrol import HERE, linuxcnc
-from test_linuxcnc_compensated import LATE, cell, probed
 
 from sim_controller.simulate import simulate
 from tango_cnc.compensate import propose

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.compensated import example
+from support.nc_compensate_parts import CHORD, DECIMALS, LENGTH, ZERO, away, knowledge, rewritten
 from support.ncdialects import LANGUAGES, Meant, array, parts, program
-from test_nc_compensate import CHORD, DECIMALS, LENGTH, ZERO, away, knowledge, rewritten
 
 from tango_cnc.compensate.fit import Known
 from tango_cnc.records import Array, InputError

@@ -11,15 +11,15 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from test_history import knowledge
-from test_history import record as kept
+from support.histories import knowledge
+from support.histories import record as kept
 
 from tango_cnc.commands import _simulated_nights as simulated
 from tango_cnc.commands._simulated_nights import Event, Story, nights
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, opened
-from tango_cnc.nightly import World
+from tango_cnc.nightly import Ports
 from tango_cnc.nightly.alarms import Known, effect_of, since, standing
 from tango_cnc.nightly.doubt import Judged, believed
 from tango_cnc.nightly.night import _before
@@ -162,7 +162,7 @@ def test_since_when_says_which_nights_were_not_measured(tmp_path: Path) -> None:
         history.add_night(kept(3, status="missed", headline="no measurement: no night began", **missing))
         found = since(history, "M", tonight + 3)
         assert (found.date, found.words) == ("2026-10-01", "2026-10-01 (2 nights not measured)")
-        before = _before("M", cast(World, SimpleNamespace(past=history)))
+        before = _before("M", cast(Ports, SimpleNamespace(past=history)))
     assert before["last_measured"] == "2026-10-01"
     record = night(**before)
     text = message(record, (), ())[1]

@@ -12,7 +12,7 @@ from typing import Any, cast
 import pytest
 from click.testing import CliRunner
 from support.controls import GOLDEN
-from test_history import knowledge
+from support.histories import knowledge
 
 from tango_cnc.cli import tango
 from tango_cnc.commands._night_world import RealDisk
@@ -20,7 +20,7 @@ from tango_cnc.commands._simulated_nights import Nobody, Time
 from tango_cnc.commands._unreadable import machine_of, settings_of
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History, opened
-from tango_cnc.nightly import Finding, Measured, World, night
+from tango_cnc.nightly import Finding, Measured, Ports, night
 from tango_cnc.records import LinkError, Readings
 
 SETTINGS = "nightly: 1\nowner: Ann Meier\nnotify: ['file://{board}', mailto:ann@shop.example?smtp=127.0.0.1:9]\n"
@@ -123,7 +123,7 @@ def test_a_night_that_the_history_did_not_take_is_added_by_the_next_one(tmp_path
 
     def one(day: int, history: History) -> dict[str, Any]:
         clock = Time(datetime(2026, 10, day, 2, tzinfo=UTC))
-        return night("M", str(tmp_path), Nightly(), World(clock, disk, four, Nobody(), history, four, nullcontext()))
+        return night("M", str(tmp_path), Nightly(), Ports(clock, disk, four, Nobody(), history, four, nullcontext()))
 
     with opened(tmp_path / "history.db") as history:
         one(1, history)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_run import Result
+from support.runs import Result
 
 from tango_cnc import kinematics
 from tango_cnc.files import read_cell

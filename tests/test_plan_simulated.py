@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_run import Result, readings
+from support.runs import Result, readings
 
 from tango_cnc.files import read_cell
 from tango_cnc.plan import last_motion, last_moves, plan

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_run import STRATEGY, Result
-from test_run_simulated import agree, controller
+from support.runs import STRATEGY, Result
+from support.simulated_runs import agree, controller
 
 from postprocessors._base import Post, companions, load, mark_of, names, of_part, program, settings
 from tango_cnc.commands.init import write_example

@@ -16,17 +16,17 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pytest
+from support.dialects import DRIVEN, EVERY, OFFSETS
 from support.distances import Body, corners, distance
+from support.grbl import driven
 from support.randomplans import EXAMPLES, POSES, WISHES, Drawn, example, options, posts, random_plans, settings
-from test_dialects import DRIVEN, EVERY, OFFSETS
-from test_link_grbl import driven
+from support.stored import NOTHING, stored
 
-from postprocessors._base import companions, names, program
+from postprocessors._base import names, program
 from sim_controller import solids
 from sim_controller.languages import Alarm
 from sim_controller.motion import Motion, MotionStop
@@ -42,7 +42,6 @@ OVERHANG = 50.0  # mm that the table may go on beyond its facets
 FAR = 400.0  # mm above the tip, of a second point of the tool
 LEVEL = 1.0  # mm: a facet over which another one looks by more than that is no side of the table
 STEP = math.radians(3.0)
-NOTHING: Mapping[str, Any] = MappingProxyType({})  # is stated of a control
 COMMENTS = re.compile(r"\([^)]*\)|;.*")
 
 
@@ -133,13 +132,6 @@ def gap(true: Truth, path: Array, enough: float = math.inf) -> float:
 def text_of(name: str, made: Plan, stated: Mapping[str, Any]) -> list[str]:
     """dialect, plan, what the profile says → the program."""
     return list(program(posts(name), made, stated, plan_hash(made))[2]())
-
-
-def stored(name: str, made: Plan, stated: Mapping[str, Any] = NOTHING) -> tuple[str, ...]:
-    """dialect, plan, profile → what its control has in store: files that come with the program, else what it always has."""
-    drive = "TNC:\\" if EVERY[name].family == "klartext" else ""
-    files = companions(posts(name), made, stated)
-    return tuple(line for file, lines in files.items() for line in (drive + file, *lines)) or EVERY[name].library
 
 
 def carried_out(name: str, lines: list[str], made: Plan, stated: Mapping[str, Any], true: Truth) -> Watched:

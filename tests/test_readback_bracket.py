@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 import pytest
-from test_readback import changed, golden, lines_of, read_back, refused
+from support.readback import changed, golden, lines_of, read_back, refused
 
 DEFLECTED = '$IF V.G.PRBST1!=0\n#CLOSE\n#ERROR ["TANGO PROBE IS DEFLECTED"]\nM30\n$ENDIF\n'
 MET = "V.A.MEASOK.X+V.A.MEASOK.Y+V.A.MEASOK.Z"

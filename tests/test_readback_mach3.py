@@ -10,8 +10,8 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from test_readback import Beside, golden, lines_of, refused
-from test_readback_mutants import Endless, Trace, carried_out, compared, short, worlds
+from support.readback import Beside, golden, lines_of, refused
+from support.rehearsed import Endless, Trace, carried_out, compared, short, worlds
 
 from postprocessors._base import companions, load
 from tango_cnc.records import Plan

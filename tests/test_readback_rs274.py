@@ -9,8 +9,8 @@ from contextlib import suppress
 
 import pytest
 from support.programmutants import mutant
-from test_readback import changed, golden, lines_of, refused
-from test_readback_mutants import NEAR, Traced, short, worlds
+from support.readback import changed, golden, lines_of, refused
+from support.rehearsed import NEAR, Traced, short, worlds
 
 from sim_controller.languages import Alarm, Silence
 from sim_controller.languages.grbl import Control, Profile

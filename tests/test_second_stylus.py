@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
-from test_dialects import EVERY, OFFSETS, QUICK, measured
+from support.dialects import EVERY, OFFSETS, QUICK, measured
 
 from sim_controller.languages import Alarm
 from sim_controller.motion import Motion

@@ -5,8 +5,8 @@ import json
 from functools import partial
 
 import pytest
-from test_run import Control, Result, readings, run
-from test_run import cell as seven_touches  # noqa: F401  a fixture
+from support.runs import Control, Result, readings, run
+from support.runs import cell as seven_touches  # noqa: F401  a fixture
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
@@ -66,14 +66,14 @@ def test_a_run_of_one_piece_has_no_offset(interrupted):
     assert "without interruption" in result.err
 
 
-def test_a_resumed_run_numbers_its_readings_and_one_without_interruption_does_not(seven_touches):  # noqa: F811
+def test_a_resumed_run_numbers_its_readings_and_one_without_interruption_does_not(seven_touches):
     run(seven_touches, Control(seven_touches, stop=4), "--timeout", "0.4")
     assert readings(seven_touches, "readings.partial.csv").segment is None
     assert run(seven_touches, Control(seven_touches), "--resume").code == 0
     assert readings(seven_touches).segment.tolist() == [1, 1, 1, 1, 2, 2, 2]
 
 
-def test_several_programs_of_one_run_are_one_segment(seven_touches):  # noqa: F811
+def test_several_programs_of_one_run_are_one_segment(seven_touches):
     begun = partial(Segment, "2026-01-01T00:00:00+00:00", "1", "M", {}, "P", "N", ())
     entries = [
         begun(part) if part else Reading(touch, "1", (0.0,) * 6, 0.0, "ok", None, None, (0,) * 6, "")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from support.controls import ACTIVE, golden, run_on
-from test_readback import lines_of, refused
+from support.readback import lines_of, refused
 
 from sim_controller.languages import siemens
 from tango_cnc.link._client import Touched

@@ -1,7 +1,7 @@
 """Faults on purpose: the same seed gives the same ones, and each kind does what its name says."""
 
 import pytest
-from test_run_simulated import controller
+from support.simulated_runs import controller
 
 from sim_controller.faults import KINDS, LINE_KINDS, WORDS, Disturbance, faults, line_faults
 from sim_controller.protocols._tape import Tape

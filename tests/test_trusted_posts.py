@@ -5,7 +5,7 @@ import py_compile
 from pathlib import Path
 
 import pytest
-from test_run import STRATEGY, Result
+from support.runs import STRATEGY, Result
 
 from tango_cnc.commands import _trusted
 from tango_cnc.commands.init import write_example

@@ -65,9 +65,9 @@ def text(proposal: Proposal) -> str:
     for share in sorted(best.shares, key=lambda s: -s.effect_um):
         part = f" ({100 * share.held:.0f} %)" if share.word == "partly" else ""
         width[share.word].append(f"{share.name} {share.effect_um:.1f} µm{part}")
-    machine = proposal.job.machine
+    machine = proposal.request.machine
     limits = []
-    for name, (low, high) in proposal.job.limits.items():
+    for name, (low, high) in proposal.request.limits.items():
         scale = 1.0 if name in machine.linear else 180 / math.pi
         limits.append(f"{name} {low * scale:.0f} to {high * scale:.0f}")
     lines = [f"volume ({proposal.over}): {', '.join(limits)}", "", "what this target can hold (effect on the tool tip, rms):"]

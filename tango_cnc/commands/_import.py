@@ -13,7 +13,7 @@ from ..files.checked import complaint
 from ..files.nightly import Nightly
 from ..files.readjson import read_json
 from ..history import History
-from ..nightly import Finding, Measured, World, night
+from ..nightly import Finding, Measured, Ports, night
 from ..plan import plan
 from ..records import Cell, InputError, Readings
 from ._cell_nights import nights_of
@@ -67,5 +67,5 @@ def imported(history: History, folders: Sequence[Path]) -> Iterator[tuple[Path, 
         settings = Nightly(every_days=1e6, diagnose=False, free_mb=0, full_every_days=1e-6)
         analysis = nights_of(cell, settings, plan(cell))
         old, nothing = _Old(cell, readings, text, origin), Folder(lambda stamp, name, text: None)
-        world = World(Time(when), nothing, old, Nobody(), history, analysis, nullcontext())
+        world = Ports(Time(when), nothing, old, Nobody(), history, analysis, nullcontext())
         yield cell.folder, night(cell.machine.name, str(cell.folder.resolve()), settings, world)

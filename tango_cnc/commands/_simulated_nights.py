@@ -13,7 +13,7 @@ import numpy as np
 from ..files import readings_text
 from ..files.nightly import Nightly
 from ..history import History
-from ..nightly import Delivery, Finding, Measured, World, night
+from ..nightly import Delivery, Finding, Measured, Ports, night
 from ..nightly.parts import part_of
 from ..plan import plan
 from ..records import Cell, Readings
@@ -195,5 +195,5 @@ def nights(
         now = {name: value + story.warm.get(name, 0.0) * change for name, value in errors.items()}
         machine.truth = replace(truth, errors=now, facets=facets)
         clock = Time(moment + timedelta(days=number - 1, minutes=float(rng.uniform(0, 5))))
-        world = World(clock, Folder(keep), machine, Nobody(), history, analysis, nullcontext())
+        world = Ports(clock, Folder(keep), machine, Nobody(), history, analysis, nullcontext())
         yield night(cell.machine.name, str(cell.folder), settings, world), machine.truth

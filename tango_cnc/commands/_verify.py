@@ -62,7 +62,7 @@ def _sphere(cell: Cell, options: dict[str, Any]) -> tuple[Any, Any]:
 
 
 @dataclasses.dataclass
-class Job:
+class Verification:
     """One run of the command: what was found so far, for JSON, for people and against the limit."""
 
     cell: Cell

@@ -270,9 +270,9 @@ def _sign_of(cell: Cell, options: dict[str, Any]) -> int:
     )
     text = ",".join(f"{n}={low}:{high}" for n, (low, high) in record["volume"].items())
     settings = targets.options(module, [f"{key}={value}" for key, value in record["options"].items()])
-    job = targets.Job(cell.machine, _compensate.volume_of(text, cell.machine), settings)
+    request = targets.Request(cell.machine, _compensate.volume_of(text, cell.machine), settings)
     changes = {v["place"]: v["new"] - v["present"] for v in record["values"] if v["new"] != v["present"]}
-    found = trial.judge(tuple(module.held(job)), changes, before, after)
+    found = trial.judge(tuple(module.held(request)), changes, before, after)
     data = {"format": "tango-sign-trial/1", "verdict": found.word, "ratio": round(found.ratio, 4), "touches": found.touches}
     if not write_json(options["json_file"], data):
         click.echo(_compensate.sign(found))

@@ -56,7 +56,7 @@ def command(
     doubt; 2: wrong input; 3: not measured. Settings are in nightly.yaml (docs/nightly.md).
     """
     from ..history import opened
-    from ..nightly import EXIT, World, night
+    from ..nightly import EXIT, Ports, night
     from ..nightly.notify import Notifier
     from ..plan import plan
     from ._cell_nights import nights_of
@@ -92,7 +92,7 @@ def command(
             if dry_run:
                 return _dry(control, analysis, history, begun, disk, settings, json_file)
             recorded(folder, history)
-            world = World(_Held(begun), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
+            world = Ports(_Held(begun), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(history, record)
     except TangoError as error:
@@ -138,13 +138,13 @@ def _newest(history: History, record: Mapping[str, Any]) -> tuple[int, str] | No
 def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime, disk: Any, mail: Any, error: TangoError) -> None:
     """Puts a night on record whose cell or history cannot be read, as far as that goes, and tells whoever is to be told."""
     from ..history import opened
-    from ..nightly import World, night
+    from ..nightly import Ports, night
     from ._unreadable import NoHistory, Unreadable, machine_of
 
     none, cell = Unreadable(error), str(folder.resolve())
 
     def begin(past: Any, name: str) -> None:
-        night(name, cell, settings, World(_Held(begun), disk, none, mail, past, none, holding(folder, "tango nightly")))
+        night(name, cell, settings, Ports(_Held(begun), disk, none, mail, past, none, holding(folder, "tango nightly")))
 
     with ExitStack() as stack:
         try:

@@ -13,7 +13,7 @@ from ..records import InputError
 from ..report import pictures
 from ._common import Output, cell_option, json_option
 from ._trust import despite_option, judged, status
-from ._verify import Job, write_sphere
+from ._verify import Verification, write_sphere
 
 PLACE = "Understand 40"  # in the list of commands
 
@@ -64,7 +64,7 @@ def command(**options: Any) -> int:
     readings = read_readings(source, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"], folder)
     result, judgement = judged(cell, readings, terms, options["degree"], source=source)
-    job = Job(cell, readings, terms, result, options, judgement)
+    job = Verification(cell, readings, terms, result, options, judgement)
     other = options["cmm_file"] or options["ball"] or options["sphere_cell"] or options["volumetric"]
     if options["hold"] or options["one"] or options["size"] or not other:
         job.held_out()

@@ -48,7 +48,7 @@ def store(cell: Path, proposal: Proposal, now: str, folder: Path | None = None, 
     place = folder or cell / FOLDER / f"{number:03d}-{proposal.target}"
     if place.exists() and any(place.iterdir()):
         raise InputError(f"-o: found {place}, which is not empty; allowed: a new folder")
-    steps = [f"{i}. {text}" for i, text in enumerate(proposal.module.steps(proposal.job), 1)]
+    steps = [f"{i}. {text}" for i, text in enumerate(proposal.module.steps(proposal.request), 1)]
     record = as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
     record["readings_rows"] = list(rows)
     record["digest"] = digest(record)

@@ -13,7 +13,7 @@ from ..records import Array, InputError, Machine, TangoError
 from . import targets
 from .fit import Figure, Fit, fit, known
 from .space import Held, Limits, limits_of, sample
-from .targets import Job
+from .targets import Request
 
 FORMAT = "tango-compensation/1"
 CAP_MM, CAP_DEG = 0.05, 0.01
@@ -26,7 +26,7 @@ class Proposal:
 
     target: str
     module: ModuleType
-    job: Job
+    request: Request
     fit: Fit
     numbers: Mapping[str, float]  # by place: what the control is to store
     present: Mapping[str, float]  # by place: what it stores now
@@ -41,13 +41,13 @@ class Proposal:
     @property
     def files(self) -> dict[str, str]:
         """→ {name: text} of what is written."""
-        found: dict[str, str] = self.module.files(self.job, self.held, self.numbers)
+        found: dict[str, str] = self.module.files(self.request, self.held, self.numbers)
         return found
 
     @property
     def undo(self) -> dict[str, str]:
         """→ {name: text} of the same files with the present values."""
-        found: dict[str, str] = self.module.files(self.job, self.held, self.present)
+        found: dict[str, str] = self.module.files(self.request, self.held, self.present)
         return found
 
 
@@ -70,9 +70,9 @@ def propose(
     limits = limits_of(machine, touches, over, volume or {})
     at = sample(machine, limits, poses)
     found = known(result, at)
-    job = Job(machine, limits, targets.options(module, settings), found.coefficients)
-    targets.checked(module, job)
-    held: list[Held] = module.held(job)
+    request = Request(machine, limits, targets.options(module, settings), found.coefficients)
+    targets.checked(module, request)
+    held: list[Held] = module.held(request)
     if not held:
         raise InputError(f"--target {target}: found settings with which nothing is stored; see 'tango compensate --facts {target}'")
     places = {h.place for h in held}
@@ -87,7 +87,7 @@ def propose(
     numbers = {
         h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
     }
-    return Proposal(target, module, job, best, numbers, now, present is not None, over if not volume else "as given")
+    return Proposal(target, module, request, best, numbers, now, present is not None, over if not volume else "as given")
 
 
 def _some(places: set[str]) -> str:
@@ -97,8 +97,8 @@ def _some(places: set[str]) -> str:
 
 def beyond(proposal: Proposal, cap_mm: float, cap_deg: float) -> list[str]:
     """proposal, largest change allowed → a sentence for every number that changes more, the largest first."""
-    machine, found = proposal.job.machine, []
-    reach = max(high - low for name, (low, high) in proposal.job.limits.items() if name in machine.linear)
+    machine, found = proposal.request.machine, []
+    reach = max(high - low for name, (low, high) in proposal.request.limits.items() if name in machine.linear)
     for h, change in zip(proposal.held, proposal.fit.change, strict=True):
         size = abs(float(change))
         if h.kind == "angle":
@@ -128,7 +128,7 @@ def capped(proposal: Proposal, cap_mm: float, cap_deg: float) -> None:
 
 def as_json(proposal: Proposal) -> dict[str, Any]:
     """proposal → plain data of the format tango-compensation/1."""
-    machine, best = proposal.job.machine, proposal.fit
+    machine, best = proposal.request.machine, proposal.fit
 
     def figure(f: Figure) -> dict[str, float]:
         return {"value": round(f.value, 4), "low": round(f.low, 4), "high": round(f.high, 4)}
@@ -149,8 +149,8 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "target": proposal.target,
         "machine": machine.name,
         "topology": machine.topology,
-        "options": dict(proposal.job.options),
-        "volume": {name: _limits(machine, name, proposal.job.limits) for name in proposal.job.limits},
+        "options": dict(proposal.request.options),
+        "volume": {name: _limits(machine, name, proposal.request.limits) for name in proposal.request.limits},
         "over": proposal.over,
         "present_given": proposal.given,
         "promise": {

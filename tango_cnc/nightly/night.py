@@ -16,7 +16,7 @@ import numpy as np
 from ..files.nightly import Nightly
 from ..history import FORMAT, Knowledge
 from ..records import InputError, LinkError, TangoError
-from .ports import Disk, Finding, World
+from .ports import Disk, Finding, Ports
 from .words import headline, message
 
 MISSED = 7  # nights that were missed and are put on record one by one
@@ -34,7 +34,7 @@ def day_of(moment: datetime) -> float:
     return moment.timestamp() / 86_400
 
 
-def night(machine: str, cell: str, settings: Nightly, world: World) -> dict[str, Any]:
+def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str, Any]:
     """machine, folder of its cell, settings, the world → record of the night (tango-night/1), kept and told.
 
     Raises nothing that a night can meet: what fails is in the record.
@@ -62,7 +62,7 @@ def night(machine: str, cell: str, settings: Nightly, world: World) -> dict[str,
         return _kept(record, None, {}, None, settings, world, stamp, left)
 
 
-def _measured(settings: Nightly, world: World, day: float) -> tuple[dict[str, Any], Knowledge | None, dict[str, str], str | None]:
+def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, Any], Knowledge | None, dict[str, str], str | None]:
     """→ members of the record, unknowns, files, text of the readings."""
     kind, why_kind, touches = world.analysis.choice(world.past, day)
     points = [room(world.disk, settings), *world.control.preflight(kind, touches)]
@@ -96,7 +96,7 @@ def room(disk: Disk, settings: Nightly) -> Finding:
     return Finding("disk", enough, f"{free:.0f} MB free", "" if enough else f"make room: {settings.free_mb:.0f} MB are needed")
 
 
-def _left_behind(machine: str, cell: str, settings: Nightly, world: World, now: datetime) -> list[str]:
+def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: datetime) -> list[str]:
     """→ sentences on nights that were begun and never ended, and on those that never began; they are on record when it returns."""
     said = []
     known = {n.start_utc for n in world.past.nights(machine, last=30)} if machine in world.past.machines() else set()
@@ -132,7 +132,7 @@ def _packed(record: dict[str, Any], readings: str | None, knowledge: Knowledge |
     return json.dumps({"record": record, "readings": readings, "knowledge": state}, ensure_ascii=False) + "\n"
 
 
-def _added(world: World, stamp: str) -> bool:
+def _added(world: Ports, stamp: str) -> bool:
     """→ whether the history has now taken a night that it refused when it was measured. Raises LinkError where it still refuses."""
     text = world.disk.read(stamp, UNKEPT)
     if text is None:
@@ -149,7 +149,7 @@ def _added(world: World, stamp: str) -> bool:
     return True
 
 
-def _before(machine: str, world: World) -> dict[str, Any]:
+def _before(machine: str, world: Ports) -> dict[str, Any]:
     """→ date of the last night that measured, and a sentence on each night since that did not."""
     if machine not in world.past.machines():
         return {}
@@ -177,7 +177,7 @@ def _kept(
     files: dict[str, str],
     readings: str | None,
     settings: Nightly,
-    world: World,
+    world: Ports,
     stamp: str,
     left: list[str],
 ) -> dict[str, Any]:
@@ -216,7 +216,7 @@ def _kept(
     return record | ({"trouble": trouble} if trouble else {})
 
 
-def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: World, stamp: str) -> None:
+def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: Ports, stamp: str) -> None:
     subject, text = message(record, trouble, left, _newest(record["machine"], world))
     waiting = True
     try:
@@ -236,7 +236,7 @@ def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: Wo
             world.disk.sent(old)
 
 
-def _newest(machine: str, world: World) -> tuple[int, str] | None:
+def _newest(machine: str, world: Ports) -> tuple[int, str] | None:
     """→ number of entries of the machine and hash of the newest: who keeps the message sees a history whose end was cut off."""
     try:
         return world.past.newest_hashes().get(machine)

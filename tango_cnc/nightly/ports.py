@@ -146,7 +146,7 @@ class Analysis(Protocol):
 
 
 @dataclass(frozen=True)
-class World:
+class Ports:
     """All of them, and the lock of the cell."""
 
     clock: Clock

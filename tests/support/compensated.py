@@ -76,7 +76,7 @@ def rms(v: Array) -> float:
 
 def tips(cell: Cell, world: World, proposal: Proposal, control: Control | None, poses: int = 1200) -> Array:
     """→ (3n,) mm, errors of the true machine's tip over the volume of the proposal."""
-    at = sample(cell.machine, proposal.job.limits, poses)
+    at = sample(cell.machine, proposal.request.limits, poses)
     position, direction = at.touches.position, at.touches.direction
     nominal = tip_in_table(nominal_machine(cell.machine), position, direction)
     true = true_machine(cell.machine, replace(world, stylus={}), control)
@@ -94,7 +94,7 @@ def closed(name: str, target: str, folder: Path, settings: Sequence[str] = ()) -
     before = first(name)
     proposal = propose(before, target, settings)
     control = read(write(proposal, folder), cell.machine)
-    at = sample(cell.machine, proposal.job.limits)
+    at = sample(cell.machine, proposal.request.limits)
     taken = matrix(proposal.held, at) @ proposal.fit.change
     said = at.free(known(before, at).error(at).reshape(-1, 1))[:, 0] - taken  # what it cannot hold, known beforehand
 

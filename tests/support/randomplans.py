@@ -10,9 +10,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from test_dialects import EXAMPLE
 
 from postprocessors._base import load
+from support.dialects import EXAMPLE
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan
 from tango_cnc.records import Approach, Artefact, Cell, Find, Indexation, InputError, Machine, Obstacle, Plan, Probe

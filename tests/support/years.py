@@ -27,7 +27,7 @@ from tango_cnc.files import readings_text
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History
 from tango_cnc.history import _database as database
-from tango_cnc.nightly import Delivery, Finding, Measured, World, night
+from tango_cnc.nightly import Delivery, Finding, Measured, Ports, night
 from tango_cnc.plan import plan
 from tango_cnc.records import Cell, LinkError, Readings
 from tango_cnc.records import World as Truth
@@ -330,7 +330,7 @@ class Year:
             return "asleep"
         before, moves = self._entries(), self.moves
         self.control.allowed = False
-        world = World(self.clock, self.disk, self.control, self.mail, self.history, self.analysis, self.lock())
+        world = Ports(self.clock, self.disk, self.control, self.mail, self.history, self.analysis, self.lock())
         stamp = self.clock.moment.strftime("%Y-%m-%dT%H%M%SZ")
         try:
             record = night(self.name, "/cells/m", self.settings, world)

@@ -3,11 +3,11 @@
 A target is a module with `TEXT` (one line), `FACTS` (what it is built on, each with its source, and whether it was read in a
 manual or in source code, or is somebody's memory that has to be confirmed), `OPTIONS` and
 
-    held(job)                 → every number that the target can store, as `Held`
-    files(job, held, numbers) → {file name: text}; numbers by place, in the control's units
-    steps(job)                → what a person does, in order
+    held(request)                 → every number that the target can store, as `Held`
+    files(request, held, numbers) → {file name: text}; numbers by place, in the control's units
+    steps(request)                → what a person does, in order
 
-`check(job)`, where there is one, raises InputError for machines that the target does not fit.
+`check(request)`, where there is one, raises InputError for machines that the target does not fit.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Job:
+class Request:
     """What a target is asked for."""
 
     machine: Machine
@@ -95,8 +95,8 @@ def unconfirmed(target: ModuleType) -> list[str]:
     return [fact.text for fact in target.FACTS if not fact.confirmed]
 
 
-def checked(target: ModuleType, job: Job) -> None:
-    """target, job → nothing. Raises InputError where the target does not fit the machine."""
+def checked(target: ModuleType, request: Request) -> None:
+    """target, request → nothing. Raises InputError where the target does not fit the machine."""
     own = dict(inspect.getmembers(target, inspect.isfunction)).get("check")
     if own is not None:
-        own(job)
+        own(request)

@@ -10,7 +10,7 @@ import numpy as np
 from ...kinematics import Slot, axis_frame
 from ...records import COMPONENTS, Array, Machine
 from ..space import Held, Limits, Table, believed, by_slot, knots, tabulated
-from . import Job
+from . import Request
 
 DEGREES = 180 / math.pi
 
@@ -21,23 +21,31 @@ def scale_of(machine: Machine, axis: str) -> float:
 
 
 def trims(
-    job: Job, name: str, out: str, by: str, points: int, *, senses: tuple[int, ...] = (0,), sign: int = 1, increment: float = 1e-6
+    request: Request,
+    name: str,
+    out: str,
+    by: str,
+    points: int,
+    *,
+    senses: tuple[int, ...] = (0,),
+    sign: int = 1,
+    increment: float = 1e-6,
 ) -> list[Held]:
     """job, table name, corrected axis, axis that it is read with, points → entries in mm or degrees."""
-    machine = job.machine
+    machine = request.machine
     unit = "mm" if out in machine.linear else "deg"
     table = Table(
-        name, Slot(out, "motion"), by, knots(job.limits, by, points), senses, unit, scale_of(machine, out), sign, increment
+        name, Slot(out, "motion"), by, knots(request.limits, by, points), senses, unit, scale_of(machine, out), sign, increment
     )
     return tabulated(table, machine)
 
 
-def reversal(job: Job, place: str, axis: str, *, half: bool = False, sign: int = 1, increment: float = 1e-6) -> Held:
+def reversal(request: Request, place: str, axis: str, *, half: bool = False, sign: int = 1, increment: float = 1e-6) -> Held:
     """job, place, axis → the reversal value (or half of it) that a control adds: positive where the axis stops short.
 
     `EXXb` is what the axis goes too far in the direction of its motion, so the control's number is its negative.
     """
-    machine = job.machine
+    machine = request.machine
     factor = scale_of(machine, axis) * (1.0 if half else 2.0)
     return Held(
         place,
@@ -96,9 +104,9 @@ def point_of(machine: Machine, axis: str) -> Array:
     return np.array(machine.axis(axis).point)
 
 
-def component_errors(job: Job, points: int, increment: tuple[float, float]) -> list[Held]:
+def component_errors(request: Request, points: int, increment: tuple[float, float]) -> list[Held]:
     """job, points of a table, increments of mm and rad → all component errors EXX … ECC, tables of the own axis."""
-    machine = job.machine
+    machine = request.machine
     held: list[Held] = []
     for axis in (*machine.linear, *machine.rotary):
         for i, letter in enumerate(COMPONENTS):
@@ -108,7 +116,7 @@ def component_errors(job: Job, points: int, increment: tuple[float, float]) -> l
                 f"E{letter}{axis}",
                 slot,
                 axis,
-                knots(job.limits, axis, points),
+                knots(request.limits, axis, points),
                 (0,),
                 "rad" if angle else "mm",
                 1.0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import rows, scale_of, tables, trims
 
 TEXT = "Centroid CNC11, CNC12: cnc-?.tab, correction forward and reverse of each axis"
@@ -28,18 +28,25 @@ OPTIONS = {
 }
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → forward and reverse table of every axis."""
     result: list[Held] = []
-    for axis in (*job.machine.linear, *job.machine.rotary):
+    for axis in (*request.machine.linear, *request.machine.rotary):
         name = f"cnc-{axis.lower()}.tab"
         result += trims(
-            job, name, axis, axis, int(job.options["points"]), senses=(1, -1), sign=int(job.options["sign"]), increment=1e-5
+            request,
+            name,
+            axis,
+            axis,
+            int(request.options["points"]),
+            senses=(1, -1),
+            sign=int(request.options["sign"]),
+            increment=1e-5,
         )
     return result
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → cnc-x.tab …"""
     result = {}
     for table in tables(held):
@@ -47,16 +54,16 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
         half = len(entries) // 2
         axis, first, last = entries[0].axis, entries[0].at, entries[half - 1].at
         assert axis is not None and first is not None and last is not None
-        scale = scale_of(job.machine, axis)
+        scale = scale_of(request.machine, axis)
         step = (last - first) * scale / (half - 1)
-        unit = "MM" if axis in job.machine.linear else "DEG"
+        unit = "MM" if axis in request.machine.linear else "DEG"
         lines = [f"{axis} {first * scale:.6f} {last * scale:.6f} {step:.9f} {unit}"]
         lines += [f"{numbers[u.place]:.5f} {numbers[d.place]:.5f}" for u, d in zip(entries[:half], entries[half:], strict=True)]
         result[table] = "\r\n".join(lines) + "\r\n"
     return result
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
         "Keep copies of cnc-?.tab of the control, and compare their layout with these files before you replace anything.",

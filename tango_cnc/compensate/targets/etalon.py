@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import component_errors, position_errors, rows, scale_of, tables
 
 TEXT = "Etalon exchange form, variant Vendor: what TRAC-CAL writes and ISG kernels and others read"
@@ -24,16 +24,16 @@ OPTIONS = {
 }
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → location errors and component errors of every axis."""
     found = [
-        *position_errors(job.machine, (1e-9, 1e-12)),
-        *component_errors(job, int(job.options["points"]), (1e-9, 1e-12)),
+        *position_errors(request.machine, (1e-9, 1e-12)),
+        *component_errors(request, int(request.options["points"]), (1e-9, 1e-12)),
     ]
-    return [replace(h, sign=int(job.options["sign"])) for h in found]
+    return [replace(h, sign=int(request.options["sign"])) for h in found]
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → etalon.txt."""
     lines = []
     for h in rows(held, "axis locations"):
@@ -43,12 +43,12 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
         lines += [f"[{table}]", "Gridpoints = {"]
         for h in entries:
             assert h.at is not None and h.axis is not None
-            lines.append(f"{h.at * scale_of(job.machine, h.axis):.6f} {numbers[h.place]:.12f}")
+            lines.append(f"{h.at * scale_of(request.machine, h.axis):.6f} {numbers[h.place]:.12f}")
         lines += ["}", ""]
     return {"etalon.txt": "\r\n".join(lines)}
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the file."""
     return [
         "Import etalon.txt where the control takes Etalon files of the variant Vendor.",

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...records import InputError
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import across, centre
 
 TEXT = "Fagor 8060, 8065, 8070: user offsets of the kinematics (OFTDATA)"
@@ -24,26 +24,26 @@ OPTIONS = {
 }
 
 
-def check(job: Job) -> None:
+def check(request: Request) -> None:
     """job → nothing. Raises InputError for a machine without rotary axes."""
-    if not job.machine.rotary:
+    if not request.machine.rotary:
         raise InputError("--target fagor: found no rotary axis; allowed: a machine with one or two; take value_sheet for tables")
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → offsets of the centres of the rotary axes; 0 is no offset."""
-    machine, result = job.machine, []
+    machine, result = request.machine, []
     for n, axis in enumerate(machine.rotary):
         for c in across(machine, axis):
-            nb = int(job.options["first"]) + 3 * n + c
-            place = f"OFTDATA{job.options['kin']}[{nb}] ({axis}, {'XYZ'[c]})"
+            nb = int(request.options["first"]) + 3 * n + c
+            place = f"OFTDATA{request.options['kin']}[{nb}] ({axis}, {'XYZ'[c]})"
             result.append(centre(machine, axis, c, place, "offsets", increment=1e-4))
     return result
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → offsets.nc. Raises InputError for an offset beyond MAX OFFSET."""
-    most = float(job.options["max_offset"])
+    most = float(request.options["max_offset"])
     lines = ["; offsets of the centres of the rotary axes, mm"]
     for h in held:
         if abs(numbers[h.place]) > most:
@@ -52,11 +52,11 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
                 "(--set max_offset=… when the maker has set more)"
             )
         lines.append(f"V.G.{h.place.split()[0]} = {numbers[h.place]:.4f} ; {h.place.split(' ', 1)[1]}")
-    lines.append(f"#KIN ID [{job.options['kin']}]")
+    lines.append(f"#KIN ID [{request.options['kin']}]")
     return {"offsets.nc": "\n".join([*lines, "M30"]) + "\n"}
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the file."""
     return [
         "Compare nb of offsets.nc with the drawing of your kinematics: which dimension is which is not confirmed.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...records import InputError
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import centre, point_of, reversal, rotary_order, rows, tables, trims
 
 TEXT = "FANUC: parameters of the rotary axes (19700 ff.), pitch error, straightness, backlash"
@@ -47,9 +47,9 @@ OPTIONS = {
 FIRST = {"A": 19700, "AB": 19703, "DE": 19709, "EF": 19712}
 
 
-def vectors(job: Job) -> dict[str, tuple[str, str]]:
+def vectors(request: Request) -> dict[str, tuple[str, str]]:
     """job → parameter group: axis that it leads to and axis that it leads from ('' the machine, 't' the tool)."""
-    work, tool = rotary_order(job.machine)
+    work, tool = rotary_order(request.machine)
     found: dict[str, tuple[str, str]] = {}
     if work:
         found["A"] = (work[0], "")
@@ -62,36 +62,36 @@ def vectors(job: Job) -> dict[str, tuple[str, str]]:
     return found
 
 
-def check(job: Job) -> None:
+def check(request: Request) -> None:
     """job → nothing. Raises InputError for options that leave nothing."""
-    if job.options["tables"] == "no" and not (job.machine.rotary and job.options["vectors"] == "yes"):
+    if request.options["tables"] == "no" and not (request.machine.rotary and request.options["vectors"] == "yes"):
         raise InputError("--target fanuc: found neither tables nor rotary axes with vectors; allowed: one of them")
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → centres of the rotary axes, pitch error and backlash of each axis, straightness of linear axes."""
-    machine, result = job.machine, []
-    sign = int(job.options["sign"])
-    if job.options["vectors"] == "yes":
+    machine, result = request.machine, []
+    sign = int(request.options["sign"])
+    if request.options["vectors"] == "yes":
         for axis in machine.rotary:
             for c in range(3):
                 place = f"centre of {axis}, {'XYZ'[c]}"
                 result.append(centre(machine, axis, c, place, "centres", increment=1e-4, base=machine.axis(axis).point[c]))
-    if job.options["tables"] == "yes":
+    if request.options["tables"] == "yes":
         for axis in (*machine.linear, *machine.rotary):
-            result += trims(job, f"pitch {axis}", axis, axis, int(job.options["points"]), sign=sign, increment=1e-4)
-            result.append(reversal(job, f"1851 of {axis}", axis, increment=1e-4))
+            result += trims(request, f"pitch {axis}", axis, axis, int(request.options["points"]), sign=sign, increment=1e-4)
+            result.append(reversal(request, f"1851 of {axis}", axis, increment=1e-4))
         for by in machine.linear:
             for out in machine.linear:
                 if out != by:
-                    result += trims(job, f"straightness {by} to {out}", out, by, 4, sign=sign, increment=1e-4)
+                    result += trims(request, f"straightness {by} to {out}", out, by, 4, sign=sign, increment=1e-4)
     return result
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → vectors.nc, compensation.txt."""
-    machine, result = job.machine, {}
-    if machine.rotary and job.options["vectors"] == "yes":
+    machine, result = request.machine, {}
+    if machine.rotary and request.options["vectors"] == "yes":
         lines = ["%", "O9190 (CENTRES OF THE ROTARY AXES)", "G10 L52"]
 
         def place(axis: str) -> np.ndarray:
@@ -102,11 +102,11 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
             point = point_of(machine, axis)
             return np.array([numbers.get(f"centre of {axis}, {c}", point[i]) for i, c in enumerate("XYZ")])
 
-        for group, (to, start) in vectors(job).items():
+        for group, (to, start) in vectors(request).items():
             vector = place(to) - place(start)
             lines += [f"N{FIRST[group] + i} R{vector[i]:.4f} (VECTOR {group} {'XYZ'[i]})" for i in range(3)]
         result["vectors.nc"] = "\n".join([*lines, "G11", "M30", "%"]) + "\n"
-    if job.options["tables"] == "yes":
+    if request.options["tables"] == "yes":
         lines = []
         for table in (t for t in tables(held) if t.startswith(("pitch", "straightness"))):
             lines.append(f"[{table}]")
@@ -120,10 +120,10 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
     return result
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     result = ["Punch out all parameters and the pitch error data first."]
-    if job.machine.rotary and job.options["vectors"] == "yes":
+    if request.machine.rotary and request.options["vectors"] == "yes":
         result += [
             "Compare every N of vectors.nc with the present value: they differ by hundredths and not by millimetres, or the zero "
             "of machine.yaml is another one. Then parameter write enable, run it, power off.",

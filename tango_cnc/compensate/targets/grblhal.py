@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...records import InputError
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import centre, parallel, rotary_order
 
 TEXT = "grblHAL with rtcp_ac (XYZAC): settings $640 to $645"
@@ -21,27 +21,29 @@ OPTIONS: dict[str, Option] = {}
 USED = {640: ("A", 0), 641: ("A", 1), 642: ("A", 2), 643: ("C", 0), 644: ("C", 1), 645: ("C", 2)}
 
 
-def check(job: Job) -> None:
+def check(request: Request) -> None:
     """job → nothing. Raises InputError for machines other than a table C on a cradle A."""
-    if rotary_order(job.machine) != (["A", "C"], []) or not parallel(job.machine):
-        raise InputError(f"--target grblhal: found {job.machine.topology}; allowed: a table C on a cradle A, parallel to Z and X")
+    if rotary_order(request.machine) != (["A", "C"], []) or not parallel(request.machine):
+        raise InputError(
+            f"--target grblhal: found {request.machine.topology}; allowed: a table C on a cradle A, parallel to Z and X"
+        )
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → the six settings; along an axis itself an offset does nothing and stays."""
-    machine = job.machine
+    machine = request.machine
     return [
         centre(machine, axis, c, f"${n}", "settings", base=machine.axis(axis).point[c] - machine.spindle.point[c])
         for n, (axis, c) in USED.items()
     ]
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → settings.txt."""
     return {"settings.txt": "".join(f"{h.place}={numbers[h.place]:.3f}\n" for h in held)}
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the settings."""
     return [
         "Write down the answer of the control to $$.",

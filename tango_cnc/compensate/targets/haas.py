@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ...records import InputError
 from ..space import Held, Lever
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import centre, parallel, rotary_order
 
 TEXT = "Haas: machine rotary zero point (MRZP), settings 255 to 257"
@@ -19,20 +19,20 @@ FACTS = (
 OPTIONS = {"increment": Option(0.0001, "what the control stores in steps of, mm")}
 
 
-def check(job: Job) -> None:
+def check(request: Request) -> None:
     """job → nothing. Raises InputError for machines without a rotary table on a tilting axis."""
-    work, tool = rotary_order(job.machine)
-    if tool or len(work) != 2 or not parallel(job.machine):
+    work, tool = rotary_order(request.machine)
+    if tool or len(work) != 2 or not parallel(request.machine):
         raise InputError(
-            f"--target haas: found {job.machine.topology}; allowed: a rotary table on a tilting axis, parallel to X Y Z"
+            f"--target haas: found {request.machine.topology}; allowed: a rotary table on a tilting axis, parallel to X Y Z"
         )
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → the three settings; both axes go with what they share."""
-    machine = job.machine
+    machine = request.machine
     swing, table = rotary_order(machine)[0]
-    step, result = float(job.options["increment"]), []
+    step, result = float(request.options["increment"]), []
     for i in range(3):
         axis = table if i < 2 else swing
         base = machine.axis(axis).point[i] - machine.spindle.point[i]
@@ -47,12 +47,12 @@ def _both(one: Lever, other: Lever) -> Lever:
     return lambda poses: one(poses) + other(poses)
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → settings.txt."""
     return {"settings.txt": "".join(f"{h.place.split()[1]} {numbers[h.place]:.4f}\n" for h in held)}
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the values."""
     return [
         "Write down settings 255, 256 and 257.",

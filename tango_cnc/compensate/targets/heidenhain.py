@@ -9,7 +9,7 @@ import numpy as np
 
 from ...records import Array
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import across, centre, point_of, reversal, rotary_order, rows, scale_of, tilt, trims
 
 TEXT = "HEIDENHAIN: axis error tables .COM and .CMA, entries for the kinematics description"
@@ -37,15 +37,17 @@ OPTIONS = {
 }
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → tables of every axis for every linear axis and itself, reversal, places and directions of rotary axes."""
-    machine, result = job.machine, []
-    if job.options["tables"] == "yes":
+    machine, result = request.machine, []
+    if request.options["tables"] == "yes":
         for by in (*machine.linear, *machine.rotary):
             for out in (*machine.linear, *([by] if by in machine.rotary else [])):
-                result += trims(job, f"{by}.COM, column {out}", out, by, int(job.options["points"]), sign=int(job.options["sign"]))
-            result.append(reversal(job, f"{by}.COM, BACKLASH", by, sign=int(job.options["sign"])))
-    if job.options["kinematics"] == "yes":
+                result += trims(
+                    request, f"{by}.COM, column {out}", out, by, int(request.options["points"]), sign=int(request.options["sign"])
+                )
+            result.append(reversal(request, f"{by}.COM, BACKLASH", by, sign=int(request.options["sign"])))
+    if request.options["kinematics"] == "yes":
         for axis in machine.rotary:
             for c in across(machine, axis):
                 place = f"Trans {'XYZ'[c]} of {axis}"
@@ -55,11 +57,11 @@ def held(job: Job) -> list[Held]:
     return result
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → one .COM an axis, AXIS.CMA, kinematics.txt."""
-    machine, result = job.machine, {}
+    machine, result = request.machine, {}
     axes = (*machine.linear, *machine.rotary)
-    if job.options["tables"] == "yes":
+    if request.options["tables"] == "yes":
         for by in axes:
             columns = {out: rows(held, f"{by}.COM, column {out}") for out in axes}
             first = columns[by]
@@ -74,13 +76,13 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
             result[f"{by}.COM"] = "\r\n".join([*lines, "[END]"]) + "\r\n"
         line = " ".join(f"{axis}.COM" for axis in axes)
         result["AXIS.CMA"] = "\r\n".join(["BEGIN AXIS.CMA", f"NR ACTIVE {' '.join(axes)}", f"0 * {line}", "[END]"]) + "\r\n"
-    if machine.rotary and job.options["kinematics"] == "yes":
-        result["kinematics.txt"] = _description(job, numbers)
+    if machine.rotary and request.options["kinematics"] == "yes":
+        result["kinematics.txt"] = _description(request, numbers)
     return result
 
 
-def _description(job: Job, numbers: Mapping[str, float]) -> str:
-    machine = job.machine
+def _description(request: Request, numbers: Mapping[str, float]) -> str:
+    machine = request.machine
     work, tool = rotary_order(machine)
     lines, shift, turn = ["BEGIN KINEMATICS ENTRIES"], np.zeros(3), np.zeros(3)
     for axis in (*reversed(tool), *work):  # from the tool to the table
@@ -96,7 +98,7 @@ def _description(job: Job, numbers: Mapping[str, float]) -> str:
     return "\r\n".join([*lines, "[END]"]) + "\r\n"
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
         "Back up the .COM and .CMA files and the kinematics description first.",

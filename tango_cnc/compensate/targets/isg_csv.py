@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import component_errors, position_errors, rows, scale_of, tables
 
 TEXT = "ISG kernel, Beckhoff TwinCAT TF5280: volumetric compensation (ISG_CSV) with its configuration list"
@@ -30,19 +30,19 @@ OPTIONS = {
 }
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → location errors and component errors of every axis."""
-    sign = int(job.options["sign"])
+    sign = int(request.options["sign"])
     found = [
-        *position_errors(job.machine, (1e-7, 1e-10)),
-        *component_errors(job, int(job.options["points"]), (1e-7, 1e-10)),
+        *position_errors(request.machine, (1e-7, 1e-10)),
+        *component_errors(request, int(request.options["points"]), (1e-7, 1e-10)),
     ]
     return [replace(h, sign=sign) for h in found]
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → volcomp.csv, volcomp.lis."""
-    machine = job.machine
+    machine = request.machine
     locations = rows(held, "axis locations")
     lines = [
         "// location errors, mm and rad",
@@ -64,7 +64,7 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
         *(f"{name} {numbers_of.get(name, 0)}" for name in "XYZABC"),
         f"chain {chain}",
         f"workpiece_axes {len(work)}",
-        f"file[0] {job.options['folder']}\\volcomp.csv",
+        f"file[0] {request.options['folder']}\\volcomp.csv",
         "file_format[0] ISG_CSV",
         "interpolation GRID",
         "enable_splicing FALSE",
@@ -74,10 +74,11 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
     return {"volcomp.csv": text(lines) + "\r\n", "volcomp.lis": text(settings) + "\r\n"}
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
-        f"Copy volcomp.csv into {job.options['folder']} on the control; enter the lines of volcomp.lis in the list of the channel.",
+        f"Copy volcomp.csv into {request.options['folder']} on the control; "
+        "enter the lines of volcomp.lis in the list of the channel.",
         "Check the logical axis numbers of volcomp.lis: they are 1, 2, 3 … until you change them.",
         "In MDI: #VOLCOMP OFF [ID0], #VOLCOMP [ID0 UPDATE], #VOLCOMP ON [ID0].",
         "Watch the axes at the first ON: they move by the correction.",

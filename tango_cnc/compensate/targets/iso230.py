@@ -8,7 +8,7 @@ from typing import Literal
 
 from ...records import COMPONENTS
 from ..space import Held, by_slot
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import point_of
 
 TEXT = "ISO 230-1 names and values in a YAML file, with frames and signs, for programs that compensate by themselves"
@@ -18,36 +18,36 @@ FACTS = (
 OPTIONS = {"digits": Option(9, "digits of each value", tuple(range(4, 16)))}
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → every estimated coefficient."""
     result = []
-    for c in job.coefficients:
+    for c in request.coefficients:
         angle = c.unit.startswith("rad")
         ratio = "/" in c.unit
         kind: Literal["length", "angle", "ratio"] = "ratio" if ratio else "angle" if angle else "length"
-        h = Held(c.name, "coefficients", c.unit, kind, 10.0 ** -(int(job.options["digits"]) + 3), by_slot(c.slot, c.regressor))
+        h = Held(c.name, "coefficients", c.unit, kind, 10.0 ** -(int(request.options["digits"]) + 3), by_slot(c.slot, c.regressor))
         result.append(replace(h, turns=True, coefficient=c.name))
     return result
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → iso230.yaml."""
     lines = [
         "format: tango-iso230-errors/1",
-        f"topology: {job.machine.topology}",
+        f"topology: {request.machine.topology}",
         "meaning: actual minus commanded, of the body of the axis, in the frame of the axis at the zero pose",
         "components: |\n  " + "; ".join(f"E{c}: {'along' if i < 3 else 'about'} {'xyz'[i % 3]}" for i, c in enumerate(COMPONENTS)),
         "axes:",
     ]
-    for name in (*job.machine.linear, *job.machine.rotary):
-        direction = ", ".join(f"{v:.9g}" for v in job.machine.axis(name).direction)
-        point = ", ".join(f"{v:.9g}" for v in point_of(job.machine, name))
+    for name in (*request.machine.linear, *request.machine.rotary):
+        direction = ", ".join(f"{v:.9g}" for v in request.machine.axis(name).direction)
+        point = ", ".join(f"{v:.9g}" for v in point_of(request.machine, name))
         lines.append(f"  {name}: {{direction: [{direction}], point: [{point}]}}")
     lines.append("errors:")
     lines += [f"  {h.place}: {{value: {numbers[h.place]:.15g}, unit: {h.unit}}}" for h in held]
     return {"iso230.yaml": "".join(f"{line}\n" for line in lines)}
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the file."""
     return ["Give iso230.yaml to the program that compensates. Compare one pose by hand before you trust its signs."]

@@ -11,7 +11,7 @@ from ... import kinematics
 from ...kinematics import Slot
 from ...records import InputError, Machine
 from ..space import Held, Lever, by_slot
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import centre, rotary_order, rows, scale_of, tables, trims
 
 TEXT = "LinuxCNC: COMP_FILE of every joint; pins of xyzac-trt-kins or xyzbc-trt-kins; parameters of matrixkins"
@@ -47,16 +47,16 @@ OPTIONS = {
 }
 
 
-def module(job: Job) -> str:
+def module(request: Request) -> str:
     """job → name of the kinematics module that the file is for."""
-    chosen = str(job.options["kinematics"])
+    chosen = str(request.options["kinematics"])
     if chosen != "auto":
         return chosen
-    work, tool = rotary_order(job.machine)
+    work, tool = rotary_order(request.machine)
     if not work and not tool:
         return "matrixkins"
     trt = {"AC": "xyzac-trt-kins", "BC": "xyzbc-trt-kins"}.get("".join(work), "trivkins") if not tool else "trivkins"
-    return trt if _usual(job.machine) else "trivkins"
+    return trt if _usual(request.machine) else "trivkins"
 
 
 def _usual(machine: Machine) -> bool:
@@ -70,14 +70,14 @@ def _usual(machine: Machine) -> bool:
     return bool(np.allclose(np.vstack(way), np.eye(3), atol=1e-9)) and turning
 
 
-def joints(job: Job) -> str:
+def joints(request: Request) -> str:
     """job → letters of the joints in order."""
-    return str(job.options["joints"]) or "".join((*job.machine.linear, *job.machine.rotary))
+    return str(request.options["joints"]) or "".join((*request.machine.linear, *request.machine.rotary))
 
 
-def check(job: Job) -> None:
+def check(request: Request) -> None:
     """job → nothing. Raises InputError for a module that is for another machine, and joints that are not its axes."""
-    machine, name = job.machine, module(job)
+    machine, name = request.machine, module(request)
     work, tool = rotary_order(machine)
     fits = {
         "xyzac-trt-kins": (work, tool) == (["A", "C"], []),
@@ -90,27 +90,29 @@ def check(job: Job) -> None:
             "xyzac-trt-kins for a table C on a cradle A, xyzbc-trt-kins for C on B, 5axiskins for a head with C and B; with these "
             "the tool moves along +x +y +z of the table and the table turns about +x +y +z; else trivkins"
         )
-    if sorted(joints(job)) != sorted((*machine.linear, *machine.rotary)):
-        raise InputError(f"--set: joints: found {joints(job)!r}; allowed: {' '.join((*machine.linear, *machine.rotary))} once each")
-    if job.options["points"] > 256:
-        raise InputError(f"--set: points: found {job.options['points']}; allowed: 2 to 256, as many as a COMP_FILE may have")
+    if sorted(joints(request)) != sorted((*machine.linear, *machine.rotary)):
+        raise InputError(
+            f"--set: joints: found {joints(request)!r}; allowed: {' '.join((*machine.linear, *machine.rotary))} once each"
+        )
+    if request.options["points"] > 256:
+        raise InputError(f"--set: points: found {request.options['points']}; allowed: 2 to 256, as many as a COMP_FILE may have")
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → trims of the joints, and what the kinematics module has."""
-    machine, result = job.machine, []
-    if job.options["comp"] == "yes":
-        for letter in joints(job):
-            table = f"joint_{joints(job).index(letter)}.comp ({letter})"
-            for h in trims(job, table, letter, letter, int(job.options["points"]), senses=(1, -1)):
+    machine, result = request.machine, []
+    if request.options["comp"] == "yes":
+        for letter in joints(request):
+            table = f"joint_{joints(request).index(letter)}.comp ({letter})"
+            for h in trims(request, table, letter, letter, int(request.options["points"]), senses=(1, -1)):
                 assert h.at is not None
                 nominal = round(h.at * scale_of(machine, letter), 6)
                 result.append(replace(h, base=nominal))
-    name = module(job)
+    name = module(request)
     if name == "matrixkins":
         for out in range(3):
             for by in range(3):
-                result.append(_matrix(job, out, by))
+                result.append(_matrix(request, out, by))
     if name.endswith("trt-kins"):
         cradle = "A" if "xyzac" in name else "B"
         side = 1 if cradle == "A" else 0
@@ -132,14 +134,14 @@ def _both(one: Lever, other: Lever) -> Lever:
     return lambda poses: one(poses) + other(poses)
 
 
-def _matrix(job: Job, out: int, by: int) -> Held:
+def _matrix(request: Request, out: int, by: int) -> Held:
     letters = "XYZ"
     lever = by_slot(Slot(letters[out], "motion"), lambda t: t.axis(letters[by]))
     place = f"matrixkins.C_{'xyz'[out]}{'xyz'[by]}"
     return Held(place, "matrixkins", "1", "ratio", 1e-9, lever, 1.0, -1, float(out == by))
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, the control's numbers → COMP_FILEs, lines for the .ini file, a .hal file."""
     result: dict[str, str] = {}
     ini = []
@@ -152,32 +154,32 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
             for up, down in zip(entries[:half], entries[half:], strict=True)
         ]
         result[name] = "".join(f"{line}\n" for line in lines)
-        ini += [f"[JOINT_{joints(job).index(letter)}]", f"COMP_FILE = {name}", "COMP_FILE_TYPE = 0", ""]
+        ini += [f"[JOINT_{joints(request).index(letter)}]", f"COMP_FILE = {name}", "COMP_FILE_TYPE = 0", ""]
     if ini:
         result["compensation.ini"] = "\n".join(ini)
     pins = [h for h in held if h.table in KINEMATICS]
     lines = [f"setp {h.place} {numbers[h.place]:.9f}" for h in pins]
-    if module(job).endswith("trt-kins"):
-        lines.append(f"setp {module(job)}.z-offset 0.000000000")
+    if module(request).endswith("trt-kins"):
+        lines.append(f"setp {module(request)}.z-offset 0.000000000")
     if lines:
         result["compensation.hal"] = "".join(f"{line}\n" for line in lines)
     return result
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     result = ["Switch the machine off and end LinuxCNC."]
-    if job.options["comp"] == "yes":
+    if request.options["comp"] == "yes":
         result += [
             "Copy the .comp files into the folder of the configuration.",
             "Add the lines of compensation.ini to the [JOINT_n] sections of the .ini file, and take BACKLASH out of them.",
         ]
-    if module(job) == "5axiskins":
+    if module(request) == "5axiskins":
         result.append(
             "Leave 5axiskins.pivot-length as it was when tools were measured: its error is an error of every tool's length. "
             "This target corrects the joints only, not the pivots of a head."
         )
-    elif module(job) != "trivkins":
+    elif module(request) != "trivkins":
         result.append(
             "Add the lines of compensation.hal to the .hal file after the line that loads the kinematics, in place of lines that "
             "set the same pins."

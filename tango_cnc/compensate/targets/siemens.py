@@ -8,7 +8,7 @@ import numpy as np
 
 from ...records import InputError
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import across, centre, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
 
 TEXT = "SINUMERIK 840D sl, ONE: TOOLCARRIER fine offsets with TRAORI machine data, CEC tables, ENC_COMP, reversal values"
@@ -68,58 +68,58 @@ TRAORI = {
 }
 
 
-def kind(job: Job) -> str:
+def kind(request: Request) -> str:
     """job → T head, P table, M mixed."""
-    work, tool = rotary_order(job.machine)
+    work, tool = rotary_order(request.machine)
     return "M" if work and tool else "P" if work else "T"
 
 
-def order(job: Job) -> list[str]:
+def order(request: Request) -> list[str]:
     """job → rotary axes in the order of the vectors: of a head from the machine to the tool, of a table likewise."""
-    work, tool = rotary_order(job.machine)
+    work, tool = rotary_order(request.machine)
     return [*tool, *work]
 
 
-def check(job: Job) -> None:
+def check(request: Request) -> None:
     """job → nothing. Raises InputError for one rotary axis, which no vector set here describes."""
-    if job.options["kinematics"] == "yes" and len(job.machine.rotary) == 1:
+    if request.options["kinematics"] == "yes" and len(request.machine.rotary) == 1:
         raise InputError(
             "--target siemens: found one rotary axis; allowed: none or two; use --set kinematics=no --set directions=no"
         )
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → centres and directions of the rotary axes, CEC from every axis to every other one, ENC_COMP, reversal values."""
-    machine, result = job.machine, []
-    if machine.rotary and job.options["kinematics"] == "yes":
-        for i, axis in enumerate(order(job)):
+    machine, result = request.machine, []
+    if machine.rotary and request.options["kinematics"] == "yes":
+        for i, axis in enumerate(order(request)):
             for c in across(machine, axis):
                 place = f"rotary axis {i + 1} ({axis}), {'XYZ'[c]} of its centre"
                 result.append(centre(machine, axis, c, place, "centres", base=machine.axis(axis).point[c], increment=1e-4))
-    if machine.rotary and job.options["directions"] == "yes":
-        for i, axis in enumerate(order(job)):
+    if machine.rotary and request.options["directions"] == "yes":
+        for i, axis in enumerate(order(request)):
             for c in across(machine, axis):
                 place = f"V{i + 1} ({axis}), {'XYZ'[c]}"
                 result.append(tilt(machine, axis, c, place, "directions", base=machine.axis(axis).direction[c]))
-    if job.options["tables"] == "yes":
+    if request.options["tables"] == "yes":
         axes = (*machine.linear, *machine.rotary)
-        points = int(job.options["points"])
+        points = int(request.options["points"])
         for axis in axes:
-            result += trims(job, f"ENC_COMP {axis}", axis, axis, points, sign=int(job.options["sign_enc"]))
+            result += trims(request, f"ENC_COMP {axis}", axis, axis, points, sign=int(request.options["sign_enc"]))
         for by in axes:
-            if by in machine.rotary and job.options["rotary_tables"] == "no":
+            if by in machine.rotary and request.options["rotary_tables"] == "no":
                 continue
             for out in machine.linear:
                 if out != by:
-                    result += trims(job, f"CEC {by} to {out}", out, by, points, sign=int(job.options["sign_cec"]))
+                    result += trims(request, f"CEC {by} to {out}", out, by, points, sign=int(request.options["sign_cec"]))
         for axis in axes:
-            result.append(reversal(job, f"MD32450 $MA_BACKLASH[0] of {axis}", axis))
+            result.append(reversal(request, f"MD32450 $MA_BACKLASH[0] of {axis}", axis))
     return result
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → cec.ini, enc_comp.ini, kinematics.mpf, reversal.txt."""
-    machine, result = job.machine, {}
+    machine, result = request.machine, {}
     names = {axis: f"AX{i + 1}" for i, axis in enumerate((*machine.linear, *machine.rotary))}
     cec, enc = [], []
     count = 0
@@ -147,7 +147,7 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
     if enc:
         result["enc_comp.ini"] = _file("%_N_AX_EEC_INI", enc)
     if any(h.table in ("centres", "directions") for h in held):
-        result["kinematics.mpf"] = _kinematics(job, held, numbers)
+        result["kinematics.mpf"] = _kinematics(request, held, numbers)
     if reversals := rows(held, "reversal values"):
         result["reversal.mpf"] = "".join(f"$MA_BACKLASH[0,{names[h.place[-1]]}]={numbers[h.place]:.6f}\n" for h in reversals)
     return result
@@ -157,19 +157,19 @@ def _file(head: str, lines: Sequence[str]) -> str:
     return "\n".join([head, "CHANDATA(1)", *lines, "M17"]) + "\n"
 
 
-def vectors(job: Job, shift: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+def vectors(request: Request, shift: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
     """job, by how much the centres of the rotary axes have moved (mm) → what is added to I1 … I4."""
     one, two = shift
-    if kind(job) == "T":
+    if kind(request) == "T":
         return {"I2": one - two, "I3": two, "I1": -one}
-    if kind(job) == "P":
+    if kind(request) == "P":
         return {"I2": one, "I3": two - one, "I4": -two}
     return {"I1": -one, "I2": one, "I3": two, "I4": -two}
 
 
-def _kinematics(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> str:
-    machine, number = job.machine, int(job.options["carrier"])
-    axes = order(job)
+def _kinematics(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> str:
+    machine, number = request.machine, int(request.options["carrier"])
+    axes = order(request)
     shift = []
     for i, axis in enumerate(axes):
         moved = np.zeros(3)
@@ -178,17 +178,17 @@ def _kinematics(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) ->
             if place in numbers:
                 moved[c] = numbers[place] - point_of(machine, axis)[c]
         shift.append(moved)
-    lines = [f"; centres of {' and '.join(axes)} against machine.yaml, type {kind(job)}; mm in machine coordinates"]
-    found = vectors(job, shift)
-    if job.options["only"] in ("both", "carrier"):
+    lines = [f"; centres of {' and '.join(axes)} against machine.yaml, type {kind(request)}; mm in machine coordinates"]
+    found = vectors(request, shift)
+    if request.options["only"] in ("both", "carrier"):
         for name, vector in sorted(found.items()):
             lines += [
                 f"$TC_CARR{40 + CARRIER[name] + c}[{number}]={vector[c]:.6f} ; fine offset of {name}, {'XYZ'[c]}" for c in range(3)
             ]
-    if job.options["only"] in ("both", "traori"):
+    if request.options["only"] in ("both", "traori"):
         lines.append("; TRAORI keeps the same vectors: add to the machine data (they have no fine offset)")
         for name, vector in sorted(found.items()):
-            lines.append(f"; {TRAORI[kind(job)][name]} += {vector[0]:.6f}, {vector[1]:.6f}, {vector[2]:.6f}")
+            lines.append(f"; {TRAORI[kind(request)][name]} += {vector[0]:.6f}, {vector[1]:.6f}, {vector[2]:.6f}")
     for i, axis in enumerate(axes):
         table = axis in machine.workpiece_branch
         direction = np.array(machine.axis(axis).direction)
@@ -204,15 +204,15 @@ def _kinematics(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) ->
     return "\n".join([*lines, "M17"]) + "\n"
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     result = ["Save an archive of the NC data first."]
-    if job.machine.rotary and (job.options["kinematics"], job.options["directions"]) != ("no", "no"):
+    if request.machine.rotary and (request.options["kinematics"], request.options["directions"]) != ("no", "no"):
         result += [
             "Run kinematics.mpf once in channel 1; it sets the fine offsets of the tool carrier.",
             "Enter the machine data that its comments name: a carrier and TRAORI that differ make a systematic error.",
         ]
-    if job.options["tables"] == "yes":
+    if request.options["tables"] == "yes":
         result += [
             "Switch SD41300 and MD32710 off, load cec.ini and enc_comp.ini, set MD32450 as reversal.mpf has it.",
             "Switch SD41300 and MD32710 on again.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..space import Held
-from . import Fact, Job, Option
+from . import Fact, Option, Request
 from ._parts import across, centre, reversal, rows, tables, tilt, trims
 
 TEXT = "any other control (Mitsubishi, Mazak, Okuma, Mach4 …): a sheet of values with what each of them means"
@@ -25,9 +25,9 @@ OPTIONS = {
 }
 
 
-def held(job: Job) -> list[Held]:
+def held(request: Request) -> list[Held]:
     """job → what the options ask for."""
-    machine, o, result = job.machine, job.options, []
+    machine, o, result = request.machine, request.options, []
     step = float(o["increment"])
     for axis in machine.rotary:
         for c in across(machine, axis):
@@ -40,24 +40,24 @@ def held(job: Job) -> list[Held]:
                 )
     for axis in (*machine.linear, *machine.rotary):
         if o["pitch"] == "yes":
-            result += trims(job, f"pitch {axis}", axis, axis, int(o["points"]), increment=step)
+            result += trims(request, f"pitch {axis}", axis, axis, int(o["points"]), increment=step)
         if o["straightness"] == "yes" and axis in machine.linear:
             for out in machine.linear:
                 if out != axis:
-                    result += trims(job, f"{out} as {axis} moves", out, axis, int(o["points"]), increment=step)
+                    result += trims(request, f"{out} as {axis} moves", out, axis, int(o["points"]), increment=step)
         if o["reversal"] == "yes":
-            result.append(reversal(job, f"reversal {axis}", axis, increment=step))
+            result.append(reversal(request, f"reversal {axis}", axis, increment=step))
     return result
 
 
-def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
+def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → values.txt."""
     words = {
         "centres": "where the axis lies, machine coordinates, all axes at zero",
         "directions": "unit vector about which the axis turns, machine coordinates",
         "reversal values": "whole reversal value; positive: the axis stops short of where its scale says",
     }
-    lines = [f"machine: {job.machine.name}, {job.machine.topology}", f"increment: {job.options['increment']:g}", ""]
+    lines = [f"machine: {request.machine.name}, {request.machine.topology}", f"increment: {request.options['increment']:g}", ""]
     for table in tables(held):
         lines.append(f"[{table}] {words.get(table, 'error: actual minus commanded; a correction is its negative')}")
         lines += [f"{h.place} = {numbers[h.place]:.9g} {h.unit}" for h in rows(held, table)]
@@ -65,7 +65,7 @@ def files(job: Job, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[
     return {"values.txt": "\n".join(lines)}
 
 
-def steps(job: Job) -> list[str]:
+def steps(request: Request) -> list[str]:
     """job → what a person does with the sheet."""
     return [
         "Write down the present value of every parameter before you change it.",
