@@ -41,7 +41,12 @@ def disturb(
     if len(terms) * len(directions) != len(values):
         raise InputError(f"values: found {len(values)}; allowed: {len(terms) * len(directions)}, one for each product of functions")
     size = amplitude * np.array(values).reshape(len(terms), len(directions))
-    return _moved(history, weight, np.array(terms).reshape(len(terms), len(history)).T @ size)
+    along = np.zeros((len(history), len(directions)))
+    for term, own in zip(
+        terms, size, strict=True
+    ):  # one after the other: a product of matrices rounds by how many touches there are
+        along += np.outer(term, own)
+    return _moved(history, weight, along)
 
 
 def _functions(h: History, f: Mapping[str, Any]) -> Sequence[Array]:

@@ -248,7 +248,8 @@ def _gate(cell: Cell, post: Post) -> str:
     from postprocessors import _base as posts
 
     assert cell.controller is not None
-    return str(posts.settings(post, cell.controller.options).get("gate", "none"))
+    with blamed_on(cell.folder / "tango.yaml"):
+        return str(posts.settings(post, cell.controller.options).get("gate", "none"))
 
 
 def _ask(part: Plan, address: str, feed: float | None, unproven: list[str], which: str) -> None:

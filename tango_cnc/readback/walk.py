@@ -22,7 +22,7 @@ STEP = 5.0  # deg between the poses of a turn that are looked at
 SPACING = 10.0  # mm between the spheres that stand for the probe
 BEHIND = 300.0  # mm of what carries the probe
 
-ROUNDED = 0.002  # mm: the way off a facet is written axis by axis, with three decimals
+ROUNDED = 0.01  # mm: the way off a facet is written axis by axis, with two decimals where an interpreter is short of room
 FARTHEST, LEAST = OFF + ROUNDED, OFF - ROUNDED  # mm off a facet without a guard: what the planner keeps free, and no more
 ALONG = math.cos(math.radians(2.0))
 
