@@ -42,9 +42,7 @@ def disturb(
         raise InputError(f"values: found {len(values)}; allowed: {len(terms) * len(directions)}, one for each product of functions")
     size = amplitude * np.array(values).reshape(len(terms), len(directions))
     along = np.zeros((len(history), len(directions)))
-    for term, own in zip(
-        terms, size, strict=True
-    ):  # one after the other: a product of matrices rounds by how many touches there are
+    for term, own in zip(terms, size, strict=True):  # one by one: a product of matrices rounds by the number of touches
         along += np.outer(term, own)
     return _moved(history, weight, along)
 
