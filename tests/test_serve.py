@@ -130,6 +130,22 @@ def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
     assert [w for w in wanted if w not in text.partition("For the engineer")[0]] == []
 
 
+def test_a_night_without_an_alarm_of_its_own_tells_of_the_open_one_and_of_what_stands_behind_a_limit() -> None:
+    open_one = knock("2026-11-05") | {"night": "2026-11-05", "now": "still there: +19.9 µm"}
+    page = morning.render(night("M", 12, "changed", headline="still changed", standing=[open_one])).partition("For the engineer")[0]
+    assert [
+        w for w in ("Alarm of 2026-11-05", "Still there: +19.9 µm", "39.6 µm apart", "Look for a collision") if w not in page
+    ] == []
+    drift = {"what": "volume", "parameter": "EY0C", "unit": "mm", "text": "EY0C drifts by +2.1 µm a day", "since": "2026-11-01"}
+    drift |= {"size": 0.02, "std": 0.0004, "rate_per_day": 0.0021, "on_part": "Holes are off by 20 µm.", "do": "Have C looked at."}
+    page = morning.render(night("M", 12, "out_of_limits", behind=[drift], owner="Ann", standing=[open_one])).partition(
+        "For the engineer"
+    )[0]
+    assert [
+        w for w in ("EY0C drifts", "after 2026-11-01", "Holes are off by 20 µm.", "Have C looked at.", "Ann") if w not in page
+    ] == []
+
+
 def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_path: Path) -> None:
     """A slow drift ends beyond a limit on a night without an alarm of its own."""
     limit = {"what": "volume", "value": 75.9, "low": 74.0, "high": 77.8, "limit": 60.0, "unit": "µm", "passed": False}

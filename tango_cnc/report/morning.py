@@ -40,6 +40,7 @@ def context(
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
     alarms = [_alarm(a, by_alarm.get(str(a.get("id"))), u, t) for a in record.get("alarms") or ()]
     level = LEVELS.get(str(record.get("verdict")), "stop")
+    first = alarms[0] if alarms else _earlier(record, by_alarm, u, t)
     return {
         "t": t,
         "units": u,
@@ -58,7 +59,7 @@ def context(
         "level": level,
         "word": t(f"morning.{record.get('verdict')}") if f"morning.{record.get('verdict')}" in t else str(record.get("verdict")),
         "alarms": alarms,
-        "first": alarms[0] if alarms else None,
+        "first": first,
         "failed": [{"do": "", "found": "", **p} for p in record.get("preflight") or () if not p.get("passed")],
         "preflight": record.get("preflight") or (),
         "limits": [_limit(x, u) for x in record.get("limits") or ()],
@@ -73,6 +74,23 @@ def context(
         "versions": record.get("versions") or {},
         "change": _change(record, u),
         "residual": record.get("residual") or {},
+    }
+
+
+def _earlier(record: Mapping[str, Any], decisions: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any] | None:
+    """a night without an alarm of its own → what stands behind a crossed limit, else the newest alarm that nobody has closed."""
+    standing, behind = record.get("standing") or (), record.get("behind") or ()
+    if behind and (record.get("verdict") == "out_of_limits" or not standing):
+        return _alarm({"owner": record.get("owner"), **behind[0]}, None, u, t)
+    if not standing:
+        return None
+    a = standing[0]
+    shown = _alarm(a, decisions.get(str(a.get("id"))), u, t)
+    now = sentence(a.get("now"), u)
+    return shown | {
+        "older": True,
+        "night": str(a.get("night")),
+        "text": f"{shown['text'].rstrip('.')}. {now}" if now else shown["text"],
     }
 
 

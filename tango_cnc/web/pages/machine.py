@@ -32,8 +32,9 @@ def machine(request: Request) -> Response:
         values |= context(stored, decisions, state.units, state.texts)
         values["entry"] = entry
         values["waiting"] = waiting = context({"alarms": _waiting(request, found)}, (), state.units, state.texts)["alarms"]
-        waiting[:] = [a for a in waiting if a["id"] not in {mine["id"] for mine in values["alarms"]}]
-        if waiting and values["level"] == "good":  # no green while an alarm waits
+        shown = {a.get("id") for a in (*values["alarms"], *([values["first"]] if values["first"] else []))}
+        waiting[:] = [a for a in waiting if a["id"] not in shown]
+        if (waiting or values["first"]) and values["level"] == "good":  # no green while an alarm waits
             headline = values["headline"]
             told = {"headline": state.texts("web.last_said", headline=headline[:1].lower() + headline[1:])}
             values |= told | {"level": "look", "word": state.texts("web.alarm_open"), "quiet": True}
