@@ -77,6 +77,11 @@ def context(
     }
 
 
+def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """alarms of earlier nights → the same, read today: "since last night" names the night instead."""
+    return [{**a, "text": str(a.get("text") or "").replace("since last night", f"since {a.get('since')}")} for a in alarms]
+
+
 def _earlier(record: Mapping[str, Any], decisions: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any] | None:
     """a night without an alarm of its own → what stands behind a crossed limit, else the newest alarm that nobody has closed."""
     standing, behind = record.get("standing") or (), record.get("behind") or ()

@@ -169,4 +169,6 @@ def _urgent(row: Row) -> tuple[int, str]:
     if s is None or s.last is None:
         return 3, row.machine.name
     bad = s.alarms_open > 0 or s.last.verdict in ("changed", "out_of_limits", "doubtful")
+    if s.last.verdict in ("out_of_limits", "doubtful"):
+        return -1, row.machine.name
     return (0 if bad else 1 if s.late or s.last.verdict == "not_measured" else 2), row.machine.name

@@ -11,7 +11,7 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.morning import context
+from ...report.morning import context, earlier
 from ..app import machine_of, needs, page, proven, state_of
 
 NOTE = 500  # characters
@@ -33,7 +33,7 @@ def _values(request: Request) -> dict[str, Any]:
         if history is None or row.standing is None:
             continue
         if row.standing.alarms_open:
-            record = {"alarms": history.open_alarms(name)}
+            record = {"alarms": earlier(history.open_alarms(name))}
             shown = context(record, (), state.units, state.texts)["alarms"]
             waiting += [{"machine": row.machine, **a} for a in shown]
         past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]

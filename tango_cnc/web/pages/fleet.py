@@ -8,7 +8,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ...report.morning import LEVELS, context, strip
+from ...report.morning import LEVELS, context, earlier, strip
 from ..app import needs, page, state_of
 from ..places import Row
 
@@ -56,7 +56,7 @@ def _first_waiting(row: Row, request: Request) -> str:
     if not alarms:
         return ""
     state = state_of(request)
-    a = context({"alarms": alarms[:1]}, (), state.units, state.texts)["first"]
+    a = context({"alarms": earlier(alarms[:1])}, (), state.units, state.texts)["first"]
     return f"{state.texts('web.waiting', date=a['night'])}: {a['text']} {a['amount']}".rstrip()
 
 

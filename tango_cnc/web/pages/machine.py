@@ -8,7 +8,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ...report.morning import LEVELS, context, strip
+from ...report.morning import LEVELS, context, earlier, strip
 from ...report.svg import BLUE, RED, Frame, Series, chart
 from ..app import machine_of, needs, page, state_of
 from ..live import Run, journals
@@ -31,7 +31,7 @@ def machine(request: Request) -> Response:
         decisions = state.places.kept(f"decisions {found.slug}", lambda: history.decisions(found.name))
         values |= context(stored, decisions, state.units, state.texts)
         values["entry"] = entry
-        values["waiting"] = waiting = context({"alarms": _waiting(request, found)}, (), state.units, state.texts)["alarms"]
+        values["waiting"] = waiting = context({"alarms": earlier(_waiting(request, found))}, (), state.units, state.texts)["alarms"]
         shown = {a.get("id") for a in (*values["alarms"], *([values["first"]] if values["first"] else []))}
         waiting[:] = [a for a in waiting if a["id"] not in shown]
         if (waiting or values["first"]) and values["level"] == "good":  # no green while an alarm waits
@@ -39,8 +39,7 @@ def machine(request: Request) -> Response:
             told = {"headline": state.texts("web.last_said", headline=headline[:1].lower() + headline[1:])}
             values |= told | {"level": "look", "word": state.texts("web.alarm_open"), "quiet": True}
         if waiting and values["first"] is None:  # what it is, what it does and what to do stand here, not a page away
-            newest = waiting.pop(0)
-            values["first"] = {**newest, "text": newest["text"].replace(" since last night", ""), "older": True}
+            values["first"] = {**waiting.pop(0), "older": True}
         values["strip"] = strip([(n.night, n.verdict, "") for n in reversed(nights)], state.texts("web.nights"))
         values["picture"] = _volume(request, found)
     return page(request, "machine.html", **values)
