@@ -130,9 +130,11 @@ def _aside(machine: Machine, artefact: Artefact, readings: Readings) -> tuple[tu
     """Records of another facet or of the touch before, and the readings without them; many are no slips of single ones."""
     touches = from_readings(machine, artefact, readings)
     found = misnamed(touches)
-    if not found or len(found) > SLIPS * len(touches):
+    if len(found) > SLIPS * len(touches):
         return found, readings
-    return found, without(readings, np.array([m.number for m in found]))
+    pairs = {(m.facet, m.near) for m in found}
+    slips = tuple(m for m in found if (m.near, m.facet) not in pairs)  # two facets exchanged are a cause with a name
+    return slips, without(readings, np.array([m.number for m in slips], dtype=np.int64)) if slips else readings
 
 
 def _with_learned(found: Explanation) -> Explanation:
