@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def keys_of(cell: Cell, post: Post) -> dict[str, str]:
-    """cell with a controller, its post → {belief: key of what it depends on}. Raises InputError for options that are none."""
+    """cell with a controller, its post → {belief: key of what it depends on}. Raises InputError for unknown options."""
     from postprocessors import _base as posts
 
     assert cell.controller is not None

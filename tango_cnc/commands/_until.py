@@ -73,7 +73,7 @@ def _meant(goal: Until, left: int) -> list[dict[str, Any]]:
 
 
 def _left(origin: dict[str, Any], goal: Until) -> str:
-    """provenance, goal → what was not measured, in words."""
+    """provenance, goal → the touches that were left out, in words."""
     count = len(origin["missing"])
     how = f"tango run --resume --until {goal.ready.wish.goal.text}" if goal.appended else "tango run --resume"
     return f"{count} touches of the plan were not needed ('{how}' makes them)" if count else "every touch was needed"

@@ -233,7 +233,7 @@ def _stopped(once: Any, someone: bool) -> bool | None:
 
 
 def record_of(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:
-    """line of a record → touch, flag, {axis: mm or deg}; None for what is none, or has a sum that is not right."""
+    """line of a record → touch, flag, {axis: mm or deg}; None for a line that is no record, or whose sum is wrong."""
     values = {letter: float(value.replace(" ", "")) for letter, value in WORD.findall(text)}
     wanted = [*made.machine.linear, *made.machine.rotary]
     if not {"P", "H", *wanted} <= set(values) or "," in text:

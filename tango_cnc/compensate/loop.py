@@ -80,7 +80,7 @@ def note(cell: Path, kept: Kept, now: str, event: str, **more: Any) -> None:
 
 
 def history(cell: Path) -> list[dict[str, Any]]:
-    """cell → events in their order. Raises InputError for a line that is none."""
+    """cell → events in their order. Raises InputError for a malformed line."""
     file = cell / FOLDER / HISTORY
     if not file.exists():
         return []

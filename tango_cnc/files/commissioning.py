@@ -42,7 +42,7 @@ class Proof:
 
 
 def read_commissioning(folder: Path) -> tuple[Proof, ...]:
-    """folder of a cell → its proofs, the oldest first; none where there is no file. Raises InputError for a file that is none."""
+    """folder of a cell → its proofs, the oldest first; none where there is no file. Raises InputError for a malformed file."""
     file = folder / NAME
     if not file.is_file():
         return ()

@@ -21,7 +21,7 @@ def add_compensations(history: History, machine: str, cell: str, events: Sequenc
     """history, machine, folder of the cell, events of its compensations oldest first → how many were not there yet and now are.
 
     An event that is there already stays as it is, so that all of them may be given each time. On disk when this returns.
-    Raises InputError for an event that is none, LinkError when the database does not take it.
+    Raises InputError for an unknown event, LinkError when the database does not take it.
     """
     rows = [_row(event) for event in events]
     there: set[str] = set()

@@ -47,7 +47,7 @@ class History:
     def add_night(self, record: Mapping[str, Any], readings: str | None = None, knowledge: Knowledge | None = None) -> int:
         """tango-night/1, text of readings.csv, all unknowns → number of the entry; on disk when this returns.
 
-        Raises InputError for a record that is none, LinkError when the database does not take it.
+        Raises InputError for a malformed record, LinkError when the database does not take it.
         """
         if record.get("format") != FORMAT:
             raise InputError(f"history: found a record of format {record.get('format')!r}; allowed: {FORMAT}")

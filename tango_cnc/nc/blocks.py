@@ -1,8 +1,8 @@
 """Text of an NC program → blocks with their motion; what cannot be followed is refused by its name.
 
 A language is a module in `languages/` with `NAME`, `SAYS` (one line), `LENGTH` (whether a tool's length acts without being asked
-for), `START` (modal state), `HEAD` (which lines may stand before the mark), `mark(text)` → a comment line, `read(line, number,
-modal)` → block, and `write(block, moves, decimals)` → lines.
+for), `COUNTED` (whether each line begins with its number), `START` (modal state), `HEAD` (which lines may stand before the mark),
+`mark(text)` → a comment line, `read(line, number, modal)` → block, and `write(block, moves, decimals)` → lines.
 """
 
 from __future__ import annotations

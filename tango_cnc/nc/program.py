@@ -84,29 +84,26 @@ def compensated(
     machinery: dict[float, Machinery] = {}
     motions = follow(chain(head, stripped), language, setup)
     numbered = 0
-    renumber = getattr(language, "__name__", "").endswith("klartext")
     pending: list[Motion] = []
     first = True
     while pending := list(islice(motions, BATCH)):
         for text, block in _batch(pending, language, setup, known, settings, account, state, machinery):
             if first and block.number > place:
                 first = False
-                yield from _numbered([language.mark(mark)], numbered, renumber)
+                yield _numbered(language.mark(mark), numbered, language.COUNTED)
                 numbered += 1
                 account.lines += 1
             for line in text:
-                yield from _numbered([line], numbered, renumber)
+                yield _numbered(line, numbered, language.COUNTED)
                 numbered += 1
             account.lines += len(text)
     if first:
         raise InputError("the program has no blocks; nothing was written")
 
 
-def _numbered(text: list[str], number: int, renumber: bool) -> list[str]:
-    """Klartext counts its lines: with more of them every number is a new one; a mark gets one, too."""
-    if not renumber:
-        return text
-    return [re.sub(r"^\s*\d+ ", "", text[0]) if not text[0] else f"{number} {re.sub(r'^ *[0-9]+ +', '', text[0])}"]
+def _numbered(line: str, number: int, counted: bool) -> str:
+    """One line → the line with its number: where lines are counted, new ones shift the numbers of all that follow."""
+    return f"{number} {re.sub(r'^ *[0-9]+ +', '', line)}" if counted and line else line
 
 
 def _batch(

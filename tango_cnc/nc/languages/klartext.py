@@ -10,6 +10,7 @@ from ._iso import AFTER, MOST, NUMBER, REFUSED
 
 SAYS = "HEIDENHAIN Klartext"
 LENGTH = True
+COUNTED = True
 HEAD = re.compile(r"\s*(\d+\s*)?(BEGIN PGM .*|;.*)?\s*")
 LINE = re.compile(r"\s*(?P<n>\d+)?\s*(?P<rest>.*?)\s*(?P<comment>;.*)?$", re.DOTALL)
 WORD = re.compile(rf"(?P<letter>[XYZABC]|F(?=[\s\d.])|FMAX|FAUTO|R0|RL|RR|DR[-+]|R|M)\s*(?P<value>{NUMBER})?")

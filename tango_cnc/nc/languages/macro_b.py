@@ -10,6 +10,7 @@ from . import _iso
 
 SAYS = "Fanuc and relatives (Haas, Mitsubishi, Mazak EIA, Brother)"
 LENGTH = False
+COUNTED = False
 HEAD = re.compile(r"\s*(%|[oO:]\d+.*|<.*>.*|\(.*)?\s*")
 OWN: dict[float, str] = {
     12: "pockets are cycles: let the post-processor write their moves",

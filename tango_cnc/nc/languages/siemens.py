@@ -10,6 +10,7 @@ from . import _iso
 
 SAYS = "SINUMERIK"
 LENGTH = True
+COUNTED = False
 HEAD = re.compile(r"\s*(%.*|;.*)?\s*")
 STYLE = _iso.Style(
     re.compile(rf"(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?![#\[A-Za-z(])"),
