@@ -140,7 +140,7 @@ def test_the_page_has_every_section_and_what_an_auditor_asks_for(facts: Facts) -
     )
     assert read.headings == [texts()(f"report.{key}") for key in keys]
     text = " ".join(read.text)
-    assert "axis C off in X" in text
+    assert "C axis off in X" in text
     assert re.search(r"−11[34]\.\d+", text)  # EX0C, µm
     for wanted in ("squareness", "Ann <owner>", "Bob & Co", "2026-11-23 06:00:00 UTC", "repeats to 0.7 µm", "scale bar 304.669 mm"):
         assert wanted in text, wanted
@@ -295,9 +295,9 @@ def test_every_text_that_is_used_is_there() -> None:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("EX0C", "axis C off in X"),
-        ("EA0B", "axis B tilted about X"),
-        ("EB0Z", "axis Z out of square, turned about Y"),
+        ("EX0C", "C axis off in X"),
+        ("EA0B", "B axis tilted about X"),
+        ("EB0Z", "Z axis out of square, turned about Y"),
         ("EY0S", "spindle off in Y"),
         ("EXX1", "scale of X"),
         ("EYY1-EXX1", "scale of Y against X"),

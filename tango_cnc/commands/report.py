@@ -14,6 +14,7 @@ import click
 
 from .. import __version__
 from ..files import read_cell, read_readings, read_terms, write_text
+from ..files.nightly import read_nightly
 from ..files.origin import current, read_origin
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
@@ -198,6 +199,7 @@ def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any]
     file = folder / "history.db"
     if not file.exists():
         return None
+    allowed = read_nightly(folder).limits
     with opened(file, create=False) as history:
         if machine not in history.machines():
             return None
@@ -209,13 +211,15 @@ def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any]
             if len(value) < 2:
                 continue
             factor, unit = shown(t.unit)
-            first = datetime.fromisoformat(stamps[0])
-            days = [(datetime.fromisoformat(s) - first).total_seconds() / 86_400 for s in stamps]
+            first = datetime.fromisoformat(stamps[0]).date()
+            days = [(datetime.fromisoformat(s).date() - first).days for s in stamps]
             found.append(
                 {
                     **{"title": name, "unit": unit, "days": days, "value": (value * factor).tolist()},
                     **{"half": (INTERVAL * std * factor).tolist(), "alarm": [s in alarms for s in stamps]},
                     "x_label": f"{stamps[0][:10]} … {stamps[-1][:10]}",
+                    "first": first,
+                    "limit": allowed.get(name),
                 }
             )
     return {"series": found} if found else None

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -189,6 +189,11 @@ class History:
         row = found[0]
         text = None if row.csv is None else zlib.decompress(row.csv).decode()
         return Stored(_night(row), json.loads(row.json), text, None if row.names is None else _unpacked(row.names, row.numbers))
+
+    def records_of(self, entries: Sequence[int]) -> dict[int, Mapping[str, Any]]:
+        """numbers of entries → {number: record of that night}, without readings and estimate; what is no night is left out."""
+        rows = self._rows(select(t.night_record).where(t.night_record.c.entry_id.in_(list(entries)))) if entries else ()
+        return {row.entry_id: json.loads(row.json) for row in rows}
 
     def last(self, machine: str) -> Stored | None:
         """machine → its newest night, None when there is none."""

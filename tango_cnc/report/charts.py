@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from datetime import date
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from ..records import Array
 from ..verify import held_out
 from .facts import Facts
 from .over import covariate_of, shown_over
-from .svg import BLUE, CYCLE, GREEN, INK, LINE, RED, SOFT, Frame, Mark, Series, chart, label
+from .svg import BLUE, CYCLE, INK, LINE, ORANGE, RED, SOFT, Frame, Kind, Mark, Series, chart, label
 from .texts import Texts
 
 FIRST = 6  # covariates of a diagnosis that are drawn
@@ -245,16 +247,46 @@ def finding(d: Diagnosis, f: Finding, t: Texts, unit: str, k: float) -> list[str
     ]
 
 
-def trend(points: dict[str, Any], unit: str, width: float = 425, height: float = 220) -> str:
-    """`title`, `days` (n,), `labels`, `value`, `half`, `marks` [(day, text)] → one parameter by night; GREEN squares alarm."""
+def trend(points: dict[str, Any], unit: str, t: Texts, width: float = 425, height: float = 240) -> str:
+    """`title`, `first` day, `days` (n,) from it, `value`, `half`, `alarm`, `limit` or None → a parameter by night."""
     x = np.array(points["days"], dtype=float)
     y, half = np.array(points["value"], dtype=float), np.array(points["half"], dtype=float)
     alarm = np.array(points.get("alarm") or np.zeros(len(x)), dtype=bool)
     series = [
-        Series(x, y, "band", BLUE, low=y - half, high=y + half),
+        Series(x, y, "band", BLUE, t("trend.interval"), low=y - half, high=y + half),
         Series(x, y, "line", BLUE),
-        Series(x[~alarm], y[~alarm], "dots", BLUE),
-        Series(x[alarm], y[alarm], "squares", RED, size=4),
+        Series(x[~alarm], y[~alarm], "dots", BLUE, t("trend.night")),
     ]
-    marks = [Mark(text, x=float(day), color=GREEN) for day, text in points.get("marks", ())]
-    return chart(series, Frame(width, height, points["title"], points.get("x_label", "d"), unit), marks)
+    if alarm.any():
+        series.append(Series(x[alarm], y[alarm], "squares", RED, t("trend.alarm"), size=4))
+    marks = []
+    if points.get("limit"):
+        limit = float(np.copysign(points["limit"], np.mean(y)))
+        marks.append(Mark(t("trend.allowed", limit=f"{abs(limit):g}", unit=unit), y=limit, color=INK, dash="7 3"))
+    return chart(series, Frame(width, height, points["title"], points["x_label"], unit, first_day=points["first"]), marks)
+
+
+def tip(nights: Sequence[tuple[date, float, str]], limit: float | None, unit: str, t: Texts, width: float, height: float) -> str:
+    """(day, largest error, good | look | stop) of nights, oldest first, limit, unit → the tool tip by night; a gap stays a gap."""
+    first = nights[0][0]
+    x = np.array([(day - first).days for day, _, _ in nights], dtype=float)
+    y = np.array([value for _, value, _ in nights])
+    level = np.array([what for _, _, what in nights])
+    parts = np.split(np.arange(len(x)), np.flatnonzero(np.diff(x) > 1.5) + 1)
+    series = [Series(x[i], y[i], "line", BLUE) for i in parts if len(i) > 1]
+    signs: tuple[tuple[str, Kind, str, str, float], ...] = (
+        ("good", "dots", BLUE, "kept", 3.2),
+        ("look", "triangles", ORANGE, "moved", 5.0),
+        ("stop", "squares", RED, "beyond", 4.2),
+    )
+    for name, kind, color, word, size in signs:
+        keep = level == name
+        if keep.any():
+            tips = tuple(f"{day}: {value:.1f} {unit}" for (day, value, _), k in zip(nights, keep, strict=True) if k)
+            series.append(Series(x[keep], y[keep], kind, color, t(f"trend.{word}"), size=size, tips=tips))
+    marks = []
+    if limit is not None:
+        marks.append(Mark(t("trend.allowed", limit=f"{limit:.0f}", unit=unit), y=limit, color=INK, dash="7 3"))
+    said = f"{nights[0][0]} … {nights[-1][0]}"
+    frame = Frame(width, height, t("trend.tip"), said, unit, from_zero=True, first_day=first)
+    return chart(series, frame, marks)

@@ -8,9 +8,11 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ..records import InputError
+from ..records import InputError, Machine
 from . import svg
+from .answer import answer
 from .page import environment, rendered, value_text
+from .plain import plain, rounded
 from .texts import Texts, texts, texts_of
 from .units import Units
 from .verdict import Level
@@ -23,6 +25,8 @@ LEVELS: Mapping[str, Level] = {
     "out_of_limits": "stop",
     "doubtful": "stop",
 }
+OF_THE_PROBE = ("facet", "noise_level", "pretravel", "stylus")  # causes that are no error of a part
+LISTED = 3  # faults below the first one
 
 
 def render(record: Mapping[str, Any], decisions: Sequence[Any] = (), units: Units | None = None, folder: Path | None = None) -> str:
@@ -33,14 +37,28 @@ def render(record: Mapping[str, Any], decisions: Sequence[Any] = (), units: Unit
 
 
 def context(
-    record: Mapping[str, Any], decisions: Sequence[Any], units: Units | None, t: Texts, strip: Sequence[tuple[str, str]] = ()
+    record: Mapping[str, Any],
+    decisions: Sequence[Any],
+    units: Units | None,
+    t: Texts,
+    *,
+    waiting: Sequence[Mapping[str, Any]] = (),
+    before: Mapping[str, Any] | None = None,
+    machine: Machine | None = None,
+    owner: str = "",
 ) -> dict[str, Any]:
-    """record, decisions about its alarms, units, texts, (date, verdict) of nights before → values for the page."""
+    """record, decisions about its alarms, units, texts → values for the page.
+
+    `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
+    where the record names nobody.
+    """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
-    alarms = [_alarm(a, by_alarm.get(str(a.get("id"))), u, t) for a in record.get("alarms") or ()]
-    level = LEVELS.get(str(record.get("verdict")), "stop")
-    first = alarms[0] if alarms else _earlier(record, by_alarm, u, t)
+    asked = {**record, "owner": record.get("owner") or owner}
+    alarms = [_alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked) for a in record.get("alarms") or ()]
+    found = faults(asked, waiting, by_alarm, u, t, machine)
+    opened = [a["night"] for a in found if a["id"] and (a["decision"] is None or a["decision"].action == "acknowledge")]
+    told = answer(record, u, t, "" if record.get("alarms") else next(iter(opened), ""), before, machine)
     return {
         "t": t,
         "units": u,
@@ -55,17 +73,21 @@ def context(
             **record,
         },
         "sentence": lambda text: sentence(text, u),
+        "plain": lambda text: sentence(plain(str(text or ""), u, t, machine), Units()),
+        "answer": told,
         "headline": sentence(record.get("headline"), u),
-        "level": level,
-        "word": t(f"morning.{record.get('verdict')}") if f"morning.{record.get('verdict')}" in t else str(record.get("verdict")),
+        "level": told.level,
+        "word": t(f"morning.{told.state}") if f"morning.{told.state}" in t else told.state,
         "alarms": alarms,
-        "first": first,
+        "first": found[0] if found else None,
+        "also": found[1 : LISTED + 1],
+        "more": max(len(found) - LISTED - 1, 0),
+        "owner": asked["owner"],
         "failed": [{"do": "", "found": "", **p} for p in record.get("preflight") or () if not p.get("passed")],
         "preflight": record.get("preflight") or (),
         "limits": [_limit(x, u) for x in record.get("limits") or ()],
         "parameters": _parameters(record, u),
         "volume": _volume(record, u),
-        "strip": strip,
         "next": {"kind": "", **(record.get("next") or {}), "why": u.sentence(str((record.get("next") or {}).get("why") or ""))},
         "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u)},
         "diagnosis": {"verdict": "", **(record.get("diagnosis") or {})},
@@ -82,42 +104,96 @@ def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return [{**a, "text": str(a.get("text") or "").replace("since last night", f"since {a.get('since')}")} for a in alarms]
 
 
-def _earlier(record: Mapping[str, Any], decisions: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any] | None:
-    """a night without an alarm of its own → what stands behind a crossed limit, else the newest alarm that nobody has closed."""
-    standing, behind = record.get("standing") or (), record.get("behind") or ()
-    if behind and (record.get("verdict") == "out_of_limits" or not standing):
-        return _alarm({"owner": record.get("owner"), **behind[0]}, None, u, t)
-    if not standing:
-        return None
-    a = standing[0]
-    shown = _alarm(a, decisions.get(str(a.get("id"))), u, t)
-    now = sentence(a.get("now"), u)
-    return shown | {
-        "older": True,
-        "night": str(a.get("night")),
-        "text": f"{shown['text'].rstrip('.')}. {now}" if now else shown["text"],
-    }
+def faults(
+    record: Mapping[str, Any],
+    waiting: Sequence[Mapping[str, Any]],
+    decisions: Mapping[str, Any],
+    u: Units,
+    t: Texts,
+    machine: Machine | None = None,
+) -> list[dict[str, Any]]:
+    """record, alarms of earlier nights, decisions by alarm → what is wrong, each once: unanswered first, then by what it does."""
+    told: dict[str, dict[str, Any]] = {}
+    older = [(a, True) for a in (*(record.get("standing") or ()), *waiting)]
+    for a, before in [*((a, False) for a in record.get("alarms") or ()), *older]:
+        shown = _alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record)
+        now = sentence(plain(str(a.get("now") or ""), u, t, machine), Units())
+        if before and now:
+            shown["text"] = f"{shown['text'].rstrip('.')}. {now}"
+        told.setdefault(str(a.get("id") or len(told)), shown | {"older": before})
+    found = _together(list(told.values()))
+    for a in record.get("behind") or ():
+        known = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
+        if not known or max(known) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
+            found.append(_alarm(a, None, u, t, machine, record) | {"older": False})
+    if record.get("verdict") != "out_of_limits" or not record.get("behind"):
+        return sorted(found, key=_urgency)
+    behind = {x.get("parameter") for x in record["behind"]}
+    return sorted(found, key=lambda a: (a.get("parameter") not in behind, *_urgency(a)))
 
 
-def _alarm(a: Mapping[str, Any], decision: Any, u: Units, t: Texts) -> dict[str, Any]:
-    text = sentence(a.get("text"), u)
-    size = _amount(a, u)
-    if " ± " in text or u.sentence("0 µm").split()[1] in text:  # it says its size already
-        size = ""
-    owner = (decision.owner if decision is not None else None) or a.get("owner")
+def _together(alarms: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """alarms → one for each parameter: the oldest, whose "now" holds what came after it, with the effect of all of them."""
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for a in alarms:
+        groups.setdefault(str(a.get("parameter") or a["id"]), []).append(a)
+    found = []
+    for same in groups.values():
+        first = min(same, key=lambda a: a["night"])
+        own, every = float(first.get("size") or 0.0), sum(float(a.get("size") or 0.0) for a in same)
+        if len(same) > 1 and own and first.get("on_part_um") is not None:
+            small = float(first["on_part_um"])
+            large = abs(small * every / own)
+            first = first | {"on_part_um": large, "on_part": first["on_part"].replace(rounded(small), rounded(large), 1)}
+        unanswered = next((a for a in same if a["decision"] is None), None)
+        first = first | {"same": len(same) - 1}
+        found.append(first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who")})
+    return found
+
+
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
+    return a.get("decision") is not None, str(a.get("cause")).replace(" ", "_") in OF_THE_PROBE, -size_of(a)
+
+
+def size_of(a: Mapping[str, Any]) -> float:
+    """fault → µm that it does, at most where that is on record, else the size that was found (of a tilt over 300 mm)."""
+    if a.get("on_part_um") is not None:
+        return abs(float(a["on_part_um"]))
+    return abs(float(a.get("size") or 0.0)) * (1e3 if a.get("unit") == "mm" else 3e5)
+
+
+def _alarm(
+    a: Mapping[str, Any], decision: Any, u: Units, t: Texts, machine: Machine | None = None, record: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    raw = str(a.get("text") or "")
+    size, record = _amount(a, u), record or {}
+    owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
     return {
         **a,
-        "text": text,
+        "id": str(a.get("id") or ""),
+        "text": sentence(plain(raw, u, t, machine), Units()),
+        "recorded": sentence(raw, u),
         "night": str(a.get("id") or "")[:10],
         "cause": str(a.get("cause") or "").replace("_", " "),
-        "amount": size,
-        "on_part": sentence(_told(a, "on_part", u, t), u),
-        "todo": sentence(_told(a, "do", u, t), u),
+        "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
+        "on_part": sentence(plain(_told(a, "on_part", u, t), u, t, machine), Units()),
+        "todo": sentence(plain(_told(a, "do", u, t), u, t, machine), Units()),
         "instead": [str(x).replace("_", " ") for x in a.get("instead") or ()],
         "owner": owner,
+        "who": _who(owner, decision, bool(a.get("id")), t),
         "decision": decision,
+        "same": 0,  # more alarms about it
         "decided": "" if decision is None else t(f"decision.{decision.action}"),
     }
+
+
+def _who(owner: Any, decision: Any, asked: bool, t: Texts) -> str:
+    """owner, decision, whether an answer is asked for, texts → who has it, as a sentence without its full stop."""
+    if decision is not None:
+        return t("morning.has", owner=owner, decided=t(f"decision.{decision.action}"))
+    if not owner:
+        return t("morning.nobody")
+    return t("morning.asked", owner=owner) if asked else str(owner)
 
 
 def sentence(text: Any, u: Units) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ..diagnose.sentences import advice, covariate, dropped, meaning, said, unexplained
-from ..records import Array, InputError
+from ..records import Array, InputError, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
 from .audit import audit, source
@@ -366,8 +366,16 @@ def _trend(f: Facts, t: Texts) -> list[Markup]:
     for series in f.trend["series"]:
         factor, unit = u.of(series["unit"])
         points = {**series, "value": np.array(series["value"]) * factor, "half": np.array(series["half"]) * factor}
-        drawn.append(_safe(charts.trend(points, unit)))
+        points["title"] = titled(series["title"], f.cell.machine, t)
+        points["limit"] = None if series.get("limit") is None else float(series["limit"]) * factor
+        drawn.append(_safe(charts.trend(points, unit, t)))
     return drawn
+
+
+def titled(name: str, machine: Machine | None, t: Texts) -> str:
+    """parameter, machine, texts → what it is, in front of its symbol."""
+    what = spoken(name, machine, t)
+    return name if what == name else f"{what[:1].upper()}{what[1:]} ({name})"
 
 
 def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:

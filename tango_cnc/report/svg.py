@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date, timedelta
 from html import escape
 from itertools import pairwise
 from typing import Literal
@@ -22,7 +23,8 @@ INK, SOFT, LINE, PALE = "#1f2933", "#52606d", "#d3dae1", "#e8edf2"
 BLUE, RED, GREEN, ORANGE, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#8f4a86", "#56b4e9"
 CYCLE = ((BLUE, ""), (RED, "6 3"), (GREEN, "2 2"), (PURPLE, "8 3 2 3"), (ORANGE, "1 3"), (INK, "10 4"))
 FONT = "system-ui, -apple-system, 'Segoe UI', Helvetica, Arial, sans-serif"
-Kind = Literal["line", "dots", "crosses", "rings", "squares", "band", "bars", "steps"]
+Kind = Literal["line", "dots", "crosses", "rings", "squares", "triangles", "band", "bars", "steps"]
+STEPS = (1, 2, 7, 14, 30, 61, 91, 182, 365)  # days between dates on an axis
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ class Frame:
     y_range: tuple[float, float] | None = None
     names: tuple[str, ...] = ()
     from_zero: bool = False
+    first_day: date | None = None  # x are days from it, and the axis has dates
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[float]:
@@ -77,6 +80,17 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
     step = next(s * power for s in (1, 2, 2.5, 5, 10) if s * power >= rough * 0.999)
     first = math.ceil(low / step - 1e-9)
     return [i * step for i in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def dates(first: date, low: float, high: float, most: int) -> list[tuple[float, str]]:
+    """day of x = 0, range in days, how many at most → (x, 11-23), or (x, 2026-11) where they are far apart; the last day is one."""
+    last = math.floor(high + 1e-9)
+    step = next((s for s in STEPS if (high - low) / s <= most), STEPS[-1])
+    found = []
+    for v in range(last, math.ceil(low - 1e-9) - 1, -step):
+        day = first + timedelta(days=v)
+        found.append((float(v), f"{day:%Y-%m}" if step > 30 else f"{day:%m-%d}"))
+    return found[::-1]
 
 
 def number(value: float) -> str:
@@ -203,6 +217,10 @@ class _Plot:
             for i, name in enumerate(f.names):
                 if i % every == 0:
                     parts.append(label(self.x(i), self.bottom + 14, name))
+        elif f.first_day is not None:
+            for v, name in dates(f.first_day, self.x0, self.x1, max(2, int((self.right - self.left) / 46))):
+                parts.append(f'<path d="M{self.x(v):.1f} {self.bottom:.1f}v4" stroke="{SOFT}"/>')
+                parts.append(label(self.x(v), self.bottom + 15, name))
         else:
             for v in ticks(self.x0, self.x1, max(2, int((self.right - self.left) / 70))):
                 x = self.x(v)
@@ -262,7 +280,7 @@ class _Plot:
         y = self.y(m.y)
         return [
             _path(f"M{self.left:.1f} {y:.1f}H{self.right:.1f}", m.color, m.dash, 1.2),
-            f'<text x="{self.right - 2:.1f}" y="{y - 4:.1f}" text-anchor="end" fill="{m.color}">{escape(m.text)}</text>',
+            f'<text x="{self.left + 4:.1f}" y="{y - 4:.1f}" fill="{m.color}">{escape(m.text)}</text>',
         ]
 
 
@@ -280,6 +298,8 @@ def _dot(x: float, y: float, s: Series, tip: str) -> str:
     if s.kind == "crosses":
         body = f'<path d="M{x - r:.1f} {y - r:.1f}l{2 * r:.1f} {2 * r:.1f}m0 {-2 * r:.1f}l{-2 * r:.1f} {2 * r:.1f}" '
         body += f'stroke="{s.color}" stroke-width="1.8" fill="none"'
+    elif s.kind == "triangles":
+        body = f'<path d="M{x:.1f} {y - 1.2 * r:.1f}l{1.2 * r:.1f} {2.2 * r:.1f}h{-2.4 * r:.1f}z" fill="{s.color}"'
     elif s.kind == "squares":
         body = f'<rect x="{x - r:.1f}" y="{y - r:.1f}" width="{2 * r:.1f}" height="{2 * r:.1f}" fill="{s.color}"'
     elif s.kind == "rings":

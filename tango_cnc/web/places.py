@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..files import read_cell
+from ..files.nightly import read_nightly
 from ..history import History, Night, Standing, opened
 from ..records import Cell, TangoError
+from ..records import Machine as Geometry
 from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
@@ -42,6 +44,8 @@ class Row:
     machine: Machine
     standing: Standing | None
     nights: tuple[Night, ...]  # of the strip, newest first
+    record: Mapping[str, Any] | None = None  # of the newest night
+    before: Mapping[str, Any] | None = None  # where that one did not measure: of the last that did
 
 
 def slug_of(name: str) -> str:
@@ -108,6 +112,25 @@ class Places:
                 found.setdefault(slug_of(name), Machine(slug_of(name), name, None, shared))
         return found
 
+    def geometry(self, machine: Machine) -> Geometry | None:
+        """machine → its chain of axes, None where its cell is not on this computer or cannot be read."""
+        cell = None if machine.folder is None else self.cell(machine.folder)
+        return cell.machine if isinstance(cell, Cell) else None
+
+    def owner(self, machine: Machine) -> str:
+        """machine → who is asked about its alarms by nightly.yaml of its cell; empty where nobody is stated."""
+        folder = machine.folder
+        if folder is None:
+            return ""
+
+        def read() -> str:
+            try:
+                return read_nightly(folder).owner
+            except TangoError:  # the night itself tells what is wrong with the file
+                return ""
+
+        return self.kept(f"owner {machine.slug}", read, 60)
+
     def cell(self, folder: Path) -> Cell | str:
         """folder → its cell, or why it cannot be read; read again when its files have changed."""
         names = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
@@ -148,10 +171,13 @@ class Places:
                 listed = nights.setdefault((key, night.machine), [])
                 if len(listed) < STRIP:
                     listed.append(night)
-        rows = [
-            Row(m, standings.get((id(m.history), m.name)), tuple(nights.get((id(m.history), m.name), ())))
-            for m in machines.values()
-        ]
+        records = {key: history.records_of([n.entry for n in _of_records(nights, key)]) for key, history in histories.items()}
+        rows = []
+        for m in machines.values():
+            key, own = id(m.history), tuple(nights.get((id(m.history), m.name), ()))
+            known = records.get(key, {})
+            last, before = (known.get(n.entry) if n is not None else None for n in (own[0] if own else None, measured_before(own)))
+            rows.append(Row(m, standings.get((key, m.name)), own, last, before))
         return sorted(rows, key=_urgent)
 
     def nights(self, machine: Machine, last: int) -> tuple[Night, ...]:
@@ -162,6 +188,25 @@ class Places:
         return self.kept(
             f"nights {machine.slug} {last}", lambda: history.nights(name, last=last) if name in history.machines() else ()
         )
+
+
+def told(night: Night, limits: Mapping[str, float]) -> str:
+    """night, limits (µm) → its verdict; a night that changed and left the limit of the volume is out of limits."""
+    beyond = night.volume_um is not None and "volume" in limits and night.volume_um > limits["volume"]
+    return "out_of_limits" if beyond and night.verdict in ("good", "changed") else night.verdict
+
+
+def measured_before(nights: Sequence[Night]) -> Night | None:
+    """nights, newest first → the last one that measured, where the newest did not; else None."""
+    if not nights or nights[0].verdict != "not_measured":
+        return None
+    return next((n for n in nights[1:] if n.verdict != "not_measured"), None)
+
+
+def _of_records(nights: Mapping[tuple[int, str], Sequence[Night]], key: int) -> list[Night]:
+    """→ of every machine of one history the nights whose records the list of machines needs."""
+    own = [every for (history, _), every in nights.items() if history == key and every]
+    return [n for every in own for n in (every[0], measured_before(every)) if n is not None]
 
 
 def _urgent(row: Row) -> tuple[int, str]:

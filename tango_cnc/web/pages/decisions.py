@@ -11,7 +11,7 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.morning import context, earlier
+from ...report.morning import context, earlier, size_of
 from ..app import machine_of, needs, page, proven, state_of
 
 NOTE = 500  # characters
@@ -34,9 +34,11 @@ def _values(request: Request) -> dict[str, Any]:
             continue
         if row.standing.alarms_open:
             record = {"alarms": earlier(history.open_alarms(name))}
-            shown = context(record, (), state.units, state.texts)["alarms"]
+            whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
+            shown = context(record, (), state.units, state.texts, machine=axes, owner=whose)["alarms"]
             waiting += [{"machine": row.machine, **a} for a in shown]
         past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]
+    waiting.sort(key=lambda a: -size_of(a))
     past.sort(key=lambda p: p["d"].utc, reverse=True)
     return {"waiting": waiting, "past": past[:50], "actions": ACTIONS}
 

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from datetime import date
 from typing import Any
 
+from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from ...history import Night
+from ...report.charts import tip
 from ...report.morning import LEVELS, context, earlier, strip
-from ...report.svg import BLUE, RED, Frame, Series, chart
 from ..app import machine_of, needs, page, state_of
 from ..live import Run, journals
-from ..places import STRIP, Machine
+from ..places import STRIP, Machine, told
+from ..places import measured_before as before
 
 PAGE = 50  # nights of one page of the list
 ANOTHER = 10_000
+QUARTER, FEW = 90, 12  # nights of the curve, and of that on a phone
 
 
 def machine(request: Request) -> Response:
@@ -24,25 +30,36 @@ def machine(request: Request) -> Response:
     state, found = state_of(request), machine_of(request)
     nights = state.places.nights(found, STRIP)
     values: dict[str, Any] = {"machine": found, "nights": nights[:10], "run": run_of(request, found), "level": "none"}
-    values["waiting"] = []
     if nights and found.history is not None:
         history, entry = found.history, nights[0].entry
-        stored = state.places.kept(f"night {found.slug} {entry}", lambda: history.night(entry).record, 600)
-        decisions = state.places.kept(f"decisions {found.slug}", lambda: history.decisions(found.name))
-        values |= context(stored, decisions, state.units, state.texts)
+        values |= context(
+            stored(request, found, entry),
+            state.places.kept(f"decisions {found.slug}", lambda: history.decisions(found.name)),
+            state.units,
+            state.texts,
+            waiting=earlier(_waiting(request, found)),
+            before=record_before(request, found, nights),
+            machine=state.places.geometry(found),
+            owner=state.places.owner(found),
+        )
         values["entry"] = entry
-        values["waiting"] = waiting = context({"alarms": earlier(_waiting(request, found))}, (), state.units, state.texts)["alarms"]
-        shown = {a.get("id") for a in (*values["alarms"], *([values["first"]] if values["first"] else []))}
-        waiting[:] = [a for a in waiting if a["id"] not in shown]
-        if (waiting or values["first"]) and values["level"] == "good":  # no green while an alarm waits
-            headline = values["headline"]
-            told = {"headline": state.texts("web.last_said", headline=headline[:1].lower() + headline[1:])}
-            values |= told | {"level": "look", "word": state.texts("web.alarm_open"), "quiet": True}
-        if waiting and values["first"] is None:  # what it is, what it does and what to do stand here, not a page away
-            values["first"] = {**waiting.pop(0), "older": True}
-        values["strip"] = strip([(n.night, n.verdict, "") for n in reversed(nights)], state.texts("web.nights"))
-        values["picture"] = _volume(request, found)
+        allowed = limits_of(request, found)
+        values["strip"] = strip([(n.night, told(n, allowed), "") for n in reversed(nights)], state.texts("web.nights"))
+        values["curves"] = _curves(request, found)
     return page(request, "machine.html", **values)
+
+
+def stored(request: Request, machine: Machine, entry: int) -> Any:
+    """request, machine, number of an entry → its record; kept for ten minutes, since no entry changes."""
+    history = machine.history
+    assert history is not None
+    return state_of(request).places.kept(f"night {machine.slug} {entry}", lambda: history.night(entry).record, 600)
+
+
+def record_before(request: Request, machine: Machine, nights: Sequence[Night]) -> Any:
+    """request, machine, its nights newest first → record of the last one that measured before a night that did not; else None."""
+    last = before(nights)
+    return None if last is None else stored(request, machine, last.entry)
 
 
 def _waiting(request: Request, machine: Machine) -> Any:
@@ -62,28 +79,31 @@ def run_of(request: Request, machine: Machine) -> Run | None:
     return state.journals.run(files[0], None if isinstance(cell, str) else cell) if files else None
 
 
-def _volume(request: Request, machine: Machine) -> Any:
-    """The largest error of the tool tip, night by night; nights with an alarm as squares."""
-    from markupsafe import Markup
+def limits_of(request: Request, machine: Machine) -> Mapping[str, float]:
+    """request, machine → {what: limit} of its last night that measured, in µm, µrad or µm/m."""
+    nights = state_of(request).places.nights(machine, STRIP)
+    last = next((n for n in nights if n.verdict != "not_measured"), None)
+    if last is None:
+        return {}
+    return {str(x["what"]): float(x["limit"]) for x in stored(request, machine, last.entry).get("limits") or () if x.get("limit")}
 
+
+def _curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
+    """The largest error of the tool tip night by night: of a quarter of a year, and of the last nights for a phone."""
     state = state_of(request)
-    nights = [n for n in reversed(state.places.nights(machine, 90)) if n.volume_um is not None]
-    if len(nights) < 2:
-        return ""
-    import numpy as np
-
-    k = state.units.per_micron
-    x = np.arange(len(nights), dtype=float)
-    y = np.array([float(n.volume_um or 0.0) * k for n in nights])
-    bad = np.array([LEVELS.get(n.verdict, "stop") != "good" for n in nights])
-    series = [
-        Series(x, y, "line", BLUE),
-        Series(x[~bad], y[~bad], "dots", BLUE),
-        Series(x[bad], y[bad], "squares", RED, size=4, tips=tuple(n.night for n in nights if LEVELS.get(n.verdict) != "good")),
+    u, allowed = state.units, limits_of(request, machine)
+    found = [
+        (date.fromisoformat(n.night), float(n.volume_um) * u.per_micron, LEVELS.get(told(n, allowed), "stop"))
+        for n in reversed(state.places.nights(machine, QUARTER))
+        if n.volume_um is not None
     ]
-    names = tuple(n.night[5:] for n in nights)
-    title = state.texts("web.volume", unit=state.units.small)
-    return Markup(chart(series, Frame(860, 200, title, "", state.units.small, names=names, from_zero=True)))
+    if len(found) < 2:
+        return None
+    limit = allowed["volume"] * u.per_micron if "volume" in allowed else None
+    wide, narrow = (
+        tip(part, limit, u.small, state.texts, *size) for part, size in ((found, (860, 240)), (found[-FEW:], (360, 250)))
+    )
+    return Markup(wide), Markup(narrow)
 
 
 def nights(request: Request) -> Response:

@@ -11,6 +11,7 @@ from ...records import InputError
 from ...report.morning import context
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
+from .machine import ANOTHER, record_before
 from .report import NAMES, file_of_night
 
 
@@ -21,7 +22,16 @@ def night(request: Request) -> Response:
     entry = int(request.path_params["entry"])
     record = record_of(found, entry)
     assert found.history is not None
-    values = context(record, found.history.decisions(found.name), state.units, state.texts)
+    nights = [n for n in state.places.nights(found, ANOTHER) if n.entry <= entry]
+    values = context(
+        record,
+        found.history.decisions(found.name),
+        state.units,
+        state.texts,
+        before=record_before(request, found, nights),
+        machine=state.places.geometry(found),
+        owner=state.places.owner(found),
+    )
     written = [name for name in NAMES if file_of_night(found, record, name) is not None]
     return page(request, "night.html", machine=found, entry=entry, written=written, **values)
 

@@ -14,9 +14,11 @@ from starlette.routing import Route
 
 from ...history import Trend
 from ...report.charts import trend as drawn
-from ...report.words import spoken
+from ...report.page import titled
+from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
+from .machine import limits_of
 
 FIRST = 12  # parameters that are drawn when none is chosen
 LAST = 365  # nights
@@ -33,24 +35,26 @@ def trends(request: Request) -> Response:
         wanted = ""
     names = [wanted] if wanted else list(every)[:FIRST]
     marks = _marks(found)
-    cell = None if found.folder is None else state.places.cell(found.folder)
+    axes = state.places.geometry(found)
+    allowed = limits_of(request, found)
     charts = []
     for name in names:
         series = every[name]
         factor, unit = state.units.coefficient(series.unit)
         days = _days(series.start_utc)
         alarm = [utc[:10] in marks for utc in series.start_utc]
-        what = spoken(name, cell.machine, state.texts) if cell is not None and not isinstance(cell, str) else ""
         points = {
-            "title": f"{name}: {what}" if what and what != name else name,
+            "title": titled(name, axes, state.texts),
+            "first": datetime.fromisoformat(series.start_utc[0]).date(),
             "days": days,
+            "limit": allowed[name] * state.units.of(shown(series.unit)[1])[0] if name in allowed else None,
             "value": series.value * factor,
             "half": INTERVAL * series.std * abs(factor),
             "alarm": alarm,
             "x_label": f"{series.start_utc[0][:10]} … {series.start_utc[-1][:10]}",
         }
-        wide, high = (880, 340) if wanted else (425, 210)
-        charts.append((name, Markup(drawn(points, unit, wide, high))))
+        wide, high = (880, 340) if wanted else (425, 240)
+        charts.append((name, Markup(drawn(points, unit, state.texts, wide, high))))
     return page(request, "trend.html", machine=found, charts=charts, names=list(every), wanted=wanted)
 
 
@@ -74,8 +78,8 @@ def _moved(s: Trend) -> float:
 
 
 def _days(stamps: tuple[str, ...]) -> Any:
-    moments = [datetime.fromisoformat(s).timestamp() / 86400 for s in stamps]
-    return np.array(moments) - moments[0]
+    days = [datetime.fromisoformat(s).date() for s in stamps]
+    return np.array([(day - days[0]).days for day in days], dtype=float)
 
 
 def _marks(machine: Machine) -> set[str]:

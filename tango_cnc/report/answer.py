@@ -1,0 +1,97 @@
+"""The record of a night → the first line of the morning: may I make parts? With the error and the limit side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ..records import Machine
+from .plain import amount
+from .texts import Texts
+from .units import Units
+from .verdict import Level
+from .words import spoken
+
+May = Literal["yes", "but", "no", "unknown"]
+LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "look"}
+MEASURED = ("good", "changed", "out_of_limits", "doubtful")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Whether parts may be made; `numbers` are error and limit, `why` is what limits a yes."""
+
+    may: May
+    word: str
+    state: str  # key of the verdict in a word, below `morning`
+    numbers: str
+    why: str
+
+    @property
+    def level(self) -> Level:
+        """→ the sign that goes with it."""
+        return LEVELS[self.may]
+
+
+def answer(
+    record: Mapping[str, Any],
+    u: Units,
+    t: Texts,
+    waiting: str = "",
+    before: Mapping[str, Any] | None = None,
+    machine: Machine | None = None,
+) -> Answer:
+    """record, units, texts, date of an alarm that nobody has closed, last night that measured, machine → the answer.
+
+    A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
+    """
+    verdict = str(record.get("verdict"))
+    missing = verdict == "not_measured"
+    known = before if missing else record
+    may, state, why = _measured(known, t, waiting) if known is not None else ("unknown", "not_measured", t("may.never"))
+    date = str(known.get("night")) if known is not None else ""
+    if missing and known is not None:
+        may, state, why = ("no" if may == "no" else "but"), "not_measured", t("may.unmeasured", date=date)
+    return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why)
+
+
+def _measured(record: Mapping[str, Any], t: Texts, waiting: str) -> tuple[May, str, str]:
+    verdict = str(record.get("verdict"))
+    passed = [x.get("passed") for x in record.get("limits") or ()]
+    if verdict == "doubtful":
+        return "no", "doubtful", t("may.doubtful")
+    if verdict == "out_of_limits" or False in passed:
+        return "no", "out_of_limits", t("may.beyond")
+    if verdict not in MEASURED:
+        return "no", verdict, ""
+    if verdict == "changed" and not waiting:
+        return "but", "changed", t("may.changed")
+    if verdict == "changed" or waiting:
+        return "but", "changed" if verdict == "changed" else "alarm_open", t("may.open", date=waiting)
+    if None in passed:
+        return "but", "undecided", t("may.undecided")
+    if record.get("status") == "partial":
+        return "but", "partial", t("may.partial", touches=record.get("touches") or 0, planned=record.get("planned") or 0)
+    return "yes", "good", ""
+
+
+def _numbers(record: Mapping[str, Any] | None, u: Units, t: Texts, machine: Machine | None, date: str) -> str:
+    if record is None or str(record.get("verdict")) == "doubtful":
+        return ""
+    limits: Sequence[Mapping[str, Any]] = [x for x in record.get("limits") or () if x.get("limit") and x.get("value") is not None]
+    if limits:
+        worst = max(limits, key=lambda x: abs(float(x["value"])) / float(x["limit"]))
+        what = str(worst.get("what"))
+        name = t("may.tip") if what == "volume" else spoken(what, machine, t)
+        unit = str(worst.get("unit") or "µm")
+        found, allowed = amount(float(worst["value"]), unit, u, t), amount(float(worst["limit"]), unit, u, t)
+        if found == allowed and worst.get("passed") is not True:  # 60.4 µm beside 60 µm must not look alike
+            factor, shown = u.of(unit)
+            found = f"{abs(float(worst['value'])) * factor:.1f} {shown}"
+        text = t("may.numbers", what=f"{name[:1].upper()}{name[1:]}", found=found, allowed=allowed)
+    elif (record.get("volume") or {}).get("worst_um") is not None:
+        text = t("may.no_limit", what=t("may.tip"), found=amount(float(record["volume"]["worst_um"]), "µm", u, t))
+    else:
+        return ""
+    return t("may.on", text=text, date=date) if date else text

@@ -1,0 +1,59 @@
+"""A sentence of a record → the same in the words of the shop: no symbol, no ±, an angle as a length over a length.
+
+The engineer's part of a page keeps the sentence as it was recorded.
+"""
+
+from __future__ import annotations
+
+import re
+
+from ..records import Machine
+from .texts import Texts
+from .units import Units
+from .words import spoken
+
+SPAN = {"mm": 300.0, "inch": 12.0}  # mm or in over which a tilt is told
+COMMAND = re.compile(r"('tango [^']*')")
+BRACKETS = re.compile(r" \((E[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))(?:-E\w+)?)\)")
+SYMBOL = re.compile(r"\bE[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))\b(?:-E[XYZ][XYZ]1\b)?")
+TILT = re.compile(r"[+\-−]?(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? (?:µrad|µm/m)(?![\w/²³])")
+SPREAD = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? µm(?![\w/²³])")
+
+
+def plain(text: str, u: Units, t: Texts, machine: Machine | None = None) -> str:
+    """sentence with µm, µrad, µm/m and symbols of ISO 230-1, units, texts → the same for people who make parts.
+
+    What stands between quotes is a command and stays as it is.
+    """
+    return "".join(part if i % 2 else _plain(part, u, t, machine) for i, part in enumerate(COMMAND.split(text)))
+
+
+def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
+    text = BRACKETS.sub("", text)
+    text = SYMBOL.sub(lambda m: spoken(m[0], machine, t), text)
+    text = SPREAD.sub(lambda m: f"{m[1].replace('-', '−')}{rounded(float(m[2]))} µm", text)
+    told, at = [], 0
+    for match in TILT.finditer(text):  # what a tilt becomes is no length of the record: it is not converted once more
+        told += [u.sentence(text[at : match.start()]), tilt(float(match[1]), u, t)]
+        at = match.end()
+    return "".join([*told, u.sentence(text[at:])])
+
+
+def tilt(size: float, u: Units, t: Texts) -> str:
+    """µrad or µm/m, units, texts → 12 µm over 300 mm, 144 µin over 12 in."""
+    span = SPAN[u.system]
+    small = size * span * (1e-3 if u.system == "mm" else 1.0)
+    return t("may.over", size=f"{rounded(abs(small))} {u.small}", span=f"{span:g} {u.large}")
+
+
+def amount(value: float, unit: str, u: Units, t: Texts) -> str:
+    """number in µm, µrad or µm/m, units, texts → 76 µm, or 12 µm over 300 mm; another unit is told as it is."""
+    if unit in ("µrad", "µm/m"):
+        return tilt(value, u, t)
+    factor, name = u.of(unit)
+    return f"{rounded(abs(value * factor))} {name}".rstrip()
+
+
+def rounded(value: float) -> str:
+    """number without a sign → whole from 10 on, else one decimal."""
+    return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}".removesuffix(".0")
