@@ -13,6 +13,8 @@ from hypothesis import settings
 # Before anything imports numpy: matrices of 400 × 120 gain nothing from threads, and tests that share a machine lose by them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 pytest.register_assert_rewrite("support")  # helpers may assert, too
+from support.places import history_place, postgres_server  # noqa: E402, F401  (fixtures)
+
 ROOT = Path(__file__).parent.parent
 CI = bool(os.environ.get("CI"))
 PACKAGES = {

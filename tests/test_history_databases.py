@@ -7,14 +7,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
-from support import postgres
 from support.histories import EVENTS, knowledge, record
 
 from tango_cnc.history import Decision, add_compensations, compensations, opened
@@ -24,24 +23,8 @@ from tango_cnc.records import InputError
 Place = Callable[[], str | Path]
 
 
-@pytest.fixture(scope="module")
-def server() -> Iterator[str]:
-    with postgres.server() as url:
-        yield url
-
-
-@pytest.fixture(params=["sqlite", pytest.param("postgres", marks=[pytest.mark.long, pytest.mark.system("pg_lsclusters")])])
-def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
-    """→ a new, empty place for a history at every call."""
-    count = iter(range(100))
-    if request.param == "sqlite":
-        return lambda: tmp_path / f"history{next(count)}.db"
-    url = request.getfixturevalue("server")
-    return lambda: postgres.database(url)
-
-
-def test_nights_decisions_trends_and_the_chain(place: Place) -> None:
-    with opened(place()) as history:
+def test_nights_decisions_trends_and_the_chain(history_place: Place) -> None:
+    with opened(history_place()) as history:
         for day in range(1, 8):
             alarms = [{"id": f"2026-10-{day:02d}-1", "cause": "step"}] if day == 5 else []
             history.add_night(record(day, alarms=alarms, headline=f"µm, “{day}”"), f"touch\n{day}\n", knowledge(day))
@@ -68,8 +51,8 @@ def test_nights_decisions_trends_and_the_chain(place: Place) -> None:
         assert len(history.nights("M")) == 7
 
 
-def test_a_backup_is_the_same_and_comes_back(place: Place, tmp_path: Path) -> None:
-    first, second = place(), place()
+def test_a_backup_is_the_same_and_comes_back(history_place: Place, tmp_path: Path) -> None:
+    first, second = history_place(), history_place()
     with opened(first) as history:
         for day in (1, 2, 3):
             history.add_night(record(day), f"touch\n{day}\n", knowledge(day))
@@ -104,8 +87,8 @@ def writer(place: str | Path, first: int, last: int, machine: str = "M") -> subp
 
 
 @pytest.mark.long
-def test_two_nights_at_once_make_one_chain(place: Place) -> None:
-    where = place()
+def test_two_nights_at_once_make_one_chain(history_place: Place) -> None:
+    where = history_place()
     both = [writer(where, 0, 15), writer(where, 100, 115)]
     assert [p.wait(120) for p in both] == [0, 0]
     with opened(where) as history:
@@ -114,9 +97,9 @@ def test_two_nights_at_once_make_one_chain(place: Place) -> None:
 
 
 @pytest.mark.long
-def test_what_was_acknowledged_survives_a_kill_and_nothing_is_half(place: Place) -> None:
+def test_what_was_acknowledged_survives_a_kill_and_nothing_is_half(history_place: Place) -> None:
     """Killed after a random time, again and again: every night that the writer has reported is there, whole."""
-    where = place()
+    where = history_place()
     rng = np.random.default_rng(7)
     done = 0
     for _ in range(int(os.environ.get("TANGO_KILLS", "6"))):

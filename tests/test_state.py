@@ -219,3 +219,39 @@ def test_a_chart_alarms_on_a_shift_and_hardly_ever_without(kind: str) -> None:
     assert abs(drawn.alarm.sum() - 2000 / drawn.nights_to_false_alarm) < 40
     shifted = charts.KINDS[kind](np.concatenate([quiet[:50], quiet[50:80] + 4]))
     assert shifted.alarm[50:55].any()
+
+
+def test_the_only_touch_of_a_point_is_set_apart_once_and_counts_when_it_comes_again(
+    cell: Cell, truth: World, known: tuple[s.Frame, s.State]
+) -> None:
+    """A facet or ball that is touched once tonight: 7 µm on it are a chip the first night, and a facet that moved the second."""
+    followed, after = known
+    ahead = s.predicted(after, 1.0)
+    readings = read(cell, truth, 11, part=6)
+    count = {f: readings.facet.count(f) for f in readings.facet}
+    lone = next(i for i, f in enumerate(readings.facet) if count[f] == 1)
+    position = readings.position.copy()
+    facet = cell.artefact.facets[readings.facet[lone]]
+    # Along the normal as the machine sees it: what a facet raised in the simulator does to the reading.
+    raised = replace(truth, facets={**truth.facets, readings.facet[lone]: truth.facets.get(readings.facet[lone], 0.0) + 0.010})
+    clean, moved = (read(cell, replace(w, noise=0.0), 11, part=6) for w in (truth, raised))
+    position[lone] += (moved.position - clean.position)[lone]
+    chipped = replace(readings, position=position)
+    what, number = s.seen(followed, chipped, ahead.mean, 20.0), int(readings.touch[lone])
+    assert s.judge(ahead, what).alarm() and not s.judge(ahead, what).outliers, facet  # it may be the facet as well
+    first = s.judge(ahead, what, followed.points)
+    assert first.outliers == (number,) and not first.alarm()
+    second = s.judge(ahead, what, followed.points, again=(number,))
+    assert second.alarm() and second.outliers == ()
+    named = s.name_change(ahead, followed, second, s.hypotheses(followed, None))
+    assert named is not None and named.hypothesis.parameter in (f"facet {readings.facet[lone]}", f"ball {facet.ball}")
+
+
+def test_what_no_touch_of_tonight_sees_is_no_story(cell: Cell, truth: World, known: tuple[s.Frame, s.State]) -> None:
+    followed, after = known
+    readings = read(cell, replace(truth, errors={**truth.errors, "EX0C": truth.errors["EX0C"] + 0.004}), 12, part=12)
+    tonight = s.judge(s.predicted(after, 1.0), s.seen(followed, readings, after.mean, 20.0))
+    named = s.name_change(s.predicted(after, 1.0), followed, tonight, s.hypotheses(followed, None))
+    touched = {f"facet {f}" for f in readings.facet}
+    assert len(touched) < len(cell.artefact.facets) and named is not None
+    assert not [n for n in (named.hypothesis.parameter, *named.instead) if n.startswith("facet") and n not in touched]

@@ -7,6 +7,7 @@ import os
 import shutil
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -80,14 +81,18 @@ class RealDisk:
         source = self.folder / "nights" / "outbox" / f"{stamp}.txt"
         target = self.folder / "nights" / "sent" / source.name
         target.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(source, target)
+        with suppress(FileNotFoundError):  # another night, or --tell, has sent it at the same time
+            os.replace(source, target)
 
 
 def _texts(folder: Path) -> list[tuple[str, str]]:
     if not folder.is_dir():
         return []
-    files = sorted(f for f in folder.iterdir() if f.is_file() and not f.name.startswith("."))
-    return [(f.name, f.read_text(encoding="utf-8")) for f in files]
+    found = []
+    for file in sorted(f for f in folder.iterdir() if not f.name.startswith(".")):
+        with suppress(FileNotFoundError, IsADirectoryError):  # another night has just taken it away
+            found.append((file.name, file.read_text(encoding="utf-8")))
+    return found
 
 
 def _cell_hash(folder: Path) -> str:

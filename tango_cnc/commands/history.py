@@ -232,13 +232,21 @@ def decide(history: History, machine: str, alarm: str, action: str, owner: str, 
 @_options()
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option("--as", "kind", metavar="KIND", help="csv, parquet, qdas, isg or dcc [default: by the ending of the file].")
-@click.option("--night", default="last", show_default=True, help="Of isg and dcc: which night.")
-def export(history: History, machine: str, output: Path, kind: str | None, night: str) -> None:
-    """Parameters of all nights (CSV, Parquet, Q-DAS .dfq), or one night (ISG/Etalon, digital calibration certificate)."""
-    from ..history import exchange
+@click.option("--night", default="last", show_default=True, help="Of isg and dcc: which night; last of isg is the last full one.")
+@click.pass_context
+def export(context: click.Context, history: History, machine: str, output: Path, kind: str | None, night: str) -> None:
+    """Parameters of all nights (CSV, Parquet, Q-DAS .dfq), or one night (ISG/Etalon, digital calibration certificate).
 
-    module = exchange.target(kind, output)
-    module.write(history, machine, output, _night(history, machine, night))
+    ISG/Etalon (isg) is the errors themselves, actual minus commanded; it is estimated from the readings of the night with the cell.
+    """
+    from ..history import exchange
+    from ._export_isg import full_night, write
+
+    if kind == exchange.ESTIMATED:
+        entry = full_night(history, machine) if night == "last" else _night(history, machine, night)
+        write(history, context.params["folder"], output, entry)
+    else:
+        exchange.target(kind, output).write(history, machine, output, _night(history, machine, night))
     click.echo(f"{machine} → {output}")
 
 

@@ -102,9 +102,9 @@ def command(
     try:
         from ..report import morning
 
-        disk.write(stamp, "morning.html", morning.render(record))
+        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", morning.render(record))
     except OSError as error:
-        click.echo(f"nights/{stamp}/morning.html could not be written ({error.strerror or error})", err=True)
+        click.echo(f"{record['artefacts']['folder']}/morning.html could not be written ({error.strerror or error})", err=True)
     if not write_json(json_file, record):
         from ..nightly.words import message
 
@@ -219,12 +219,14 @@ def _status(folder: Path, settings: Nightly, wrong: TangoError | None, where: st
     with opened(history_of(folder, settings, where), create=False) as history:
         name = name or machine_of(folder, history.machines())
         nights = history.nights(name, last=7) if name in history.machines() else ()
+        newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work
         waiting = [stamp for stamp, _ in disk.unsent()]
         unfinished = [stamp for stamp, _ in disk.unfinished()]
         alarms = history.open_alarms(name) if nights else ()
-        record = history.night(nights[0].entry).record if nights else {}
+        record = history.night(newest.entry).record if newest else {}
     late = (
-        not nights or (datetime.now(UTC) - datetime.fromisoformat(nights[0].start_utc)).total_seconds() > settings.late_hours * 3600
+        newest is None
+        or (datetime.now(UTC) - datetime.fromisoformat(newest.start_utc)).total_seconds() > settings.late_hours * 3600
     )
     data = {
         **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},

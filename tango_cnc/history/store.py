@@ -263,8 +263,9 @@ class History:
     def fleet(self, now_utc: str, late_hours: float = 36.0) -> tuple[Standing, ...]:
         """moment, hours after which a machine is late → how every machine is doing, those that need somebody first."""
         limit = _stamp(datetime.fromisoformat(now_utc) - timedelta(hours=late_hours))
+        # The last one is the one that ended last: a night that was refused began after the one at work, and tells less.
         newest = (
-            select(t.night.c.machine_id, func.max(t.night.c.start_utc).label("start"), func.count().label("nights"))
+            select(t.night.c.machine_id, func.max(t.night.c.end_utc).label("end"), func.count().label("nights"))
             .group_by(t.night.c.machine_id)
             .subquery()
         )
@@ -283,7 +284,7 @@ class History:
         rows = self._rows(
             select(t.machine.c.name, t.night)
             .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-            .join(newest, (newest.c.machine_id == t.night.c.machine_id) & (newest.c.start == t.night.c.start_utc))
+            .join(newest, (newest.c.machine_id == t.night.c.machine_id) & (newest.c.end == t.night.c.end_utc))
             .order_by(t.night.c.entry_id)
         )
         last = {row.name: _night(row) for row in rows}

@@ -57,7 +57,7 @@ def since(past: Past, machine: str, day: float) -> Since:
     if found is None:
         return Since("", "the last night")
     last = found[0]
-    newer = [n for n in past.nights(machine, last=LISTED) if n.start_utc > last.start_utc]
+    newer = [n for n in past.nights(machine, last=LISTED) if n.start_utc > last.end_utc]
     if not newer and day - datetime.fromisoformat(last.start_utc).timestamp() / 86_400 < NEAR:
         return Since(last.night, "last night")
     what = "not measured" if all(n.verdict == "not_measured" for n in newer) else "without a result"
@@ -127,11 +127,12 @@ def _said(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
     if h.cause == "temperature":
         worst = k.worst(h.directions @ named.size)
         return worst / 1e3, 0.0, texts()("changed.temperature", size=f"{worst:.1f} µm")
-    if len(h.axes) == 3 and h.cause in ("table", "stylus"):
+    if h.cause == "ball" or (len(h.axes) == 3 and h.cause in ("table", "stylus")):
         size = named.length
         towards = ", ".join(f"{a} {v * 1e3:+.1f} µm" for a, v in zip(h.axes, named.size, strict=True))
         finite = named.std[np.isfinite(named.std)]
-        told = texts()(f"changed.{h.cause}", size=f"{size * 1e3:.1f} µm", towards=towards, since=before.words)
+        name = {"name": h.parameter} if h.cause == "ball" else {}
+        told = texts()(f"changed.{h.cause}", size=f"{size * 1e3:.1f} µm", towards=towards, since=before.words, **name)
         return size, float(finite.max()) if len(finite) else 0.0, told
     size, std = float(named.size[0]), float(named.std[0])
     told = value(size, h.unit, std)

@@ -47,6 +47,7 @@ LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
 COVER = 1.959964  # standard deviations of 95 %
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
+SET_APART = 7  # nights looked back over for one that measured
 SLOPE = 21  # nights that a rate is told from
 READ = Callable[[str], Readings]
 
@@ -131,7 +132,7 @@ class Nights:
             60 * self.settings.check_minutes,
             self.times.touch,
             self.times.turn,
-            [int(row) for row in np.flatnonzero(np.isin(self.times.numbers, self.times.first))],
+            [int(row) for row in np.flatnonzero(np.isin(self.times.numbers, self.times.first) | self._apart(past))],
         )
         return kind, why, tuple(int(self.times.numbers[row]) for row in found.rows)
 
@@ -172,7 +173,9 @@ class Nights:
         if ahead.reference is None and warmth:
             ahead = replace(ahead, reference=parts.mean(warmth))
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
-        tonight = judge(ahead, what)
+        machine, known = self.cell.machine.name, self.known
+        recent = past.records(machine, LEARNED_FROM) if machine in past.machines() else ()
+        tonight = judge(ahead, what) if first else judge(ahead, what, self.followed.points, self._again(past))
         rate = 1 / self.settings.false_alarm_nights
         alarm = not first and tonight.alarm(rate * AT_ONCE)
         named, opened = None, ahead
@@ -185,8 +188,6 @@ class Nights:
             what = seen(self.followed, readings, after.mean, ahead.reference, self.settings.sensor)
             tonight = judge(ahead, what)
             after = updated(ahead, what, tonight, quiet=False)
-        machine, known = self.cell.machine.name, self.known
-        recent = past.records(machine, LEARNED_FROM) if machine in past.machines() else ()
         after, learned = self._learned(past, recent, after)
         result = self._estimate(readings, after, tonight)
         judged = Judged("trustworthy") if self.judged is None else self.judged(*self._judgeable(kind, measured), result, kind)
@@ -243,6 +244,18 @@ class Nights:
             return told | {"next": {"kind": "full", "why": "tonight's readings are in doubt"}}, None, {}
         files = {} if self.written is None else dict(self.written(result))
         return told | {"next": self._next(past, after, day, bool(alarms), kind)}, parts.knowledge(after), files
+
+    def _apart(self, past: Past) -> NDArray[np.bool_]:
+        """history → (n,) of the strategy: touches that the last measured night set apart, as they fitted nothing else."""
+        machine = self.cell.machine.name
+        recent = past.records(machine, SET_APART) if self.check is None and machine in past.machines() else ()
+        last = next((r for r in recent if r.get("touches") and r.get("carried", True)), None)
+        return np.isin(self.times.numbers, () if last is None else last.get("outliers") or ())
+
+    def _again(self, past: Past) -> tuple[int, ...]:
+        """history → touches of the same points: a chip is gone the next time, a facet that has moved is not."""
+        points = np.abs(self.offered[:, self.followed.points]) > 0.5
+        return tuple(int(n) for n in self.times.numbers[np.any(points @ points[self._apart(past)].T, axis=1)])
 
     def _cell(self, kind: str) -> Cell:
         return self.check if kind == "check" and self.check is not None else self.cell

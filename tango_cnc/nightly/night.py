@@ -8,6 +8,7 @@ Nothing moves before every point of the preflight has passed. What is kept is ke
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from ..files.nightly import Nightly
 from ..history import FORMAT, Knowledge
-from ..records import InputError, LinkError, TangoError
+from ..records import BusyError, InputError, LinkError, TangoError
 from .ports import Disk, Finding, Ports
 from .words import headline, message
 
@@ -57,9 +58,24 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
             record = base | found
             return _kept(record, knowledge, files, readings, settings, world, stamp, left)
+    except BusyError as error:
+        record, stamp = _refused(base, error, world, stamp)
+        return _kept(record, None, {}, None, settings, world, stamp, left)
     except (TangoError, OSError) as error:
         record = base | {"why": _sentence(error)}
         return _kept(record, None, {}, None, settings, world, stamp, left)
+
+
+def _refused(base: dict[str, Any], error: BusyError, world: Ports, stamp: str) -> tuple[dict[str, Any], str]:
+    """what is known, who has the folder, the world, stamp → record of a night that was not begun, and a stamp of its own.
+
+    Two timers may begin in the same second: under the stamp of the night at work this one would take away its mark and its files.
+    """
+    own = f"{stamp}-refused-{world.clock.now():%f}"
+    record = base | {"status": "refused", "why": f"{error.by} is at work in this folder", "artefacts": {"folder": f"nights/{own}"}}
+    with suppress(TangoError, OSError):  # a history that cannot be read is told with what could not be kept
+        record |= _before(base["machine"], world)
+    return record, own
 
 
 def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, Any], Knowledge | None, dict[str, str], str | None]:
@@ -155,7 +171,8 @@ def _before(machine: str, world: Ports) -> dict[str, Any]:
         return {}
     nights = world.past.nights(machine, last=60)
     last = next((n for n in nights if n.touches), None)
-    gone = [n for n in nights if last is None or n.start_utc > last.start_utc][:MISSED]
+    # One that began while the last one measured was refused by it: the machine was measured all the same.
+    gone = [n for n in nights if last is None or n.start_utc > last.end_utc][:MISSED]
     found: dict[str, Any] = {} if last is None else {"last_measured": last.night}
     return found | ({"unmeasured": [f"{n.night}: {n.headline}" for n in reversed(gone)]} if gone else {})
 
@@ -205,6 +222,7 @@ def _kept(
         trouble.append(f"the night is not in the history: {_sentence(error)}; the next night adds it")
         try:
             world.disk.write(stamp, UNKEPT, _packed(record, readings, knowledge))
+            world.disk.begin(stamp, record["start_utc"])  # one that came to nothing before it had begun is looked for by its mark
         except OSError as second:
             trouble[-1] = f"the night is not in the history: {_sentence(error)}; nor on the disk: {_sentence(second)}"
     _told(record, trouble, left, world, stamp)

@@ -76,13 +76,13 @@ class Disk(Protocol):
         """→ text of a file of a night, None where there is none."""
 
     def post(self, stamp: str, text: str) -> None:
-        """Puts a message where it stays until it is sent. Raises OSError."""
+        """Keeps a message on disk until it is sent. Raises OSError."""
 
     def unsent(self) -> Sequence[tuple[str, str]]:
         """→ (stamp, text) of messages that were not sent, oldest first."""
 
     def sent(self, stamp: str) -> None:
-        """Takes a message out that was sent."""
+        """Marks a message as sent: it is sent no more."""
 
 
 class Control(Protocol):
@@ -96,7 +96,7 @@ class Control(Protocol):
 
 
 class Mail(Protocol):
-    """Whoever is to be told."""
+    """The people who get the message of a night."""
 
     def send(self, subject: str, text: str) -> Sequence[Delivery]:
         """subject, text → what was delivered, one a receiver. Raises nothing."""

@@ -19,6 +19,7 @@ SUBJECT = {
     "not_measured": "NOT MEASURED",
 }
 STILL = "STILL CHANGED"
+REFUSED = "not begun, the folder is in use"
 NOBODY = "none is stated in nightly.yaml"
 SHOWN = 3  # alarms that wait, in full
 PLACE = re.compile(r"E([XYZ])0([XYZABCS])")
@@ -53,6 +54,8 @@ def headline(record: Mapping[str, Any]) -> str:
     """record of a night → one sentence."""
     if record["status"] == "missed":
         return f"no measurement: {record['why']}"
+    if record["status"] == "refused":
+        return f"not begun: {record['why']}; it was not disturbed"
     if record["verdict"] == "not_measured":
         return f"not measured: {record['why']}"
     alarms = record["alarms"]
@@ -105,7 +108,9 @@ def message(
     `newest`: number of entries of the machine's history and hash of the last; `decisions`: what was decided about alarms.
     """
     still = record["verdict"] == "changed" and not record["alarms"]
-    subject = f"{record['machine']}: {STILL if still else SUBJECT[record['verdict']]} ({record['night']})"
+    refused = record["status"] == "refused"
+    word = REFUSED if refused else STILL if still else SUBJECT[record["verdict"]]
+    subject = f"{record['machine']}: {word} ({record['night']})"
     lines = [_sentence(record["headline"]), ""]
     owner = record.get("owner") or NOBODY
     for alarm in record["alarms"]:
@@ -140,6 +145,9 @@ def message(
     for limit in record["limits"]:
         word = {True: "within", False: "BEYOND", None: "not certain to be within"}[limit["passed"]]
         lines.append(f"* {limit['what']}: {limit['value']:.1f} {limit['unit']}, {word} {limit['limit']:g}")
+    if apart := record.get("outliers") or ():
+        numbers = ", ".join(str(n) for n in apart)
+        lines.append(f"* {texts()('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
     if (change := record.get("change")) is not None and change.get("p_value") is not None:
         lines.append(f"* {change['text']}; tonight's probability by chance: {change['p_value']:.2g}")
     if (asked := record.get("next")) is not None:
@@ -178,6 +186,8 @@ def _answers(alarm: str, decisions: Sequence[Decision]) -> list[str]:
 
 def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[str, Any]]) -> list[str]:
     t = texts()
+    if record["status"] == "refused":
+        return [f"* what to do: {t('night.refused_do')}", f"* on a part: {t('night.refused_part')}", f"* owner: {owner}"]
     do = "" if any(p["do"] for p in failed) else f"* what to do: {t('night.unmeasured_do', cell=record['cell'])}"
     last = record.get("last_measured")
     known = t("night.unmeasured_part", date=last) if last else t("night.unmeasured_never")

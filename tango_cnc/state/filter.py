@@ -7,7 +7,7 @@ The test asks whether the touches agree with what was predicted: νᵀ (H P Hᵀ
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from .frame import CLOSED, WARM, WIDE, Frame, Seen
 FALSE_ALARMS = 1 / 730  # a night: once in two years
 TRUST = 60.0  # nights' worth of numbers that the stated repeatability counts for, and the first idea of how much wanders
 FREE = 30.0  # standard deviations that the machine may have moved, when single touches are judged
+SHARED = 0.05  # of the variance of a touch: with less, its point may have moved as well as the touch be wrong
 FAINT = 0.05  # standard deviations of a touch that one of the state makes: less says next to nothing
 SMALLEST = 1e-5  # mm, of the standard deviation of a touch
 
@@ -95,10 +96,14 @@ def sigma_of(state: State) -> float:
     return float(np.sqrt((squares + TRUST * state.sigma**2) / (dof + TRUST)))
 
 
-def judge(state: State, what: Seen) -> Tonight:
-    """predicted state, what the touches say → the one test of the night. Single touches that fit nothing are set apart."""
+def judge(state: State, what: Seen, points: NDArray[np.int64] | None = None, again: Sequence[int] = ()) -> Tonight:
+    """predicted state, what the touches say → the one test of the night. Single touches that fit nothing are set apart.
+
+    `points`: places of facets and balls among the unknowns. The only touch of a point is set apart too when it is far off: a chip
+    is more likely than a facet that has moved. `again`: touches of points where that was so the last time; now they count.
+    """
     sigma = sigma_of(state)
-    outliers = _outliers(state, what, sigma)
+    outliers = _outliers(state, what, sigma, points, again)
     used = what.without(outliers)
     reduced, innovation, left, dof = _reduced(state, used, sigma)
     k = len(innovation)
@@ -142,23 +147,26 @@ def _reduced(state: State, what: Seen, sigma: float) -> tuple[Array, Array, floa
     return size[told, None] * turned[told], innovation, left, n - int(told.sum())
 
 
-def _outliers(state: State, what: Seen, sigma: float) -> tuple[int, ...]:
+def _outliers(state: State, what: Seen, sigma: float, points: NDArray[np.int64] | None, again: Sequence[int]) -> tuple[int, ...]:
     """→ numbers of touches that lie too far from all others even when the machine may have moved, the worst first.
 
     At most one in 25: more than that is a change and no slip.
     """
     found: list[int] = []
     most = max(1, len(what.value) // 25)
-    n, p = what.rows.shape
-    limit = float(-special.ndtri(5e-5 / max(n, 1)))
+    limit = float(-special.ndtri(5e-5 / max(len(what.value), 1)))
+    free = FREE * state.root
+    fixed = free if points is None else free.copy()
+    if points is not None:
+        fixed[points] = state.root[points]
     while True:
         left = what.without(found)
-        wide = np.vstack([np.eye(p), left.rows @ (FREE * state.root) / sigma])
-        right = np.concatenate([np.zeros(p), (left.value - left.rows @ state.mean) / sigma])
-        basis = np.linalg.qr(wide)[0]
-        rest = (right - basis @ (basis.T @ right))[p:]
-        share = 1 - np.sum(basis[p:] ** 2, axis=1)
-        size = np.where((share > 0.05) & (left.touch > 0), np.abs(rest) / np.sqrt(np.clip(share, 0.05, None)), 0.0)
+        rest, share = _rest(left, state.mean, free, sigma)
+        lone = (share <= SHARED) & ~np.isin(left.touch, list(again))
+        if points is not None and np.any(lone):
+            own, kept = _rest(left, state.mean, fixed, sigma)
+            rest, share = np.where(lone, own, rest), np.where(lone, kept, share)
+        size = np.where((share > SHARED) & (left.touch > 0), np.abs(rest) / np.sqrt(np.clip(share, SHARED, None)), 0.0)
         typical = max(1.0, 1.4826 * float(np.median(size[size > 0]))) if np.any(size > 0) else 1.0
         worst = int(np.argmax(size)) if len(size) else -1
         if worst < 0 or size[worst] / typical < limit:
@@ -166,6 +174,14 @@ def _outliers(state: State, what: Seen, sigma: float) -> tuple[int, ...]:
         if len(found) >= most:
             return ()  # so many that they are no slips
         found.append(int(left.touch[worst]))
+
+
+def _rest(what: Seen, mean: Array, root: Array, sigma: float) -> tuple[Array, Array]:
+    """what n touches say, (p,) mean, (p, p) root → what is left of each in standard deviations of a touch, and its variance."""
+    p = len(mean)
+    basis = np.linalg.qr(np.vstack([np.eye(p), what.rows @ root / sigma]))[0]
+    right = np.concatenate([np.zeros(p), (what.value - what.rows @ mean) / sigma])
+    return (right - basis @ (basis.T @ right))[p:], 1 - np.sum(basis[p:] ** 2, axis=1)
 
 
 def updated(state: State, what: Seen, tonight: Tonight, quiet: bool = True) -> State:

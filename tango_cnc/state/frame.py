@@ -58,6 +58,11 @@ class Frame:
         return np.array([WANDER[f] ** 2 for f in self.families])
 
     @cached_property
+    def points(self) -> NDArray[np.int64]:
+        """→ places of what is known of facets and balls: they lie where they were, unless somebody moves them."""
+        return np.array([i for i, f in enumerate(self.families) if f == "table"], dtype=np.int64)
+
+    @cached_property
     def machine(self) -> NDArray[np.int64]:
         """→ places of the errors of the machine itself."""
         own = [i for i, c in enumerate(self.model.coefficients) if c.slot.axis not in ("t", "w")]

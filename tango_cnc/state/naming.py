@@ -7,7 +7,7 @@ along them (Willsky & Jones 1976); ln k a direction is the price, so that six di
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg, special
@@ -17,6 +17,7 @@ from .filter import State, Tonight
 from .frame import Frame
 
 CLOSE = 6.0  # of the score: hypotheses nearer than this fit nearly as well
+UNSEEN = 1e-6  # standard deviations a mm or rad: what no touch of tonight sees is no story
 WARMER = 1.0  # K: a smaller change of temperature is no cause
 
 
@@ -84,6 +85,9 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
     found.append(Hypothesis("pretravel", "probe", pretravel, "mm"))
     for j, facet in enumerate(model.touches.facets):
         found.append(Hypothesis("facet", f"facet {facet}", unit(first + j), "mm"))
+    begin = first + len(model.touches.facets)
+    for j, ball in enumerate(model.touches.balls):
+        found.append(Hypothesis("ball", f"ball {ball}", np.eye(p)[:, begin + 3 * j : begin + 3 * j + 3], "mm", ("X", "Y", "Z")))
     if warmer is not None and abs(warmer) >= WARMER and len(followed.warm):
         directions = np.zeros((p, len(followed.warm)))
         for j, i in enumerate(followed.warm):
@@ -123,8 +127,13 @@ def name_change(state: State, followed: Frame, tonight: Tonight, tried: Sequence
         pattern = patterns[:, begin : begin + m]
         begin += m
         norm = np.linalg.norm(pattern, axis=0)
-        if not np.all(norm > 1e-12):
+        visible = norm > UNSEEN
+        if not (np.any(visible) if h.cause == "ball" else np.all(visible)):
             continue
+        if not np.all(visible):  # a ball is touched from some sides only
+            axes = tuple(a for a, v in zip(h.axes, visible, strict=True) if v)
+            h = replace(h, directions=h.directions[:, visible], axes=axes)
+            pattern, norm, m = pattern[:, visible], norm[visible], len(axes)
         basis, triangle, order = linalg.qr(pattern / norm, mode="economic", pivoting=True)
         rank = int(np.sum(np.abs(np.diag(triangle)) > 1e-6))
         along = basis[:, :rank].T @ white

@@ -29,7 +29,7 @@ from tango_cnc.history import History
 from tango_cnc.history import _database as database
 from tango_cnc.nightly import Delivery, Finding, Measured, Ports, night
 from tango_cnc.plan import plan
-from tango_cnc.records import Cell, LinkError, Readings
+from tango_cnc.records import BusyError, Cell, LinkError, Readings
 from tango_cnc.records import World as Truth
 
 NOISE = 0.0007
@@ -47,7 +47,16 @@ FAULTS = {  # chance a night
     "chip": 0.02,
     "asleep": 0.01,
     "knock": 0.003,
+    "twice": 0.01,
 }
+
+
+KNOCK = {"mm": 0.02, "rad": 5e-5, "mm/mm": 2e-5}
+
+
+def unit_of(name: str) -> str:
+    """name of ISO 230-1 → the unit of the error: EX0S mm, EXXb mm, EBBb rad, EXX1 mm/mm."""
+    return "rad" if name[1] in "ABC" else "mm/mm" if name[-1].isdigit() else "mm"
 
 
 class Broken(AssertionError):
@@ -281,7 +290,9 @@ class Year:
     def lock(self) -> Iterator[None]:
         """The lock of the folder; somebody else may have it."""
         if self.fault == "locked":
-            raise LinkError("'tango run' is at work in this folder")
+            raise BusyError("'tango run' is at work in this folder", "'tango run'")
+        if self.locked:
+            raise BusyError("'tango nightly' is at work in this folder", "'tango nightly'")
         self.locked = True
         try:
             yield
@@ -293,13 +304,16 @@ class Year:
         b, rng = self.bench, self.rng
         if self.fault == "line dies" and self.early:
             raise LinkError("the line died before the first touch")
+        if self.fault == "twice":
+            self._second()
         rows = np.array([b.rows[t] for t in touches]) if len(touches) else np.arange(len(b.base))
         change = self.errors - np.array([b.truth.errors[n] for n in b.names])
         moved = np.einsum("e,enk->nk", change, b.response[:, rows])
         along = b.facet_response[rows]
         moved += along * (self.offset[rows] + rng.normal(0, NOISE, len(rows)))[:, None]
         if self.fault == "chip":
-            moved[rng.integers(len(rows))] += along[0] * 0.02
+            row = rng.integers(len(rows))
+            moved[row] += along[row] * 0.02
         position = b.base.position[rows].copy()
         position[:, :3] += moved
         read = b.base.rows(rows)
@@ -309,6 +323,21 @@ class Year:
             read, why = read.rows(np.arange(max(1, len(rows) * 2 // 3))), "the line died"
         self.clock.moment += timedelta(seconds=4.5 * len(read))
         return Measured(read, readings_text(read), planned, 4.5 * len(read), why)
+
+    def _second(self) -> None:
+        """Another night begins in the same second, while this one measures. Raises Broken where it does not stay out of the way."""
+        begun = self.disk.unfinished()
+        world = Ports(self.clock, self.disk, self.control, self.mail, self.history, self.analysis, self.lock())
+        record = night(self.name, "/cells/m", self.settings, world)
+        if record["status"] != "refused" or record["touches"]:
+            raise Broken("two nights at once, and the second one is not refused")
+        if record["artefacts"]["folder"].removeprefix("nights/") not in self.said and not self.told:
+            raise Broken("a refused night without a message")
+        if self.disk.unfinished() != begun:
+            raise Broken("a refused night has taken away the mark of the one at work")
+        if self.history.last(self.name).record["status"] != "refused":  # type: ignore[union-attr]
+            raise Broken("a refused night is not in the history")
+        self.told = False
 
     def one(self, number: int) -> str:
         """number of the night → what became of it: '', 'asleep', 'power' or its verdict. Raises Broken."""
@@ -322,7 +351,7 @@ class Year:
         self.errors = self.errors + self.walk * rng.normal(size=len(self.errors))
         if self.fault == "knock":
             i = int(rng.integers(len(self.bench.names)))
-            size = {"mm": 0.02, "rad": 5e-5}.get(self.bench.units.get(self.bench.names[i], ""), 2e-5)
+            size = KNOCK[unit_of(self.bench.names[i])]
             self.errors[i] += size * rng.choice([-1, 1])
             self.changes.append(number)
         self.clock.moment = datetime(2026, 1, 1, 2, 0, tzinfo=UTC) + timedelta(days=number, minutes=float(rng.uniform(0, 3)))
@@ -331,7 +360,6 @@ class Year:
         before, moves = self._entries(), self.moves
         self.control.allowed = False
         world = Ports(self.clock, self.disk, self.control, self.mail, self.history, self.analysis, self.lock())
-        stamp = self.clock.moment.strftime("%Y-%m-%dT%H%M%SZ")
         try:
             record = night(self.name, "/cells/m", self.settings, world)
         except PowerCut:
@@ -341,6 +369,7 @@ class Year:
         self._whole(before)
         if self.locked:
             raise Broken("the lock is kept after the night")
+        stamp = record["artefacts"]["folder"].removeprefix("nights/")
         if stamp not in self.said and not self.told:
             raise Broken("a night without a message")
         if any(not p["passed"] for p in record["preflight"]) and self.moves > moves:

@@ -1,4 +1,4 @@
-"""A Digital Calibration Certificate of one night (PTB, schema 3.3.0): every parameter with its expanded uncertainty.
+"""A Digital Calibration Certificate of one night (PTB, schema 3.2.1 with D-SI 2.1.0): every parameter and its expanded uncertainty.
 
 It is a statement of the owner of the machine about the machine and no certificate of an accredited laboratory, and says so.
 """
@@ -16,7 +16,8 @@ from ...records import InputError
 from ..store import History
 
 ENDINGS = (".xml",)
-DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
+DCC, SI, XSI = "https://ptb.de/dcc", "https://ptb.de/si", "http://www.w3.org/2001/XMLSchema-instance"
+VERSION = "3.2.1"
 COVERAGE = 2.0
 UNITS = {"mm": (1e-3, r"\metre"), "rad": (1.0, r"\radian"), "mm/mm": (1.0, r"\one")}
 
@@ -28,13 +29,15 @@ def write(history: History, machine: str, file: Path, entry: int) -> None:
         raise InputError(f"night {stored.night.night}: no parameters were measured; allowed: a night with a complete measurement")
     ET.register_namespace("dcc", DCC)
     ET.register_namespace("si", SI)
+    ET.register_namespace("xsi", XSI)
     text = ET.tostring(certificate(machine, entry, stored.record), encoding="unicode", xml_declaration=False)
     write_text(file, f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n')
 
 
 def certificate(machine: str, entry: int, record: Any) -> ET.Element:
     """machine, entry, tango-night/1 → root of the document."""
-    root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", {"schemaVersion": "3.3.0"})
+    where = f"{DCC} {DCC}/v{VERSION}/dcc.xsd"
+    root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", {"schemaVersion": VERSION, f"{{{XSI}}}schemaLocation": where})
     admin = _sub(root, "administrativeData")
     software = _sub(_sub(admin, "dccSoftware"), "software")
     _content(_sub(software, "name"), "tango_cnc")
@@ -75,9 +78,8 @@ def certificate(machine: str, entry: int, record: Any) -> ET.Element:
         real = ET.SubElement(quantity, f"{{{SI}}}real")
         ET.SubElement(real, f"{{{SI}}}value").text = repr(p["value"] * factor)
         ET.SubElement(real, f"{{{SI}}}unit").text = unit
-        holder = ET.SubElement(real, f"{{{SI}}}measurementUncertaintyUnivariate")
-        expanded = ET.SubElement(holder, f"{{{SI}}}expandedMU")
-        ET.SubElement(expanded, f"{{{SI}}}valueExpandedMU").text = repr(COVERAGE * p["std"] * factor)
+        expanded = ET.SubElement(real, f"{{{SI}}}expandedUnc")
+        ET.SubElement(expanded, f"{{{SI}}}uncertainty").text = repr(COVERAGE * p["std"] * factor)
         ET.SubElement(expanded, f"{{{SI}}}coverageFactor").text = repr(COVERAGE)
         ET.SubElement(expanded, f"{{{SI}}}coverageProbability").text = "0.95"
         ET.SubElement(expanded, f"{{{SI}}}distribution").text = "normal"

@@ -19,4 +19,5 @@ def write(history: History, machine: str, file: Path, entry: int) -> None:
     except ModuleNotFoundError:
         raise InputError("parquet: needs pyarrow; pip install 'tango-cnc[parquet]'") from None
     columns = list(zip(*rows(history, machine), strict=True)) or [()] * len(COLUMNS)
+    file.parent.mkdir(parents=True, exist_ok=True)
     parquet.write_table(pyarrow.table(dict(zip(COLUMNS, map(list, columns), strict=True))), file)
