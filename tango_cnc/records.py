@@ -43,14 +43,6 @@ class LinkError(TangoError):
     exit_code = 3
 
 
-class BusyError(LinkError):
-    """Another program is at work in the folder; `by` names it: nothing was begun, nothing was disturbed."""
-
-    def __init__(self, text: str, by: str) -> None:
-        super().__init__(text)
-        self.by = by
-
-
 @dataclass(frozen=True)
 class Axis:
     """One axis at the zero pose of the machine frame; its body moves along or about `direction` for a positive command."""

@@ -6,15 +6,17 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
 from ..files import read_readings, write_text
 from ..files.nightly import Nightly
+from ..link.lock import HeldError, holding
 from ..nightly import Finding, Measured
+from ..nightly.ports import Busy
 from ..plan import part, plan, plan_hash
 from ..records import Cell, InputError, LinkError, Plan, TangoError
 from ._common import dialect
@@ -83,6 +85,17 @@ class RealDisk:
         target.parent.mkdir(parents=True, exist_ok=True)
         with suppress(FileNotFoundError):  # another night, or --tell, has sent it at the same time
             os.replace(source, target)
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """folder of a cell → held by this night until the block ends. Raises Busy with the name of who has it, LinkError."""
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(holding(folder, "tango nightly"))
+        except HeldError as error:
+            raise Busy(str(error), error.holder) from None
+        yield
 
 
 def _texts(folder: Path) -> list[tuple[str, str]]:

@@ -13,7 +13,6 @@ import click
 
 from ..files import read_cell, write_text
 from ..files.nightly import NAME, Nightly, history_of
-from ..link.lock import holding
 from ..records import Cell, InputError, TangoError
 from ._common import cell_option, json_option, write_json
 
@@ -61,7 +60,7 @@ def command(
     from ..plan import plan
     from ._cell_nights import nights_of
     from ._compensated import recorded
-    from ._night_world import RealClock, RealControl, RealDisk
+    from ._night_world import RealClock, RealControl, RealDisk, locked
     from ._unreadable import settings_of
 
     if sum([dry_run, status, tell, kind is not None]) > 1:
@@ -92,7 +91,7 @@ def command(
             if dry_run:
                 return _dry(control, analysis, history, begun, disk, settings, json_file)
             recorded(folder, history)
-            world = Ports(_Held(begun), disk, control, mail, history, analysis, holding(folder, "tango nightly"))
+            world = Ports(_Held(begun), disk, control, mail, history, analysis, locked(folder))
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(history, record)
     except TangoError as error:
@@ -139,12 +138,13 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
     """Puts a night on record whose cell or history cannot be read, as far as that goes, and tells whoever is to be told."""
     from ..history import opened
     from ..nightly import Ports, night
+    from ._night_world import locked
     from ._unreadable import NoHistory, Unreadable, machine_of
 
     none, cell = Unreadable(error), str(folder.resolve())
 
     def begin(past: Any, name: str) -> None:
-        night(name, cell, settings, Ports(_Held(begun), disk, none, mail, past, none, holding(folder, "tango nightly")))
+        night(name, cell, settings, Ports(_Held(begun), disk, none, mail, past, none, locked(folder)))
 
     with ExitStack() as stack:
         try:

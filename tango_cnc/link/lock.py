@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ..records import BusyError, LinkError
+from ..records import LinkError
 
 NAME = ".tango.lock"
 ME = secrets.token_hex(8)  # this process; the system gives its number to another one some day
@@ -49,11 +49,19 @@ class Holder:
         return f"{self.what!r} (process {self.pid} on {self.host}, since {self.since})"
 
 
+class HeldError(LinkError):
+    """Another program is at work in the folder; `holder` names it: nothing was begun."""
+
+    def __init__(self, text: str, holder: str) -> None:
+        super().__init__(text)
+        self.holder = holder
+
+
 @contextlib.contextmanager
 def holding(folder: Path, what: str) -> Iterator[None]:
     """folder of a cell, what is done there ('tango run') → until the block ends, nothing else that holds the folder can begin.
 
-    The thread that holds a folder may hold it again. Raises BusyError that names the holder, LinkError that says why the folder
+    The thread that holds a folder may hold it again. Raises HeldError that names the holder, LinkError that says why the folder
     cannot be locked; nothing has been changed then.
     """
     file = folder / NAME
@@ -83,7 +91,7 @@ def lock(handle: int) -> None:
 
 
 def _taken(file: Path, what: str) -> int | None:
-    """lock file → its handle, None where this thread holds it already. Raises BusyError where another one does, OSError."""
+    """lock file → its handle, None where this thread holds it already. Raises HeldError where another one does, OSError."""
     while True:
         handle = os.open(file, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
         kept = False
@@ -92,7 +100,7 @@ def _taken(file: Path, what: str) -> int | None:
             if holder is not None and holder.here():
                 return None
             if holder is not None:
-                raise BusyError(
+                raise HeldError(
                     f"{file.parent}: {holder.named()} is at work in this folder; wait until it has ended, or follow it with "
                     f"'tango run --watch'. Only if it runs no more, delete {file}. Nothing was changed",
                     holder.named(),

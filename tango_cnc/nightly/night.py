@@ -16,8 +16,8 @@ import numpy as np
 
 from ..files.nightly import Nightly
 from ..history import FORMAT, Knowledge
-from ..records import BusyError, InputError, LinkError, TangoError
-from .ports import Disk, Finding, Ports
+from ..records import InputError, LinkError, TangoError
+from .ports import Busy, Disk, Finding, Ports
 from .words import headline, message
 
 MISSED = 7  # nights that were missed and are put on record one by one
@@ -58,7 +58,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
             record = base | found
             return _kept(record, knowledge, files, readings, settings, world, stamp, left)
-    except BusyError as error:
+    except Busy as error:
         record, stamp = _refused(base, error, world, stamp)
         return _kept(record, None, {}, None, settings, world, stamp, left)
     except (TangoError, OSError) as error:
@@ -66,7 +66,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         return _kept(record, None, {}, None, settings, world, stamp, left)
 
 
-def _refused(base: dict[str, Any], error: BusyError, world: Ports, stamp: str) -> tuple[dict[str, Any], str]:
+def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tuple[dict[str, Any], str]:
     """what is known, who has the folder, the world, stamp → record of a night that was not begun, and a stamp of its own.
 
     Two timers may begin in the same second: under the stamp of the night at work this one would take away its mark and its files.

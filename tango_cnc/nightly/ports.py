@@ -12,7 +12,15 @@ from datetime import datetime
 from typing import Any, Protocol
 
 from ..history import Decision, Knowledge, Night
-from ..records import Readings
+from ..records import LinkError, Readings
+
+
+class Busy(LinkError):
+    """Another program is at work in the folder of the cell; `by` names it: nothing was begun, nothing was disturbed."""
+
+    def __init__(self, text: str, by: str) -> None:
+        super().__init__(text)
+        self.by = by
 
 
 @dataclass(frozen=True)
@@ -147,7 +155,7 @@ class Analysis(Protocol):
 
 @dataclass(frozen=True)
 class Ports:
-    """All of them, and the lock of the cell."""
+    """All of them, and the lock of the cell; entering it raises Busy, or LinkError where the folder cannot be locked."""
 
     clock: Clock
     disk: Disk

@@ -28,8 +28,9 @@ from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History
 from tango_cnc.history import _database as database
 from tango_cnc.nightly import Delivery, Finding, Measured, Ports, night
+from tango_cnc.nightly.ports import Busy
 from tango_cnc.plan import plan
-from tango_cnc.records import BusyError, Cell, LinkError, Readings
+from tango_cnc.records import Cell, LinkError, Readings
 from tango_cnc.records import World as Truth
 
 NOISE = 0.0007
@@ -290,9 +291,9 @@ class Year:
     def lock(self) -> Iterator[None]:
         """The lock of the folder; somebody else may have it."""
         if self.fault == "locked":
-            raise BusyError("'tango run' is at work in this folder", "'tango run'")
+            raise Busy("'tango run' is at work in this folder", "'tango run'")
         if self.locked:
-            raise BusyError("'tango nightly' is at work in this folder", "'tango nightly'")
+            raise Busy("'tango nightly' is at work in this folder", "'tango nightly'")
         self.locked = True
         try:
             yield
