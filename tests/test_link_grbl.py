@@ -14,8 +14,8 @@ from support.controls import GOLDEN
 from support.grbl import driven
 from support.linkfaults import scene
 from support.linkparts import job
-from support.runs import STRATEGY, Result, readings
-from support.simulated_runs import agree, controller
+from support.runs import Result, readings
+from support.simulated_runs import agree, cell, controller  # noqa: F401  a fixture
 
 from postprocessors._base import load, program
 from sim_controller.languages.grbl import switched_on
@@ -23,7 +23,6 @@ from sim_controller.lines import Closed
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.protocols.grbl import serve
-from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.link._client import Ended, Touched
 from tango_cnc.link.protocols.grbl import Client
@@ -31,16 +30,6 @@ from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError, World
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
-
-
-@pytest.fixture
-def cell(tmp_path):
-    folder = tmp_path / "cell"
-    write_example(folder, "hu40t")
-    (folder / "strategy.yaml").write_text(STRATEGY)
-    world = (folder / "world.yaml").read_text()
-    (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
-    return folder
 
 
 @pytest.fixture

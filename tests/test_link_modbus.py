@@ -14,11 +14,10 @@ import pytest
 from support.linkfaults import scene, stopped_by_the_user
 from support.linkparts import job
 from support.modbus import edited
-from support.runs import STRATEGY, Result, readings
-from support.simulated_runs import agree, controller
+from support.runs import Result, readings
+from support.simulated_runs import agree, cell, controller  # noqa: F401  a fixture
 
 from sim_controller.motion import Motion
-from tango_cnc.commands.init import write_example
 from tango_cnc.link._client import Failed, Touched
 from tango_cnc.link._layout import read_layout
 from tango_cnc.link.protocols.modbus import Client
@@ -28,25 +27,16 @@ from tango_cnc.records import InputError
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
 
 
-@pytest.fixture
-def cell(tmp_path):
-    folder = tmp_path / "cell"
-    write_example(folder, "hu40t")
-    (folder / "strategy.yaml").write_text(STRATEGY)
-    world = (folder / "world.yaml").read_text()
-    (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
-    return folder
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
         ("word_order: big ", "word_order: middle ", "allowed: big, little"),
         ("write: 16", "write: 6", "allowed: 16"),
         ("  acknowledged: 1 ", "  acknowledged: 0 ", "0 is status and acknowledged"),
-        ("  heard: 82 ", "  heard: 92 ", "side by side"),
+        ("  heard: 83 ", "  heard: 93 ", "side by side"),
         ("  echo: 34 ", "  echo: 344 ", "at most 120"),
-        ("layout: 2 ", "layout: 1 ", "a command that came late for a new one"),
+        ("layout: 3 ", "layout: 1 ", "version 1 could take a command that came late for a new one"),
+        ("layout: 3 ", "layout: 2 ", "version 2 told two runs apart by 16 bits"),
         ("turn: 4460", "turn: 4324", "differ in 4 bits"),
         ("end: 4945", "end: 3", "nothing and end"),
         ("fresh: 2 ", "fresh: 20 ", "fresh ≤ silence"),
@@ -244,7 +234,7 @@ def test_an_exception_of_the_device_is_passed_on():
 def test_a_device_that_hangs_up_and_stays_away_is_lost(cell):
     with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
         port = open_port(parse(url, {}))
-        assert ask(port, b"3 30 2") == "3 2 4660"
+        assert ask(port, b"3 30 2") == "3 3 4660"
         assert ask(port, b"3 90 9") == "! 2"
         assert ask(port, b"16 40 9") == "! 2"  # the control's own
     with pytest.raises(Lost):

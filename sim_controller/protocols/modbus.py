@@ -26,9 +26,9 @@ TCP, PTY = "modbus+tcp://{}/1", "modbus+rtu://{}/1"  # how the other side names 
 SIZE = 96
 STATUS, ACKNOWLEDGED, BEGUN, TICKET, TICK, POINT, FLAG, ALARM, PROBE_ON, RECORD, POSITION = range(11)
 COUNT_OF, MARK, VERSION, PATTERN, ORDER, ECHO = 24, 25, 30, 31, 32, 34
-REQUEST, CONFIRMED, HEARD, TAKEN = 60, 81, 82, 83  # written by the other side, which writes nothing below
-CLIENT, SEQUENCE, COMMAND, MASK, NUMBER, FEED, TARGET = 0, 1, 2, 3, 4, 5, 7  # within a request and its echo
-LONG = 21  # registers of a request
+REQUEST, CONFIRMED, HEARD, TAKEN = 60, 82, 83, 84  # written by the other side, which writes nothing below
+CLIENT, SEQUENCE, COMMAND, MASK, NUMBER, FEED, TARGET = 0, 2, 3, 4, 5, 6, 8  # within a request and its echo
+LONG = 22  # registers of a request
 WORD = 0x10000
 LETTERS = "XYZABCS"
 COUNT = 1e-4  # mm, deg
@@ -69,7 +69,7 @@ class Registers:
         self.silent = False  # its power is gone
         self._issued = 0  # tick at which the ticket was made up
         self._attended: int | None = None  # newest tick that the other side has read
-        self.words[VERSION], self.words[PATTERN] = 2, 0x1234
+        self.words[VERSION], self.words[PATTERN] = 3, 0x1234
         self.words[TICKET] = self.words[BEGUN] = self.words[RECORD] = ticket % WORD
         self._put(ORDER, [0x01020304])
         self._here()
@@ -92,7 +92,9 @@ class Registers:
         confirmed = words[CONFIRMED] == words[TICKET] != words[BEGUN] and echo[SEQUENCE] == due and not old
         if not confirmed or not self._listening():
             return False
-        self._note("command", code=echo[COMMAND], sequence=echo[SEQUENCE], number=echo[NUMBER], client=echo[CLIENT])
+        self._note(
+            "command", code=echo[COMMAND], sequence=echo[SEQUENCE], number=echo[NUMBER], client=self._numbers(ECHO + CLIENT, 1)[0]
+        )
         if self.motion.deflected and echo[COMMAND] in (MOVE, TURN):
             self._note("unsafe", why="a move while the probe is deflected")
         self.pending = True

@@ -37,7 +37,7 @@ class Job:
     again: int = 0
     start_patience: float = 600.0  # s before the start mark: somebody has to press the button
     quiet: float = 0.0  # s of silence before anything is sent: the control may still execute the program of before
-    nonce: int = 1  # 16 bits that no other run has, where commands of two programs have to be distinguished
+    nonce: int = 1  # of 31 bits, which no other run has, where commands of two programs have to be distinguished
     summed: bool = True  # whether every record ends with K, the sum of its coordinates
     misses: int = 3  # touches in a row without contact after which a driver that counts them stops: a dead probe guards nothing
 

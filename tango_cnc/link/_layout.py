@@ -12,18 +12,23 @@ from ..files.checked import Node, load
 from ..records import InputError
 
 PATTERN, ORDER = 0x1234, 0x01020304
-VERSION = 2
+VERSION = 3
 STANDARD = Path(__file__).with_name("modbus.yaml")
 STATE = ("status", "acknowledged", "begun", "ticket", "tick", "point", "flag", "alarm", "probe", "record")
 CONTROL = (*STATE, "position", "count", "mark", "version", "pattern", "order", "echo")  # what the control says
 CONFIRM = ("confirmed", "heard", "taken")  # one write
 COMPUTER = ("request", *CONFIRM)
-REQUEST = ("client", "sequence", "command", "mask", "number", "feed", "target")  # in this order
+REQUEST = ("client", "sequence", "command", "mask", "number", "feed", "target")  # in this order; client and feed of 32 bits
 COMMANDS = ("begin", "move", "turn", "probe", "end")
 RUN = "run"
 STATUSES = ("idle", "busy", "alarm", "door", "emergency_stop", "hold", "battery_low")
 TIMES = ("fresh", "silence")
 WIDE = {"order": 2, "mark": 3}  # registers of a 32-bit value, and of the twelve digits of a mark
+OLD = {  # why a control of an older layout is refused
+    1: "could take a command that came late for a new one",
+    2: "told two runs apart by 16 bits, which may be the same by chance",
+}
+ANEW = "write its program anew by docs/link.md"
 FEWEST = 4  # bits by which two commands differ
 ALLOWED = {"read": (3, 4), "write": (16,)}
 MOST = 120  # registers in one request; the standard allows 125 to be read and 123 to be written
@@ -61,7 +66,7 @@ class Layout:
     def width(self, name: str) -> int:
         """name → registers that it takes."""
         wide = 2 * len(self.axes)
-        return {"position": wide, "request": wide + 7, "echo": wide + 7}.get(name, WIDE.get(name, 1))
+        return {"position": wide, "request": wide + 8, "echo": wide + 8}.get(name, WIDE.get(name, 1))
 
     def words(self, values: Sequence[int]) -> list[int]:
         """32-bit whole numbers → two registers each. Raises InputError for one that does not fit."""
@@ -102,10 +107,9 @@ def read_layout(file: str = "") -> Layout:
     known = ("layout", "word_order", "functions", "times", "registers", "axes", "scale", "commands", "statuses")
     version = dict(root.items()).get("layout")
     if version is not None and version.integer(0) != VERSION:
-        raise version.wrong(
-            f"{VERSION}; a control of version 1 could take a command that came late for a new one: write its program anew "
-            "by docs/link.md, and copy the layout that comes with this program"
-        )
+        found = version.integer(0)
+        why = f"; a control of version {found} {OLD[found]}: {ANEW}" if found in OLD else ""
+        raise version.wrong(f"{VERSION}{why}; copy the layout that comes with this program")
     keys = root.fields(known)
     functions = _numbers(keys["functions"], ("read", "write"))
     for name, code in functions.items():

@@ -346,7 +346,7 @@ def _job(program: Program, original: tuple[int, ...], again: int, wanted: Wanted
         min(again, len(original)),
         start,
         summed=program.summed,
-        nonce=secrets.randbelow(0xFFFE) + 1,
+        nonce=secrets.randbelow(0x7FFFFFFE) + 1,
         quiet=quiet,
         misses=wanted.misses,
     )

@@ -7,7 +7,7 @@ from urllib.parse import unquote
 
 from ._client import Job
 from ._dialogue import Dialogue, Stop
-from ._layout import ORDER, PATTERN, Layout, read_layout
+from ._layout import ANEW, OLD, ORDER, PATTERN, Layout, read_layout
 
 UNANSWERED = 5  # requests in a row
 WRITES = 3  # of one thing, each after a look at what the one before has done
@@ -43,8 +43,8 @@ def identified(layout: Layout, block: Words) -> str:
         at = layout.registers["pattern"]
         raise Stop(f"register {at} holds {pattern:04X} hex instead of {PATTERN:04X}: another layout, or counted from 1")
     if version != layout.version:
-        old = ": its program could take a command that came late for a new one; write it anew by docs/link.md" * (version == 1)
-        raise Stop(f"the control has version {version} of the layout, this end {layout.version}{old}")
+        old = f". It {OLD[version]}: {ANEW}" if version in OLD else ""
+        raise Stop(f"the control has version {version} of the layout, this end has version {layout.version}{old}")
     if order != ORDER:
         swapped = (order & 0xFFFF) << 16 | order >> 16 & 0xFFFF
         other = "little" if layout.big else "big"
@@ -177,7 +177,7 @@ class Registers(Dialogue):
         self._done()
         layout, sequence = self._layout, (self._sequence + 1) % WORD
         goal = layout.words([*target, *(0 for _ in layout.axes[len(target) :])])
-        wanted = [self._job.nonce, sequence, layout.commands[name], mask, number & 0xFFFF]
+        wanted = [*layout.words([self._job.nonce]), sequence, layout.commands[name], mask, number & 0xFFFF]
         wanted += [*layout.words([round(feed / layout.scale["feed"])]), *goal]
         self._given += 1
         for _ in range(WRITES):

@@ -6,6 +6,7 @@ Written from docs/link.md, section `modbus`, alone: the control here shares noth
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import math
 import random
@@ -14,10 +15,12 @@ from dataclasses import dataclass, field
 from support.linkparts import job
 from tango_cnc.link._client import Ended, Event, Failed, Touched
 from tango_cnc.link.protocols.modbus import Client
+from tango_cnc.link.transport import Lost
 
 WORD = 1 << 16
+LARGE = 1 << 31  # numbers of runs
 BEGIN, MOVE, TURN, PROBE, END = 0x101F, 0x10E3, 0x116C, 0x12B4, 0x1351
-CONSTANTS = {30: 2, 31: 0x1234, 32: 0x0102, 33: 0x0304}
+CONSTANTS = {30: 3, 31: 0x1234, 32: 0x0102, 33: 0x0304}
 FRESH, SILENCE = 2, 10
 ANSWER = 1.0  # s that the computer waits for an answer
 IDLE, BUSY, HOLD = 0, 1, 5
@@ -66,8 +69,8 @@ class Control:
         """Rules 2 to 6, once."""
         r = self.r
         r[4] = (100 + int(self.now - self.since)) % WORD
-        if (r[4] - r[82]) % WORD < (r[4] - self.newest) % WORD:
-            self.newest, self.heard_at = r[82], self.now
+        if (r[4] - r[83]) % WORD < (r[4] - self.newest) % WORD:
+            self.newest, self.heard_at = r[83], self.now
         attended = (r[4] - self.newest) % WORD <= SILENCE
         if r[0] == BUSY:
             self.unheard = max(self.unheard, self.now - self.heard_at)
@@ -80,27 +83,32 @@ class Control:
             return
         due = (r[1] + 1) % WORD
         aged = (r[4] - self.issued) % WORD > FRESH
-        if r[61] == due and (r[60:81] != r[34:55] or r[2] == r[3] or aged):
-            r[34:55] = r[60:81]
+        if r[62] == due and (r[60:82] != r[34:56] or r[2] == r[3] or aged):
+            r[34:56] = r[60:82]
             r[3] = (r[3] + 1) % WORD
             self.issued, aged = r[4], False
-        if r[81] == r[3] and r[2] != r[3] and not aged and r[35] == due and attended:
+        if r[82] == r[3] and r[2] != r[3] and not aged and r[36] == due and attended:
             r[0], r[2] = BUSY, r[3]
-            self.begun.append(Begun(self.now, r[34], r[35], tuple(r[36:55])))
+            self.begun.append(Begun(self.now, self.client, r[36], tuple(r[37:56])))
             self.done_at = self.now + self.chance.choice([0.05, 0.5, 2.0, 6.0])
+
+    @property
+    def client(self) -> int:
+        """→ number of the run whose request stands in the echo."""
+        return self.r[34] << 16 | self.r[35]
 
     def _done(self) -> None:
         r = self.r
         for axis in range(7):
-            if r[37] >> axis & 1 and r[36] in (MOVE, TURN, PROBE):
-                r[10 + 2 * axis : 12 + 2 * axis] = r[41 + 2 * axis : 43 + 2 * axis]
-        if r[36] == PROBE:
-            r[5], r[6] = r[38], 1
-            contact = [round(v / 1e-4) for v in contact_of(r[38])]
+            if r[38] >> axis & 1 and r[37] in (MOVE, TURN, PROBE):
+                r[10 + 2 * axis : 12 + 2 * axis] = r[42 + 2 * axis : 44 + 2 * axis]
+        if r[37] == PROBE:
+            r[5], r[6] = r[39], 1
+            contact = [round(v / 1e-4) for v in contact_of(r[39])]
             for axis, counts in enumerate(contact):
                 r[10 + 2 * axis : 12 + 2 * axis] = [counts >> 16 & 0xFFFF, counts & 0xFFFF]
-            self.contacts[r[34], r[38]] = contact
-        r[1] = r[35]
+            self.contacts[self.client, r[39]] = contact
+        r[1] = r[36]
         r[0] = IDLE
 
     def reset(self) -> None:
@@ -155,6 +163,13 @@ class Gateway:
         hit = self.chance.random() < self.rates.get(kind, 0.0)
         self.happened[kind] += hit
         return hit
+
+    def wait(self, seconds: float) -> None:
+        """s → passed while no computer asks."""
+        self.pass_time(seconds)
+
+    def close(self) -> None:
+        """The session has ended."""
 
     def pass_time(self, seconds: float) -> None:
         """s → passed; what is due arrives on the way, in the order of its being due and no other."""
@@ -233,12 +248,15 @@ class Run:
     def step(self, gateway: Gateway) -> None:
         """One request, or what the silence means."""
         before = gateway.control.now
-        request = self.client.bytes_to_send(1 << 16).decode().strip()
+        request = self.client.bytes_to_send(1 << 16)
         events: list[Event] = []
-        if request:
-            events += self.client.receive(f"{gateway.ask(request)}\n".encode())
-        else:
-            gateway.pass_time(0.05)
+        try:
+            if request:
+                events += self.client.receive(self.answer(gateway, request))
+            else:
+                gateway.wait(0.05)
+        except Lost as error:
+            events.append(Failed(str(error)))
         events += self.client.elapsed(gateway.control.now - before)
         for event in events:
             if isinstance(event, Touched):
@@ -246,6 +264,15 @@ class Run:
             elif isinstance(event, Ended | Failed):
                 self.ended, self.complete = gateway.control.now, isinstance(event, Ended)
                 self.why = event.why if isinstance(event, Failed) else ""
+        if self.ended is not None:
+            self.gone()
+
+    def answer(self, gateway: Gateway, request: bytes) -> bytes:
+        """request in words → its answer in words; over a line Lost where that is gone."""
+        return f"{gateway.ask(request.decode().strip())}\n".encode()
+
+    def gone(self) -> None:
+        """The process of this computer has ended."""
 
 
 @dataclass
@@ -261,17 +288,29 @@ class Verdict:
     happened: dict[str, int]
 
 
-def session(seed: int) -> Verdict:
-    """seed → one session: runs over a bad gateway until one is complete, now and then a second computer, kills, restarts."""
+def session(seed: int, behind: type[Gateway] = Gateway, computer: type[Run] = Run, others: float = OTHERS) -> Verdict:
+    """seed, gateway and its computers, chance of a second one → one session.
+
+    Runs over a bad gateway until one is complete, now and then a second computer, kills, restarts.
+    """
     chance = random.Random(seed)
-    rates = {kind: chance.choice([0.0, 0.005, 0.05]) for kind in Gateway.KINDS[:-1]} | {"restart": chance.choice([0.0, 0.0, 2e-3])}
+    rates = {kind: chance.choice([0.0, 0.005, 0.05]) for kind in behind.KINDS if kind != "restart"}
+    rates["restart"] = chance.choice([0.0, 0.0, 2e-3])
     control = Control(chance)
-    gateway = Gateway(control, chance, rates)
+    with contextlib.closing(behind(control, chance, rates)) as gateway:
+        runs = played(gateway, computer, others)
+        gateway.wait(200.0)  # whatever is still on its way arrives
+        return judged(control, gateway, runs)
+
+
+def played(gateway: Gateway, computer: type[Run], others: float) -> list[Run]:
+    """gateway, its computers, chance of a second one → the runs, of which the last one is complete in time."""
+    control, chance = gateway.control, gateway.chance
     runs: list[Run] = []
 
     def begin() -> Run:
-        made = job(nonce=chance.randrange(1, WORD), patience=(60.0,) * 4, start_patience=60.0)
-        runs.append(Run(made.nonce, Client(made, {}), wanted(made), began=control.now))
+        made = job(nonce=chance.randrange(1, LARGE), patience=(60.0,) * 4, start_patience=60.0)
+        runs.append(computer(made.nonce, Client(made, {}), wanted(made), began=control.now))
         return runs[-1]
 
     live = [begin()]
@@ -280,18 +319,20 @@ def session(seed: int) -> Verdict:
         run.step(gateway)
         if chance.random() < 1e-3:  # killed
             run.ended, run.why = control.now, "killed"
-        if len(live) == 1 and chance.random() < OTHERS:  # somebody else begins
+            run.gone()
+        if len(live) == 1 and chance.random() < others:  # somebody else begins
             live.append(begin())
         live = [run for run in live if run.ended is None]
         if not live:
-            gateway.pass_time(chance.choice([0.0, 0.5, 5.0, 30.0]))
+            gateway.wait(chance.choice([0.0, 0.5, 5.0, 30.0]))
             if control.r[0] not in (IDLE, BUSY):
                 control.reset()
             live = [begin()]
         if len(runs) > 30:
             gateway.rates = {}
-    gateway.pass_time(200.0)  # whatever is still on its way arrives
-    return judged(control, gateway, runs)
+    for run in live:
+        run.gone()
+    return runs
 
 
 def judged(control: Control, gateway: Gateway, runs: list[Run]) -> Verdict:
@@ -299,8 +340,7 @@ def judged(control: Control, gateway: Gateway, runs: list[Run]) -> Verdict:
     unsafe = []
     done: dict[int, int] = {}
     for begun in control.begun:
-        # two runs in some 65 000 have one number: the one that had begun last is meant
-        run = next((run for run in reversed(runs) if run.nonce == begun.client and run.began <= begun.at), None)
+        run = next((run for run in runs if run.nonce == begun.client and run.began <= begun.at), None)
         if run is None:
             unsafe.append(f"{begun}: nobody asked for it")
             continue
