@@ -171,13 +171,13 @@ def _install(cell: Cell, kind: str, at: str) -> int:
 
 
 def _tell(disk: Any, mail: Any) -> int:
+    from ..nightly.night import delivered
+
     failed = 0
     for stamp, words in disk.unsent():
-        subject, _, text = words.partition("\n")
-        deliveries = mail.send(subject, text)
+        deliveries = delivered(disk, mail, stamp, words)
         if all(d.sent for d in deliveries):
-            disk.sent(stamp)
-            click.echo(f"sent: {subject}")
+            click.echo(f"sent: {words.partition(chr(10))[0]}")
         for delivery in deliveries:
             if not delivery.sent:
                 failed += 1

@@ -8,6 +8,7 @@ Nothing moves before every point of the preflight has passed. What is kept is ke
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -17,10 +18,11 @@ import numpy as np
 from ..files.nightly import Nightly
 from ..history import FORMAT, Knowledge
 from ..records import InputError, LinkError, TangoError
-from .ports import Busy, Disk, Finding, Ports
+from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .words import headline, message
 
 MISSED = 7  # nights that were missed and are put on record one by one
+REACHED = "# has reached "  # below a message that waits for others
 UNKEPT = "unkept.json"  # file of a night that the history did not take
 EXIT = {"good": 0, "changed": 1, "out_of_limits": 1, "doubtful": 1, "not_measured": 3}
 
@@ -246,12 +248,26 @@ def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: Po
     except OSError:
         unsent = []
     for old, words in [*unsent, (stamp, f"{subject}\n{text}")]:
-        title, _, body = words.partition("\n")
-        deliveries = world.mail.send(title, body)
+        deliveries = delivered(world.disk, world.mail, old, words, waiting or old != stamp)
         if old == stamp:
             record["notifications"] = [vars(d) for d in deliveries]
-        if all(d.sent for d in deliveries) and (waiting or old != stamp):
-            world.disk.sent(old)
+
+
+def delivered(disk: Disk, mail: Mail, stamp: str, words: str, waiting: bool = True) -> Sequence[Delivery]:
+    """disk, mail, stamp and text of a message, whether it is in the outbox → what became of it, one a receiver.
+
+    Who has it is written below it in the outbox, so that one dead receiver does not send it to the others every night.
+    """
+    lines = words.split("\n")
+    has = tuple(line.removeprefix(REACHED) for line in lines if line.startswith(REACHED))
+    subject, _, text = "\n".join(line for line in lines if not line.startswith(REACHED)).partition("\n")
+    deliveries = mail.send(subject, text, has)
+    with suppress(OSError):  # then it stays where it is, and is sent once more
+        if waiting and all(d.sent for d in deliveries):
+            disk.sent(stamp)
+        elif waiting and any(d.sent and d.to not in has for d in deliveries):
+            disk.post(stamp, "\n".join([subject, text, *(f"{REACHED}{d.to}" for d in deliveries if d.sent)]))
+    return deliveries
 
 
 def _newest(machine: str, world: Ports) -> tuple[int, str] | None:

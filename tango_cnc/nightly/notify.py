@@ -20,8 +20,9 @@ import urllib.request
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from email.message import EmailMessage
+from email.utils import formatdate, make_msgid
 from pathlib import Path
-from urllib.parse import parse_qs, unquote, urlsplit
+from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from .ports import Delivery
 
@@ -34,13 +35,16 @@ class Notifier:
 
     urls: tuple[str, ...]
 
-    def send(self, subject: str, text: str) -> Sequence[Delivery]:
-        """subject, text → what was delivered, one a receiver; without receivers nothing, and stderr is all there is."""
-        return tuple(_one(url, subject, text) for url in self.urls)
+    def send(self, subject: str, text: str, but: Sequence[str] = ()) -> Sequence[Delivery]:
+        """subject, text, names of those who have it → what was delivered, one a receiver; without receivers nothing."""
+        names = [shown(url) for url in self.urls]
+        names = [n if names.count(n) == 1 else f"{n} ({i})" for i, n in enumerate(names, 1)]
+        return tuple(
+            Delivery(to, True) if to in but else _one(to, url, subject, text) for to, url in zip(names, self.urls, strict=True)
+        )
 
 
-def _one(url: str, subject: str, text: str) -> Delivery:
-    to = shown(url)
+def _one(to: str, url: str, subject: str, text: str) -> Delivery:
     try:
         filled = _filled(url)
         _SENDERS[url.split(":")[0]](filled, subject, text)
@@ -60,10 +64,14 @@ def shown(url: str) -> str:
 
 
 def _filled(url: str) -> str:
+    """URL → the same with ${NAME} from the environment, so written that no sign of a password parts the URL."""
+    scheme = url.split(":")[0]
+    safe = "/" if scheme in ("http", "https", "apprise") else ""  # a token of a hook has a path of its own
+
     def value(match: re.Match[str]) -> str:
         if match[1] not in os.environ:
             raise ValueError(f"the environment has no {match[1]}")
-        return os.environ[match[1]]
+        return os.environ[match[1]] if scheme == "file" else quote(os.environ[match[1]], safe)
 
     return re.sub(r"\$\{(\w+)\}", value, url)
 
@@ -74,6 +82,8 @@ def _mail(url: str, subject: str, text: str) -> None:
     host, _, port = options.get("smtp", "localhost:25").partition(":")
     mail = EmailMessage()
     mail["Subject"], mail["To"], mail["From"] = subject, unquote(address), options.get("from", f"tango@{host}")
+    mail["Date"], mail["Message-ID"] = formatdate(localtime=True), make_msgid(domain=host)
+    mail["Auto-Submitted"] = "auto-generated"  # RFC 3834: no answer of somebody who is on holiday comes back
     mail.set_content(text)
     with smtplib.SMTP(host, int(port or 25), timeout=WAIT) as server:
         if options.get("tls", "no") == "yes":

@@ -106,8 +106,8 @@ class Control(Protocol):
 class Mail(Protocol):
     """The people who get the message of a night."""
 
-    def send(self, subject: str, text: str) -> Sequence[Delivery]:
-        """subject, text → what was delivered, one a receiver. Raises nothing."""
+    def send(self, subject: str, text: str, but: Sequence[str] = ()) -> Sequence[Delivery]:
+        """subject, text, names of those who have it → what was delivered, one a receiver. Raises nothing."""
 
 
 class Past(Protocol):

@@ -217,7 +217,7 @@ class Mail:
 
     year: Year
 
-    def send(self, subject: str, text: str) -> Sequence[Delivery]:
+    def send(self, subject: str, text: str, but: Sequence[str] = ()) -> Sequence[Delivery]:
         """→ delivered or not."""
         self.year.moment("before send")
         if self.year.mail_down > 0:
