@@ -20,14 +20,29 @@ PLACE = "Keep 30"
 @click.argument("cells", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--history", "where", metavar="FILE|URL", help="One history of many machines, e.g. postgresql://….")
 @click.option("--late", type=click.FloatRange(1, 10_000), default=36.0, show_default=True, metavar="HOURS", help="Late after this.")
+@click.option(
+    "--again",
+    "target",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Estimate all nights of the cells again, into this folder.",
+)
+@click.option("--dask", metavar="ADDRESS", help="With --again: spread the machines over a Dask cluster, tcp://host:port.")
 @json_option
-def command(cells: tuple[Path, ...], where: str | None, late: float, json_file: str | None) -> int:
+def command(
+    cells: tuple[Path, ...], where: str | None, late: float, target: Path | None, dask: str | None, json_file: str | None
+) -> int:
     """Last night of every machine: who is late, who alarms, who is fine. Exit status 1 when anybody needs somebody.
 
-    Of one history (--history), or of the histories of the cells that are named.
+    Of one history (--history), or of the histories of the cells that are named. --again estimates the whole history of the cells
+    once more, after a change of the model: into new files, one a machine. What was cut off goes on when it is called again.
     """
     from ..history import opened
 
+    if target is not None:
+        return _again(cells, where, target, dask, json_file)
+    if dask is not None:
+        raise InputError("--dask: found without --again; allowed: with it")
     if (where is None) == (not cells):
         raise InputError("fleet: found neither or both of cells and --history; allowed: folders of cells, or one history")
     places: list[str | Path] = (
@@ -50,3 +65,24 @@ def command(cells: tuple[Path, ...], where: str | None, late: float, json_file: 
             rows.append([s.machine, last[0], last[1], str(s.alarms_open or ""), "LATE" if s.late else "", last[2]])
         click.echo(table(rows, "<<<><<"))
     return 1 if any(s.alarms_open or s.late for s in found) else 0
+
+
+def _again(cells: tuple[Path, ...], where: str | None, target: Path, dask: str | None, json_file: str | None) -> int:
+    from contextlib import ExitStack
+
+    from ..uncertainty.fleet import cluster
+    from ._again import again
+
+    if not cells:
+        raise InputError("--again: found no cell; allowed: folders of cells, whose models and readings are used")
+    with ExitStack() as stack:
+        spread: Any = map if dask is None else stack.enter_context(cluster(dask))
+        done = again(cells, where, target, spread)
+    if not write_json(json_file, {"format": "tango-fleet-again/1", "machines": [vars(d) for d in done]}):
+        rows = [["machine", "nights", "estimated now", "verdicts that differ", "alarms then", "alarms now"]]
+        rows += [[d.machine, *(str(n) for n in (d.nights, d.added, d.differ, d.alarms_then, d.alarms_now))] for d in done]
+        click.echo(table(rows, "<>>>>>"))
+        click.echo(
+            f"→ {target}; look at them with 'tango history list --history FILE'. The histories of the cells are as they were"
+        )
+    return 0
