@@ -21,7 +21,7 @@ from tango_cnc.report import morning
 from tango_cnc.report.units import Units
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
-from tango_cnc.web.users import IDLE, WHOLE, Sessions, User, add_user
+from tango_cnc.web.users import IDLE, WHOLE, SignIns, User, add_user
 
 PAGES = ("", "/run", "/trend", "/nights", "/files", "/night/1", "/night/13")
 HOST = "http://127.0.0.1"
@@ -256,28 +256,28 @@ def test_roles_are_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_signing_out_ends_the_session(tmp_path: Path) -> None:
+def test_signing_out_ends_the_sign_in(tmp_path: Path) -> None:
     site = signed_in(cell(tmp_path / "one", records=[]), tmp_path / "users.json")
     csrf = re.findall(r'name="csrf" value="([^"]+)"', site.get("/").text)[0]
-    key = site.cookies["tango_session"]
+    key = site.cookies["tango_sign_in"]
     assert site.post("/sign-out", data={"csrf": csrf}, follow_redirects=False).status_code == 303
-    site.cookies.set("tango_session", key)
+    site.cookies.set("tango_sign_in", key)
     assert site.get("/", follow_redirects=False).headers["location"] == "/sign-in"
 
 
-def test_sessions_end_by_themselves() -> None:
+def test_sign_ins_end_by_themselves() -> None:
     now = [0.0]
-    sessions = Sessions(clock=lambda: now[0])
-    key = sessions.begin(User("ann", "view"))
-    assert sessions.of(key) is not None and sessions.of(key + "x") is None and sessions.of("") is None
+    sign_ins = SignIns(clock=lambda: now[0])
+    key = sign_ins.begin(User("ann", "view"))
+    assert sign_ins.of(key) is not None and sign_ins.of(key + "x") is None and sign_ins.of("") is None
     for _ in range(int(WHOLE / IDLE * 2) - 1):
         now[0] += IDLE / 2
-        assert sessions.of(key) is not None
+        assert sign_ins.of(key) is not None
     now[0] += IDLE / 2 + 1
-    assert sessions.of(key) is None
-    key = sessions.begin(User("ann", "view"))
+    assert sign_ins.of(key) is None
+    key = sign_ins.begin(User("ann", "view"))
     now[0] += IDLE + 1
-    assert sessions.of(key) is None
+    assert sign_ins.of(key) is None
 
 
 def test_metrics_and_health(site: TestClient) -> None:

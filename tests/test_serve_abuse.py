@@ -23,7 +23,7 @@ from tango_cnc.web.users import add_user, read_users
 pytestmark = pytest.mark.long
 EVIL = """<script>alert(1)</script>'"><img src=x onerror=alert(2)>{{7*7}}${7*7}../../etc/passwd"""
 HOST = "http://127.0.0.1"
-OWN = {"tango_session": "x" * 43}
+OWN = {"tango_sign_in": "x" * 43}
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_names_that_are_code_are_text_on_every_page(site: TestClient) -> None:
     assert len([line for line in metrics.splitlines() if line.startswith("tango_machine_nights")]) == 1
 
 
-def test_without_a_session_only_the_door_is_there(site: TestClient) -> None:
+def test_without_a_sign_in_only_the_door_is_there(site: TestClient) -> None:
     slug = slug_of(EVIL)
     stranger = anybody(site)
     for path in ("/", "/alarms", f"/machine/{slug}", f"/machine/{slug}/files/readings.csv", f"/machine/{slug}/run/step"):
@@ -68,11 +68,11 @@ def test_without_a_session_only_the_door_is_there(site: TestClient) -> None:
 
 @pytest.mark.parametrize("key", ["", "x", "x" * 43, "x" * 5000, "../../x", "%00", "a; b=c", '"', "{}"])
 def test_forged_cookies_are_nobody(key: str, site: TestClient) -> None:
-    answer = anybody(site).get("/", headers={"cookie": f"tango_session={key}"}, follow_redirects=False)
+    answer = anybody(site).get("/", headers={"cookie": f"tango_sign_in={key}"}, follow_redirects=False)
     assert answer.status_code == 303 and answer.headers["location"] == "/sign-in"
 
 
-def test_a_form_needs_the_token_of_its_session_and_its_own_site(site: TestClient) -> None:
+def test_a_form_needs_the_token_of_its_sign_in_and_its_own_site(site: TestClient) -> None:
     path = f"/machine/{slug_of(EVIL)}/decide"
     good = re.findall(r'name="csrf" value="([^"]+)"', site.get("/").text)[0]
     form = {"alarm": "2026-10-25-1", "action": "accept"}

@@ -83,6 +83,12 @@ def sized(browser: webdriver.Chrome, size: tuple[int, int]) -> None:
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
 
+def shown_in(browser: webdriver.Chrome, colors: str = "light", media: str = "") -> None:
+    """light or dark; print for a page as it is printed."""
+    wanted = {"media": media, "features": [{"name": "prefers-color-scheme", "value": colors}]}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", wanted)
+
+
 def complaints(browser: webdriver.Chrome) -> list[str]:
     """What the console says: refused styles and scripts, failed requests, errors."""
     return [row["message"] for row in browser.get_log("browser") if row["level"] in ("SEVERE", "WARNING")]
@@ -110,6 +116,32 @@ def test_every_page_is_whole_accessible_and_fits(size: tuple[int, int], site: Si
         )
         asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)")
         assert all(address.startswith((site.base, "data:")) for address in asked), asked
+
+
+@pytest.mark.parametrize(("colors", "media"), [("dark", ""), ("light", "print")], ids=["dark", "print"])
+def test_every_page_can_be_read_at_night_and_on_paper(colors: str, media: str, site: Site, browser: webdriver.Chrome) -> None:
+    sized(browser, DESK)
+    shown_in(browser, colors, media)
+    try:
+        for path in PAGES:
+            browser.get(site.base + path)
+            assert not axe(browser), path
+            dark = "return getComputedStyle(document.querySelector('main')).backgroundColor"
+            assert (browser.execute_script(dark) != "rgb(255, 255, 255)") == (colors == "dark")
+    finally:
+        shown_in(browser)
+
+
+def test_a_table_on_a_phone_shows_every_column_or_says_so(site: Site, browser: webdriver.Chrome) -> None:
+    sized(browser, PHONE)
+    for path in PAGES:
+        browser.get(site.base + path)
+        for box in browser.find_elements(By.CSS_SELECTOR, ".wide, .chart, table.cards"):
+            wider = browser.execute_script("return arguments[0].scrollWidth > arguments[0].clientWidth + 1", box)
+            told = browser.execute_script("return getComputedStyle(arguments[0], '::before').content", box)
+            assert not wider or "Swipe" in told, (path, box.get_attribute("outerHTML")[:200])
+        hidden = browser.execute_script("return [...document.querySelectorAll('td')].filter(e => !e.offsetWidth).length")
+        assert not hidden, path
 
 
 def test_the_morning_fits_one_screen_of_a_phone(site: Site, browser: webdriver.Chrome) -> None:
@@ -189,6 +221,9 @@ def test_a_report_opens_without_a_network_and_can_be_turned(browser: webdriver.C
         assert turned != before
         browser.find_element(By.CSS_SELECTOR, "[data-do=set][data-value='0']").click()
         assert browser.execute_script("return arguments[0].toDataURL()", canvas) != turned
+        for colors, media in (("dark", ""), ("light", "print"), ("light", "")):
+            shown_in(browser, colors, media)
+            assert not axe(browser), (colors, media)
         sized(browser, PHONE)
         assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
     finally:

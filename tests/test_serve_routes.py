@@ -75,7 +75,7 @@ def test_nothing_ends_in_an_error_of_the_server(
         slug = slug_of(NAME) if len(where) % 3 else quote(where, safe="")
         query = f"?{quote(key)}={quote(value)}"
         address = filled(pattern, slug, where) + query
-        headers = {"cookie": f"tango_session={cookie}"} if cookie and len(cookie) % 2 else {}
+        headers = {"cookie": f"tango_sign_in={cookie}"} if cookie and len(cookie) % 2 else {}
         if posted:
             body = f"{quote(key)}={quote(value)}&csrf={quote(where)}&alarm={quote(value)}&action={quote(key)}&user={quote(key)}"
             form = {"content-type": "application/x-www-form-urlencoded"}

@@ -33,7 +33,7 @@ from .guard import COOKIE, Buckets, Guard, same
 from .live import Journals
 from .places import Machine, Places
 from .settings import Role, Settings, may
-from .users import Session, Sessions
+from .users import SignIn, SignIns
 
 LOG = logging.getLogger("tango.serve")
 
@@ -44,7 +44,7 @@ class State:
 
     settings: Settings
     places: Places
-    sessions: Sessions
+    sign_ins: SignIns
     journals: Journals
     texts: Texts
     templates: jinja2.Environment
@@ -68,7 +68,7 @@ def create(settings: Settings) -> Starlette:
     state = State(
         settings,
         Places(settings),
-        Sessions(),
+        SignIns(),
         Journals(),
         texts_of(settings.templates),
         env,
@@ -174,21 +174,21 @@ def state_of(request: Request) -> State:
     return found
 
 
-def session_of(request: Request) -> Session | None:
+def sign_in_of(request: Request) -> SignIn | None:
     """request → who is signed in, None for nobody."""
-    return state_of(request).sessions.of(request.cookies.get(COOKIE))
+    return state_of(request).sign_ins.of(request.cookies.get(COOKIE))
 
 
 def role_of(request: Request) -> Role | None:
-    """request → its role: that of its session; without users everybody may view."""
+    """request → its role: that of its sign-in; without users everybody may view."""
     if state_of(request).settings.users is None:
         return "view"
-    session = session_of(request)
-    return None if session is None else session.user.role
+    signed = sign_in_of(request)
+    return None if signed is None else signed.user.role
 
 
 def needs(request: Request, wanted: Role) -> None:
-    """request, role → nothing. Raises HTTPException: 401 (the sign-in page) without a session, 403 where the role is not enough."""
+    """request, role → nothing. Raises HTTPException: 401 (the sign-in page) without a sign-in, 403 where the role is not enough."""
     role = role_of(request)
     if role is None:
         raise HTTPException(401)
@@ -196,14 +196,14 @@ def needs(request: Request, wanted: Role) -> None:
         raise HTTPException(403, state_of(request).texts("web.forbidden", role=wanted))
 
 
-def proven(request: Request, form: Mapping[str, Any]) -> Session:
-    """request, its form → the session. Raises HTTPException for a form without the token of that session."""
-    session = session_of(request)
-    if session is None:
+def proven(request: Request, form: Mapping[str, Any]) -> SignIn:
+    """request, its form → its sign-in. Raises HTTPException for a form without the token of that sign-in."""
+    signed = sign_in_of(request)
+    if signed is None:
         raise HTTPException(401)
-    if not same(str(form.get("csrf", "")), session.csrf):
+    if not same(str(form.get("csrf", "")), signed.csrf):
         raise HTTPException(403, state_of(request).texts("web.csrf"))
-    return session
+    return signed
 
 
 def machine_of(request: Request) -> Machine:
@@ -216,14 +216,14 @@ def machine_of(request: Request) -> Machine:
 
 def page(request: Request, template: str, status: int = 200, **values: Any) -> HTMLResponse:
     """request, template, values → the page."""
-    state, session = state_of(request), session_of(request)
+    state, signed = state_of(request), sign_in_of(request)
     context = {
         "t": state.texts,
         "units": state.units,
         "sentence": lambda text: sentence(text, state.units),
         "here": request.url.path,
-        "session": session,
-        "csrf": session.csrf if session else "",
+        "signed_in": signed,
+        "csrf": signed.csrf if signed else "",
         "role": role_of(request),
         "with_users": state.settings.users is not None,
         "may_operate": may(role_of(request), "operate"),

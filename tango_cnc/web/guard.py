@@ -1,6 +1,6 @@
-"""What every request passes: name of the server, size, rate, session, forged forms; and what every answer carries.
+"""What every request passes: name of the server, size, rate, sign-in, forged forms; and what every answer carries.
 
-OWASP's secure headers; cookies HttpOnly and SameSite=Strict; a form needs the token of its session and comes from our own page.
+OWASP's secure headers; cookies HttpOnly and SameSite=Strict; a form needs the token of its sign-in and comes from our own page.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .settings import Settings
 
 LARGEST = 16 * 1024  # bytes of a body
 LONGEST = 2048  # of an address
-COOKIE = "tango_session"
+COOKIE = "tango_sign_in"
 HOST = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([A-Za-z0-9._-]+))(?::\d{1,5})?")
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; form-action 'self'; "

@@ -1,4 +1,4 @@
-"""Users of the server: a JSON file of names, roles and argon2 hashes, and the sessions of those who are signed in."""
+"""Users of the server: a JSON file of names, roles and argon2 hashes, and the sign-ins of those who are signed in."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
 SHORTEST = 10  # characters of a password
 LONGEST = 256
 IDLE, WHOLE = 2 * 3600.0, 12 * 3600.0  # s: without a request, and in all
-MOST = 1000  # sessions
+MOST = 1000  # sign-ins
 FORMAT = "tango-users/1"
 _HASHER = argon2.PasswordHasher(time_cost=2, memory_cost=19 * 1024, parallelism=1)  # OWASP's second choice for argon2id
 _NOBODY = _HASHER.hash(secrets.token_hex(16))
@@ -84,7 +84,7 @@ def verified(file: Path, name: str, password: str) -> User | None:
 
 
 @dataclass
-class Session:
+class SignIn:
     """One who is signed in: until when, and the token that every form has to bring along."""
 
     user: User
@@ -94,24 +94,24 @@ class Session:
 
 
 @dataclass
-class Sessions:
-    """Sessions in memory: they end with the server. Only hashes of their keys are kept."""
+class SignIns:
+    """Sign-ins in memory: they end with the server. Only hashes of their keys are kept."""
 
     clock: Callable[[], float] = time.monotonic
-    _open: OrderedDict[str, Session] = field(default_factory=OrderedDict)
+    _open: OrderedDict[str, SignIn] = field(default_factory=OrderedDict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def begin(self, user: User) -> str:
         """user → key for the cookie."""
         key, now = secrets.token_urlsafe(32), self.clock()
         with self._lock:
-            self._open[_digest(key)] = Session(user, secrets.token_urlsafe(32), now, now)
+            self._open[_digest(key)] = SignIn(user, secrets.token_urlsafe(32), now, now)
             while len(self._open) > MOST:
                 self._open.popitem(last=False)
         return key
 
-    def of(self, key: str | None) -> Session | None:
-        """key of a cookie → its session while it lasts."""
+    def of(self, key: str | None) -> SignIn | None:
+        """key of a cookie → its sign-in while it lasts."""
         if not key or len(key) > 100:
             return None
         now = self.clock()
@@ -126,7 +126,7 @@ class Sessions:
             return found
 
     def end(self, key: str | None) -> None:
-        """key of a cookie → its session is over."""
+        """key of a cookie → its sign-in is over."""
         with self._lock:
             self._open.pop(_digest(key or ""), None)
 

@@ -49,10 +49,10 @@ def decide(request: Request) -> Response:
     state = state_of(request)
     if state.settings.users is None:
         return page(request, "decisions.html", 403, said=state.texts("decision.read_only"), **_values(request))
-    session = proven(request, form)
+    visitor = proven(request, form)
     needs(request, "operate")
     found = machine_of(request)
-    owner = " ".join(form.get("owner", "").split())[:80] or session.user.name
+    owner = " ".join(form.get("owner", "").split())[:80] or visitor.user.name
     note = form.get("note", "").strip()[:NOTE]
     until = form.get("until", "").strip() or None
     action = form.get("action", "")
@@ -61,7 +61,7 @@ def decide(request: Request) -> Response:
             raise InputError("this machine has no history")
         if until is not None and not DATE.fullmatch(until):
             raise InputError(f"until: found {until[:20]!r}; allowed: a date like 2026-12-01")
-        signed = note if owner == session.user.name else f"{note} ({session.user.name})".strip()
+        signed = note if owner == visitor.user.name else f"{note} ({visitor.user.name})".strip()
         found.history.decide(
             found.name, Decision(form.get("alarm", "")[:80], action, owner, signed, until if action == "ignore" else None)
         )

@@ -40,8 +40,8 @@ def _lines(request: Request) -> Iterator[str]:
     yield from (f'tango_http_requests_total{{path="{path}",status="{status}"}} {n}' for (path, status), n in sorted(counts.items()))
     yield "# TYPE tango_http_seconds_total counter"
     yield from (f'tango_http_seconds_total{{path="{path}"}} {s:.6f}' for path, s in sorted(seconds.items()))
-    yield "# TYPE tango_sessions gauge"
-    yield f"tango_sessions {len(state.sessions)}"
+    yield "# TYPE tango_sign_ins gauge"
+    yield f"tango_sign_ins {len(state.sign_ins)}"
     yield "# TYPE tango_uptime_seconds gauge"
     yield f"tango_uptime_seconds {time.time() - state.started:.0f}"
     rows = state.places.fleet()

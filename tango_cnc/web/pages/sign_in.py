@@ -19,7 +19,7 @@ def ask(request: Request) -> Response:
 
 
 def sign_in(request: Request) -> Response:
-    """request with name and password → a session, or the form again; five failures of one address or name, then one a minute."""
+    """request with name and password → a sign-in, or the form again; five failures of one address or name, then one a minute."""
     state, form = state_of(request), request.state.form
     if state.settings.users is None:
         return RedirectResponse("/", 303)
@@ -35,11 +35,11 @@ def sign_in(request: Request) -> Response:
         return page(request, "sign_in.html", 403, said=state.texts("web.wrong_sign_in"))
     for key in keys:
         state.attempts.give_back(key)
-    state.sessions.end(request.cookies.get(COOKIE))
+    state.sign_ins.end(request.cookies.get(COOKIE))
     answer = RedirectResponse("/", 303)
     answer.set_cookie(
         COOKIE,
-        state.sessions.begin(user),
+        state.sign_ins.begin(user),
         httponly=True,
         samesite="strict",
         secure=state.settings.https,
@@ -50,9 +50,9 @@ def sign_in(request: Request) -> Response:
 
 
 def sign_out(request: Request) -> Response:
-    """request with the token of its session → no session."""
+    """request with the token of its sign-in → that has ended."""
     proven(request, request.state.form)
-    state_of(request).sessions.end(request.cookies.get(COOKIE))
+    state_of(request).sign_ins.end(request.cookies.get(COOKIE))
     answer = RedirectResponse("/sign-in", 303)
     answer.delete_cookie(COOKIE, path="/")
     return answer
