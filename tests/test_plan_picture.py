@@ -15,6 +15,7 @@ from tango_cnc.files import read_cell
 from tango_cnc.plan import plan
 from tango_cnc.report import pictures
 from tango_cnc.report.path import KINDS, picture
+from tango_cnc.report.texts import texts
 
 GOLDEN = Path(__file__).parent / "golden" / "cell"
 
@@ -32,7 +33,7 @@ def lines(drawn: object) -> dict[str, np.ndarray]:
 
 def test_every_touch_is_drawn_once_and_where_it_is_made() -> None:
     made = plan(read_cell(GOLDEN))
-    found = lines(picture(made))[KINDS["probe"][0]]
+    found = lines(picture(made))[texts()("way.probe")]
     ends = found[np.flatnonzero(np.isnan(found[:, 0])) - 1]
     np.testing.assert_allclose(ends, kinematics.tip(kinematics.chain(made.machine), np.array([t.contact for t in made.touches])))
 
@@ -40,13 +41,13 @@ def test_every_touch_is_drawn_once_and_where_it_is_made() -> None:
 def test_travels_between_touches_are_told_from_those_to_where_axes_turn() -> None:
     found = lines(picture(plan(read_cell(GOLDEN))))
     count = {name: int(np.isnan(line[:, 0]).sum()) for name, line in found.items()}
-    assert count[KINDS["travel"][0]] == 3  # 6 touches at 3 indexations
+    assert count[texts()("way.travel")] == 3  # 6 touches at 3 indexations
     assert any("sweeps, radius 151 mm" in name for name in found)
 
 
 def test_one_indexation_is_drawn_alone() -> None:
     drawn = picture(plan(read_cell(GOLDEN)), 2)
-    assert int(np.isnan(lines(drawn)[KINDS["probe"][0]][:, 0]).sum()) == 2
+    assert int(np.isnan(lines(drawn)[texts()("way.probe")][:, 0]).sum()) == 2
     assert "2 touches, indexation 2: B-30 C-90 S0" in drawn.axes[0].get_title(loc="left")
 
 
@@ -58,7 +59,7 @@ def test_the_picture_is_written_beside_the_program_or_alone(cell: Path, ending: 
     assert file.stat().st_size > 5000 and not (cell / "program").exists()
     if ending == "svg":
         text = file.read_text(encoding="utf-8")
-        assert all(re.search(f">{label.split(' (')[0]}", text) for label, _, _ in KINDS.values())
+        assert all(re.search(f">{texts()(f'way.{kind}').split(' (')[0]}", text) for kind in KINDS)
 
 
 @pytest.mark.parametrize(

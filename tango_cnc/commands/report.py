@@ -49,7 +49,7 @@ PLACE = "Keep 50"  # in the list of commands
 @click.option("--unit", type=click.Choice(["mm", "inch"]), default="mm", show_default=True, help="mm and µm, or inch and µin.")
 @click.option("--limit-um", type=click.FloatRange(0, min_open=True), help="Largest error of the tool tip that is allowed, µm.")
 @click.option("--operator", default="", help="Who measured; printed for the auditor.")
-@click.option("--owner", default="", help="Who answers for this machine; printed for the auditor.")
+@click.option("--owner", default="", help="Who answers for this machine [default: owner in nightly.yaml].")
 @click.option(
     "--templates", type=click.Path(path_type=Path), metavar="DIR", help="Templates and texts.toml of your own (docs/report.md)."
 )
@@ -97,7 +97,7 @@ def command(
         not no_pictures,
     )
     result, judgement = judged(cell, readings, items, degree, source=source)
-    made = paper(folder, source, operator, owner)
+    made = paper(folder, source, operator, owner or read_nightly(folder).owner)
     past = trend(folder, cell.machine.name, list(effects(result)))
     found = gather(
         cell,
@@ -178,7 +178,7 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
 
 
 def nights(folder: Path, machine: str) -> Nights | None:
-    """cell, its machine → its newest night and open alarms out of its history.db; None where there are none."""
+    """cell, its machine → newest night and open alarms in its history.db; None where it has none."""
     from ..history import opened
 
     file = folder / "history.db"
@@ -193,7 +193,7 @@ def nights(folder: Path, machine: str) -> Nights | None:
 
 
 def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:
-    """cell, its machine, parameters → their values night by night out of its history.db; None where there is no history."""
+    """cell, its machine, parameters → their values night by night in its history.db; None where it has none."""
     from ..history import opened
 
     file = folder / "history.db"

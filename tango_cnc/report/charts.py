@@ -99,10 +99,18 @@ def still(data: dict[str, Any], which: int = 1, width: float = 560, height: floa
         parts.append(f'<path d="{way or "M0 0"}" stroke="{color}" stroke-width="1" fill="none"{broken}/>')
     words = data["words"]
     y = height - 8
+    px = scale * length  # of one µm or µin
+    power = 10.0 ** np.floor(np.log10(70 / px))
+    size = power * max(s for s in (1, 2, 5) if s * power * px <= 70.001)
+    end, bar = width - 8, size * px
+    parts.append(
+        f'<path d="M{end - bar:.1f} {y - 24:g}h{bar:.1f}M{end - bar:.1f} {y - 28:g}v8M{end:g} {y - 28:g}v8" stroke="{INK}"/>'
+    )
+    parts.append(label(end - bar - 6, y - 20, f"{size:g} {data['unit']}", "end", INK))
     for color, dash, key, up in ((RED, "", "outside", 14), (BLUE, ' stroke-dasharray="3 1.5"', "inside", 0)):
         parts.append(f'<path d="M8 {y - up - 4:g}h20" stroke="{color}" stroke-width="1.6"{dash}/>')
         parts.append(label(34, y - up, words[key], "start", INK))
-    parts += [label(width - 8, y, words["scale"].format(factor=f"{length * 1e3:,.0f}"), "end"), "</svg>"]
+    parts += [label(width - 8, y, words["scale"].format(factor=f"{float(f'{length * 1e3:.1e}'):,.0f}"), "end"), "</svg>"]
     return "".join(parts)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .drawn import Drawn
+from .texts import texts
 
 
 def figure(drawn: Drawn, title: str, competitors: Sequence[tuple[str, float, float]] = ()) -> Figure:
@@ -15,10 +16,10 @@ def figure(drawn: Drawn, title: str, competitors: Sequence[tuple[str, float, flo
     page = Figure(figsize=(13, 4.2), layout="constrained")
     page.suptitle(title)
     worth, where, known = page.subplots(1, 3)
-    worth.semilogy(drawn.minutes, drawn.values, color="tab:blue", label="this plan, broken off")
+    worth.semilogy(drawn.minutes, drawn.values, color="tab:blue", label=texts()("design.this_plan"))
     for name, minutes, value in competitors:
         worth.plot([minutes], [value], "o", label=name)
-    worth.set(xlabel="minutes", ylabel=f"uncertainty of the tool tip ({drawn.unit})", title="what is known by then")
+    worth.set(xlabel="minutes", ylabel=texts()("design.uncertainty", unit=drawn.unit), title=texts()("design.title_worth"))
     worth.legend()
     worth.grid(alpha=0.3, which="both")
     if len(drawn.axes):
@@ -27,10 +28,10 @@ def figure(drawn: Drawn, title: str, competitors: Sequence[tuple[str, float, flo
         for number, (x, y) in enumerate(zip(drawn.angles[:, 0], second, strict=True), 1):
             where.annotate(str(number), (x, y), ha="center", va="center", fontsize=8)
         where.set(xlabel=f"{drawn.axes[0]} (deg)", ylabel=f"{drawn.axes[1]} (deg)" if len(drawn.axes) > 1 else "")
-    where.set_title("indexations in their order; area: touches")
+    where.set_title(texts()("design.title_where"))
     where.grid(alpha=0.3)
     order = np.argsort(drawn.std)
     across = known.scatter(drawn.place[order, 0], drawn.place[order, 1], c=drawn.std[order], s=22, cmap="viridis")
-    known.set(xlabel="X of the part (mm)", ylabel="Y of the part (mm)", aspect="equal", title="standard deviation at poses (µm)")
+    known.set(xlabel=texts()("design.x_part"), ylabel=texts()("design.y_part"), aspect="equal", title=texts()("design.title_known"))
     page.colorbar(across, ax=known)
     return page

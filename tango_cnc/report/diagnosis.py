@@ -14,6 +14,7 @@ from ..diagnose.words import as_text, telling
 from ..terms._shape import values
 from .over import covariate_of, shown_over
 from .pictures import BAD, GOOD, INK, PALE, embedded, figure, styled
+from .texts import texts
 
 COLUMNS = 3  # of small pictures side by side
 FIRST = 6  # covariates that are drawn large; the others follow at the end
@@ -28,45 +29,54 @@ td,th{padding:.2rem .8rem;text-align:right}td:first-child,th:first-child{text-al
 
 def page(d: Diagnosis) -> str:
     """diagnosis → HTML that stands alone. Raises InputError when matplotlib is not installed."""
-    machine = html.escape(d.before.model.touches.machine.name)
-    parts = [HEAD, f"<h1>Diagnosis of {machine}</h1>", f'<p class="verdict {d.verdict}">{html.escape(_short(d))}</p>']
-    parts += ["<h2>What is left of the model, touch by touch</h2>", _image(course(d))]
+    title = html.escape(texts()("diagnosis_page.title", machine=d.before.model.touches.machine.name))
+    parts = [HEAD, f"<h1>{title}</h1>", f'<p class="verdict {d.verdict}">{html.escape(_short(d))}</p>']
+    parts += [_head("left"), _image(course(d))]
     if d.tests:
-        parts += ["<h2>What it depends on</h2>", f"<p>{html.escape(_dependence_words(d))}</p>"]
+        parts += [_head("depends"), f"<p>{html.escape(_dependence_words(d))}</p>"]
         parts.append(_image(dependence(d, d.tests[:FIRST])))
     for i, f in enumerate(d.findings, 1):
         parts += [f"<h2>{i}. {html.escape(f.cause.replace('_', ' '))}</h2>", f"<p><b>{html.escape(said(f))}.</b></p>"]
-        parts += [f"<p>It means: {html.escape(meaning(f))}.</p>", f"<p>What to do: {html.escape(advice(f))}.</p>"]
+        parts += [_line("means", meaning(f)), _line("todo", advice(f))]
         if f.pattern.any():
             parts.append(_image(seen(d, f)))
         if f.gain is not None:
             parts.append(_gains(f))
         if f.alternatives:
             names = ", ".join(dict.fromkeys(a for a, _, _ in f.alternatives))
-            parts.append(f"<p>This plan cannot tell it from {html.escape(names)}.</p>")
+            parts.append(_line("twins", names))
         if f.aliases:
-            parts.append(f"<p>Other settings of it do as well here: {html.escape(also(f))}.</p>")
-        parts += [f"<p>To tell: {html.escape(s)}.</p>" for s in f.separate_with]
+            parts.append(_line("also", also(f)))
+        parts += [_line("tell", s) for s in f.separate_with]
     for r in d.unexplained:
-        parts.append(f"<h2>Not explained</h2><p>{html.escape(unexplained(r))}.</p>")
+        parts.append(f"{_head('unexplained')}<p>{html.escape(unexplained(r))}.</p>")
         if r.form is not None:
             parts.append(_image(shape(d, r)))
     if d.dropped:
-        parts += ["<h2>Fits, but is not named</h2>", *(f"<p>{html.escape(dropped(x))}.</p>" for x in d.dropped)]
-    parts += ["<h2>The same in words</h2>", f"<pre>{html.escape(as_text(d))}</pre>"]
+        parts += [_head("dropped"), *(f"<p>{html.escape(dropped(x))}.</p>" for x in d.dropped)]
+    parts += [_head("words"), f"<pre>{html.escape(as_text(d))}</pre>"]
     if len(d.tests) > FIRST:
-        parts += ["<h2>Every covariate</h2>", _tests(d), _image(dependence(d, d.tests[FIRST:]))]
+        parts += [_head("covariates"), _tests(d), _image(dependence(d, d.tests[FIRST:]))]
     return "\n".join([*parts, "</body></html>\n"])
 
 
 def _dependence_words(d: Diagnosis) -> str:
     count = len(telling(d))
-    what = "None of them matters" if not count else "One of them matters" if count == 1 else f"{count} of them matter"
-    return (
-        "Means of groups of touches; the grey band holds 95 % of them when the model is right and the noise white. A shift is "
-        f"what the table would have to move by. {len(d.tests)} covariates were looked at. {what} by more than chance (5 % over all "
-        "of them)."
-    )
+    t = texts()
+    what = t("diagnosis_page.none" if not count else "diagnosis_page.one" if count == 1 else "diagnosis_page.many", count=count)
+    return t("diagnosis_page.note", tests=len(d.tests), what=what)
+
+
+def _head(key: str) -> str:
+    return f"<h2>{html.escape(texts()(f'diagnosis_page.{key}'))}</h2>"
+
+
+def _line(key: str, text: str) -> str:
+    return f"<p>{html.escape(texts()(f'diagnosis_page.{key}', text=text))}</p>"
+
+
+def _row(*keys: str) -> str:
+    return f"<tr>{''.join(f'<th>{html.escape(texts()(key))}</th>' for key in keys)}</tr>"
 
 
 def _tests(d: Diagnosis) -> str:
@@ -76,9 +86,7 @@ def _tests(d: Diagnosis) -> str:
         late = after.get(t.covariate)
         shares = f"<td>{100 * t.variance_share:.0f}</td><td>{'–' if late is None else f'{100 * late.variance_share:.0f}'}</td>"
         rows += f"<tr><td>{html.escape(covariate(t.covariate))}</td>{shares}<td>{t.p_value:.1g}</td></tr>"
-    return (
-        f"<table><tr><th>covariate</th><th>% of the variance</th><th>with the causes</th><th>p, lack of fit</th></tr>{rows}</table>"
-    )
+    return f"<table>{_row('table.covariate', 'table.share', 'table.with_causes', 'table.p')}{rows}</table>"
 
 
 def _short(d: Diagnosis) -> str:
@@ -94,7 +102,7 @@ def _gains(f: Finding) -> str:
     rows = [("fitted touches", f.gain.before, f.gain.after)]
     rows += [(f"held-out {name}", *pair) for name, pair in f.gain.schemes.items() if name != "facets"]
     body = "".join(f"<tr><td>{name}</td><td>{a * 1e3:.2f}</td><td>{b * 1e3:.2f}</td></tr>" for name, a, b in rows)
-    return f"<table><tr><th>rms, µm</th><th>without</th><th>with it</th></tr>{body}</table>"
+    return f"<table>{_row('table.rms_um', 'table.without', 'table.with_it')}{body}</table>"
 
 
 def course(d: Diagnosis) -> Any:
@@ -105,7 +113,10 @@ def course(d: Diagnosis) -> Any:
     with styled():
         drawn = figure(9.5, 4.6)
         axes = drawn.subplots(2, 1, sharex=True, sharey=True)
-        pairs = ((axes[0], d.before.residuals, "present model"), (axes[1], d.after.residuals, "with the causes found"))
+        pairs = (
+            (axes[0], d.before.residuals, texts()("diagnosis.present")),
+            (axes[1], d.after.residuals, texts()("diagnosis.with_found")),
+        )
         for ax, values, title in pairs:
             ax.axhspan(-2e3 * d.noise, 2e3 * d.noise, color=PALE, alpha=0.45, lw=0)
             ax.plot(minutes[~out], 1e3 * values[~out], ".", color=GOOD, ms=4)
@@ -114,7 +125,7 @@ def course(d: Diagnosis) -> Any:
             ax.set_ylabel("µm")
         limit = 1.15e3 * float(np.max(np.abs(d.before.residuals[~out]))) if (~out).any() else 1.0
         axes[0].set_ylim(-limit, limit)
-        axes[1].set_xlabel("time, min (band: two standard deviations of the noise that is left)")
+        axes[1].set_xlabel(texts()("diagnosis.course_axis"))
     return drawn
 
 
@@ -129,9 +140,9 @@ def dependence(d: Diagnosis, tests: Sequence[Test]) -> Any:
             x, label = shown_over(d, t)
             order = np.argsort(x)
             ax.fill_between(x[order], -1e3 * t.band[order], 1e3 * t.band[order], color=PALE, alpha=0.5, lw=0)
-            ax.plot(x[order], 1e3 * t.mean[order], "o-", color=BAD, ms=3, lw=1, label="present model")
+            ax.plot(x[order], 1e3 * t.mean[order], "o-", color=BAD, ms=3, lw=1, label=texts()("diagnosis.present"))
             if d.after is not d.before and (b := after.get(t.covariate)) is not None:
-                ax.plot(x[order], 1e3 * b.mean[order], "o-", color=GOOD, ms=2, lw=1, label="with the causes")
+                ax.plot(x[order], 1e3 * b.mean[order], "o-", color=GOOD, ms=2, lw=1, label=texts()("diagnosis.with_causes"))
             ax.axhline(0, color=INK, lw=0.6)
             ax.set_title(f"{covariate(t.covariate)}: {100 * t.variance_share:.0f} %", loc="left", fontsize=8)
             ax.set_xlabel(label)
@@ -159,7 +170,7 @@ def shape(d: Diagnosis, r: Remainder) -> Any:
         for ax, f in zip(grid, factors, strict=True):
             turning = f.covariate in touches.machine.rotary or f.covariate == "S"
             x = np.degrees(known[f.covariate][first]) if turning else known[f.covariate][first]
-            ax.plot(x, 1e3 * measured, ".", color=PALE, ms=4, label="measured")
+            ax.plot(x, 1e3 * measured, ".", color=PALE, ms=4, label=texts()("diagnosis.measured"))
             ax.plot(x, 1e3 * r.pattern, ".", color=BAD, ms=4, label="shape")
             ax.set_xlabel(f"{covariate(f.covariate)}{', deg' if turning else ''}")
             ax.set_ylabel("µm")
@@ -176,7 +187,7 @@ def seen(d: Diagnosis, f: Finding) -> Any:
     maker = d.explanation.place.basis @ d.explanation.place.basis.T
     others = sum((o.pattern for o in d.findings if o is not f), np.zeros(len(touches)))
     visible, rest = maker @ d.searched(f.pattern), maker @ d.searched(d.before.residuals - others)
-    whole, what, rows = f.pattern, "read too early when positive", np.ones(len(touches), dtype=bool)
+    whole, what, rows = f.pattern, texts()("diagnosis.early"), np.ones(len(touches), dtype=bool)
     if "direction" in f.detail and f.detail.get("frame") in ("machine", "table"):
         normal = touches.machine_normal if f.detail["frame"] == "machine" else touches.normal
         along = normal @ np.array(f.detail["direction"])
@@ -190,16 +201,16 @@ def seen(d: Diagnosis, f: Finding) -> Any:
         drawn = figure(9.5, 3.2)
         left, right = drawn.subplots(1, 2)
         order = np.flatnonzero(rows)
-        left.plot(x[order], 1e3 * (whole + left_over)[order], ".", color=PALE, ms=4, label="measured")
-        left.plot(x[order], 1e3 * whole[order], ".", color=BAD, ms=4, label="explained")
+        left.plot(x[order], 1e3 * (whole + left_over)[order], ".", color=PALE, ms=4, label=texts()("diagnosis.measured"))
+        left.plot(x[order], 1e3 * whole[order], ".", color=BAD, ms=4, label=texts()("diagnosis.explained"))
         left.legend(fontsize=7)
-        left.set_title("what it does", loc="left")
+        left.set_title(texts()("diagnosis.seen_left"), loc="left")
         left.set_xlabel(f"{about}, {label}" if label != about else about)
         left.set_ylabel(f"µm, {what}")
         right.plot(1e3 * visible, 1e3 * rest, ".", color=GOOD, ms=4)
         span = 1e3 * float(np.max(np.abs(visible))) or 1.0
         right.plot([-span, span], [-span, span], color=INK, lw=0.8)
-        right.set_title("the part that the model cannot absorb", loc="left")
+        right.set_title(texts()("diagnosis.seen_right"), loc="left")
         right.set_xlabel("expected, µm")
         right.set_ylabel("measured, µm")
     return drawn

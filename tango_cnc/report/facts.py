@@ -26,6 +26,8 @@ from ..verify import held_out, volume
 from ..verify.held_out import HeldOut
 from ..verify.volume import VolumeMap
 from . import slices
+from .plain import plain
+from .texts import Texts, texts
 from .units import Units
 from .verdict import MISSING, OUTLIERS, PREDICTED, RATIO, Check, Level, Verdict, graded, worst_of
 
@@ -149,9 +151,9 @@ def gather(
         held = held_out.held_out(cell.machine, cell.artefact, reached(readings, result), wishes.terms, groups, wishes.degree)
     except TangoError as error:
         why = str(error)
-    found, why_none = None, " (it was left out on request)"
+    found, why_none = None, texts()("diagnosis.left_out")
     if judgement.verdict == "implausible":
-        why_none = ": the result is implausible; what is wrong there comes first"
+        why_none = texts()("diagnosis.implausible")
     elif wishes.diagnosis:
         try:
             found, why_none = diagnose(cell.machine, cell.artefact, readings, wishes.terms), ""
@@ -218,7 +220,7 @@ def effects(result: Estimate) -> dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def verdict(f: Facts, t: Callable[..., str]) -> Verdict:
+def verdict(f: Facts, t: Texts) -> Verdict:
     """facts, texts → the checks and the worst of them."""
     numbers = [_plausible(f, t), _complete(f, t), _fit(f, t), _predicts(f, t), _diagnosis(f, t)]
     return worst_of([*_nights(f, t), *numbers, _limit(f, t)])
@@ -306,11 +308,16 @@ def _limit(f: Facts, t: Callable[..., str]) -> Check:
     )
 
 
-def _nights(f: Facts, t: Callable[..., str]) -> list[Check]:
+def _nights(f: Facts, t: Texts) -> list[Check]:
     n = f.nights
     if n is None:
         return []
     level: Level = "look" if n.waiting or n.verdict != "good" else "good"
     word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
-    text = t(f"check.nights_{level}", date=n.date, said=f.wishes.units.sentence(n.headline), count=n.waiting)
+    text = t(
+        f"check.nights_{level}",
+        date=n.date,
+        said=plain(n.headline.rstrip("."), f.wishes.units, t, f.cell.machine) + ".",
+        count=n.waiting,
+    )
     return [Check("nights", level, word, text, t("todo.nights"), trust=False)]

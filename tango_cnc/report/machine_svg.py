@@ -15,20 +15,17 @@ from scipy.spatial import ConvexHull, QhullError
 
 from .. import check
 from ..records import Array, Artefact, Axis, Machine
+from .texts import texts
 
 SIZE, MARGIN, TOP = 520.0, 46.0, 72.0  # px, of a view
 INK, SOFT, LINEAR, TURNING, FACET, PALE = "#1f2933", "#5b6770", "#1b6ca8", "#c0392b", "#2e8b57", "#d9dee3"
 ISO = np.array([[math.cos(math.radians(30)), -math.cos(math.radians(30)), 0.0], [0.5, 0.5, 1.0]])
-LEGEND = (
-    "All axes at zero. An arrow shows where the body of the axis goes for a positive command: the table or the spindle.",
-    "Red: rotary axes, their sense and the point of their line. Blue: linear axes. Green: facets, number and outward normal.",
-)
 Place = Callable[[Array], tuple[float, float]]  # mm, machine frame → px
 VIEWS: tuple[tuple[str, Array], ...] = (
-    ("from the front (x right, z up)", np.array([[1.0, 0, 0], [0, 0, 1.0]])),
-    ("from the right (y right, z up)", np.array([[0, 1.0, 0], [0, 0, 1.0]])),
-    ("from above (x right, y up)", np.array([[1.0, 0, 0], [0, 1.0, 0]])),
-    ("from the front left, above", ISO),
+    ("front", np.array([[1.0, 0, 0], [0, 0, 1.0]])),
+    ("right", np.array([[0, 1.0, 0], [0, 0, 1.0]])),
+    ("above", np.array([[1.0, 0, 0], [0, 1.0, 0]])),
+    ("left", ISO),
 )
 
 
@@ -41,9 +38,10 @@ def drawing(machine: Machine, artefact: Artefact) -> str:
         'font-family="system-ui,Segoe UI,Helvetica,Arial,sans-serif" font-size="11">',
         f'<rect width="{width:.0f}" height="{height:.0f}" fill="#fff"/>',
         f'<text x="16" y="26" font-size="18" fill="{INK}">{escape(machine.name)}: {escape(machine.topology)}</text>',
-        *(_text(16, 46 + 15 * i, line, SOFT) for i, line in enumerate(LEGEND)),
+        *(_text(16, 46 + 15 * i, line, SOFT) for i, line in enumerate((texts()("view.axes"), texts()("view.colors")))),
     ]
-    for i, (title, view) in enumerate(VIEWS):
+    for i, (side, view) in enumerate(VIEWS):
+        title = texts()(f"view.{side}")
         parts.append(_view(machine, artefact, points, title, view, (i % 2) * SIZE, TOP + (i // 2) * SIZE))
     return "\n".join([*parts, "</svg>"]) + "\n"
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..diagnose import Diagnosis, Finding, Test
 from ..records import Array
+from .texts import texts
 
 
 def shown_over(d: Diagnosis, t: Test) -> tuple[Array, str]:
@@ -16,15 +17,15 @@ def shown_over(d: Diagnosis, t: Test) -> tuple[Array, str]:
     if name == "time" or name.startswith("shift "):
         return t.centre / 60, "min"
     if name == "indexation":
-        return t.centre + 1, "number of the indexation"
+        return t.centre + 1, texts()("picture.by_indexation")
     if axis in machine.linear:
         return t.centre, "mm"
     if axis in machine.names:
         return np.degrees(t.centre), "deg"
     if name.startswith("normal "):
         return t.centre, "cosine"
-    units = {"order": "touch", "facet": "facet, in the order of the artefact file", "feed": "mm/min"}
-    return t.centre, units.get(name, "°C" if name.startswith("T_") else "direction of the last motion")
+    units = {"order": "touch", "facet": texts()("picture.by_facet"), "feed": "mm/min"}
+    return t.centre, units.get(name, "°C" if name.startswith("T_") else texts()("picture.by_motion"))
 
 
 def covariate_of(d: Diagnosis, f: Finding) -> tuple[str, Array, str]:
@@ -36,7 +37,7 @@ def covariate_of(d: Diagnosis, f: Finding) -> tuple[str, Array, str]:
     if f.cause in ("scale_drift", "move_length_memory") or name not in touches.machine.names:
         if f.cause in ("probe_lobing", "pretravel_anisotropy", "spindle_orientation"):
             n = touches.spindle_normal
-            return "direction of the touch around the probe", np.degrees(np.arctan2(n[:, 1], n[:, 0])), "deg"
+            return texts()("picture.by_probe"), np.degrees(np.arctan2(n[:, 1], n[:, 0])), "deg"
         return "time", touches.time / 60, "min"
     values = touches.axis(name)
     return (name, values, "mm") if name in touches.machine.linear else (name, np.degrees(values), "deg")

@@ -17,13 +17,13 @@ from . import charts, slices
 from .audit import audit, source
 from .drawings import drawing
 from .facts import Facts, effects, verdict
+from .plain import amount, tilt
 from .texts import Texts, texts, texts_of
-from .units import Units
+from .units import Units, shown
 from .verdict import Verdict
 from .words import spoken
 
 LARGEST = 8
-WITHHELD = "withheld: other error motions of this machine could have made it ('tango iso230' names them)"
 TEMPLATES = "templates"
 
 
@@ -71,6 +71,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "source": source(f, t),
         "verdict": found,
         "sentence": sentence(found, t),
+        "tip": _tip(f, t),
         "todo": list(dict.fromkeys(c.todo for c in found.checks if c.level != "good" and c.todo)),
         "largest": parameters(f, t, most=LARGEST),
         "parameters": parameters(f, t),
@@ -86,7 +87,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "slices": _safe(slices.picture(f.cuts, machine, u, words)) if f.cuts else "",
         "diagnosis": _diagnosis(f, t),
         "motions": [_safe(s) for s in charts.motions(f)],
-        "iso": _iso(f),
+        "iso": _iso(f, t),
         "unseen": [c.text for c in f.result.selection.unseen],
         "uncertainty": _uncertainty(f, t),
         "trend": _trend(f, t),
@@ -120,6 +121,17 @@ def sentence(found: Verdict, t: Texts) -> str:
     return t(f"verdict.{found.level}", why=found.worst.text)
 
 
+def _tip(f: Facts, t: Texts) -> str:
+    """facts, texts → largest error of the tool tip beside its limit; empty where nothing is known of it."""
+    if f.worst is None:
+        return ""
+    u, what = f.wishes.units, t("may.tip")
+    found = amount(f.worst[0] * 1e3, "µm", u, t)
+    if f.wishes.limit is None:
+        return t("may.no_limit", what=what, found=found)
+    return t("may.numbers", what=what, found=found, allowed=amount(f.wishes.limit * 1e3, "µm", u, t))
+
+
 def value_text(value: float, std: float) -> str:
     """value, standard deviation → as many digits as the deviation is worth."""
     return f"{value:.{digits(std)}f}".replace("-", "−")
@@ -148,6 +160,7 @@ def parameters(f: Facts, t: Texts, most: int | None = None) -> list[dict[str, An
                 "name": name,
                 "what": spoken(name, f.cell.machine, t),
                 "drawing": _safe(drawing(name, f.cell.machine)),
+                "plain": tilt(p.value * shown(p.unit)[0], u, t) if shown(p.unit)[1] in ("µrad", "µm/m") else "",
                 "value": value_text(value, std),
                 "low": value_text(value - half, std),
                 "high": value_text(value + half, std),
@@ -316,7 +329,7 @@ def _over(f: Facts, name: str, ends: tuple[float, float]) -> str:
     return f"{ends[0] * factor:.{digits}f} … {ends[1] * factor:.{digits}f}".replace("-", "−")
 
 
-def _iso(f: Facts) -> list[dict[str, Any]]:
+def _iso(f: Facts, t: Texts) -> list[dict[str, Any]]:
     rows = []
     for g in f.iso:
         factor, unit = f.wishes.units.of(g.unit)
@@ -327,7 +340,7 @@ def _iso(f: Facts) -> list[dict[str, Any]]:
         row = {"kind": g.kind, "name": g.name, "value": text, "unit": unit, "arc": second, "over": over, "note": g.note}
         symbol = g.name.removesuffix(" M").removesuffix(" B").removesuffix(" E")
         if any(w.startswith(f"{symbol} ") for w in f.withheld):
-            row |= {"value": "–", "arc": "", "note": WITHHELD}
+            row |= {"value": "–", "arc": "", "note": t("iso.withheld")}
         rows.append({**row, "weak": abs(value) < half})
     return rows
 

@@ -13,13 +13,14 @@ from .. import check, kinematics
 from ..plan.sweep import swept
 from ..records import Array, Facet, InputError, Machine, Move, Plan, Touch
 from .pictures import BAD, GOOD, INK, MARK, PALE, figure, styled
+from .texts import texts
 
 KINDS = {  # what is drawn, its colour and width; later ones lie on top
-    "turn": ("rotary axes turn (the table turns under the tip)", PALE, 0.7),
-    "travel": ("between touches", GOOD, 0.9),
-    "clear": ("to and from where axes turn", MARK, 0.9),
-    "down": ("retract and approach", "#2e8b57", 1.0),
-    "probe": ("measuring", BAD, 2.2),
+    "turn": (PALE, 0.7),
+    "travel": (GOOD, 0.9),
+    "clear": (MARK, 0.9),
+    "down": ("#2e8b57", 1.0),
+    "probe": (BAD, 2.2),
 }
 STEP = math.radians(4)  # between the poses of a turn that are drawn
 NAMES = 60  # facets that are named; more are a heap of numbers
@@ -53,17 +54,17 @@ def picture(plan: Plan, indexation: int | None = None) -> Any:
 
 
 def _title(plan: Plan, indexation: int | None, count: int) -> str:
-    where = f"{len(plan.turns) - 1} indexations"
+    where = texts()("way.every", count=len(plan.turns) - 1)
     if indexation is not None:
         position = plan.strategy.indexations[indexation - 1].position
         angles = " ".join(f"{n}{math.degrees(position.get(n, 0.0)):g}" for n in (*plan.machine.rotary, "S"))
-        where = f"indexation {indexation}: {angles}"
-    return f"{plan.machine.name}, {plan.artefact.name}\n{count} touches, {where}. Way of the stylus tip, seen from the table"
+        where = texts()("way.one", number=indexation, angles=angles)
+    return texts()("way.title", machine=plan.machine.name, artefact=plan.artefact.name, count=count, where=where)
 
 
 def _bodies(axes: Any, solid: check.Solid, plan: Plan) -> None:
-    bodies = [(solid.table.normal, solid.table.offset, PALE, "table (hull of its facets)")] if solid.table is not None else []
-    bodies += [(o.normal, o.offset, "#8d6e63", "obstacle" if i == 0 else "") for i, o in enumerate(solid.obstacles)]
+    bodies = [(solid.table.normal, solid.table.offset, PALE, texts()("way.table"))] if solid.table is not None else []
+    bodies += [(o.normal, o.offset, "#8d6e63", texts()("way.obstacle") if i == 0 else "") for i, o in enumerate(solid.obstacles)]
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
     from scipy.spatial import HalfspaceIntersection
 
@@ -138,10 +139,10 @@ def _path(axes: Any, plan: Plan, wanted: set[int]) -> Array:
             steps = 1 + int(np.abs(end - start)[[a.kind != "linear" for a in machine.axes]].max() / STEP)
             way = start + np.linspace(0, 1, steps + 1)[:, None] * (end - start)
             lines[_kind(move, touches[move.touch], machine)].append(kinematics.tip(chain, way))
-    for order, (kind, (label, colour, width)) in enumerate(KINDS.items()):
+    for order, (kind, (colour, width)) in enumerate(KINDS.items()):
         if lines[kind]:
             joined = np.vstack([np.vstack([line, np.full((1, 3), np.nan)]) for line in lines[kind]])
-            axes.plot(*joined.T, color=colour, linewidth=width, label=label, zorder=4 + order)
+            axes.plot(*joined.T, color=colour, linewidth=width, label=texts()(f"way.{kind}"), zorder=4 + order)
     return np.vstack([line for found in lines.values() for line in found])
 
 
@@ -168,7 +169,7 @@ def _sphere(axes: Any, plan: Plan, solid: check.Solid) -> Array:
     rings = [np.zeros((3, 73)) for _ in range(3)]
     for i, ring in enumerate(rings):
         ring[i], ring[(i + 1) % 3] = np.cos(angle), np.sin(angle)
-        label = f"what the table sweeps, radius {radius:.0f} mm" if i == 0 else None
+        label = texts()("way.swept", radius=f"{radius:.0f}") if i == 0 else None
         axes.plot(*(centre[:, None] + radius * ring), color=INK, linewidth=0.6, linestyle=":", label=label, zorder=2)
     return np.asarray(np.hstack([centre[:, None] + radius * ring for ring in rings]).T)
 
@@ -179,7 +180,7 @@ def _tool(axes: Any, plan: Plan, touch: Touch) -> Array:
     start, spindle = kinematics.tip(chain, place)[0], kinematics.spindle_axis(chain, place)[0]
     end = start + 80 * spindle
     axes.quiver(*start, *(80 * spindle), color=INK, linewidth=1.2, arrow_length_ratio=0.2, zorder=9)
-    axes.text(*(end + 12 * spindle), "to the spindle", fontsize=8, color=INK, ha="center", zorder=9)
+    axes.text(*(end + 12 * spindle), texts()("way.spindle"), fontsize=8, color=INK, ha="center", zorder=9)
     return np.vstack([start, end])
 
 

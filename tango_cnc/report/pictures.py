@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array, InputError
+from .texts import texts
 
 Numbers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -120,7 +121,7 @@ def vectors(panels: Mapping[str, tuple[Array, Array, Array, Numbers]], scale: fl
             axes.quiver(*at.T, *tip.T, colors=colours(group), linewidth=0.9, arrow_length_ratio=0.15)
             size = abs(residual) * 1e3
             axes.set_title(f"{title}\nmax {size.max():.2f}  mean {size.mean():.2f} µm", fontsize=10)
-            _box(axes, np.vstack([at, at + tip]), f"arrows ×{factor:,.0f}: 50 mm on the axes are {5e4 / factor:.3g} µm")
+            _box(axes, np.vstack([at, at + tip]), texts()("picture.arrows", factor=f"{factor:,.0f}", size=f"{5e4 / factor:.3g}"))
     return drawn
 
 
@@ -174,15 +175,15 @@ def touches(number: Numbers, residual: Array, group: Numbers, flagged: Mask, sig
         edges = np.flatnonzero(np.diff(group)) + 1.5
         for left, right in zip([0.5, *edges][::2], [*edges, len(number) + 0.5][::2], strict=False):
             axes.axvspan(left, right, color="#f1f4f6", lw=0)
-        axes.axhspan(-2e3 * sigma, 2e3 * sigma, color="#dcebf5", lw=0, label="± 2 standard deviations")
-        axes.scatter(order[~flagged], 1e3 * residual[~flagged], s=8, color=GOOD, label="touch")
+        axes.axhspan(-2e3 * sigma, 2e3 * sigma, color="#dcebf5", lw=0, label=texts()("picture.band"))
+        axes.scatter(order[~flagged], 1e3 * residual[~flagged], s=8, color=GOOD, label=texts()("table.touch"))
         if flagged.any():
-            axes.scatter(order[flagged], 1e3 * residual[flagged], s=36, marker="x", color=BAD, label="does not fit")
+            axes.scatter(order[flagged], 1e3 * residual[flagged], s=36, marker="x", color=BAD, label=texts()("picture.misfit"))
             for i in np.flatnonzero(flagged)[:12]:
                 axes.annotate(
                     f"{number[i]:.0f}", (order[i], 1e3 * residual[i]), xytext=(4, 3), textcoords="offset points", fontsize=7
                 )
-        axes.set(xlabel="touch, in the order of measurement (shading: indexations)", ylabel="unexplained distance, µm")
+        axes.set(xlabel=texts()("picture.order"), ylabel=texts()("picture.unexplained"))
         axes.set_xlim(0.5, len(number) + 0.5)
         axes.grid(axis="x", visible=False)
         axes.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0), fontsize=8)
@@ -205,9 +206,7 @@ def held_out(indexation: Numbers, residual: Array, expected: Array, labels: Mapp
             axes.scatter(place + rng.uniform(-0.3, 0.3, rows.sum()), 1e3 * residual[rows], s=9, color=GOOD)
         axes.axhline(0, color=INK, lw=0.6)
         axes.set_xticks(range(len(every)), [labels.get(int(i), f"{i}") for i in every], rotation=60, ha="right", fontsize=7)
-        axes.set(
-            ylabel="predicted gap, µm", title="Touches that took no part in the estimate; shaded: ± 2 expected standard deviations"
-        )
+        axes.set(ylabel=texts()("picture.gap"), title=texts()("picture.held_out"))
         axes.grid(axis="x", visible=False)
     return drawn
 
@@ -231,8 +230,8 @@ def sphere(normal: Array, radius: float, panels: Mapping[str, Array]) -> Any:
                 if rows.any():
                     axes.quiver(*at[rows].T, *tip[rows].T, color=colour, linewidth=0.7, arrow_length_ratio=0.0)
             axes.scatter(*(at + tip).T, s=3, c=np.where(outside, BAD, GOOD), depthshade=False)
-            axes.set_title(f"{title}\nout of sphericity {np.ptp(residual) * 1e3:.2f} µm", fontsize=10)
-            _box(axes, np.vstack([at, at + tip]), f"residuals ×{scale:,.0f}; red outside, blue inside the fitted sphere", 0.92)
+            axes.set_title(texts()("picture.sphere", title=title, size=f"{np.ptp(residual) * 1e3:.2f}"), fontsize=10)
+            _box(axes, np.vstack([at, at + tip]), texts()("picture.residuals", factor=f"{scale:,.0f}"), 0.92)
     return drawn
 
 
@@ -249,17 +248,17 @@ def volume(
             at = position[:, place]
             for (title, size), colour in zip(sizes.items(), (GOOD, MARK, BAD), strict=False):
                 x, y = _upper(at[~trusted], size[~trusted]) if not trusted.all() else (at[:0], size[:0])
-                axes.plot(x, 1e3 * y, color=colour, lw=1, ls=":", label=f"{title}: never touched there, extrapolated")
+                axes.plot(x, 1e3 * y, color=colour, lw=1, ls=":", label=texts()("picture.extrapolated", title=title))
                 if trusted.any():
                     x, y = _upper(at[trusted], size[trusted])
                     _, top = _upper(at[trusted], (size + 2 * std)[trusted])
                     axes.fill_between(x, 1e3 * y, 1e3 * top, color=colour, alpha=0.2, lw=0)
-                    axes.plot(x, 1e3 * y, color=colour, lw=1.8, marker="o", ms=3, label=f"{title}: within what was touched")
+                    axes.plot(x, 1e3 * y, color=colour, lw=1.8, marker="o", ms=3, label=texts()("picture.within", title=title))
             if trusted.any():
                 axes.axvspan(float(at[trusted].min()), float(at[trusted].max()), color="#eef3f6", lw=0, zorder=0)
             axes.set(xlabel=f"{name}, {unit[place]}", ylim=(0, None))
             if place % columns == 0:
-                axes.set_ylabel("largest error of the tip, µm")
+                axes.set_ylabel(texts()("picture.tip"))
         handles, labels = axes.get_legend_handles_labels()
         drawn.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8)
     return drawn

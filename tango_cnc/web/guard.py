@@ -17,6 +17,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ..report.texts import texts_of
 from .settings import Settings
 
 LARGEST = 16 * 1024  # bytes of a body
@@ -77,6 +78,7 @@ class Guard:
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app, self._settings = app, settings
         self._buckets = Buckets(settings.rate, 2 * settings.rate)
+        self._texts = texts_of(settings.templates)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """One request → an answer of the application, or a refusal."""
@@ -114,44 +116,51 @@ class Guard:
         try:
             await self._app(scope, measured, dressed)
         except TooLarge:
-            await _told(413, f"The body is larger than {LARGEST} bytes.")(scope, receive, dressed)
+            await self._told(413, "body", most=LARGEST)(scope, receive, dressed)
 
     def _refused(self, scope: Scope, headers: Headers) -> PlainTextResponse | None:
         host = headers.get("host", "")
         name = host_of(host)
         if name is None or name not in self._settings.names:
-            return _told(421, "This server is not called by that name. Start it with --name for the names it is called by.")
+            return self._told(421, "name")
         if len(scope.get("raw_path", b"")) + len(scope.get("query_string", b"")) > LONGEST:
-            return _told(414, f"The address is longer than {LONGEST} characters.")
+            return self._told(414, "address", most=LONGEST)
         client = scope["client"][0] if scope.get("client") else ""
         if (wait := self._buckets.take(client)) > 0:
-            answer = _told(429, "Too many requests. Wait a moment.")
+            answer = self._told(429, "often")
             answer.headers["retry-after"] = str(max(1, round(wait)))
             return answer
         length = headers.get("content-length", "0")
         if not length.isascii() or not length.isdigit() or len(length) > 12:
-            return _told(400, "The length of the body is no number.")
+            return self._told(400, "length")
         if int(length) > LARGEST:
-            return _told(413, f"The body is larger than {LARGEST} bytes.")
+            return self._told(413, "body", most=LARGEST)
         if scope["method"] not in ("GET", "HEAD", "POST"):
-            return _told(405, "Only GET, HEAD and POST.")
+            return self._told(405, "method")
         if scope["method"] == "POST":
-            return _foreign(scope, headers, host)
+            wrong = foreign(headers, host)
+            return None if wrong is None else self._told(*wrong)
         return None
+
+    def _told(self, status: int, key: str, **values: int) -> PlainTextResponse:
+        return PlainTextResponse(f"{self._texts(f'refused.{key}', **values)}\n", status)
 
 
 class TooLarge(Exception):
     """A body that goes on beyond what is allowed."""
 
 
-def _foreign(scope: Scope, headers: Headers, host: str) -> PlainTextResponse | None:
-    """A form that another site sends in the name of a user is refused before it is read (Fetch Metadata, Origin)."""
+def foreign(headers: Headers, host: str) -> tuple[int, str] | None:
+    """headers, name of the server → status and text of what is wrong with a form, else None.
+
+    A form that another site sends in the name of a user is refused before it is read (Fetch Metadata, Origin).
+    """
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
     if site not in (None, "same-origin", "none") or (origin is not None and origin.partition("://")[2] != host):
-        return _told(403, "This form came from another site.")
+        return 403, "foreign"
     kind = headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != "application/x-www-form-urlencoded":
-        return _told(415, "Allowed: application/x-www-form-urlencoded.")
+        return 415, "kind"
     return None
 
 
@@ -164,7 +173,3 @@ def host_of(host: str) -> str | None:
 def same(one: str, other: str) -> bool:
     """two tokens → whether they are the same, in a time that does not tell where they differ."""
     return hmac.compare_digest(one.encode(), other.encode())
-
-
-def _told(status: int, text: str) -> PlainTextResponse:
-    return PlainTextResponse(text + "\n", status)

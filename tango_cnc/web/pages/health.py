@@ -28,7 +28,7 @@ def metrics(request: Request) -> Response:
         try:
             needs(request, "view")
         except HTTPException:
-            raise HTTPException(403, "metrics: from this computer, or signed in") from None
+            raise HTTPException(403, state_of(request).texts("refused.metrics")) from None
     return PlainTextResponse("\n".join(_lines(request)) + "\n", media_type="text/plain; version=0.0.4")
 
 

@@ -1,0 +1,63 @@
+"""Every sentence that a report or a page says stands in texts/en.toml, where it can be translated."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tango_cnc.report.texts import texts
+
+ROOT = Path(__file__).parents[1] / "tango_cnc"
+CODE = sorted([*(ROOT / "report").rglob("*.py"), *(ROOT / "web").rglob("*.py")])
+FOLDERS = (ROOT / "report" / "templates", ROOT / "web" / "templates")
+TEMPLATES = sorted(p for folder in FOLDERS for p in folder.iterdir() if p.suffix in (".html", ".typ"))
+WORDS = re.compile(r"(?<![\w.'/<-])[A-Za-z]{2,}[,;:]? [a-z]{2,}[,;:]? [a-z]{2,}\b")  # three words in a row: a sentence
+NO_SENTENCE = ("since last night", "outside upper center")  # what is looked for in old records; a place of a legend
+ERRORS = ("InputError", "HTTPException")  # of files and options: English everywhere
+
+
+def sentences(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Strings of a module that read as a sentence, but for docstrings and errors."""
+    skipped: set[int] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            skipped.add(id(node.value))
+        error = isinstance(node, ast.Call) and ast.unparse(node.func).endswith(ERRORS)
+        if error or isinstance(node, ast.Raise | ast.Assert):
+            skipped |= {id(n) for n in ast.walk(node)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in skipped and WORDS.search(node.value):
+            yield node.lineno, node.value
+
+
+@pytest.mark.parametrize("file", CODE, ids=lambda p: str(p.relative_to(ROOT)))
+def test_no_sentence_for_a_person_is_typed_in_the_code(file: Path) -> None:
+    found = sentences(ast.parse(file.read_text(encoding="utf-8")))
+    assert not [f"{file.name}:{line}: {text[:80]}" for line, text in found if text not in NO_SENTENCE]
+
+
+@pytest.mark.parametrize("file", TEMPLATES, ids=lambda p: p.name)
+def test_no_word_for_a_person_is_typed_in_a_template(file: Path) -> None:
+    text = re.sub(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}", " ", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+    if file.suffix == ".html":
+        text = re.sub(r"<(style|script|code)\b.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
+        assert not [word for word in re.findall(r"[A-Za-z]{2,}", text) if word != "tango"]
+    else:
+        assert not re.findall(r"[A-Z][a-z]+ [a-z]+ [a-z]+", re.sub(r"//.*", "", text))
+
+
+def test_the_search_finds_a_sentence() -> None:
+    typed = 'x = "Nothing was measured last night"\n"""Three words here."""\nraise InputError("not so good")'
+    assert [text for _, text in sentences(ast.parse(typed))] == ["Nothing was measured last night"]
+
+
+def test_every_text_is_used() -> None:
+    """A key that nothing asks for is a sentence that a translator writes for nobody."""
+    places = [p for p in ROOT.rglob("*") if p.suffix in (".py", ".html", ".typ") and "__pycache__" not in p.parts]
+    every = "".join(p.read_text(encoding="utf-8") for p in places)
+    made = {m[1] for m in re.finditer(r"([a-z_]+\.[a-z_.]*)(?:\{|[\"'] ~)", every)}  # "check.fit_{level}", "level." ~ level
+    assert [k for k in texts().keys if k not in every and not any(k.startswith(part) for part in made)] == []
