@@ -204,13 +204,8 @@ def program(
     with this hash it is; its header says so, and `given` are the keys of `of_part`. Raises InputError for options and numbers
     that cannot be written.
     """
-    options, doubts = settings(post, given), (*unverified(post, given), *reach(plan))
-    if part[1] > 1:
-        plan_mark = f"{plan_mark} PART {part[0]} OF {part[1]}"
-
-    def job(mark: str) -> Job:
-        return Job(plan, _counted(plan, options), plan_mark, mark, doubts, part)
-
+    options = settings(post, given)
+    job = _marked(post, plan, given, plan_mark, part)
     digest = hashlib.sha256()
     for line in _lines(post, job(BLANK)):
         digest.update(line.encode("ascii") + b"\n")
@@ -221,6 +216,21 @@ def program(
         mark,
         lambda: _lines(post, job(mark)),
     )
+
+
+def length(
+    post: Post, plan: Plan, given: Mapping[str, Any], plan_mark: str, part: tuple[int, int] = (1, 1), line_end: int = 2
+) -> int:
+    """what `program` is given, characters of a line end → characters of that program. Raises InputError as `program` does."""
+    return sum(len(line) + line_end for line in _lines(post, _marked(post, plan, given, plan_mark, part)(BLANK)))
+
+
+def _marked(post: Post, plan: Plan, given: Mapping[str, Any], plan_mark: str, part: tuple[int, int]) -> Callable[[str], Job]:
+    """what `program` is given → {mark of the program → its job}."""
+    options, doubts = settings(post, given), (*unverified(post, given), *reach(plan))
+    if part[1] > 1:
+        plan_mark = f"{plan_mark} PART {part[0]} OF {part[1]}"
+    return lambda mark: Job(plan, _counted(plan, options), plan_mark, mark, doubts, part)
 
 
 def begins(post: Post, plan: Plan, given: Mapping[str, Any]) -> None:

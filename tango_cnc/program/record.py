@@ -10,7 +10,7 @@ from ..records import Plan
 
 @dataclass(frozen=True)
 class Program:
-    """One program of a plan. Its text can be long: `lines` makes it anew, line by line, at each call."""
+    """One program of a plan; `lines` begins anew at each call."""
 
     name: str  # of its file, without folder
     mark: str  # hash of its text, in its header and start record

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from ..records import InputError, Plan
 from .parts import parts
 from .record import Program
 
+KEPT = 2000  # touches of a program up to which its text, some MB, is kept: it is read several times, and made anew each time else
 PLAN = re.compile(r"\bPLAN ([0-9A-F]{12})\b")
 PART = re.compile(r"\bPLAN [0-9A-F]{12} PART (\d+) OF (\d+)\b")
 
@@ -34,12 +36,19 @@ def programs(post: posts.Post, whole: Plan, options: Mapping[str, Any], most: in
         part = number, len(plans)
         given = posts.of_part(post, options, part)
         name, mark, lines = posts.program(post, plan, given, plan_mark, part)
+        lines = _kept(lines) if len(plan.touches) <= KEPT else lines
         try:
             unread = proven(post, lines, plan, posts.settings(post, given), beside)
         except InputError as error:
             raise InputError(f"{error}: nothing was written. Correct the post, or the profile under 'controller'") from None
         found.append(Program(name, mark, lines, plan, post.record_letters(plan.machine), post.summed, part, unread))
     return found
+
+
+def _kept(lines: Callable[[], Iterator[str]]) -> Callable[[], Iterator[str]]:
+    """lines, made at each call → the same, made at the first call."""
+    text = cache(lambda: tuple(lines()))
+    return lambda: iter(text())
 
 
 def from_file(file: Path, post: posts.Post, whole: Plan, options: Mapping[str, Any]) -> Program:

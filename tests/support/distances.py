@@ -66,8 +66,10 @@ def distance(tip: Array, tool: Array, probe: Probe, bodies: Sequence[Body], enou
         for body in bodies:
             ways = [tool, *(np.broadcast_to(normal, tool.shape) for normal in body.normal)]
             proven = np.max([_between(part, body, tip, tool, way) for way in ways], axis=0)
+            way = None  # what parts the bodies at one place nearly always does so at the next
             for row in np.flatnonzero(proven < enough):
-                proven[row] = max(proven[row], _nearest(part, body, tip[row], tool[row]))
+                found, way = _nearest(part, body, tip[row], tool[row], enough, way)
+                proven[row] = max(proven[row], found)
             least = min(least, float(proven.min()))
     return least
 
@@ -81,36 +83,41 @@ def _between(part: Part, body: Body, tip: Array, tool: Array, way: Array) -> Arr
     return result
 
 
-def _nearest(part: Part, body: Body, tip: Array, tool: Array) -> float:
-    """One place of the tip → mm between part and body, 0 where they meet, at most CLOSE less than it is."""
+def _nearest(part: Part, body: Body, tip: Array, tool: Array, enough: float, way: Array | None) -> tuple[float, Array]:
+    """One place of the tip, mm that are asked about, a direction that may part the two → mm, and the direction that parts them.
+
+    mm between part and body: 0 where they meet, at most CLOSE less than it is, and no more than a proof where that is enough.
+    """
 
     def farthest(way: Array) -> Array:
         """→ the point of the part less one of the body that is farthest in that direction."""
-        size = np.linalg.norm(way)
+        size = math.sqrt(way @ way)
         lean = float(tool @ way)
         aside = way - lean * tool
-        width = np.linalg.norm(aside)
+        width = math.sqrt(aside @ aside)
         own = tip + (part.high if lean > 0 else part.low) * tool
         if part.high > part.low:
             own = own + (part.radius / width * aside if width > 1e-7 * size else 0.0)
         else:
             own = own + part.radius / size * way
-        other = body.corner[int(np.argmin(body.corner @ way))] - body.radius / size * way
+        other = body.corner[int((body.corner @ way).argmin())] - body.radius / size * way
         return np.asarray(own - other)
 
+    if way is not None and (proven := float(farthest(-way) @ way) / math.sqrt(way @ way)) >= enough:
+        return proven, way
     found = [farthest(body.corner.mean(axis=0) - tip)]
     at, proven = found[0], 0.0
     for _ in range(STEPS):
-        size = float(np.linalg.norm(at))
+        size = math.sqrt(at @ at)
         if size < CLOSE:
-            return 0.0
+            return 0.0, at
         new = farthest(-at)
         proven = max(proven, float(new @ at) / size)
-        if size - proven < CLOSE:
+        if size - proven < CLOSE or proven >= enough:
             break
         found.append(new)
         share, _ = nnls(np.vstack([np.array(found).T, np.full(len(found), WEIGHT)]), np.array([0.0, 0.0, 0.0, WEIGHT]))
         share /= share.sum()
         found = [point for point, much in zip(found, share, strict=True) if much > 0]
         at = share[share > 0] @ np.array(found)
-    return proven
+    return proven, at
