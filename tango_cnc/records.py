@@ -423,7 +423,7 @@ class Readings:
         index = np.arange(len(self))[keep]
         names = ("touch", "time", "position", "direction", "cycle", "day", "feed", "segment", "stylus")
         taken: dict[str, Any] = {n: None if (v := getattr(self, n)) is None else v[index] for n in names}
-        taken |= {name: tuple(getattr(self, name)[i] for i in index) for name in ("facet", "status")}
+        taken |= {name: tuple(map(getattr(self, name).__getitem__, index.tolist())) for name in ("facet", "status")}
         return replace(self, **taken, temperatures={name: values[index] for name, values in self.temperatures.items()})
 
     @property

@@ -171,7 +171,7 @@ class Touches:
 
 def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> Touches:
     """readings of which only the rows with status ok are used → touches."""
-    rows = readings.rows(readings.ok)
+    rows = readings if readings.ok.all() else readings.rows(readings.ok)
     facets = [artefact.facets[f] for f in rows.facet]
     return Touches(
         machine,

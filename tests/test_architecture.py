@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.imports import modules
+from support.imports import modules, tree
 
 NUMERIC = "records judgement files.checked kinematics touches terms model identify estimate"
 # A module of tango_cnc → what else of tango_cnc it may import. The longest name that fits decides; its own package is allowed.
@@ -105,7 +105,7 @@ SMALL = {"compare.py", "conformity.py", "segments.py", "judgement.py", "nearest.
 def imports(name: str, file: Path, known: dict[str, Path]) -> Iterator[str]:
     """Full names of the modules that a file imports, wherever in the file, `from . import x` spelt out."""
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(file)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -180,8 +180,7 @@ def test_the_table_can_refuse(name: str, imported: str) -> None:
 
 def test_what_windows_lacks_is_imported_where_it_is_used(root: Path) -> None:
     for name, file in modules(root).items():
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        found = {alias.name for node in tree.body if isinstance(node, ast.Import) for alias in node.names}
+        found = {alias.name for node in tree(file).body if isinstance(node, ast.Import) for alias in node.names}
         assert not found & {"fcntl", "termios", "tty", "pty", "resource"}, name
 
 

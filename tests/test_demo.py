@@ -13,6 +13,8 @@ from tango_cnc.commands.demo import LIMIT, _against
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell, read_readings, read_world
 
+pytestmark = pytest.mark.long  # by default test_run_simulated.py goes the same way with seven touches
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -27,7 +29,6 @@ def result(demo: Path) -> Estimate:
     return estimate(cell.machine, cell.artefact, read_readings(demo / "readings.csv", cell.machine, cell.artefact), cell.terms)
 
 
-@pytest.mark.long
 def test_every_file_of_the_flow_is_kept(demo: Path) -> None:
     names = {file.name for file in demo.rglob("*") if file.is_file()}
     assert {"tango.yaml", "world.yaml", "plan.csv", "readings.csv", "readings.json", "estimate.json", "controller.jsonl"} <= names

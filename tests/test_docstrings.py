@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.imports import modules
+from support.imports import modules, tree
 
 Definition = ast.FunctionDef | ast.ClassDef | ast.AsyncFunctionDef
 # Here everything that is public turns numbers into numbers: without shapes and units nobody can call it.
@@ -60,10 +60,10 @@ def complaint(module: str, name: str, node: Definition) -> str | None:
 def test_every_public_name_says_what_it_takes_and_gives(root: Path) -> None:
     found = []
     for module, file in modules(root).items():
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        if not ast.get_docstring(tree) and tree.body:
+        parsed = tree(file)
+        if not ast.get_docstring(parsed) and parsed.body:
             found.append(f"{module}: the file does not say what it is for")
-        found += [text for name, node in public(tree.body) if (text := complaint(module, name, node))]
+        found += [text for name, node in public(parsed.body) if (text := complaint(module, name, node))]
     assert not found, "\n".join(found)
 
 

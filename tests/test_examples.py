@@ -34,6 +34,11 @@ def test_first_line_says_what_it_is_an_example_of(cell: Path) -> None:
     assert first.startswith("# ") and len(first) > 20
 
 
+@pytest.mark.parametrize(  # one with a tilting table, one with a head, one without rotary axes; the others go the same way
+    "cell",
+    [n if n in ("trunnion", "fork_head", "three_axis") else pytest.param(n, marks=pytest.mark.long) for n in examples()],
+    indirect=True,
+)
 def test_check_counts_every_touch_and_names_what_cannot_be_seen(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, found = result(capsys, "check", "-C", cell)
     assert found["touches"] == sum(len(i.facets) for i in read_cell(cell).strategy.indexations)

@@ -228,11 +228,12 @@ def test_a_journal_that_takes_no_more_at_any_entry_leaves_a_run_to_be_resumed(ce
 
 @POSIX
 def test_files_get_the_rights_that_the_umask_leaves(cell):
-    command = f"umask 027; exec {sys.executable} -m tango_cnc run -C {cell} --port {Control(cell).url} --timeout 20"
-    assert (
-        subprocess.run(["sh", "-c", command], stdin=subprocess.DEVNULL, capture_output=True, timeout=60, check=False).returncode
-        == 0
-    )
+    usual = os.umask(0o027)
+    try:
+        result = Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20")
+    finally:
+        os.umask(usual)
+    assert result.code == 0, result.err
     for name in ("readings.csv", "readings.json", "readings.journal", "program/plan.csv"):
         assert (cell / name).stat().st_mode & 0o777 == 0o640, name
 

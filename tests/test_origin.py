@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -19,12 +20,18 @@ def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int,
     return code, out, err
 
 
-@pytest.fixture
-def cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
-    folder = tmp_path / "cell"
-    assert called(capsys, "init", folder, "--example", "three_axis_calibrated")[0] == 0
-    assert called(capsys, "simulate", "-C", folder)[0] == 0
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example with simulated readings; nobody changes it."""
+    folder = tmp_path_factory.mktemp("origin") / "cell"
+    for command in (["init", str(folder), "--example", "three_axis_calibrated"], ["simulate", "-C", str(folder)]):
+        assert guarded(tango.main, command, standalone_mode=False) == 0
     return folder
+
+
+@pytest.fixture
+def cell(fresh: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(fresh, tmp_path / "cell"))
 
 
 def test_a_row_edited_by_hand_is_noticed(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

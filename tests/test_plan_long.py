@@ -85,6 +85,7 @@ def a_touch(work: Callable[[int], object]) -> float:
     return (peak(lambda: work(20)) - peak(lambda: work(5))) / 90
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kept", "least", "most"), [(plan, 100, 300), (lambda cell: list(plan(cell).touches), 1000, 9000)])
 def test_a_plan_takes_little_more_than_the_list_of_its_touches(kept: Callable[[Cell], object], least: int, most: int) -> None:
     """Two touches an indexation; of what is made and not kept there is a block at a time. Records would be noticed."""

@@ -72,13 +72,22 @@ def test_an_axis_that_turns_the_other_way_is_implausible(cell: Path, capsys: pyt
     assert (first["text"], first["file"], first["line"]) == ("the readings fit if B turns the other way", "machine.yaml", 7)
 
 
-def test_nothing_is_made_of_an_implausible_estimate(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["compensate", "--target", "iso230"],
+        pytest.param(["compensate", "part.ngc"], marks=pytest.mark.long),
+        pytest.param(["predict", "part.ngc"], marks=pytest.mark.long),
+    ],
+)
+def test_nothing_is_made_of_an_implausible_estimate(
+    command: list[str], cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     turned_round(cell)
-    part = tmp_path / "part.ngc"
-    part.write_text("G21 G90 G94\nG1 X0 Y0 Z100 F500\nG1 X10\nM2\n", encoding="utf-8")
-    for command in (["compensate", "--target", "iso230"], ["compensate", part], ["predict", part]):
-        code, _, err = called(capsys, *command, "-C", cell, "--readings", readings_of(cell))
-        assert code == 1 and "the estimate is implausible and is not used" in err
+    monkeypatch.chdir(tmp_path)
+    Path("part.ngc").write_text("G21 G90 G94\nG1 X0 Y0 Z100 F500\nG1 X10\nM2\n", encoding="utf-8")
+    code, _, err = called(capsys, *command, "-C", cell, "--readings", readings_of(cell))
+    assert code == 1 and "the estimate is implausible and is not used" in err
     assert not (cell / "compensations").exists()
 
 
@@ -102,12 +111,17 @@ def halved(cell: Path) -> None:
     file.write_text("\n".join([head, *rows[::2]]) + "\n", encoding="utf-8")
 
 
-def test_half_of_the_readings_is_incomplete_and_not_used_unless_told(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_half_of_the_readings_is_incomplete_and_not_used(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     halved(cell)
     code, data = estimated(capsys, cell)
     assert (code, data["verdict"], data["incomplete"]) == (1, "doubtful", True)
     (reason,) = (r for r in data["reasons"] if r.startswith("196 of 393 planned touches are missing"))
     assert reason.endswith("197 are there; go on with 'tango run --resume', or measure again")
+
+
+@pytest.mark.long
+def test_half_of_the_readings_is_used_when_told(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    halved(cell)
     assert estimated(capsys, cell, "--despite")[0] == 0
 
 
