@@ -29,6 +29,7 @@ from tango_cnc.report.texts import texts, texts_of
 from tango_cnc.report.units import Units
 from tango_cnc.report.verdict import Check, worst_of
 from tango_cnc.report.words import spoken
+from tango_cnc.terms import causes
 
 ROOT = Path(__file__).parents[1]
 EMPTY = {"meta", "img", "br", "hr"}
@@ -357,3 +358,9 @@ def test_the_trend_of_a_history_and_what_a_compensation_promised_are_on_the_page
     assert len(values["trend"]) == 1 and "<svg" in values["trend"][0]
     assert values["compensations"][0]["rows"][0] == ("rms error of the tool tip, µm", "50.0", "4.0", "4.4")
     assert values["compensations"][0]["rows"][1][-1] == "–"
+
+
+def test_what_a_cause_says_can_be_translated(tmp_path: Path) -> None:
+    (tmp_path / "texts.toml").write_text('[diagnosed.chip]\nmeaning = "ein Span"\n', encoding="utf-8")
+    assert texts_of(tmp_path)("diagnosed.chip.meaning") == "ein Span"
+    assert all(texts()(f"diagnosed.{name}.{what}") for name in causes() for what in ("text", "says", "meaning", "advice"))

@@ -29,8 +29,15 @@ OWN = {"tango_sign_in": "x" * 43}
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     place = tmp_path_factory.mktemp("abuse")
-    alarm = {**knock("2026-10-25"), "text": EVIL, "on_part": EVIL, "do": EVIL, "cause": EVIL, "instead": [EVIL]}
-    records = [night(EVIL, 0), night(EVIL, 1, "changed", headline=EVIL, alarms=[alarm], artefacts={"folder": "../../../etc"})]
+    alarm = {**knock("2026-10-25"), "text": EVIL, "on_part": EVIL, "do": EVIL, "cause": EVIL, "instead": [EVIL], "owner": EVIL}
+    limit = {"what": EVIL, "value": 75.9, "low": 74.0, "high": 77.8, "limit": 60.0, "unit": EVIL, "passed": False}
+    more = {"standing": [{**alarm, "id": EVIL, "now": EVIL, "parameter": EVIL}], "behind": [{**alarm, "id": EVIL, "what": EVIL}]}
+    more |= {"artefacts": {"folder": "../../../etc"}}
+    more |= {"limits": [limit], "owner": EVIL, "why": EVIL, "next": {"kind": EVIL, "why": EVIL}}
+    records = [
+        night(EVIL, 0),
+        night(EVIL, 1, "changed", headline=EVIL, alarms=[alarm], **more),
+    ]
     folder = cell(place / "one", EVIL, records)
     add_user(place / "users.json", "ann", PASSWORD, "operate")
     with TestClient(create(Settings((folder,), users=place / "users.json")), base_url=HOST, client=("127.0.0.1", 1)) as client:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,28 +14,41 @@ from ._moments import Moment
 from ._records import SUBSETS, Dropped, Finding, Remainder
 from ._scatter import Scatter
 
+Texts = Callable[[str], str]  # key → text, of a shop in its own language
 SETTLED = 2.3  # time constants after which a tenth is left
 UNSETTLED = 1.4  # time constants: a test shorter than that has not seen where a drift ends
 STRONG = 0.35  # component of a direction that is worth a word
 
 
-def said(f: Finding) -> str:
-    """finding → what was found, how large, where and since when; without what to do."""
-    cause = families.causes()[f.cause]
+def said(f: Finding, t: Texts | None = None) -> str:
+    """finding, texts of a shop or None → what was found, how large, where and since when; without what to do."""
     try:
-        return cause.says.format_map(_words(f))
+        return _told(f, "says", t).format_map(_words(f))
     except KeyError:  # a setting that the sentence has no word for
-        return f"{cause.text}: {size(f)}"
+        return f"{_told(f, 'text', t)}: {size(f)}"
 
 
-def meaning(f: Finding) -> str:
-    """finding → what it means for parts."""
-    return families.causes()[f.cause].meaning
+def meaning(f: Finding, t: Texts | None = None) -> str:
+    """finding, texts of a shop or None → what it means for parts."""
+    return _told(f, "meaning", t)
 
 
-def advice(f: Finding) -> str:
-    """finding → what to do about it, with the time after which a drift has settled."""
-    text = families.causes()[f.cause].advice
+def _told(f: Finding, what: str, t: Texts | None) -> str:
+    return cause_texts()[f"{f.cause}.{what}"] if t is None else t(f"diagnosed.{f.cause}.{what}")
+
+
+def cause_texts() -> dict[str, str]:
+    """→ text, says, meaning and advice of every cause, as its file has them: `chip.meaning` → sentence."""
+    found: dict[str, str] = {}
+    for name, cause in families.causes().items():
+        own = {"text": cause.text, "says": cause.says, "meaning": cause.meaning, "advice": cause.advice}
+        found |= {f"{name}.{what}": text for what, text in own.items()}
+    return found
+
+
+def advice(f: Finding, t: Texts | None = None) -> str:
+    """finding, texts of a shop or None → what to do about it, with the time after which a drift has settled."""
+    text = _told(f, "advice", t)
     tau = f.detail.get("tau_s")
     if tau is not None and f.detail.get("shape") == "exponential" and not _unsettled(f.detail):
         text += f" (a tenth of it is left after {minutes(SETTLED * float(tau))})"

@@ -285,7 +285,7 @@ def _diagnosis(f: Facts, t: Callable[..., str]) -> Check:
         from ..diagnose.sentences import advice
 
         causes = ", ".join(dict.fromkeys(x.cause.replace("_", " ") for x in d.findings))
-        text = advice(d.findings[0])
+        text = advice(d.findings[0], t)
         todo = t("todo.diagnosis", advice=f"{text[0].upper()}{text[1:]}.")
         return Check("diagnosis", "look", str(d.verdict), t("check.diagnosis_look", causes=causes), todo)
     names = ", ".join(r.covariate for r in d.unexplained)

@@ -299,9 +299,9 @@ def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
         findings.append(
             {
                 "cause": _capital(x.cause.replace("_", " ")),
-                "said": f"{_capital(u.sentence(said(x)))}.",
-                "means": t("diagnosis.means", text=u.sentence(meaning(x))),
-                "todo": t("diagnosis.todo", text=u.sentence(advice(x))),
+                "said": f"{_capital(u.sentence(said(x, t)))}.",
+                "means": t("diagnosis.means", text=u.sentence(meaning(x, t))),
+                "todo": t("diagnosis.todo", text=u.sentence(advice(x, t))),
                 "pictures": [_safe(s) for s in charts.finding(d, x, t, unit, k)],
                 "gain": rows,
                 "twins": t("diagnosis.twins", names=twins) if twins else "",

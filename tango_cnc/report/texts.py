@@ -46,9 +46,11 @@ def _flat(tree: Mapping[str, Any], before: str = "") -> dict[str, str]:
 
 @cache
 def texts() -> Texts:
-    """→ the texts that come with the program."""
+    """→ the texts that come with the program; those of a cause of the diagnosis come from its file: `diagnosed.chip.meaning`."""
+    from ..diagnose.sentences import cause_texts
+
     file = resources.files(__package__) / "texts" / f"{LANGUAGE}.toml"
-    return Texts(_flat(tomllib.loads(file.read_text(encoding="utf-8"))))
+    return Texts(_flat(tomllib.loads(file.read_text(encoding="utf-8"))) | {f"diagnosed.{k}": v for k, v in cause_texts().items()})
 
 
 def texts_of(folder: Path | None) -> Texts:
