@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -18,6 +19,9 @@ from tango_cnc.cli import tango
 from tango_cnc.history import opened
 from tango_cnc.nightly.words import changed
 from tango_cnc.report import morning
+from tango_cnc.report.answer import answer
+from tango_cnc.report.plain import plain
+from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -164,6 +168,57 @@ def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_
         assert "Tool tip 76 µm, 60 µm allowed" in text
         assert re.findall(r"<b>No <i>Out of limits", text) and "What to do" in text and "Who has it" in text
         assert ("What it does to parts" in text) == alarms and ("Alarm of 2026-11-01 and 3 more" in text) == alarms
+
+
+def test_an_answer_of_last_week_is_no_yes_of_today(tmp_path: Path) -> None:
+    place = cell(tmp_path / "old", records=[night("HU40T-like", 0), night("HU40T-like", 1)])
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
+        for path in ("/", "/machine/HU40T-like"):
+            text = client.get(path).text
+            assert "Yes, but" in text and "2026-10-25" in text and ("late: nothing complete" in text) == (path == "/")
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        ({}, "yes"),
+        ({"verdict": "changed"}, "but"),
+        ({"status": "partial"}, "but"),
+        ({"limits": [{"what": "volume", "value": 44.9, "limit": 45.0, "unit": "µm", "passed": None}]}, "but"),
+        ({"verdict": "changed", "limits": [{"what": "volume", "value": 46, "limit": 45, "unit": "µm", "passed": False}]}, "no"),
+        ({"verdict": "doubtful"}, "no"),
+        ({"verdict": "not_measured"}, "unknown"),
+    ],
+)
+def test_may_i_make_parts(change: dict[str, Any], wanted: str) -> None:
+    """A crossed limit is a no, whatever else was found; nothing that is known of tonight is not a yes."""
+    assert answer(night("M", 1) | change, Units(), texts()).may == wanted
+
+
+def test_a_night_that_did_not_measure_tells_the_one_before_with_its_date() -> None:
+    missed = night("M", 1, "not_measured", limits=[], volume=None)
+    for before, wanted in ((night("M", 0), "but"), (night("M", 0, "out_of_limits"), "no")):
+        told = answer(missed, Units(), texts(), before=before)
+        assert told.may == wanted and told.numbers == "Tool tip 21 µm, 45 µm allowed (on 2026-10-24)"
+
+
+@pytest.mark.parametrize(
+    ("recorded", "shop", "inch"),
+    [
+        (
+            "C axis tilted about Y has changed by +40.3 ± 1.0 µrad since last night (EB0C)",
+            "by 12 µm over 300 mm since",
+            "484 µin over 12 in",
+        ),
+        ("most of it comes from EX0C: -115.5 ± 0.2 µm", "from C axis off in X: −116 µm", "−4567 µin"),
+        ("scale of Y has changed by +13.7 µm/m (EYY1)", "by 4.1 µm over 300 mm", "164 µin over 12 in"),
+        ("See it with 'tango history plot EY0C'.", "'tango history plot EY0C'", "'tango history plot EY0C'"),
+    ],
+)
+def test_the_first_screen_speaks_the_words_of_the_shop(recorded: str, shop: str, inch: str) -> None:
+    told = plain(recorded, Units(), texts())
+    assert shop in told and "±" not in told and "(E" not in told and "µrad" not in told
+    assert inch in plain(recorded, Units("inch"), texts())
 
 
 def test_a_change_is_named_by_its_axis_before_its_symbol() -> None:

@@ -41,8 +41,10 @@ def answer(
     waiting: str = "",
     before: Mapping[str, Any] | None = None,
     machine: Machine | None = None,
+    late: str = "",
 ) -> Answer:
-    """record, units, texts, date of an alarm that nobody has closed, last night that measured, machine → the answer.
+    """record, units, texts, date of an alarm that nobody has closed, last night that measured, machine, date since when a
+    complete night is missing → the answer.
 
     A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
     """
@@ -53,6 +55,8 @@ def answer(
     date = str(known.get("night")) if known is not None else ""
     if missing and known is not None:
         may, state, why = ("no" if may == "no" else "but"), "not_measured", t("may.unmeasured", date=date)
+    elif late and may == "yes":  # an answer of a week ago is no yes of today
+        may, state, why = "but", "late", t("may.late", date=late)
     return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why)
 
 

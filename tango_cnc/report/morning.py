@@ -46,11 +46,12 @@ def context(
     before: Mapping[str, Any] | None = None,
     machine: Machine | None = None,
     owner: str = "",
+    late: str = "",
 ) -> dict[str, Any]:
     """record, decisions about its alarms, units, texts → values for the page.
 
     `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
-    where the record names nobody.
+    where the record names nobody; `late`: date since when a complete night is missing.
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
@@ -58,7 +59,7 @@ def context(
     alarms = [_alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked) for a in record.get("alarms") or ()]
     found = faults(asked, waiting, by_alarm, u, t, machine)
     opened = [a["night"] for a in found if a["id"] and (a["decision"] is None or a["decision"].action == "acknowledge")]
-    told = answer(record, u, t, "" if record.get("alarms") else next(iter(opened), ""), before, machine)
+    told = answer(record, u, t, "" if record.get("alarms") else next(iter(opened), ""), before, machine, late)
     return {
         "t": t,
         "units": u,

@@ -117,6 +117,13 @@ class Places:
         cell = None if machine.folder is None else self.cell(machine.folder)
         return cell.machine if isinstance(cell, Cell) else None
 
+    def late(self, machine: Machine) -> str:
+        """machine → date of its last complete night where that is too long ago; empty where it is not."""
+        row = next((r for r in self.fleet() if r.machine.slug == machine.slug), None)
+        if row is None or row.standing is None or not row.standing.late:
+            return ""
+        return next((n.night for n in row.nights if n.status == "complete"), row.nights[-1].night if row.nights else "")
+
     def owner(self, machine: Machine) -> str:
         """machine → who is asked about its alarms by nightly.yaml of its cell; empty where nobody is stated."""
         folder = machine.folder

@@ -11,6 +11,7 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
+from ...report.answer import answer
 from ...report.morning import context, earlier, size_of
 from ..app import machine_of, needs, page, proven, state_of
 
@@ -36,9 +37,10 @@ def _values(request: Request) -> dict[str, Any]:
             record = {"alarms": earlier(history.open_alarms(name))}
             whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
             shown = context(record, (), state.units, state.texts, machine=axes, owner=whose)["alarms"]
-            waiting += [{"machine": row.machine, **a} for a in shown]
+            told = None if row.record is None else answer(row.record, state.units, state.texts, "", row.before, axes)
+            waiting += [{"machine": row.machine, "answer": told, **a} for a in shown]
         past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]
-    waiting.sort(key=lambda a: -size_of(a))
+    waiting.sort(key=lambda a: (a["answer"] is None or a["answer"].may != "no", a["machine"].name, -size_of(a)))
     past.sort(key=lambda p: p["d"].utc, reverse=True)
     return {"waiting": waiting, "past": past[:50], "actions": ACTIONS}
 

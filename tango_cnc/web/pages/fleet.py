@@ -33,8 +33,15 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     state = state_of(request)
     t, s, u = state.texts, row.standing, state.units
     axes = state.places.geometry(row.machine)
+    complete = next((n.night for n in row.nights if n.status == "complete"), t("web.never"))
     waiting = _first_waiting(row, request) if s is not None and s.alarms_open else None
-    told = None if row.record is None else answer(row.record, u, t, waiting["night"] if waiting else "", row.before, axes)
+    told = (
+        None
+        if row.record is None
+        else answer(
+            row.record, u, t, waiting["night"] if waiting else "", row.before, axes, complete if s is not None and s.late else ""
+        )
+    )
     verdict = "" if told is None else f"morning.{told.state}"
     headline = "" if row.record is None else sentence(plain(str(row.record.get("headline") or ""), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
@@ -52,7 +59,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "waiting": "" if waiting is None else t("web.waiting", date=waiting["night"], who=waiting["who"]),
         "fault": "" if waiting is None else waiting["text"],
         "open": s.alarms_open if s else 0,
-        "complete": next((n.night for n in row.nights if n.status == "complete"), t("web.never")),
+        "complete": complete,
         "late": bool(s and s.late and s.nights),
         "strip": strip([(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)], t("web.nights"))
         if row.nights

@@ -41,6 +41,7 @@ def machine(request: Request) -> Response:
             before=record_before(request, found, nights),
             machine=state.places.geometry(found),
             owner=state.places.owner(found),
+            late=state.places.late(found),
         )
         values["entry"] = entry
         allowed = limits_of(request, found)
