@@ -72,7 +72,11 @@ BUGS = {
     "the preflight is not looked at": ("nightly.night", "failed = [p for p in points if not p.passed]", "failed = []"),
     "the lock is not taken": ("nightly.night", "with world.lock:", "if True:"),
     "nobody is told": ("nightly.night", "_told(record, trouble, left, world, stamp)\n    if kept", "if kept"),
-    "a message is thrown away though it was not delivered": ("nightly.night", "if all(d.sent for d in deliveries) and", "if"),
+    "a message is thrown away though it was not delivered": (
+        "nightly.night",
+        "if waiting and all(d.sent for d in deliveries):",
+        "if waiting:",
+    ),
     "what waits is not sent again and the outbox is cleared": (
         "nightly.night",
         "for old, words in [*unsent, (stamp",

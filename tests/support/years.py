@@ -196,6 +196,7 @@ class Control:
             Finding("control", fault not in ("line dead", "alarm", "operator"), f"{fault or 'idle'}"),
             Finding("probe", fault != "probe dead", "dead" if fault == "probe dead" else "not triggered"),
         ]
+        self.year.looked = True
         self.allowed = all(p.passed for p in points) and not (fault == "disk full" and self.year.early)
         return points
 
@@ -241,6 +242,7 @@ class Year:
     fault: str = ""
     early: bool = False
     locked: bool = False
+    looked: bool = False
     told: bool = False
     mail_down: int = 0
     moves: int = 0
@@ -359,6 +361,7 @@ class Year:
         if self.fault == "asleep":
             return "asleep"
         before, moves = self._entries(), self.moves
+        self.looked = False
         self.control.allowed = False
         world = Ports(self.clock, self.disk, self.control, self.mail, self.history, self.analysis, self.lock())
         try:
@@ -373,6 +376,8 @@ class Year:
         stamp = record["artefacts"]["folder"].removeprefix("nights/")
         if stamp not in self.said and not self.told:
             raise Broken("a night without a message")
+        if self.looked and not record["preflight"]:
+            raise Broken("what the preflight found is not in the record")
         if any(not p["passed"] for p in record["preflight"]) and self.moves > moves:
             raise Broken("moved after a failed preflight")
         if record["touches"] and self._entries() == before and not record.get("trouble"):
