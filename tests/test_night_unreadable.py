@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.controls import GOLDEN
@@ -21,6 +22,7 @@ from tango_cnc.commands._unreadable import machine_of, settings_of
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History, opened
 from tango_cnc.nightly import Finding, Measured, Ports, night
+from tango_cnc.nightly.notify import Notifier
 from tango_cnc.records import LinkError, Readings
 
 SETTINGS = "nightly: 1\nowner: Ann Meier\nnotify: ['file://{board}', mailto:ann@shop.example?smtp=127.0.0.1:9]\n"
@@ -139,3 +141,42 @@ def test_a_night_that_the_history_did_not_take_is_added_by_the_next_one(tmp_path
         assert stored.readings == "touch\n1\n2\n3\n4\n" and stored.knowledge is not None
         assert (stored.knowledge.covariance == knowledge(3).covariance).all()
         assert history.verify() == () and not list((tmp_path / "nights" / "begun").iterdir())
+
+
+class Mistaken(Four):
+    """An analysis with a mistake in it."""
+
+    def analysed(self, past: Any, day: float, kind: str, measured: Measured) -> Any:
+        """Raises what nobody expects."""
+        return np.linalg.cholesky(-np.eye(2)), None, {}
+
+
+class Lost(Four):
+    """A machine whose driver has a mistake in it."""
+
+    def measure(self, kind: str, touches: Any) -> Measured:
+        """Raises what nobody expects."""
+        raise ZeroDivisionError("division by zero")
+
+
+@pytest.mark.parametrize(("four", "verdict", "touches"), [(Mistaken(), "doubtful", 4), (Lost(), "not_measured", 0)])
+def test_a_mistake_of_the_program_loses_no_readings_and_no_message(tmp_path: Path, four: Four, verdict: str, touches: int) -> None:
+    disk, board = RealDisk(tmp_path), tmp_path / "board.txt"
+    with opened(tmp_path / "history.db") as history:
+        clock, mail = Time(datetime(2026, 10, 1, 2, tzinfo=UTC)), Notifier((f"file://{board}",))
+        record = night("M", str(tmp_path), Nightly(), Ports(clock, disk, four, mail, history, four, nullcontext()))
+        (kept,) = history.nights("M")
+        assert (kept.verdict, kept.touches, record["verdict"]) == (verdict, touches, verdict)
+        assert (history.night(kept.entry).readings is not None) == bool(touches) and history.verify() == ()
+    said = board.read_text(encoding="utf-8")
+    assert "a mistake of this program stopped it" in said and "please report it" in said
+
+
+def test_a_mistake_before_the_night_has_begun_is_told_too(cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tango_yaml = cell / "tango.yaml"
+    tango_yaml.write_text(
+        tango_yaml.read_text(encoding="utf-8").replace("post: fanuc", "post: fanuc, port: 'socket://127.0.0.1:9'")
+    )
+    monkeypatch.setattr("tango_cnc.commands._cell_nights.timed", lambda made: 1 / 0)
+    assert isinstance(CliRunner().invoke(tango, ["nightly", "-C", str(cell)]).exception, ZeroDivisionError)
+    assert "ZeroDivisionError" in (tmp_path / "board.txt").read_text(encoding="utf-8")

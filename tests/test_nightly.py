@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tango_cnc.commands._simulated_nights import nights
+from tango_cnc.commands._simulated_nights import Event, Story, nights
 from tango_cnc.files import read_cell, read_world
+from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
 
 
@@ -25,3 +28,18 @@ def test_thirty_nights_alarm_on_the_right_ones_and_name_the_cause(root: Path, tm
         assert abs(found[12]["size"] - 0.020) < 4 * found[12]["std"]
         assert [i for i, record in enumerate(records, 1) if record["kind"] == "full"] == [1, 13, 21]
         assert len(history.open_alarms(cell.machine.name)) == 2 and history.verify() == ()
+
+
+@pytest.mark.long
+def test_a_check_of_fewer_touches_than_unknowns_is_a_night_like_others(root: Path, tmp_path: Path) -> None:
+    cell, truth = read_cell(root / "examples" / "hu40t"), read_world(root / "examples" / "hu40t" / "world.yaml")
+    cell = replace(cell, strategy=replace(cell.strategy, indexations=cell.strategy.indexations[::4]))
+    kept: dict[str, str] = {}
+    with opened(tmp_path / "history.db") as history:
+        story, settings = Story((Event(3, {"EX0C": 0.020}),)), Nightly(diagnose=False, check_minutes=2)
+        keep = lambda stamp, name, text: kept.update({f"{stamp}/{name}": text})  # noqa: E731
+        records = [r for r, _ in nights(cell, truth, history, 3, 2, story, settings, keep=keep)]
+    assert [r["kind"] for r in records] == ["full", "check", "check"] and records[1]["touches"] < 64
+    assert [r["verdict"] for r in records] == ["good", "good", "changed"]
+    files = [json.loads(text) for name, text in kept.items() if name.endswith("estimate.json")]
+    assert len(files) == 3 and files[1]["condition_number"] is None and files[0]["condition_number"] > 1

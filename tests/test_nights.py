@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from scipy import stats
-from support.years import FAULTS, Bench, Year, bench
+from support.years import FAULTS, Bench, Broken, Year, bench
 
 from tango_cnc.files import read_cell, read_world
 
@@ -84,8 +84,8 @@ BUGS = {
     ),
     "only link errors are caught": (
         "nightly.night",
-        "except (TangoError, OSError) as error:\n        record",
-        "except LinkError as error:\n        record",
+        "except Exception as error:  # whatever it is: no",
+        "except LinkError as error:  #",
     ),
     "a dead line is not caught": (
         "nightly.night",
@@ -185,7 +185,10 @@ def planted(name: str) -> Iterator[None]:
 @pytest.mark.campaign
 @pytest.mark.parametrize("name", BUGS)
 def test_a_planted_bug_is_found(small: Bench, name: str) -> None:
-    with planted(name), pytest.raises(Exception) as found:  # an invariant that does not hold, or an error that nobody catches
+    with (
+        planted(name),
+        pytest.raises((Exception, Broken)) as found,
+    ):  # an invariant that does not hold, or an error that nobody catches
         for seed in range(4):
             Year(small, seed, rates=MANY).run(60)
     print(f"{name}: {found.type.__name__}: {str(found.value).splitlines()[0][:150]}")

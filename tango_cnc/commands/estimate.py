@@ -124,6 +124,11 @@ def _estimated(cell: Cell, readings: Readings, items: Sequence[TermItem], degree
     return estimate(cell.machine, cell.artefact, readings, (*items, *more), degree)
 
 
+def _finite(number: float) -> float | None:
+    """number → the same; None where it is infinite: a check of a night has fewer touches than unknowns."""
+    return number if math.isfinite(number) else None
+
+
 def as_json(result: Estimate, figures: Sequence[str], judgement: Judgement | None = None) -> dict[str, Any]:
     """estimate, sentences on the ISO figures withheld, judgement → plain data of the format tango-estimate/1."""
     size = abs(result.residuals) * 1e3
@@ -149,8 +154,8 @@ def as_json(result: Estimate, figures: Sequence[str], judgement: Judgement | Non
             "std_um": result.sigma * 1e3,
             "dof": result.dof,
         },
-        "condition_number": result.condition_number,
-        "scaled_condition_number": result.scaled_condition_number,
+        "condition_number": _finite(result.condition_number),
+        "scaled_condition_number": _finite(result.scaled_condition_number),
         "not_identifiable": [c.text for c in result.selection.unseen],
         "not_identifiable_figures": list(figures),
         "outliers": [int(i) for i in result.outliers],

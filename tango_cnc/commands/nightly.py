@@ -56,6 +56,7 @@ def command(
     """
     from ..history import opened
     from ..nightly import EXIT, Ports, night
+    from ..nightly.night import sentence
     from ..nightly.notify import Notifier
     from ..plan import plan
     from ._cell_nights import nights_of
@@ -94,9 +95,10 @@ def command(
             world = Ports(_Held(begun), disk, control, mail, history, analysis, locked(folder))
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(history, record)
-    except TangoError as error:
+    except Exception as error:  # whatever it is: no night ends without a message
         if not dry_run and kind is None and ((folder / NAME).exists() or (folder / "nights").exists()):
-            _unread(folder, settings, where, begun, disk, mail, error)
+            known = error if isinstance(error, TangoError) else TangoError(sentence(error))
+            _unread(folder, settings, where, begun, disk, mail, known)
         raise
     try:
         from ..report import morning
@@ -216,7 +218,10 @@ def _status(folder: Path, settings: Nightly, wrong: TangoError | None, where: st
         name = read_cell(folder).machine.name
     except TangoError as error:
         wrong = wrong or error
-    with opened(history_of(folder, settings, where), create=False) as history:
+    place = history_of(folder, settings, where)
+    if isinstance(place, Path) and not place.exists():
+        place = "sqlite://"  # no night yet: looking makes no file
+    with opened(place) as history:
         name = name or machine_of(folder, history.machines())
         nights = history.nights(name, last=7) if name in history.machines() else ()
         newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work

@@ -104,19 +104,23 @@ def independent(matrix: Array, could: Array, tolerance: float = TOLERANCE) -> tu
 
 
 def condition_number(matrix: Array) -> float:
-    """(m, p) of full rank → largest over smallest singular value.
+    """(m, p) → largest over smallest singular value; inf for fewer rows than columns and for a column of zeros.
 
     Powers of millimetres differ by more than double precision holds, so that singular values alone would end at 1e16: norm and
     norm of the inverse come from scaled columns.
     """
     scale = np.linalg.norm(matrix, axis=0)
+    if matrix.shape[0] < matrix.shape[1] or not np.all(scale):
+        return math.inf
     root = np.linalg.qr(matrix / scale, mode="r")
     inverse = linalg.solve_triangular(root, np.eye(len(scale))) / scale[:, None]
     return float(np.linalg.norm(root * scale, 2) * np.linalg.norm(inverse, 2))
 
 
 def scaled_condition_number(matrix: Array) -> float:
-    """(m, p) of full rank → the same with every column brought to length 1: it does not depend on mm, rad or powers."""
+    """(m, p) → the same with every column brought to length 1: it does not depend on mm, rad or powers."""
+    if matrix.shape[0] < matrix.shape[1] or not np.all(np.linalg.norm(matrix, axis=0)):
+        return math.inf
     size = np.linalg.svd(np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0), mode="r"), compute_uv=False)
     return float(size[0] / size[-1])
 

@@ -16,20 +16,22 @@ def units(kind: str, cell: Path, at: str, machine: str, user: str = "") -> dict[
     command = [sys.executable, "-m", "tango_cnc", "nightly", "-C", str(cell)]
     if kind == "cron":
         hour, minute = at.split(":")
-        line = f"{int(minute)} {int(hour)} * * * {shlex.join(command)} >> {shlex.quote(str(cell / 'nights' / 'cron.log'))} 2>&1"
-        retell = f"@reboot {shlex.join([*command, '--tell'])}"
+        run = f"{shlex.join(command)} >> {shlex.quote(str(cell / 'nights' / 'cron.log'))} 2>&1"
+        line = f"{int(minute)} {int(hour)} * * * {_cron(run)}"
+        retell = f"@reboot {_cron(shlex.join([*command, '--tell']))}"
         return {f"{name}.cron": f"# Nights of {machine}: append these lines with 'crontab -e'.\n{line}\n{retell}\n"}
     if kind == "windows":
         return {f"{name}.xml": _WINDOWS.format(at=at, command=escape(command[0]), arguments=escape(_quoted(command[1:])))}
     run = " ".join(_systemd(part) for part in command)
-    service = _SERVICE.format(machine=machine, run=run, folder=cell, user=f"User={user}\n" if user else "")
+    service = _SERVICE.format(machine=machine, run=run, folder=str(cell).replace("%", "%%"), user=f"User={user}\n" if user else "")
     return {f"{name}.service": service, f"{name}.timer": _TIMER.format(machine=machine, at=at)}
 
 
 def advice(kind: str, names: list[str], folder: Path) -> str:
     """kind, names of the files, where they are → what to do with them."""
     if kind == "cron":
-        return f"crontab -l 2>/dev/null | cat - {folder / names[0]} | crontab -"
+        known = f"crontab -l 2>/dev/null | grep -vF {shlex.quote(f'nightly -C {folder.resolve().parents[1]}')}"
+        return f"({known}; cat {shlex.quote(str(folder / names[0]))}) | crontab -    # in place of earlier lines of this cell"
     if kind == "windows":
         return f'schtasks /Create /TN "{Path(names[0]).stem}" /XML "{folder / names[0]}"'
     timer = next(name for name in names if name.endswith(".timer"))
@@ -37,6 +39,10 @@ def advice(kind: str, names: list[str], folder: Path) -> str:
         f"sudo cp {' '.join(str(folder / name) for name in names)} /etc/systemd/system/ && sudo systemctl daemon-reload && "
         f"sudo systemctl enable --now {timer}"
     )
+
+
+def _cron(command: str) -> str:
+    return command.replace("%", "\\%")  # crontab(5): a bare one ends the command
 
 
 def _systemd(part: str) -> str:

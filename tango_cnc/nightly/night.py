@@ -8,9 +8,11 @@ Nothing moves before every point of the preflight has passed. What is kept is ke
 from __future__ import annotations
 
 import json
+import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,8 +65,8 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     except Busy as error:
         record, stamp = _refused(base, error, world, stamp)
         return _kept(record, None, {}, None, settings, world, stamp, left)
-    except (TangoError, OSError) as error:
-        record = base | {"why": _sentence(error)}
+    except Exception as error:  # whatever it is: no night ends without a message
+        record = base | {"why": sentence(error)}
         return _kept(record, None, {}, None, settings, world, stamp, left)
 
 
@@ -91,7 +93,7 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     try:
         measured = world.control.measure(kind, touches)
     except LinkError as error:
-        return found | {"why": _sentence(error), "kind": "none"}, None, {}, None
+        return found | {"why": sentence(error), "kind": "none"}, None, {}, None
     found |= {
         **{"kind": kind, "planned": measured.planned, "machine_time_s": round(measured.seconds, 1)},
         "hashes": dict(measured.hashes),
@@ -101,8 +103,10 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
     try:
         more, knowledge, files = world.analysis.analysed(world.past, day, kind, measured)
-    except TangoError as error:
-        doubt = {"verdict": "implausible", "reasons": [str(error)]}
+    except (
+        Exception
+    ) as error:  # a mistake of this program is no reason to lose a night: its readings are kept, somebody hears of it
+        doubt = {"verdict": "implausible", "reasons": [sentence(error)]}
         more, knowledge, files = {"verdict": "doubtful", "plausible": doubt, "carried": False}, None, {}
     return found | more, knowledge, files, measured.text
 
@@ -221,12 +225,12 @@ def _kept(
         kept = True
     except (TangoError, OSError) as error:
         kept = False
-        trouble.append(f"the night is not in the history: {_sentence(error)}; the next night adds it")
+        trouble.append(f"the night is not in the history: {sentence(error)}; the next night adds it")
         try:
             world.disk.write(stamp, UNKEPT, _packed(record, readings, knowledge))
             world.disk.begin(stamp, record["start_utc"])  # one that came to nothing before it had begun is looked for by its mark
         except OSError as second:
-            trouble[-1] = f"the night is not in the history: {_sentence(error)}; nor on the disk: {_sentence(second)}"
+            trouble[-1] = f"the night is not in the history: {sentence(error)}; nor on the disk: {sentence(second)}"
     _told(record, trouble, left, world, stamp)
     if kept:
         try:
@@ -266,7 +270,7 @@ def delivered(disk: Disk, mail: Mail, stamp: str, words: str, waiting: bool = Tr
         if waiting and all(d.sent for d in deliveries):
             disk.sent(stamp)
         elif waiting and any(d.sent and d.to not in has for d in deliveries):
-            disk.post(stamp, "\n".join([subject, text, *(f"{REACHED}{d.to}" for d in deliveries if d.sent)]))
+            disk.post(stamp, "\n".join([subject, text, *(f"{REACHED}{d.to}" for d in deliveries if d.sent), ""]))
     return deliveries
 
 
@@ -278,7 +282,14 @@ def _newest(machine: str, world: Ports) -> tuple[int, str] | None:
         return None
 
 
-def _sentence(error: Exception) -> str:
+def sentence(error: Exception) -> str:
+    """what went wrong → words for people; of a mistake of this program its kind and place."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'disk'}: {error.strerror}"
-    return str(error)
+    if isinstance(error, (TangoError, OSError)):
+        return str(error)
+    frames = traceback.extract_tb(error.__traceback__)
+    place = next((f"{Path(x.filename).name} {x.lineno}" for x in reversed(frames) if "tango_cnc" in x.filename), "")
+    return (
+        f"a mistake of this program stopped it ({type(error).__name__}: {error}{f', {place}' if place else ''}); please report it"
+    )

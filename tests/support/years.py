@@ -60,8 +60,8 @@ def unit_of(name: str) -> str:
     return "rad" if name[1] in "ABC" else "mm/mm" if name[-1].isdigit() else "mm"
 
 
-class Broken(AssertionError):
-    """Something happened that no night may do."""
+class Broken(BaseException):
+    """Something happened that no night may do; no handler of the product may hide it."""
 
 
 class PowerCut(BaseException):
@@ -376,6 +376,9 @@ class Year:
         stamp = record["artefacts"]["folder"].removeprefix("nights/")
         if stamp not in self.said and not self.told:
             raise Broken("a night without a message")
+        said = [record["why"], *((record.get("plausible") or {}).get("reasons") or ())]
+        if found := next((text for text in said if "mistake of this program" in text), None):
+            raise Broken(found)
         if self.looked and not record["preflight"]:
             raise Broken("what the preflight found is not in the record")
         if any(not p["passed"] for p in record["preflight"]) and self.moves > moves:
