@@ -262,15 +262,15 @@ def delivered(disk: Disk, mail: Mail, stamp: str, words: str, waiting: bool = Tr
 
     Who has it is written below it in the outbox, so that one dead receiver does not send it to the others every night.
     """
-    lines = words.split("\n")
-    has = tuple(line.removeprefix(REACHED) for line in lines if line.startswith(REACHED))
-    subject, _, text = "\n".join(line for line in lines if not line.startswith(REACHED)).partition("\n")
+    lines = words.splitlines(keepends=True)
+    has = tuple(line.removeprefix(REACHED).strip() for line in lines if line.startswith(REACHED))
+    subject, _, text = "".join(line for line in lines if not line.startswith(REACHED)).partition("\n")
     deliveries = mail.send(subject, text, has)
     with suppress(OSError):  # then it stays where it is, and is sent once more
         if waiting and all(d.sent for d in deliveries):
             disk.sent(stamp)
         elif waiting and any(d.sent and d.to not in has for d in deliveries):
-            disk.post(stamp, "\n".join([subject, text, *(f"{REACHED}{d.to}" for d in deliveries if d.sent), ""]))
+            disk.post(stamp, f"{subject}\n{text}" + "".join(f"{REACHED}{d.to}\n" for d in deliveries if d.sent))
     return deliveries
 
 
