@@ -54,19 +54,42 @@ def strategy(cell: Cell, count: int = TOUCHES) -> Plan:
     off = min(FARTHEST + math.radians(TURNED) * lever, 60.0)
     approach = Approach(off + CLEAR, off, FEED)
     best: tuple[float, Indexation] | None = None
+    short: list[str] = []
     for indexation in _indexations(cell):
-        names = _chosen(cell.artefact, indexation.facets, count, off)
+        allowed, why = _reached(cell, indexation, approach)
+        names = _chosen(cell.artefact, allowed, count, off)
         weight = _spared(_sure(cell.artefact, names, off))
-        if _weakest(cell.artefact, names) > 1e-3 and (best is None or weight > best[0] + 1e-9):
-            best = weight, replace(indexation, facets=names)
+        if _weakest(cell.artefact, names) > 1e-3:
+            if best is None or weight > best[0] + 1e-9:
+                best = weight, replace(indexation, facets=names)
+        else:
+            at = (
+                " ".join(f"{name} {math.degrees(value):g}" for name, value in sorted(indexation.position.items())) or "the only one"
+            )
+            short.append(f"  indexation {at}: facets {', '.join(allowed) or 'none'}{why}")
     if best is None:
         raise InputError(
-            f"{cell.artefact.name}: no indexation of {cell.strategy.name} has facets that tell where the table stands; allowed: "
-            "six facets that face at least three ways at one indexation"
+            f"{cell.artefact.name}: no indexation of {cell.strategy.name} has flat facets that tell where the table stands, "
+            f"touched from {approach.standoff:.0f} mm away:\n" + "\n".join(short) + f"\nallowed: {LEAST} flat facets that face at "
+            "least three ways at one indexation; add them to one of strategy.yaml. Nothing was moved"
         )
     return _high(
         planned(replace(cell, strategy=replace(cell.strategy, indexations=(best[1],), approach=approach)), "leave-out"), off
     )
+
+
+def _reached(cell: Cell, indexation: Indexation, approach: Approach) -> tuple[tuple[str, ...], str]:
+    """cell, indexation, approach from far → its facets that a plan can touch so, and in words why not the others."""
+    if not indexation.facets:
+        return (), " that are flat"
+    tried = replace(cell, strategy=replace(cell.strategy, indexations=(indexation,), approach=approach))
+    try:
+        made = planned(tried, "leave-out")
+    except InputError as error:
+        return (), f" ({error})"
+    here = {touch.facet for touch in made.touches}
+    why = f" ({'; '.join(made.left_out)})" if made.left_out else ""
+    return tuple(name for name in indexation.facets if name in here), why
 
 
 def locate(plan: Plan, readings: Readings) -> Located:

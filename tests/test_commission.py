@@ -68,7 +68,8 @@ def seen(
     said = found.why or " ".join(found.stops)
     begun, ended = (any(f"TANGO {word} " in line for line in lines) for word in ("START", "END"))
     held = stops_when_held(name, kept, how.get("habits", {}), ignored=case.fails == "deflected")
-    answers = sees(made, truly, commission.questions(made), case.person)
+    asked = {b: {w: q.text for w, q in each.items()} for b, each in commission.questions(made).items()}
+    answers = sees(made, truly, asked, case.person)
     if not case.person:  # one thing is not as it should be
         answers = {b: {w: b != case.fails for w in each} for b, each in answers.items()}
     what = commission.Seen(made, records, begun, ended, refused, said, None, held if not said else None, answers)

@@ -197,7 +197,8 @@ class RealControl:
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:
         """→ what came of the run. Moves the machine. Raises LinkError where nothing at all was measured."""
         from ..link._measure import Wanted, measure
-        from .run import _Live, _posted
+        from ._live import Live
+        from .run import _posted
 
         assert self.cell.controller is not None
         own = self.check if kind == "check" and self.check is not None else self.cell
@@ -208,7 +209,7 @@ class RealControl:
         post = dialect(self.cell)
         began = time.monotonic()
         why, origin = "", {}
-        with _Live(None) as live:
+        with Live(None) as live:
             wanted = Wanted(self._address(), post.link, self.cell.controller.post, target, False, None, 60.0, None)
             try:
                 origin = measure(

@@ -107,7 +107,7 @@ def command(
     if known:
         click.echo(f"proven already, and not asked again: {', '.join(sorted(known.keys() - wanted))}", err=True)
     if someone:
-        for text in ("You will be asked:", *(f"  {text}" for each in questions.values() for text in each.values())):
+        for text in ("You will be asked:", *(f"  {question.text}" for each in questions.values() for question in each.values())):
             click.echo(text, err=True)
         if not click.confirm("Start?", err=True):
             raise click.Abort
@@ -116,14 +116,14 @@ def command(
         seen, control = _tried(cell, post, made, programs, address, timeout, someone)
     if not seen.ended and not said and not seen.said and someone:
         said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
-    seen = replace(seen, said=said or seen.said)
-    if seen.ended and "deflected" in wanted and (held or (held is None and someone)):
-        aside = not someone or click.confirm("Hold the stylus aside and keep it there. Do you? (no: this is left open)", err=True)
-        if aside:
-            ungated = _written(folder, post, made, options | {"gate": "none"})  # which would notice the hand by itself
-            once, control = _tried(cell, post, made, ungated, address, timeout, someone)
-            seen = replace(seen, held=_stopped(once, someone))
-    seen = replace(seen, answers=_asked(questions, answers if someone or answers != "ask" else "none"))
+    if not seen.ended:
+        seen = replace(seen, said=said or seen.said)
+    aside = "Hold the stylus aside and keep it there. Do you? (no: this is left open)"
+    if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(aside, err=True):
+        ungated = _written(folder, post, made, options | {"gate": "none"})  # which would notice the hand by itself
+        once, control = _tried(cell, post, made, ungated, address, timeout, someone)
+        seen = replace(seen, held=_stopped(once))
+    seen = replace(seen, answers=_asked(commission.answerable(questions, seen), answers if someone or answers != "ask" else "none"))
     judged = [j for j in commission.judge(seen) if j.experiment.belief in wanted or j.verdict.verdict == "FAIL"]
     date = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
     keys = keys_of(cell, post)
@@ -160,8 +160,27 @@ def command(
         click.echo(f"→ {file}")
         if json_file is not None:
             write_text(Path(json_file), json_text(result) + "\n")
+    if not seen.ended:
+        _broken_off(seen, not failed)
     if failed:
         raise click.exceptions.Exit(FAILED)
+
+
+def _broken_off(seen: Any, alone: bool) -> None:
+    """what came of a program without end, whether no belief has failed → what to do next; raises LinkError then."""
+    from ..commission import stopped_by
+
+    text = f"the program did not come to its end: {len(seen.records)} of {len(seen.plan.touches)} moves were made"
+    if seen.said:
+        text += f". {stopped_by(seen.said)}" if alone else ""
+    else:
+        text += (
+            ". What stands on the screen of the control? Tell it: tango commission --said 'TEXT', or at a terminal, where it asks"
+        )
+    text += ". Then commission again: what has passed is not tried twice"
+    if alone:
+        raise LinkError(text)
+    click.echo(text, err=True)
 
 
 def _written(folder: Path, post: Any, made: Plan, options: dict[str, Any]) -> list[Any]:
@@ -191,19 +210,25 @@ def _tried(
     from ..link.lock import holding
 
     target = cell.folder / FOLDER / "readings.csv"
-    why = ""
+    journal = target.with_suffix(".journal")
+    why, earlier = "", journal.read_bytes() if journal.exists() else b""  # of the try before: proves nothing today
     with holding(cell.folder, "tango commission"):
         start = 600.0 if someone else 60.0
-        wanted = Wanted(address, post.link, cell.controller.post, target, False, timeout, start, misses=len(made.touches) + 1)
+        again = "'tango commission' tries what is not proven yet"
+        wanted = Wanted(
+            address, post.link, cell.controller.post, target, False, timeout, start, misses=len(made.touches) + 1, then=again
+        )
         try:
             measure(cell, made, wanted, lambda part: programs, _told, lambda part, program: None)
         except LinkError as error:
+            if not journal.exists() or journal.read_bytes() == earlier:
+                raise  # the port did not open
             why = str(error)
             click.echo(why, err=True)
     records: dict[int, tuple[int, dict[str, float]]] = {}
     refused, control, ended, begun = [], "", False, False
     seconds: float | None = None
-    for entry in read_journal(target.with_suffix(".journal"))[0]:
+    for entry in read_journal(journal)[0]:
         begun |= isinstance(entry, entries.Begun)
         if isinstance(entry, entries.Identity):
             control = entry.text
@@ -221,15 +246,17 @@ def _tried(
     return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds), control
 
 
-def _stopped(once: Any, someone: bool) -> bool | None:
-    """what came of the program while the stylus was held aside → whether it stopped for that; None: nobody knows."""
+def _stopped(once: Any) -> bool | None:
+    """what came of the program while the stylus was held aside → whether it stopped for that; None: nobody knows.
+
+    A line that broke looks the same from here, so the person at the machine has to say it.
+    """
     if once.records or once.ended:
         return False
-    if once.begun or once.said:
-        return True
-    if not someone:  # no start mark: was it started at all?
-        return None
-    return click.confirm("Nothing came. Was the program started, and did the control stop it by itself?", err=True)
+    what = f"It stopped: {once.said}." if once.said else "Nothing was recorded."
+    text = f"{what} Was the program started, and did the control stop it by itself because of the stylus? y yes, n no, ? not seen"
+    answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
+    return True if answer == "y" else None
 
 
 def record_of(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,8 @@ from ..files import artefact_text, blamed_on, read_cell, read_readings, write_te
 from ..files.targets import spared
 from ..records import InputError, Plan
 from ._common import Output, asks_for_a_finger, cell_option, dialect, json_option, json_text
+from ._live import Live
+from ._start import ask, unproven_of
 
 PLACE = "Measure 20"  # in the list of commands
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
@@ -26,9 +29,12 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
 @click.option(
     "--readings", "file", type=click.Path(path_type=Path), metavar="FILE", help="Readings of the locating program: nothing is run."
 )
+@click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option("-o", "--out", type=Output(), metavar="FILE", help="The artefact in its place; default: locate/artefact.yaml.")
 @json_option
-def command(folder: Path, port: str | None, only_program: bool, file: Path | None, out: Path | None, json_file: str | None) -> None:
+def command(
+    folder: Path, port: str | None, only_program: bool, file: Path | None, yes: bool, out: Path | None, json_file: str | None
+) -> None:
     """Finds where the table stands, when its file is right to 20 mm and 3 degrees only.
 
     Nine slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the cell's own
@@ -36,8 +42,10 @@ def command(folder: Path, port: str | None, only_program: bool, file: Path | Non
     """
     from .. import locate
     from ..link._measure import Wanted, measure
+    from ..link._secrets import shown
     from ..link.lock import holding
     from ..plan import by_stylus, plan_hash
+    from .check import positioning_feed
 
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     made = locate.strategy(cell)
@@ -60,9 +68,26 @@ def command(folder: Path, port: str | None, only_program: bool, file: Path | Non
             raise InputError(
                 f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists them"
             )
-        with holding(folder, "tango locate"):
-            wanted = Wanted(address, post.link, cell.controller.post, target, misses=len(made.touches))
-            measure(cell, made, wanted, lambda part: programs, lambda step: None, lambda part, program: None)
+        someone = sys.stdin is not None and sys.stdin.isatty()
+
+        def confirm(part: Plan, program: Any) -> None:
+            if not yes and someone:
+                click.echo(
+                    f"The table may stand {locate.FARTHEST:g} mm and {locate.TURNED:g} deg elsewhere than its file says: each "
+                    f"touch is searched over {part.strategy.approach.standoff + part.strategy.approach.search:.0f} mm. "
+                    "Obstacles have to stand where they are declared.",
+                    err=True,
+                )
+                which = str(options.get("gate", "finger"))
+                ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), which)
+
+        with holding(folder, "tango locate"), Live(None) as live:
+            again = "'tango locate' makes all of them again"
+            start = 600.0 if someone else 60.0
+            wanted = Wanted(
+                address, post.link, cell.controller.post, target, start_timeout=start, misses=len(made.touches), then=again
+            )
+            measure(cell, made, wanted, lambda part: programs, live, confirm)
     readings = read_readings(file or target, cell.machine, cell.artefact)
     found = locate.locate(made, readings)
     where = out or folder / FOLDER / "artefact.yaml"
@@ -84,7 +109,8 @@ def command(folder: Path, port: str | None, only_program: bool, file: Path | Non
         write_text(Path(json_file), json_text(result) + "\n")
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
-    click.echo(f"and turned by {float(np.linalg.norm(turned)):.4f} deg about ({', '.join(f'{v:+.4f}' for v in turned)})")
+    parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
+    click.echo(f"and turned by {float(np.linalg.norm(turned)):.4f} deg: {parts}")
     click.echo(f"largest difference of a touch that counts: {_worst(found):.4f} mm")
     click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
 

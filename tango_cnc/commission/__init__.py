@@ -4,21 +4,24 @@
 into proofs, `keys.py` says how long each of them holds.
 """
 
-from .experiment import Experiment, Seen, Verdict
+from .experiment import Experiment, Question, Seen, Verdict
 from .flight import MOST, air
 from .keys import keys
-from .verdicts import Judged, experiments, judge, questions, remaining
+from .verdicts import Judged, answerable, experiments, judge, questions, remaining, stopped_by
 
 __all__ = [
     "MOST",
     "Experiment",
     "Judged",
+    "Question",
     "Seen",
     "Verdict",
     "air",
+    "answerable",
     "experiments",
     "judge",
     "keys",
     "questions",
     "remaining",
+    "stopped_by",
 ]

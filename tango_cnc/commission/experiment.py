@@ -34,7 +34,15 @@ class Verdict:
     unit: str = ""
 
 
-def nothing(plan: Plan) -> dict[str, str]:
+@dataclass(frozen=True)
+class Question:
+    """What the person at the machine is asked, and the moves that this is about: before all of them are made there is no answer."""
+
+    text: str
+    moves: tuple[int, ...]  # touches of the plan in the air
+
+
+def nothing(plan: Plan) -> dict[str, Question]:
     """plan → the questions of an experiment that asks nobody."""
     return {}
 
@@ -51,19 +59,30 @@ class Experiment:
     judge: Callable[[Seen], Verdict]
     stops: re.Pattern[str] = re.compile(r"(?!)")  # texts of stops that come when it is wrong
     settles: re.Pattern[str] = re.compile(r"(?!)")  # what of the list of unverified it proves
-    asks: Callable[[Plan], Mapping[str, str]] = nothing  # plan in the air → {what: what the person at the machine is asked}
+    asks: Callable[[Plan], Mapping[str, Question]] = nothing  # plan in the air → {what: what the person at the machine is asked}
     rests: tuple[str, ...] = ()  # options of the profile that it depends on: another value, and it is to be tried again
     on: tuple[str, ...] = ()  # what else it depends on: linear (axes of machine.yaml), rotary, port
 
 
-def answered(belief: str, asks: Callable[[Plan], Mapping[str, str]]) -> Callable[[Seen], Verdict]:
-    """belief, what it asks → the judge of an experiment that a person answers: one no is a FAIL, a question left open is OPEN."""
+def unmade_of(asked: Mapping[str, Question], seen: Seen) -> list[str]:
+    """questions, what came → those of them that are about a move without a record."""
+    return [what for what, question in asked.items() if not set(question.moves) <= set(seen.records)]
+
+
+def answered(belief: str, asks: Callable[[Plan], Mapping[str, Question]]) -> Callable[[Seen], Verdict]:
+    """belief, what it asks → the judge of an experiment that a person answers: one no is a FAIL, a question left open is OPEN.
+
+    What is said of a move that has no record counts for nothing: nobody can have seen it.
+    """
 
     def judge(seen: Seen) -> Verdict:
         said, asked = seen.answers.get(belief, {}), asks(seen.plan)
-        wrong = [what for what in asked if said.get(what) is False]
+        unmade = unmade_of(asked, seen)
+        wrong = [what for what in asked if what not in unmade and said.get(what) is False]
         if wrong:
             return Verdict("FAIL", f"{', '.join(wrong)}: the person at the machine says no")
+        if unmade:
+            return Verdict("OPEN", f"the moves of {', '.join(unmade)} were not made")
         if unsaid := [what for what in asked if what not in said]:
             return Verdict("OPEN", f"nobody has said it of {', '.join(unsaid)}")
         return Verdict("PASS", "said by the person at the machine")

@@ -20,6 +20,7 @@ from .. import kinematics
 from ..gate import gate
 from ..plan import part, plan_hash
 from ..records import Array, InputError, Plan, Touch
+from .experiment import Question
 
 MOST = 6  # indexations
 ABOVE, WAY = 10.0, 5.0  # mm over the clear level where a measuring move begins; mm that it goes
@@ -52,9 +53,9 @@ def air(whole: Plan, most: int = MOST) -> Plan:
     return made
 
 
-def along(made: Plan) -> dict[str, str]:
-    """plan in the air → {linear axis: which move goes along it and where to, in the words of a question, without its mark}."""
-    chain, found = kinematics.chain(made.machine), dict[str, str]()
+def along(made: Plan) -> dict[str, Question]:
+    """plan in the air → {linear axis: which move goes along it and where to}."""
+    chain, found = kinematics.chain(made.machine), dict[str, Question]()
     for touch in made.touches:
         way = np.array(touch.end) - np.array(touch.standoff)
         name = max(made.machine.linear, key=lambda axis: abs(way[made.machine.column(axis)]))
@@ -63,13 +64,14 @@ def along(made: Plan) -> dict[str, str]:
             continue
         begin, end = kinematics.tip(chain, np.array([touch.standoff, touch.end]))
         moved = f"move {touch.number} took {name} from {touch.standoff[column]:.1f} to {touch.end[column]:.1f}"
-        found[name] = f"{moved}: did the probe move {_seen(made, end - begin, touch.number == 1)}"
+        text = f"{moved}: did the probe move {_seen(made, end - begin, touch.number == 1)}?"
+        found[name] = Question(text, (touch.number,))
     return found
 
 
-def turning(made: Plan) -> dict[str, str]:
-    """plan in the air → {rotary axis: which turn to look at and how it has to be, in the words of a question, without its mark}."""
-    found: dict[str, str] = {}
+def turning(made: Plan) -> dict[str, Question]:
+    """plan in the air → {rotary axis: which turn to look at and how it has to be}."""
+    found: dict[str, Question] = {}
     for axis in (axis for axis in made.machine.axes if axis.kind == "rotary"):
         column = made.machine.column(axis.name)
         turns = [(b.standoff[column] - a.standoff[column], a, b) for a, b in pairwise(made.touches)]
@@ -82,7 +84,8 @@ def turning(made: Plan) -> dict[str, str]:
         angles = (math.degrees(touch.standoff[column]) for touch in (before, after))
         turn = f"between move {before.number} and move {after.number} {axis.name} went {' to '.join(f'{v:.1f}' for v in angles)}"
         way = f"turn {'counter' if by > 0 else ''}clockwise (or the other way round by more than half a turn)"
-        found[axis.name] = f"{turn}: where ({where}) of the machine points at you, did {what} {way}"
+        text = f"{turn}: where ({where}) of the machine points at you, did {what} {way}?"
+        found[axis.name] = Question(text, (before.number, after.number))
     return found
 
 

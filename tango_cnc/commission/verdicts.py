@@ -4,12 +4,26 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ..records import Plan
 from . import experiments as folder
-from .experiment import Experiment, Seen, Verdict
+from .experiment import Experiment, Question, Seen, Verdict, unmade_of
+
+ELSEWHERE = (  # texts of stops that are no belief about the control, and what to look at
+    (
+        re.compile(r"OVERTRAVEL|OVER TRAVEL|LIMIT|TRAVEL RANGE|WORKING AREA|ALARM:[12]\b"),
+        "compare travel of that axis in machine.yaml with the soft limits of the control; a rotary axis: state rollover",
+    ),
+    (
+        re.compile(r"G31|SKIP|G38|MEAS"),
+        "the control refuses the skip move itself: is its option there, is the feed of approach in strategy.yaml one that it "
+        "allows, is a modal function on that forbids it?",
+    ),
+    (re.compile(r"EMERGENCY|E-STOP|RESET|DOOR"), "the machine was stopped from outside: start again"),
+)
 
 
 @dataclass(frozen=True)
@@ -48,7 +62,21 @@ def judge(seen: Seen) -> list[Judged]:
     return judged
 
 
-def questions(plan: Plan) -> dict[str, dict[str, str]]:
+def stopped_by(said: str) -> str:
+    """text of a stop that no experiment knows → what to look at."""
+    found = next((do for words, do in ELSEWHERE if words.search(said.upper())), "look it up in the list of alarms of the control")
+    return f"{said!r}: {found}"
+
+
+def answerable(asked: Mapping[str, Mapping[str, Question]], seen: Seen) -> dict[str, dict[str, str]]:
+    """questions, what came → {belief: {what: text}} of those whose moves were made: nobody can have seen the others."""
+    made = {
+        belief: {what: q.text for what, q in each.items() if what not in unmade_of(each, seen)} for belief, each in asked.items()
+    }
+    return {belief: each for belief, each in made.items() if each}
+
+
+def questions(plan: Plan) -> dict[str, dict[str, Question]]:
     """plan in the air → {belief: {what: what the person at the machine is asked of it}}, of those that ask anything."""
     asked = {experiment.belief: dict(experiment.asks(plan)) for experiment in experiments()}
     return {belief: each for belief, each in asked.items() if each}

@@ -61,6 +61,7 @@ class Wanted:
     start_timeout: float = 600.0  # s until the start mark
     transcript: TextIO | None = None
     misses: int = 3  # touches in a row without contact after which a driver that counts them stops
+    then: str = "'tango run --resume' makes the missing touches"  # what to do when it breaks off
 
 
 def measure(
@@ -82,7 +83,7 @@ def measure(
     """
     protocol, address = protocol_of(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
     file = wanted.readings.with_suffix(".journal")
-    before, digest = _started(file, plan) if wanted.resume else ([], "")
+    before, digest = _started(file, plan, wanted.post) if wanted.resume else ([], "")
     left = missing(before, plan)[:most]
     if not left:
         total = len(plan.touches)
@@ -136,7 +137,7 @@ def measure(
                         )
                         session.run(transport)
             except LinkError as error:
-                advice = "" if isinstance(error, Moved) else "; 'tango run --resume' makes the missing touches"
+                advice = "" if isinstance(error, Moved) else f"; {wanted.then}"
                 raise LinkError(f"{error} {_keep(journal, plan, wanted.readings, advice)}".rstrip()) from None
             return _finish(journal.entries, journal.digest, plan, wanted.readings)
         finally:
@@ -279,8 +280,8 @@ def durations(plan: Plan) -> dict[int, float]:
     return result
 
 
-def _started(file: Path, plan: Plan) -> tuple[list[Entry], str]:
-    """journal of a run, the plan of today → its entries, its hash. Raises InputError when there is none or the plan is another."""
+def _started(file: Path, plan: Plan, post: str) -> tuple[list[Entry], str]:
+    """journal of a run, plan and post of today → its entries, its hash. Raises InputError for none, or another's."""
     entries, _ = read_journal(file)
     segment = next((entry for entry in entries if isinstance(entry, Segment)), None)
     if segment is None:
@@ -290,6 +291,12 @@ def _started(file: Path, plan: Plan) -> tuple[list[Entry], str]:
             f"{file}: found a run of plan {segment.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
             "Readings of two plans do not go together: restore the files of the cell and state the same --obstructed, "
             "or run the whole plan without --resume"
+        )
+    other = {entry.controller.get("post", post) for entry in entries if isinstance(entry, Segment)} - {post}
+    if other:
+        raise InputError(
+            f"{file}: found a run with post {', '.join(sorted(other))}; the cell now states {post}. Another post "
+            "has other frames and another rounding: state the post as it was, or run the whole plan without --resume"
         )
     _fit(file, entries, plan)
     return entries, look_at(file).lines[-1].digest

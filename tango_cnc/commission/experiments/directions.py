@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from ...records import Plan
-from ..experiment import Experiment, answered
+from ..experiment import Experiment, Question, answered
 from ..flight import along
 
 
-def asks(plan: Plan) -> dict[str, str]:
+def asks(plan: Plan) -> dict[str, Question]:
     """plan in the air → one question for each linear axis that a move of it goes along."""
-    return {name: f"{text}?" for name, text in along(plan).items()}
+    return along(plan)
 
 
 EXPERIMENT = Experiment(

@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 
 from ...records import Plan
-from ..experiment import Experiment, answered
+from ..experiment import Experiment, Question, answered
 
 
-def asks(plan: Plan) -> dict[str, str]:
-    """plan in the air → the one question."""
-    return {"spindle": "Did the spindle stand still at its angle while the probe moved, and turn where the program turns it?"}
+def asks(plan: Plan) -> dict[str, Question]:
+    """plan in the air → the one question, about the whole of it."""
+    text = "Did the spindle stand still at its angle while the probe moved, and turn where the program turns it?"
+    return {"spindle": Question(text, tuple(touch.number for touch in plan.touches))}
 
 
 EXPERIMENT = Experiment(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from ...records import Plan
-from ..experiment import Experiment, answered
+from ..experiment import Experiment, Question, answered
 
 
-def asks(plan: Plan) -> dict[str, str]:
-    """plan in the air → the one question."""
-    return {"feed hold": "Did feed hold, pressed during a slow move in the air, stop it at once?"}
+def asks(plan: Plan) -> dict[str, Question]:
+    """plan in the air → the one question; the first move at least is one to try it on."""
+    text = "Did feed hold, pressed during a slow move in the air, stop it at once?"
+    return {"feed hold": Question(text, (plan.touches[0].number,))}
 
 
 EXPERIMENT = Experiment(

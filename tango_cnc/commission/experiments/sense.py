@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from ...records import Plan
-from ..experiment import Experiment, answered
+from ..experiment import Experiment, Question, answered
 from ..flight import turning
 
 
-def asks(plan: Plan) -> dict[str, str]:
+def asks(plan: Plan) -> dict[str, Question]:
     """plan in the air → one question for each rotary axis that it turns."""
-    return {name: f"{text}?" for name, text in turning(plan).items()}
+    return turning(plan)
 
 
 EXPERIMENT = Experiment(

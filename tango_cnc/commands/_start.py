@@ -1,0 +1,56 @@
+"""What the person at the machine is told and asked before anything moves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from ..files import blamed_on
+from ..records import Cell, Plan
+
+if TYPE_CHECKING:
+    from postprocessors._base import Post
+
+DANGEROUS = 2  # beliefs up to this danger are named before a run: what they lead to breaks something, or a whole night is lost
+
+
+def _in_spindle(part: Plan) -> str:
+    machine = part.machine
+    return f"Probe with stylus {machine.stylus} ({machine.probe.length:g} mm)" if machine.styli else "Probe"
+
+
+def unproven_of(cell: Cell, post: Post) -> list[str]:
+    """cell, its post → beliefs that can break something and that nothing in its commissioning.yaml proves today, in sentences."""
+    from ._proofs import proven, unproven
+
+    found = proven(cell, post)
+    open_ones = [e for e in unproven(found) if e.danger <= DANGEROUS]
+    return [f"{e.says}{'. It is NOT so: ' + found[e.belief].found if e.belief in found else ''}" for e in open_ones]
+
+
+def gate_of(cell: Cell, post: Post) -> str:
+    """cell, its post → what proves the probe alive in its programs."""
+    from postprocessors import _base as posts
+
+    assert cell.controller is not None
+    with blamed_on(cell.folder / "tango.yaml"):
+        return str(posts.settings(post, cell.controller.options).get("gate", "none"))
+
+
+def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which: str) -> None:
+    """Raises click.Abort unless the person at the machine agrees, also to what nobody has proven of this control."""
+    from ..duration import duration, proof, spoken
+
+    for text in unproven:
+        click.echo(f"not proven on this control: {text}", err=True)
+    if unproven:
+        click.echo("'tango commission' tries it high above the table, in minutes.", err=True)
+
+    time = spoken(sum(duration(part, feed).values()) + proof(part, which, feed))
+    click.echo(
+        f"{part.machine.name} on {address} will make {len(part.touches)} touches in about {time}. "
+        f"{_in_spindle(part)} in the spindle, switched on, clear of the table; hand on feed hold.",
+        err=True,
+    )
+    click.confirm("Start?", default=False, abort=True, err=True)

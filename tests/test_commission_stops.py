@@ -1,0 +1,210 @@
+"""A commissioning that breaks off proves nothing that it did not get to: no move without a record, no blame without a text."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+from support.controls import golden
+
+from tango_cnc import commission
+from tango_cnc.cli import guarded, tango
+from tango_cnc.commands.init import write_example
+from tango_cnc.files.commissioning import read_commissioning
+from tango_cnc.records import Plan
+
+
+@cache
+def air() -> Plan:
+    return commission.air(golden())
+
+
+def records(count: int, step: float = 0.0) -> dict[int, tuple[int, Mapping[str, float]]]:
+    """how many moves were made, mm to which the control stores a position → their records."""
+    made, found = air(), {}
+    for touch in made.touches[:count]:
+        place = dict(zip(made.machine.names, touch.end, strict=True))
+        found[touch.number] = (0, {n: round(v / step) * step if step and n in made.machine.linear else v for n, v in place.items()})
+    return found
+
+
+def said_yes() -> dict[str, dict[str, bool]]:
+    return {belief: dict.fromkeys(each, True) for belief, each in commission.questions(air()).items()}
+
+
+def verdicts(what: commission.Seen) -> dict[str, str]:
+    return {judged.experiment.belief: judged.verdict.verdict for judged in commission.judge(what)}
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_a_yes_to_a_move_without_a_record_proves_nothing(count: int) -> None:
+    what = commission.Seen(air(), records(count), count > 0, False, answers=said_yes())
+    found = verdicts(what)
+    assert (found["directions"], found["sense"], found["orientation"]) == ("OPEN", "OPEN", "OPEN")
+    assert found["override"] == ("OPEN" if count == 0 else "PASS")
+    asked = commission.answerable(commission.questions(air()), what)
+    assert set(asked.get("directions", {})) == {name for name, q in commission.questions(air())["directions"].items()
+                                               if q.moves[0] <= count}  # fmt: skip
+    assert "sense" not in asked and "orientation" not in asked
+
+
+def test_a_no_to_a_move_without_a_record_blames_nobody() -> None:
+    no = {belief: dict.fromkeys(each, False) for belief, each in commission.questions(air()).items()}
+    found = verdicts(commission.Seen(air(), records(0), True, False, answers=no))
+    assert "FAIL" not in found.values()
+
+
+def test_every_yes_counts_where_all_moves_were_made() -> None:
+    found = verdicts(commission.Seen(air(), records(len(air().touches)), True, True, answers=said_yes()))
+    assert {found[belief] for belief in ("directions", "sense", "orientation", "override")} == {"PASS"}
+
+
+def test_a_stop_without_a_text_blames_no_probe() -> None:
+    """Soft limits, a wrong feed, a rotary axis not in place: they all look the same from here."""
+    what = commission.Seen(air(), {}, True, False)
+    assert "FAIL" not in verdicts(what).values()
+    with_text = verdicts(replace(what, said="MC3088 STYLUS NOT TOUCHED"))
+    assert [belief for belief, verdict in with_text.items() if verdict == "FAIL"] == ["alive"]
+
+
+@pytest.mark.parametrize(("text", "word"), [
+    ("OT0500 + OVERTRAVEL ( SOFT 1 ) Z", "soft limits"),
+    ("PS0035 CAN NOT COMMAND G31", "feed of approach"),
+    ("SW0100 PARAMETER WRITE", "list of alarms"),
+])  # fmt: skip
+def test_a_stop_that_is_no_belief_has_advice_too(text: str, word: str) -> None:
+    assert "FAIL" not in verdicts(commission.Seen(air(), {}, True, False, said=text)).values()
+    assert word in commission.stopped_by(text) and text in commission.stopped_by(text)
+
+
+@pytest.mark.parametrize(("step", "verdict"), [(0.1, "FAIL"), (0.01, "FAIL"), (0.00254, "PASS"), (0.001, "PASS"), (0.0, "PASS")])
+def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict: str) -> None:
+    whole = air()
+    away = tuple(replace(t, end=tuple(v + 0.0037 * (t.number + i) for i, v in enumerate(t.end))) for t in whole.touches)
+    made = replace(whole, touches=away)  # not round numbers, as on a machine whose pivots are not
+    names = made.machine.names
+    found: dict[int, tuple[int, Mapping[str, float]]] = {}
+    for touch in made.touches:
+        place = dict(zip(names, touch.end, strict=True))
+        found[touch.number] = (0, {n: round(v / step) * step if step and n in made.machine.linear else v for n, v in place.items()})
+    assert verdicts(commission.Seen(made, found, True, True))["records"] == verdict
+
+
+def test_round_numbers_are_no_coarse_steps() -> None:
+    whole = air()
+    round_ones = replace(whole, touches=tuple(replace(t, end=tuple(round(v) for v in t.end)) for t in whole.touches))
+    found = {t.number: (0, dict(zip(whole.machine.names, t.end, strict=True))) for t in round_ones.touches}
+    assert verdicts(commission.Seen(round_ones, found, True, True))["records"] == "PASS"
+
+
+class Terminal(io.StringIO):
+    """A person who has typed already."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def call(*arguments: object) -> int:
+    return guarded(tango.main, [str(a) for a in arguments], prog_name="tango", standalone_mode=False)
+
+
+def cell_of(folder: Path) -> Path:
+    write_example(folder, "hu40t")
+    return folder
+
+
+def test_where_no_control_is_nothing_is_proven(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell, file = cell_of(tmp_path / "cell"), tmp_path / "TANGO.TXT"
+    file.write_text("")
+    (cell / "tango.yaml").write_text((cell / "tango.yaml").read_text().replace("fanuc", "siemens"))
+    code = call("commission", "-C", cell, "--port", f"file://{file}", "--answers", "yes", "--timeout", "0.5")
+    out = capsys.readouterr()
+    assert code == 3, out
+    assert {proof.verdict for proof in read_commissioning(cell)} == {"OPEN"}
+    assert "0 of" in out.err and "--said" in out.err and "run --resume" not in out.err
+
+
+@pytest.mark.long
+def test_a_port_that_does_not_open_leaves_the_proofs_as_they_were(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = cell_of(tmp_path / "cell")
+    journal = cell / "commissioning" / "readings.journal"
+    for text in (None, "of an earlier try\n"):
+        if text is not None:
+            journal.write_text(text)
+        code = call("commission", "-C", cell, "--port", "serial:///dev/ttyNONE", "--answers", "yes", "--timeout", "0.5")
+        out = capsys.readouterr()
+        assert code == 3 and "ttyNONE" in out.err and "no run to resume" not in out.err, out
+        assert not read_commissioning(cell)
+
+
+@contextmanager
+def simulated(cell: Path, *options: object) -> Iterator[str]:
+    """cell, options → the port of its simulated control."""
+    command = [sys.executable, "-m", "sim_controller", "--cell", cell, "--tcp", "127.0.0.1:0", "--speed", "0", *options]
+    with subprocess.Popen([str(c) for c in command], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+@pytest.mark.long
+def test_at_a_control_that_stops_early_only_what_was_seen_is_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The axis numbers are wrong: it stops at the fourth move. Nobody is asked about what comes after it."""
+    cell = cell_of(tmp_path / "cell")
+    monkeypatch.setattr(sys, "stdin", Terminal("y\n\n" + "y\n" * 20))  # start; nothing on the screen; yes to everything
+    with simulated(cell, "--set", "axes=X,Y,Z,C,B") as port:
+        code = call("commission", "-C", cell, "--port", port, "--timeout", "4")
+    out = capsys.readouterr()
+    assert code in (1, 3), out
+    last = {proof.belief: proof.verdict for proof in read_commissioning(cell)}
+    assert last["sense"] != "PASS" and last["orientation"] == "OPEN" and last["end"] == "OPEN", (last, out)
+
+
+@pytest.mark.long
+def test_locate_asks_before_anything_moves_and_says_what_is_not_proven(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell, ledger = cell_of(tmp_path / "cell"), tmp_path / "ledger"
+    with simulated(cell, "--ledger", ledger) as port:
+        monkeypatch.setattr(sys, "stdin", Terminal("n\n"))
+        assert call("locate", "-C", cell, "--port", port) != 0
+        said = capsys.readouterr().err
+        assert "not proven on this control: the skip signal" in said and "20 mm" in said and "Start?" in said
+        time.sleep(0.3)
+        assert not ledger.exists() or not any(json.loads(line).get("event") == "contact" for line in ledger.open())
+        assert call("locate", "-C", cell, "--port", port, "--yes") == 0
+        said = capsys.readouterr()
+        assert "Start?" not in said.err and "9/9" in said.err and "about X" in said.out
+
+
+@pytest.mark.long
+def test_a_run_of_another_post_is_not_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Another dialect has other frames and another rounding; the file of the readings would name one of them for all."""
+    from tango_cnc.files import read_cell
+    from tango_cnc.link.entries import Segment
+    from tango_cnc.link.journal import Journal
+    from tango_cnc.plan import plan, plan_hash
+
+    cell = cell_of(tmp_path / "cell")
+    made = plan(read_cell(cell))
+    journal = Journal(cell / "readings.journal")
+    controller = {"post": "mazak", "port": "socket://127.0.0.1:1"}
+    numbers = tuple(touch.number for touch in made.touches)
+    journal.add(Segment("2026-11-23T06:00:00.000+00:00", "1", made.machine.name, controller, plan_hash(made), "0", numbers))
+    journal.close()
+    assert call("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--resume", "--yes") == 2
+    said = capsys.readouterr().err
+    assert "with post mazak; the cell now states fanuc" in said, said
