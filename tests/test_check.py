@@ -28,10 +28,10 @@ def cell(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def short(cell: Path) -> Path:
-    """The same with the first ten indexations."""
+    """The same with the first four indexations."""
     file = cell / "strategy.yaml"
     strategy = yaml.safe_load(file.read_text(encoding="utf-8"))
-    file.write_text(yaml.safe_dump({**strategy, "indexations": strategy["indexations"][:10]}), encoding="utf-8")
+    file.write_text(yaml.safe_dump({**strategy, "indexations": strategy["indexations"][:4]}), encoding="utf-8")
     return cell
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 import pytest
+from support.runs import STRATEGY
 
 from tango_cnc import commands
 from tango_cnc.cli import FOR, PLACE, _Commands, guarded, tango
@@ -81,6 +82,7 @@ def test_a_file_where_a_folder_should_be_is_a_sentence(cell: Path, capsys: pytes
 
 
 def test_exit_status_3_when_the_port_does_not_open(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (cell / "strategy.yaml").write_text(STRATEGY, encoding="utf-8")
     assert call("run", "-C", cell, "--port", "serial:///dev/there-is-no-such-port", "--yes") == 3
     assert "there-is-no-such-port" in capsys.readouterr().err
     assert not (cell / "readings.csv").exists()

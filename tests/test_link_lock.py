@@ -133,6 +133,7 @@ def test_one_folder_of_readings_is_written_by_one_run(tmp_path):
 @pytest.mark.parametrize("words", [("plan", "-C"), ("simulate", "-C")])
 def test_nothing_is_planned_or_simulated_into_a_folder_where_a_run_is_at_work(tmp_path, words):
     write_example(tmp_path / "cell", "hu40t")
+    (tmp_path / "cell" / "strategy.yaml").write_text(STRATEGY)
     before = {file: file.read_bytes() for file in (tmp_path / "cell").rglob("*") if file.is_file()}
     done, begun = threading.Event(), threading.Event()
 

@@ -14,7 +14,7 @@ import pytest
 from paho.mqtt import client as mqtt
 from paho.mqtt import publish
 from support.remote import free_port, listening
-from support.runs import STRATEGY, Control, Result, readings
+from support.runs import Control, Result, cell, readings  # noqa: F401
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
@@ -50,14 +50,6 @@ def agent():
     threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
     yield server
     server.shutdown()
-
-
-@pytest.fixture
-def cell(tmp_path):
-    folder = tmp_path / "cell"
-    write_example(folder, "hu40t")
-    (folder / "strategy.yaml").write_text(STRATEGY)
-    return folder
 
 
 def slowly(_, line):

@@ -16,10 +16,9 @@ from pathlib import Path
 
 import pytest
 from support.linkparts import FakeClock, job
-from support.runs import STRATEGY, Control, Result, readings
+from support.runs import Control, Result, cell, readings  # noqa: F401
 from support.sessions import GOOD, Run, after_the_program, printed
 
-from tango_cnc.commands.init import write_example
 from tango_cnc.link import _measure
 from tango_cnc.link._client import Failed
 from tango_cnc.link._secrets import secret, shown
@@ -32,14 +31,6 @@ from tango_cnc.records import InputError, LinkError
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
 LINUXCNC = {"file": (), "log": (), "password": (), "enable": ()}
-
-
-@pytest.fixture
-def cell(tmp_path):
-    folder = tmp_path / "cell"
-    write_example(folder, "hu40t")
-    (folder / "strategy.yaml").write_text(STRATEGY)
-    return folder
 
 
 def started(cell, control, *more, **streams):

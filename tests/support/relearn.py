@@ -12,19 +12,17 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 
 from sim_controller import simulate as simulator
-from sim_controller.effects import Disturbance, History
 from tango_cnc.diagnose import as_term, diagnose
 from tango_cnc.diagnose._candidates import candidate
 from tango_cnc.estimate import tips
 
 from . import blind
 from .outside import KINDS, Array
-from .trials import PEAKS, Stage, stage
+from .trials import PEAKS, Stage, stage, stage_of
 
 ONCE = ("open_door", "turned_clamp", "moved_clamp")  # belong to one moment: nothing that comes back
 TIMES = (0.7, 1.5)  # as large as it was, when it comes back
@@ -38,16 +36,7 @@ def reordered(seed: int) -> Stage:
     strategy = replace(b.cell.strategy, indexations=tuple(b.cell.strategy.indexations[i] for i in order))
     cell = replace(b.cell, strategy=strategy)
     clean = simulator.simulate(cell.machine, cell.artefact, strategy, b.world)
-    seen: list[History] = []
-
-    def listen(effects: object, history: History, seed: int) -> Disturbance:
-        seen.append(history)
-        n = len(history)
-        return Disturbance(np.full(n, 1e-3), np.zeros((n, 3)), np.zeros((n, 3)), {})
-
-    with mock.patch("sim_controller.simulate.effects.disturbance", listen):
-        read = simulator.simulate(cell.machine, cell.artefact, strategy, replace(b.world, noise=1e-12))
-    return Stage(replace(b, cell=cell, clean=clean), seen[0], (read.position - clean.position) / 1e-3)
+    return stage_of(replace(b, cell=cell, clean=clean))
 
 
 def twice(kind: str, peak: float, seed: int, other: Stage) -> tuple[Array, Array]:

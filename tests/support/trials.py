@@ -55,7 +55,11 @@ class Stage:
 @cache
 def stage(name: str = "hu40t") -> Stage:
     """name of an example → its stage, from two runs of the simulated machine."""
-    b = blind.bench(name)
+    return stage_of(blind.bench(name))
+
+
+def stage_of(b: blind.Bench) -> Stage:
+    """bench → its stage, from another run of its simulated machine."""
     seen: list[History] = []
 
     def listen(effects: object, history: History, seed: int) -> Disturbance:
