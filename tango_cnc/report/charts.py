@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -298,3 +299,27 @@ def tip(nights: Sequence[tuple[date, float, str]], limit: float | None, unit: st
     said = f"{nights[0][0]} … {nights[-1][0]}"
     frame = Frame(width, height, t("trend.tip"), said, unit, from_zero=True, first_day=first)
     return chart(series, frame, marks)
+
+
+def compensated(rows: Sequence[tuple[str, Sequence[float | None]]], names: Sequence[str], unit: str, said: str) -> str:
+    """(what, sizes or None) of a compensation, what each size is, unit, title → bars one below the other, each with its name."""
+    bars = [(what, name, v) for what, sizes in rows for name, v in zip(names, sizes, strict=True) if v is not None]
+    most = max((v for _, _, v in bars), default=0.0) or 1.0
+    width, step, left = 560.0, 20.0, 120.0
+    height = step * len(bars) + 24 * len(rows) + 6
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" '
+        f'role="img" aria-label="{escape(said)}" font-family="sans-serif" font-size="11">'
+    ]
+    y, before = 0.0, ""
+    for what, name, value in bars:
+        if what != before:
+            y, before = y + 24, what
+            parts.append(label(4, y - 6, what, "start", INK))
+        fill = (f'fill="{SOFT}"', f'fill="#fff" stroke="{INK}" stroke-dasharray="4 2"', f'fill="{BLUE}"')[list(names).index(name)]
+        wide = max((width - left - 90) * value / most, 1.0)
+        parts.append(f'<rect x="{left:g}" y="{y + 3:g}" width="{wide:.1f}" height="13" {fill}/>')
+        parts.append(label(left - 8, y + 14, name, "end", INK))
+        parts.append(label(left + wide + 6, y + 14, f"{value:.1f} {unit}", "start", INK))
+        y += step
+    return "".join([*parts, "</svg>"])

@@ -93,6 +93,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "trend": _trend(f, t),
         "compensations": [_compensation(c, u, t) for c in f.compensations],
         "audit": audit(f, t),
+        "pictures": f.wishes.pictures,
         "files": f.paper.files,
     }
     return values if f.wishes.pictures else values | _bare(values)
@@ -392,11 +393,12 @@ def titled(name: str, machine: Machine | None, t: Texts) -> str:
 
 
 def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
-    rows = []
-    for name, *values in c["rows"]:
-        shown = ["–" if v is None else f"{float(v) * u.per_micron:.1f}" for v in values]
-        rows.append((t(f"compensation.{name}", unit=u.small), *shown))
-    return {**c, "rows": rows}
+    sizes = [(name, [None if v is None else float(v) * u.per_micron for v in values]) for name, *values in c["rows"]]
+    named = [(t(f"compensation.{name}", unit=u.small), values) for name, values in sizes]
+    rows = [(name, *("–" if v is None else f"{v:.1f}" for v in values)) for name, values in named]
+    what = [t(f"compensation.{key}") for key in ("before", "promised", "after")]
+    said = t("compensation.target", target=c["target"], date=c["date"])
+    return {**c, "rows": rows, "bars": _safe(charts.compensated(named, what, u.small, said))}
 
 
 def as_json(f: Facts) -> dict[str, Any]:

@@ -85,7 +85,7 @@ def summary(found: Facts, columns: int | None = None) -> str:
         span: dict[str, float] = {}
         for r in rows:
             span[r["unit"]] = max(span.get(r["unit"], 0.0), abs(r["number"]) + r["half"])
-        ends = [f"{r['value']:>9} {r['unit']:<6}" for r in rows]
+        ends = [f"{r['value']:>9} {r['unit']:<7}" for r in rows]
         whole = [f"{end} {r['low']} … {r['high']}" for end, r in zip(ends, rows, strict=True)]
         indent = max(len(r["name"]) for r in rows) + 4
         if indent + 11 + max(map(len, whole)) <= columns:  # a number is shown whole or not at all
