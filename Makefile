@@ -5,7 +5,7 @@ BIN := .venv/bin
 export OPENBLAS_NUM_THREADS ?= 1
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 
-.PHONY: demo test check-long campaign campaign-link mutants blind nights lint format clean
+.PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway mutants blind nights lint format clean
 
 demo: .venv/base.stamp
 	$(BIN)/tango demo
@@ -23,6 +23,14 @@ campaign: .venv/test.stamp
 # 5000 sessions with faults, 1000 kills, a run at 9600 baud; TANGO_SESSIONS=300 TANGO_KILLS=30 for less.
 campaign-link: .venv/test.stamp
 	$(PYTEST) --dist load -m campaign tests/test_link_campaign.py tests/test_link_kills.py tests/test_link_9600.py -rP
+
+# Sessions over real servers behind a network that breaks, one link or all: make campaign-net LINK=sftp TANGO_SESSIONS=1000
+campaign-net: .venv/test.stamp
+	$(BIN)/python -m pytest -m campaign tests/test_link_net_campaign.py -s $(if $(LINK),-k 'thousands and $(LINK)-')
+
+# Sessions behind a gateway that mixes requests up: 1000 in words, 1000 in frames of Modbus TCP, 1000 in frames of Modbus RTU.
+campaign-gateway: .venv/test.stamp
+	$(BIN)/python -m pytest -m campaign tests/test_link_gateway.py -s
 
 # Forty small mistakes in link, plan, check, read-back and posts: would the tests notice? make mutants SEED=7 draws the same ones again.
 mutants: .venv/test.stamp

@@ -12,6 +12,7 @@ from support.lsv2 import Control, serving
 from support.lsv2_person import PROGRAM as PLACE
 from support.lsv2_person import Person
 from support.parameters import SIGMAS, estimate
+from support.remote import free_port, listening, ssh_server
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
 
@@ -192,6 +193,43 @@ def test_a_resumed_run_speaks_to_nobody_before_somebody_says_that_nothing_moves(
     assert client.bytes_to_send(99) == b"open\n"
 
 
+@pytest.mark.parametrize("login", ["INSPECT", "FILE"])
+def test_a_control_that_asks_for_a_password_gets_the_one_of_the_port(control, port, login, monkeypatch):
+    control.users = {login: "807667"}
+    monkeypatch.setenv("CELL_WORD", "807667")
+    monkeypatch.setenv("OTHER_WORD", "123")
+    assert asked(opened(port, "?password=env:CELL_WORD"), b"open").startswith("OPEN TNC640")
+    for more, why in (("?password=env:OTHER_WORD", f"(login {login}) with this password"), ("", "state password=env:NAME")):
+        said = asked(opened(port, more), b"open").replace("%20", " ").replace("%28", "(").replace("%29", ")").replace("%3D", "=")
+        assert said.startswith("! ") and why in said.replace("%3A", ":") and "123" not in said, said
+
+
+def test_a_password_that_nobody_asks_for_does_not_go_out(control, port, monkeypatch):
+    monkeypatch.setenv("CELL_WORD", "807667")
+    assert asked(opened(port, "?password=env:CELL_WORD"), b"open").startswith("OPEN ")
+    assert not any(b"807667" in one.data for one in control.heard)
+
+
+@pytest.mark.system("sshd", "ssh-keygen", "ssh")
+@pytest.mark.long
+def test_a_control_behind_an_ssh_tunnel_is_one_of_this_computer(control, port, tmp_path):
+    """Controls with user administration: the tunnel of docs/link.md, over a real sshd."""
+    server, here = ssh_server(tmp_path, tmp_path), free_port()
+    away = ("-o", "StrictHostKeyChecking=no", "-o", f"UserKnownHostsFile={tmp_path / 'known'}", "-i", tmp_path / "user")
+    user, _, rest = server._url.removeprefix("sftp://").partition("@")
+    at = rest.partition(":")[2].partition("/")[0]
+    command = ["ssh", "-N", "-L", f"{here}:127.0.0.1:{port}", *away, "-p", at, f"{user}@127.0.0.1"]
+    with subprocess.Popen([str(word) for word in command], stdin=subprocess.DEVNULL) as tunnel:
+        try:
+            listening(here, tunnel)
+            line = opened(here, "?program=TNC:/")
+            assert asked(line, b"open").startswith("OPEN TNC640") and asked(line, put()).startswith("PUT ")
+        finally:
+            tunnel.terminate()
+            server.stop()
+    assert control.files["TNC:\\TANGO.H"] == PROGRAM
+
+
 @pytest.fixture
 def cell(tmp_path):
     folder = tmp_path / "cell"
@@ -239,6 +277,23 @@ def test_a_run_that_was_stopped_is_resumed_and_nothing_is_lost(control, port, ce
     result = ran(cell, port, again, monkeypatch, "--resume")
     assert result.code == 0, result.err
     assert agree(cell) and control.while_moving() == 0 and again.pressed == 2
+
+
+def test_a_password_is_in_no_file_and_no_output_of_a_run(control, port, cell, monkeypatch):
+    control.users = {"FILE": "geheim807667"}
+    monkeypatch.setenv("CELL_WORD", "geheim807667")
+    more = ("--transcript", cell / "talk.txt", "--json", cell / "events.json")
+    url = f"lsv2://127.0.0.1:{port}/TNC:/TANGO.TXT?program=TNC:/&password="
+    person = Person(control, cell)
+    monkeypatch.setattr(_lsv2, "Person", lambda: person)
+    wrong = Result("run", "-C", cell, "--port", url + "geheim-other", *more)
+    assert wrong.code == 3 and "does not let this computer in (login FILE) with this password" in wrong.err
+    with person.there():
+        right = Result("run", "-C", cell, "--port", url + "env:CELL_WORD", *more)
+    assert right.code == 0, right.err
+    everything = wrong.err + wrong.out + right.err + right.out
+    everything += "".join(file.read_text(errors="replace") for file in cell.rglob("*") if file.is_file())
+    assert "env:CELL_WORD" in everything and "password=***" in everything and "geheim" not in everything
 
 
 def test_without_anybody_at_the_computer_the_run_ends_with_a_sentence(control, port, cell):

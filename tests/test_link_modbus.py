@@ -50,6 +50,13 @@ def test_a_layout_that_cannot_work_is_refused(tmp_path, old, new, said):
         read_layout(edited(tmp_path, old, new))
 
 
+def test_a_file_that_is_no_layout_is_not_shown(tmp_path):
+    (tmp_path / "other").write_text("root:x:0:0:geheim\n")
+    with pytest.raises(InputError, match="is no layout of registers") as found:
+        read_layout(str(tmp_path / "other"))
+    assert "geheim" not in str(found.value)
+
+
 def test_numbers_of_32_bits_in_both_word_orders(tmp_path):
     big, little = read_layout(), read_layout(edited(tmp_path, "word_order: big ", "word_order: little "))
     assert big.words([-123456]) == [0xFFFE, 0x1DC0]

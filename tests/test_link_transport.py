@@ -297,3 +297,16 @@ def test_rfc2217_sets_the_line_of_the_converter(listener):
     assert got == b"O0001\n"
     line.close()
     server.join(2)
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("socket://h:1?listen=no&listen=auto", "'listen' more than once"),
+        ("file:///cell/machine.yaml", "no control may write"),
+        ("file:///cell/readings.csv", "no control may write"),
+    ],
+)
+def test_a_port_that_contradicts_itself_or_names_a_file_of_ours_is_refused(url, why):
+    with pytest.raises(InputError, match=why):
+        parse(url, {"listen": ("auto", "no"), "from": ("now", "last")})

@@ -25,6 +25,7 @@ PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")
 REMOTE = ("ftp", "ftps", "sftp", "smb", "lsv2")  # disks of controls
 WAYS = (*SCHEMES, "tcp", "rtu", "rsh", "opcua", "file", *REMOTE)  # how a protocol may travel: what its SCHEMES may name
+OWN = (".yaml", ".yml", ".csv", ".json", ".journal", ".lock")  # endings of what a cell consists of
 LAST_PORT = 65535
 HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")
 LONGEST = 2000  # characters of a URL
@@ -84,11 +85,19 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
             raise InputError(f"port {url!r}: found no host, or no file on it; allowed: e.g. {example}")
     if scheme == "file" and not target:
         raise InputError(f"port {url!r}: no file; e.g. file:///mnt/control/TANGO.TXT, on Windows file://Z:/TANGO.TXT")
+    if scheme == "file" and target.lower().endswith(OWN):
+        raise InputError(
+            f"port {url!r}: found {target!r}, a name of tango's own files, into which no control may write; allowed: another name, "
+            "e.g. TANGO.TXT"
+        )
     uart = scheme not in ("socket", "tcp", "rsh", "opcua", "file", *REMOTE) and not target.startswith(PTY)
     line: dict[str, str] = {}
     told: dict[str, str] = {}
     known: dict[str, tuple[str, ...]] = {**LINE, **options}
-    for name, text in _settings(query, url):
+    settings = _settings(query, url)
+    for name, text in settings:
+        if [other for other, _ in settings].count(name) > 1:
+            raise InputError(f"port {url!r}: found {name!r} more than once; allowed: each setting once")
         value = text or "yes" if name == "exclusive" else text
         if name not in known:
             raise InputError(f"port {url!r}: found the unknown setting {name!r}; allowed: {', '.join(known)}")

@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 
-from ..files.checked import Node, load
+from ..files.checked import Node, Pairs, load
 from ..records import InputError
 
 PATTERN, ORDER = 0x1234, 0x01020304
@@ -105,6 +105,10 @@ def read_layout(file: str = "") -> Layout:
     """
     root = load(Path(file) if file else STANDARD)
     known = ("layout", "word_order", "functions", "times", "registers", "axes", "scale", "commands", "statuses")
+    if not isinstance(root.raw, Pairs):  # not shown: it may be any file of this computer
+        raise InputError(
+            f"layout: {file} is no layout of registers; allowed: a copy of {STANDARD.name}, which comes with this program"
+        )
     version = dict(root.items()).get("layout")
     if version is not None and version.integer(0) != VERSION:
         found = version.integer(0)

@@ -115,12 +115,16 @@ class Registers(Dialogue):
             if reply[:1] == [str(code)] and len(reply) == where[1] + 1 and all(_is_word(word) for word in reply[1:]):
                 return [int(word) for word in reply[1:]]
             why = self._refusal(reply) or why
-        raise Stop(f"{UNANSWERED} requests for registers {where[0]}… were not answered{why}")
+        raise Stop(
+            f"{UNANSWERED} requests for registers {where[0]}… were not answered{why}. Is the control switched on, and is no other "
+            "program connected to it?"
+        )
 
     def _refusal(self, reply: Sequence[str]) -> str:
         """answer that is none → what is known of the reason. Raises Stop when the control will never do it."""
         if reply[:1] != ["!"] or len(reply) < 2 or not reply[1].isdecimal():
-            return f": {' '.join(reply[1:])}" if reply[:1] == ["-"] else ""
+            said = " ".join(reply[1:])
+            return f": {said}" if reply[:1] == ["-"] and said != "no answer" else ""
         code = int(reply[1])
         if code in LATER:
             return ": it is busy"

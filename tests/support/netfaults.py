@@ -10,6 +10,7 @@ import contextlib
 import functools
 import random
 import socket
+import ssl
 import struct
 import threading
 import time
@@ -33,7 +34,9 @@ from tango_cnc.records import LinkError
 
 TOUCHES = 12
 ATTEMPTS = 60
-SILENCE = 2.0  # s
+SILENCE = 1.0  # s
+PAUSE = 0.05  # s until the person tries again
+SILENT = 2.0  # s for which a connection that is gone looks open
 PRESSED = 4  # times that the person at the computer presses Enter in one attempt
 LONGEST = 120.0  # s of a session: one that hangs passes it
 WHOLE_SCENE = linkfaults.scene
@@ -60,6 +63,7 @@ class Way:
             "slow": 0.05,
             "pieces": 0.05,
             "data cut": chance.choice([0.01, 0.03, 0.1]),
+            "silent": 0.15,
         }
         self.whole = False  # nothing more goes wrong
 
@@ -119,7 +123,8 @@ class Proxy:
 def _reset(line: socket.socket) -> None:
     with contextlib.suppress(OSError):
         line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        line.close()
+        line.shutdown(socket.SHUT_RD)  # while the other thread waits in it, a socket that is closed stays open
+    line.close()
 
 
 def _pump(a: socket.socket, b: socket.socket, left: list[int], pieces: bool, slow: bool, way: Way) -> None:
@@ -131,6 +136,8 @@ def _pump(a: socket.socket, b: socket.socket, left: list[int], pieces: bool, slo
                 time.sleep(0.002)
             if left[0] <= len(data):  # the rest of it is lost with the connection
                 b.sendall(data[: left[0]])
+                if way.happens("silent"):  # nobody is told that the connection is gone
+                    time.sleep(SILENT)
                 break
             left[0] -= len(data)
             if pieces and len(data) < 600:
@@ -282,10 +289,12 @@ def patched(monkeypatch) -> None:
     monkeypatch.setattr(_measure, "durations", linkfaults.lasting)
     for name, value in {"LOOK": 0.005, "AGAIN": 0.4, "BETWEEN": 0.02}.items():
         monkeypatch.setattr(_remote, name, value)
-    for name, value in {"AGAIN": 0.6, "BETWEEN": 0.05, "ANSWER": 2.0, "LOOK": 0.002}.items():
+    for name, value in {"AGAIN": 0.6, "BETWEEN": 0.02, "ANSWER": 1.0, "LOOK": 0.002}.items():
         monkeypatch.setattr(_opcua, name, value)
-    monkeypatch.setattr(_stores, "PATIENCE", 2.0)
-    monkeypatch.setattr(_lsv2, "PATIENCE", 2.0)
+    monkeypatch.setattr(_stores, "PATIENCE", 0.4)  # what a data connection that was cut costs
+    trusting = ssl._create_unverified_context()  # reading the certificates of this computer takes longer than a session
+    monkeypatch.setattr(_stores, "_context", lambda options: trusting)
+    monkeypatch.setattr(_lsv2, "PATIENCE", 0.4)
     monkeypatch.setattr(_lsv2, "BETWEEN", 0.02)
 
 
@@ -306,8 +315,8 @@ def net_session(seed: int, url: str, way: Callable[[Way], None], disk: Disk, fol
         return found
 
     if isinstance(disk, Variables):  # one connection for the whole run
-        bad.rates["cut"] = chance.choice([0.5, 0.8, 0.95])
-    silence = 3 * SILENCE if isinstance(disk, Variables) else SILENCE
+        bad.rates |= {"cut": chance.choice([0.5, 0.8, 0.95]), "silent": 0.03}
+    silence = 2 * SILENCE if isinstance(disk, Variables) else SILENCE
     begun, resumed = time.monotonic(), 0
     for attempt in range(ATTEMPTS):
         bad.whole = attempt > ATTEMPTS // 2
@@ -317,6 +326,7 @@ def net_session(seed: int, url: str, way: Callable[[Way], None], disk: Disk, fol
             break
         except LinkError:
             resumed += 1
+            time.sleep(PAUSE)
         finally:
             person.reset()
     else:

@@ -27,6 +27,8 @@ CODES = b"\0\x11\x12\x13\x14\x7f"  # leader and print codes, which some controls
 class Client(Listener):
     """Reads the records of one program; sends nothing."""
 
+    longest = LINE_LIMIT  # characters of a line that are kept
+
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client."""
         super().__init__(job)
@@ -66,7 +68,7 @@ class Client(Listener):
                 events += self._complete(text) if text and not self._over else []
             elif byte not in CODES:
                 self._line.append(byte)
-                del self._line[:-LINE_LIMIT]
+                del self._line[: -self.longest]
         return events
 
     def _complete(self, text: str) -> list[Event]:

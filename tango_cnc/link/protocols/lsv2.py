@@ -30,6 +30,7 @@ from . import file
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     **file.OPTIONS,
     "program": (),  # where the program goes
+    "password": (),  # of the logins INSPECT and FILE, where the control asks for one
 }
 SCHEMES: Mapping[str, str] = {"lsv2": "lsv2"}
 ANSWER = "\x01"
@@ -40,6 +41,7 @@ class Client(file.Client):
     """Puts the program where the control finds it, and reads its records when somebody says that nothing moves."""
 
     late = True
+    longest = 4096  # an answer says why
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client."""

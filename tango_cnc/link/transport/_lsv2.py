@@ -31,12 +31,14 @@ BINARY = b"\x01"
 SECURE = 19  # C_CC: the end of a transfer is acknowledged
 LATER = ("LSV2_BUSY", "LSV2_X_BUSY", "T_ER_ACCESS_TIMEOUT", "LSV2_TIMEOUT")  # what may be asked once more
 ANSWER = b"\x01"
+LONGEST = 1000  # characters of a reason; each may need three
 
 
 class Lsv2:
     """One connection: the four verbs of a store, and what the control is doing. Every error is an OSError or LinkError."""
 
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self, host: str, port: int, password: str = "") -> None:
+        """host, port, password of the logins where the control asks for one → connected and logged in."""
         library = needed("pyLSV2", "lsv2")
         logging.getLogger("LSV2 Client").setLevel(logging.CRITICAL + 1)
         logging.getLogger("LSV2 TCP").setLevel(logging.CRITICAL + 1)
@@ -47,8 +49,12 @@ class Lsv2:
         self._line = self._control._llcom
         # the library's own takes half a telegram for a whole one, and waits for ever on a line that was closed
         self._line.telegram = self._telegram
+        logins = library.const.Login
         with self._asked():
-            self._control.connect()
+            self._line.connect()
+            self._login(logins.INSPECT, password)
+            self._login(logins.FILETRANSFER, password)
+            self._control._configure_connection()  # which finds both logins done
             asked = self._control._send_recive(self._consts.CMD.C_CC, struct.pack("!H", SECURE), self._consts.RSP.T_OK)
             self._secure = bool(asked)
 
@@ -104,6 +110,21 @@ class Lsv2:
         error = self._line.last_error
         text = f"{what}: {self._text(error)}" if error.e_code.value >= 0 else f"{what}: answered {self._line.last_response.value}"
         return OSError(text) if error.e_code.name in LATER else LinkError(f"the control refuses {text}")
+
+    def _login(self, login: Any, password: str) -> None:
+        """login, password → logged in; the password goes out only where it does not work without. Raises LinkError."""
+        if self._control.login(login):
+            return
+        if password and self._control.login(login, password):
+            return
+        error = self._refused(f"the login {login.value}")
+        if not isinstance(error, LinkError):
+            raise error
+        asked = "with this password" if password else "without a password: state password=env:NAME in the port's URL"
+        raise LinkError(
+            f"the control does not let this computer in (login {login.value}) {asked}. A control with user administration may "
+            f"want an SSH tunnel instead (docs/link.md). It says: {self._text(self._line.last_error)}"
+        )
 
     def name(self) -> str:
         """→ what the control calls itself."""
@@ -264,10 +285,10 @@ class AtRest(Remote):
                 break
             if left:
                 time.sleep(BETWEEN)
-        return ANSWER + f"! {quote(why)}".encode()
+        return ANSWER + f"! {quote(why[:LONGEST])}".encode()
 
     def _done(self, verb: bytes, value: bytes) -> bytes:
-        there = Lsv2(self._parts.hostname or "", self._parts.port or PORT)
+        there = Lsv2(self._parts.hostname or "", self._parts.port or PORT, self._address.options.get("password", ""))
         try:
             if there.runs():
                 return ANSWER + b"RUNS"

@@ -90,9 +90,9 @@ class Modbus:
             reply = calls[code]()
         except ConnectionException as error:
             raise Lost(f"the connection broke: {error}") from None
-        except (ModbusException, OSError) as error:
+        except (ModbusException, OSError):
             self._drain()
-            return f"- {' '.join(str(error).split())}" if isinstance(error, ModbusException) else "- no answer"
+            return "- no answer"
         if reply.isError() and reply.function_code & 0x7F == code:
             return f"! {reply.exception_code}"
         if code == 43 and reply.function_code == code:

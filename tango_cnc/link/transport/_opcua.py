@@ -168,7 +168,11 @@ class OpcUa:
     def _put(self, program: bytes) -> str:
         """program → SHA-256 of what was read back. Raises LinkError where it may not or cannot go."""
         place = self._client.get_node(self._ids["program"])
-        file = place if "Open" in self._methods(place) else self._in_folder(place)
+        methods = self._methods(place)
+        if "Open" not in methods:
+            place = self._in_folder(place, methods)
+            methods = self._methods(place)
+        file = (place, methods)
         head = self._content(file, HEAD)
         if head and not OURS.search(head):
             raise LinkError("the file at the control is no program of 'tango plan'; it would be lost: another name")
@@ -179,30 +183,38 @@ class OpcUa:
 
     def _methods(self, node: Any) -> dict[str, Any]:
         """node → {name: method of it}, whatever name space the server puts them into."""
-        return {method.read_browse_name().Name: method for method in node.get_methods()}
+        return {name: method for method, name in self._named(node.get_methods())}
 
-    def _in_folder(self, folder: Any) -> Any:
-        """node of a folder → the file of our name in it, made where there is none. Raises LinkError for a server without files."""
-        methods, name = self._methods(folder), self._options.get("name", NAME)
+    def _named(self, nodes: list[Any]) -> list[tuple[Any, str]]:
+        """nodes → each with its name; asked for in one request."""
+        found = self._client.read_attributes(nodes, self._ua.AttributeIds.BrowseName) if nodes else []
+        return [(node, value.Value.Value.Name) for node, value in zip(nodes, found, strict=True) if value.StatusCode.is_good()]
+
+    def _in_folder(self, folder: Any, methods: dict[str, Any]) -> Any:
+        """node of a folder, its methods → the file of our name in it, made where there is none.
+
+        Raises LinkError for a server without files.
+        """
+        name = self._options.get("name", NAME)
         if "CreateFile" not in methods:
             raise LinkError(
                 "program: the node has neither Open nor CreateFile: this server transfers no files there; bring the program"
             )
-        for child in folder.get_children():
-            if child.read_browse_name().Name == name:
+        for child, called in self._named(folder.get_children()):
+            if called == name:
                 return child
         made = folder.call_method(methods["CreateFile"], self._ua.Variant(name), self._ua.Variant(False))
         return self._client.get_node(made[0])
 
     @contextlib.contextmanager
-    def _opened(self, file: Any, mode: int) -> Any:
-        """node of a file, mode → (call a method of it, handle); closed behind it."""
-        methods = self._methods(file)
+    def _opened(self, file: tuple[Any, dict[str, Any]], mode: int) -> Any:
+        """node of a file with its methods, mode → (call a method of it, handle); closed behind it."""
+        node, methods = file
 
         def call(name: str, *arguments: Any) -> Any:
             if name not in methods:
                 raise LinkError(f"the file at the control has no method {name}")
-            return file.call_method(methods[name], *arguments)
+            return node.call_method(methods[name], *arguments)
 
         handle = self._ua.Variant(call("Open", self._ua.Variant(mode, self._ua.VariantType.Byte)), self._ua.VariantType.UInt32)
         try:
@@ -210,8 +222,8 @@ class OpcUa:
         finally:
             call("Close", handle)
 
-    def _content(self, file: Any, most: int) -> bytes:
-        """node of a file, bytes at most → what is in it."""
+    def _content(self, file: tuple[Any, dict[str, Any]], most: int) -> bytes:
+        """node of a file with its methods, bytes at most → what is in it."""
         data = b""
         with self._opened(file, READ) as (call, handle):
             while len(data) < most:
