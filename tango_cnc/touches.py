@@ -52,6 +52,25 @@ class Touches:
     def __len__(self) -> int:
         return len(self.number)
 
+    def rows(self, index: NDArray[np.int64]) -> Touches:
+        """(k,) rows, in any order and as often as wanted → these touches alone."""
+        return replace(
+            self,
+            number=self.number[index],
+            facet=tuple(self.facet[i] for i in index),
+            position=self.position[index],
+            direction=self.direction[index],
+            time=self.time[index],
+            feed=self.feed[index],
+            cycle=self.cycle[index],
+            day=self.day[index],
+            point=self.point[index],
+            normal=self.normal[index],
+            temperatures={k: v[index] for k, v in self.temperatures.items()},
+            tip=None if self.tip is None else self.tip[index],
+            stylus=None if self.stylus is None else self.stylus[index],
+        )
+
     @cached_property
     def styli(self) -> tuple[int, ...]:
         """→ numbers of the other styli that touched, beside the one of the probe."""

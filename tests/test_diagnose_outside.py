@@ -10,6 +10,9 @@ from support import blind, trials
 from support.outside import KINDS, NULLS
 
 from tango_cnc.diagnose import Diagnosis, as_term, diagnose
+from tango_cnc.diagnose._records import Remainder
+from tango_cnc.diagnose._shapes import recognised
+from tango_cnc.diagnose.sentences import unexplained
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_terms
@@ -64,6 +67,26 @@ def test_an_indexation_that_was_clamped_elsewhere_is_set_aside_and_feeds_no_name
 def test_a_learned_shape_that_has_no_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="tango diagnose --learn"):
         read_terms("[S3, {cause: learned, name: ram}]", tmp_path)
+
+
+def test_a_shape_that_agrees_with_a_learned_one_is_recognised_and_another_is_not() -> None:
+    """By numbers alone: half of it in each of two shapes, 1.5 times as large, and a third of chance; against chance alone."""
+    rng = np.random.default_rng(2)
+    before, other = rng.normal(size=(2, 300))
+    half = np.where(np.arange(300) < 150, 1.5 * before, 0.0)
+    now = [Remainder("time", "machine", "waves", 1.0, 0.5, p) for p in (half + 0.3 * other, 1.5 * before - half + 0.3 * other)]
+    found = recognised(now, before, "ram", "2026-11-12")
+    assert [r.again is None for r in found] == [False, True]
+    again = found[0].again
+    assert again is not None and abs(again.times - 1.5) < 0.1 and again.agreement > 0.9
+    assert "the shape ram (learned on 2026-11-12), 1.5 times as large" in unexplained(found[0])
+    assert all(r.again is None for r in recognised(now, other, "door", None))
+
+
+def test_readings_without_any_noise_are_refused() -> None:
+    b = blind.bench()
+    with pytest.raises(InputError, match="nothing to explain, and no noise"):
+        diagnose(b.cell.machine, b.cell.artefact, b.clean, b.cell.terms)
 
 
 @pytest.mark.campaign

@@ -98,3 +98,5 @@ def test_a_stale_record_and_a_wrong_name_are_set_aside_before_the_search() -> No
     d = diagnose(cell.machine, cell.artefact, replace(read, position=position, facet=tuple(facet)), cell.terms)
     assert [m.number for m in d.misnamed] == [read.touch[stale], read.touch[wrong]]
     assert d.verdict == "adequate" and not d.outliers and "is set aside" in as_text(d)
+    many = as_text(replace(d, aside=False))
+    assert "2 touches of" in many and "none of them is set aside" in many and "it is set aside" not in many

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from tango_cnc.diagnose._scatter import Scatter, scatter
+from tango_cnc.diagnose._variances import left
 from tango_cnc.diagnose.sentences import noise
 
 TOUCHES, FACETS = 400, 25
@@ -46,6 +47,21 @@ def test_what_the_scatter_depends_on_is_told_and_nothing_else(kind: str) -> None
         assert told.count(kind) >= 9 and set(told) <= {kind, None}
 
 
+def test_a_model_that_mixes_the_noise_of_its_touches_hides_no_rough_facet() -> None:
+    """Quiet facets are met from one direction and rough ones from all, as those of a table: residuals alone say nothing."""
+    for seed in (0, 3):
+        rng = np.random.default_rng([6, seed])
+        members = groups(rng)
+        facet = members["facet"]
+        members["direction"] = np.where(facet < 12, 5, rng.integers(0, 5, TOUCHES))
+        noise = rng.normal(size=TOUCHES) * np.where(facet < 12, 0.7, np.where(facet < 17, 2.6, 1.0))
+        outside = np.linalg.qr(rng.normal(size=(TOUCHES, 260)))[0]  # 140 unknowns
+        space = left(outside, outside.T @ noise, ONE, np.empty((260, 0)), ())
+        assert scatter(space.residual, space.own, members).by is None
+        found = scatter(space.residual, space.own, members, space)
+        assert found.by == "facet" and found.clear
+
+
 def test_a_few_wild_touches_make_no_facet_rough() -> None:
     rng = np.random.default_rng(3)
     members = groups(rng)
@@ -62,6 +78,8 @@ def test_residuals_of_nothing_have_no_scatter() -> None:
 
 def test_noise_is_told_in_plain_words() -> None:
     assert noise(Scatter(None, 0.0, 0.0, None)) == []
+    (either,) = noise(Scatter("facet", 30.0, 2.0, None, rival="direction"))
+    assert "facet or on the direction of touch" in either and "cannot tell" in either
     first, second, third = noise(Scatter("direction", 30.0, 20.0, 3.2, 0.6))
     assert "direction of touch" in first and "3 degrees of freedom" in second and "correlation 0.6" in third
 

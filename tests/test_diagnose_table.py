@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from tango_cnc.cli import tango
-from tango_cnc.diagnose.table import diagnose_table
+from tango_cnc.diagnose.table import as_text, diagnose_table
 from tango_cnc.records import InputError
 
 DATA = Path(__file__).parent.parent.parent / "shared" / "data"
@@ -130,3 +130,19 @@ def test_a_number_that_is_none_is_named_with_its_line(tmp_path: Path) -> None:
     file = written(tmp_path / "e.csv", x=range(20), r=["nan", *range(19)])
     with pytest.raises(InputError, match=r"e\.csv:2: r"):
         diagnose_table(file, ["r"], [], ["x:position"])
+
+
+def test_a_column_without_scatter_is_refused(tmp_path: Path) -> None:
+    file = written(tmp_path / "c.csv", t=np.arange(40), r=np.full(40, 1.25))
+    with pytest.raises(InputError, match="r: found a column that the model explains exactly"):
+        diagnose_table(file, ["r"], [], ["t:time"])
+
+
+def test_many_harmonics_are_one_curve_without_a_name(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    a = np.round(rng.uniform(0, 360, 150), 3)
+    r = 4 * np.cos(np.radians(1.5 * a)) + rng.normal(size=150)
+    data = diagnose_table(written(tmp_path / "h.csv", a=a, r=r), ["r"], [], ["a:angle"])
+    assert data["verdict"] == "unexplained" and not [f for f in data["findings"] if f["cause"] == "harmonic"]
+    assert data["unexplained"][0]["covariate"] == "a"
+    assert "so many of its kind follow any curve" in as_text(data)

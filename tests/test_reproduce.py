@@ -152,25 +152,29 @@ def test_what_stays_unexplained_is_said_with_both_numbers() -> None:
 
 @pytest.mark.long
 def test_what_the_thesis_measured_is_found_again_in_simulated_readings() -> None:
-    """Three draws. What is named is true; the drift is seen in each; where the scatter of the facets has no name, it is said."""
-    named = 0
+    """Three draws. What is named is true; in one, facets and directions of touch explain the scatter equally well."""
+    drift = rough = lobed = 0
     for seed in (42, 43, 44):
         s = setting().again(seed)
         measured = [e for e in s.disturbances if e["cause"] != "random_walk"]
         d = unexplained.found_in(s, "as measured", measured).diagnosis
         told = {f.cause: f for f in d.findings}
-        named += len(told)
-        assert set(told) <= {*(e["cause"] for e in measured), "noise_level"}
+        assert set(told) <= {e["cause"] for e in measured}
         if "probe_lobing" in told:
             lobes = told["probe_lobing"].size
             assert abs(lobes.amplitude - 0.004) < 3 * lobes.amplitude_std
+            lobed += 1
+        else:
+            assert any(u.covariate == "probe direction" for u in d.unexplained)
         if "surface_form" in told:
             facets = told["surface_form"].detail["facets"]
             assert len(set(facets) & set(s.surfaces["oblique"])) > len(facets) / 2
+            rough += 1
         else:
-            assert "noise_level" in told or d.verdict == "unexplained"
+            assert d.verdict == "unexplained"
+        drift += "thermal_drift" in told
         assert "thermal_drift" in told or any("time" in u.covariate for u in d.unexplained)
-    assert named >= 3
+    assert min(drift, rough, lobed) >= 2
 
 
 def test_table_4_2_selects_the_86_names_of_subset_4(shared: Path) -> None:

@@ -89,6 +89,8 @@ def _covariate(h: History, name: str) -> Array:
         return np.arctan2(h.normal_spindle[:, 1], h.normal_spindle[:, 0])
     if name == "probe direction along":
         return h.normal_spindle[:, 2]
+    if first == "normal" and rest in ("x, machine", "y, machine", "z, machine"):
+        return h.normal[:, "xyz".index(rest[0])]
     if name == "feed":
         return h.feed
     raise InputError(f"factors: found the covariate {name!r}, which the simulated machine does not have")

@@ -159,13 +159,23 @@ def _learn(folder: Path, name: str, found: Diagnosis) -> None:
     shapes = [r for r in found.unexplained if r.form is not None]
     if not shapes:
         click.echo("--learn: nothing to learn: no shape without a name was found", err=True)
+    names = ", ".join(f.cause for f in found.findings)
+    beside = f" It was learned beside {names}: without these terms it is only a part of what was there." if names else ""
     for i, r in enumerate(shapes, 1):
         file = folder / FOLDER / (f"{name}.yaml" if i == 1 else f"{name}_{i}.yaml")
         _free(folder, file.stem)
         file.parent.mkdir(exist_ok=True)
-        about = {"text": f"{unexplained(r)}.", "learned": date.today().isoformat(), "amplitude_um": round(r.amplitude * 1e3, 3)}
+        about = {
+            "text": f"{unexplained(r)}.{beside}",
+            "learned": date.today().isoformat(),
+            "amplitude_um": round(r.amplitude * 1e3, 3),
+        }
         write_text(file, learned_text({**about, **as_term(r)}))
         click.echo(f"learned → {file}: add {{cause: learned, name: {file.stem}}} to the terms in tango.yaml to use it", err=True)
+    if len(shapes) > 1:
+        click.echo(f"These {len(shapes)} shapes belong together: each is only a part of what was there.", err=True)
+    if shapes and names:
+        click.echo(f"They were learned beside {names}: put these into the terms, too. All of them: {found.terms_text}", err=True)
 
 
 def _writable(option: str, file: Path) -> None:

@@ -21,7 +21,7 @@ from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
 from ..touches import Misnamed, Touches, from_readings, misnamed
-from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable
+from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable, _variances
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
@@ -31,7 +31,7 @@ from ._refused import refused, shift_of
 from ._richer import Richer, richer
 from ._rows import Rows
 from ._scatter import Scatter
-from ._search import LEARNED, Chosen
+from ._search import LEARNED, Chosen, columns_of
 from ._seen import Test
 from ._size import size
 from ._smooth import kernels as kernels_of
@@ -41,6 +41,7 @@ __all__ = ["Diagnosis", "Dropped", "Finding", "Moment", "Remainder", "Test", "as
 Verdict = Literal["adequate", "explained", "unexplained"]
 EVENTS = 3  # searches, each with what the one before found to belong to one moment set aside
 ROUNDS = 3  # of weighting rough facets and searching again
+ROUNDING = 1e-6  # mm: positions are written with six decimals
 SLIPS = 0.05  # of the touches: so many records may be of another facet before it is no slip of single ones
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
 SHOWS = 0.15  # that part of it at least
@@ -70,7 +71,8 @@ class Diagnosis:
     outcome: Outcome | None = None  # names against shapes
     scatter: Scatter = _scatter.EVEN  # what the size of the noise depends on
     rows: Rows | None = None  # what was searched: touches, or means of touches that were made alike
-    misnamed: tuple[Misnamed, ...] = ()  # records of another facet, or of the touch before: set aside when they are few
+    misnamed: tuple[Misnamed, ...] = ()  # records of another facet, or of the touch before
+    aside: bool = True  # whether these were set aside: they are when they are few
 
     def searched(self, values: Array) -> Array:
         """(n,) of touches → (r,) of the rows that were searched: the touches, or means of them."""
@@ -108,22 +110,27 @@ def diagnose(
     """readings and the terms of the present model → diagnosis. `excluded` causes are not tried; shapes that were `learned`
     (name, factors, weight, values) are tried as names.
 
-    Raises InputError and TangoError as `estimate`.
+    Raises InputError and TangoError as `estimate`, and InputError for touches without any noise.
     """
+    every = len(readings)
     elsewhere, readings = _aside(machine, artefact, readings)
     before = estimate(machine, artefact, readings, terms)
+    if (left := _gain.rms(before.residuals)) < ROUNDING:
+        raise InputError(
+            f"readings: found touches that the model explains to {left * 1e6:.2g} nm, less than files are written with; allowed: "
+            "touches that scatter, as measured ones do. There is nothing to explain, and no noise to compare a cause with"
+        )
     means = _rows.rows(replace(before.model.touches, tip=tips(before)), before.residuals)
     moments: tuple[Moment, ...] = ()
     for _ in range(EVENTS):
-        found, weight, rough, scatter = _explained(before, means, excluded, seed, moments, learned)
-        found = _with_learned(found)
-        field, outcome = _contested(means, found, weight)
+        found, weight, rough, scatter, field, outcome = _explained(before, means, excluded, seed, moments, learned)
         new = [m for m in _moments.moments(means, found, outcome, weight) if m.item not in [o.item for o in moments]]
         if not new:
             break
         moments = (*moments, *new)
-    told = _told(before, means, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome)
-    return replace(told, misnamed=elsewhere)
+    days = {str(shape["name"]): shape.get("learned") for shape in learned}
+    told = _told(before, means, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome, days)
+    return replace(told, misnamed=elsewhere, aside=len(readings) < every)
 
 
 def _aside(machine: Machine, artefact: Artefact, readings: Readings) -> tuple[tuple[Misnamed, ...], Readings]:
@@ -163,7 +170,7 @@ def _explained(
     seed: int,
     moments: Sequence[Moment] = (),
     learned: Sequence[Mapping[str, Any]] = (),
-) -> tuple[Explanation, Array, list[_explain.Rough], Scatter]:
+) -> tuple[Explanation, Array, list[_explain.Rough], Scatter, Field, Outcome]:
     """Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again."""
     touches, seen = means.whole, means.seen
     n = len(seen)
@@ -234,19 +241,29 @@ def _explained(
             if not absurd:
                 break
             every = [c for c in every if _where(c) not in absurd]
-        broad = [c for c in found.chosen if not _explain.narrow(c)]
-        scatter = _scatter.scatter(*_explain.rest(found, broad, weight), members)
+        found = _with_learned(found)
+        field, outcome = _contested(means, found, weight)
+        # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
+        broad = replace(found, chosen=tuple(c for c in outcome.named if not _explain.narrow(c)))
+        smooth = sum((p.tau * p.columns @ p.columns.T for p in outcome.picked), np.zeros((found.place.m, found.place.m)))
+        left = _variances.left(found.place.basis, found.place.y, weight, columns_of(found.place, broad.chosen), outcome.picked)
+        # Weights that were clear once stay as long as anything speaks for them: shapes may take their place and give it back.
+        scatter = _scatter.scatter(left.residual, left.own, members, left, 0.0 if rough else _scatter.CLEAR)
         spread = []
         if scatter.by is not None and not (scatter.by == "facet" and "surface_form" in excluded):
             own = seen.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
-            spread = _explain.rough(found, own, weight)
+            spread = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, weight, smooth)
         settled = {r.key for r in spread} == {r.key for r in rough}
         rough = spread
         if settled or turn == ROUNDS - 1:
             break
         lighter = {r.key: r.weight for r in rough}
         weight = np.array([lighter.get(f, 1.0) for f in own]) if rough else np.ones(n)
-    return found, weight, rough if scatter.by == "facet" and scatter.clear else [], scatter
+    return found, weight, rough if scatter.by == "facet" and scatter.clear else [], scatter, field, outcome
+
+
+def _narrow(found: Explanation) -> list[Chosen]:
+    return [c for c in found.chosen if _explain.narrow(c)]
 
 
 def as_term(r: Remainder) -> dict[str, Any]:
@@ -302,6 +319,7 @@ def _told(
     moments: Sequence[Moment],
     field: Field,
     outcome: Outcome,
+    days: Mapping[str, str | None],
 ) -> Diagnosis:
     touches, seen = means.whole, means.seen
     n = len(seen)
@@ -386,7 +404,7 @@ def _told(
 
     moved = shift_of(before, after)
     findings = [finding(c, _explain.alternatives(found, c), moved, _aliases.aliases(found, c)) for c in accepted]
-    remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep)
+    remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep, days)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
     spreads = _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises)
     findings += [replace(f, pattern=np.zeros(len(touches))) for f in spreads]

@@ -191,18 +191,18 @@ class Rough:
     weight: float
 
 
-def rough(e: Explanation, keys: Sequence[str], weight: Array) -> list[Rough]:
-    """explanation, group (n,) and weight (n,) of every row → groups that may scatter more (chi-squared, 5 % over all).
+def rough(e: Explanation, keys: Sequence[str], weight: Array, shapes: Array | None = None) -> list[Rough]:
+    """explanation, group (n,) and weight (n,) of every row, `rest`'s shapes → groups that may scatter more (χ², 5 % over all).
 
     A few outliers of a group, or a chip, may have followed its scatter: likelihoods with their prices decide which it is.
     """
     label = np.array(keys)
     groups = dict.fromkeys(keys)
-    left, own = rest(e, e.chosen, weight)
+    left, own = rest(e, e.chosen, weight, shapes)
     free_rows = own > 0.2  # a row that nothing else checks has no residual, and would make the usual scatter look small
     middle = float(np.median(left[free_rows] ** 2 / own[free_rows])) / 0.455 if free_rows.any() else np.inf
     scale = min(middle, e.sigma**2)
-    plain, free = rest(e, [c for c in e.chosen if not narrow(c)], weight)
+    plain, free = rest(e, [c for c in e.chosen if not narrow(c)], weight, shapes)
     price = float(np.log(e.place.m) + 2 * np.log(len(groups)))
     for k in groups:
         on = label == k
@@ -236,9 +236,14 @@ def narrow(c: Chosen) -> bool:
     return bool(c.candidate.cause) and int(np.any(c.candidate.columns != 0, axis=1).sum()) <= FEW
 
 
-def rest(e: Explanation, chosen: Sequence[Chosen], weight: Array) -> tuple[Array, Array]:
-    """explanation, patterns, weights → what is left of every row, its weight undone, and how much of its own noise is in it."""
+def rest(e: Explanation, chosen: Sequence[Chosen], weight: Array, shapes: Array | None = None) -> tuple[Array, Array]:
+    """explanation, patterns, weights → what is left of every row, its weight undone, and how much of its own noise is in it.
+
+    `shapes` (m, m) is a covariance beside the white noise, of variance 1, instead of that of the kernels.
+    """
     root = e.place.setting(e.ratios).root
+    if shapes is not None:
+        root = linalg.solve_triangular(np.linalg.cholesky(np.eye(e.place.m) + shapes), np.eye(e.place.m), lower=True)
     white = root @ e.place.y
     basis = orthonormal(root @ columns_of(e.place, chosen))
     white = white - basis @ (basis.T @ white)

@@ -61,6 +61,16 @@ class Dropped:
 
 
 @dataclass(frozen=True)
+class Again:
+    """A shape that was learned before and is part of what a shape without a name is now."""
+
+    name: str
+    times: float  # as large as it was when it was learned
+    agreement: float  # correlation of the two at these touches, as the model leaves them
+    learned: str | None  # the day
+
+
+@dataclass(frozen=True)
 class Remainder:
     """Structure without a name; mm."""
 
@@ -76,3 +86,4 @@ class Remainder:
     touch: int = 0  # row that feels it most
     closed: str | None = None  # a formula that does as well
     confirm: str = ""  # where it would show again
+    again: Again | None = None  # what it was when it was learned

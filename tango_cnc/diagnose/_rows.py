@@ -99,7 +99,7 @@ def rows(touches: Touches, residual: Array, most: int = MOST) -> Rows:
     count, first = count[order], first[order]
     at = rank[inverse]
     matrix = sparse.csr_array((1 / np.sqrt(count[at]), (at, every[used])), shape=(len(labels), n))
-    return Rows(touches, taken(touches, first), first, count, every[~tame], int((tame & ~used).sum()), matrix)
+    return Rows(touches, touches.rows(first), first, count, every[~tame], int((tame & ~used).sum()), matrix)
 
 
 def alike(touches: Touches) -> NDArray[np.int64]:
@@ -129,26 +129,6 @@ def _occurrence(place: NDArray[np.int64]) -> NDArray[np.int64]:
     turn = np.empty(len(place), dtype=np.int64)
     turn[order] = np.arange(len(place)) - begin[np.searchsorted(begin, np.arange(len(place)), side="right") - 1]
     return turn
-
-
-def taken(touches: Touches, index: NDArray[np.int64]) -> Touches:
-    """touches, which of them → these alone."""
-    return replace(
-        touches,
-        number=touches.number[index],
-        facet=tuple(touches.facet[i] for i in index),
-        position=touches.position[index],
-        direction=touches.direction[index],
-        time=touches.time[index],
-        feed=touches.feed[index],
-        cycle=touches.cycle[index],
-        day=touches.day[index],
-        point=touches.point[index],
-        normal=touches.normal[index],
-        temperatures={k: v[index] for k, v in touches.temperatures.items()},
-        tip=None if touches.tip is None else touches.tip[index],
-        stylus=None if touches.stylus is None else touches.stylus[index],
-    )
 
 
 __all__ = ["Rows", "rows"]

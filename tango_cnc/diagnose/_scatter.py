@@ -16,8 +16,10 @@ from scipy import special
 
 from ..records import Array
 from ..touches import Touches
+from . import _variances
 from ._contest import Outcome
 from ._gain import blocks
+from ._variances import Left
 
 SHARED = np.geomspace(1.0, 300.0, 25)  # degrees of freedom of the distribution of the variances: few where they differ much
 SCALES = np.geomspace(0.02, 3.0, 60)  # variance of a usual member over the mean square
@@ -25,6 +27,8 @@ CLEAR = 10.0  # evidence above which noise is not white and normal (Kass & Rafte
 APART = 6.0  # by which a grouping must be better than every other one (strong)
 SEEN = 0.2  # part of its own noise that must be left in a touch
 FEWEST = 2.5  # degrees of freedom of a member
+MIXED = 0.9  # part of its own noise in a touch below which the noise of others counts in it
+WORTH = 0.0  # evidence from the residuals alone below which it is not asked what the mixing of their noise hides
 WILD = 6.0  # usual standard deviations beyond which a touch counts as if it were that far away
 
 
@@ -37,6 +41,7 @@ class Scatter:
     apart: float  # evidence by which it is better than every other grouping
     tails: float | None  # degrees of freedom of Student's t where tails are heavy
     memory: float = 0.0  # correlation of neighbouring touches that the noise has
+    rival: str | None = None  # what else it may depend on, where that does nearly as well
 
     @property
     def clear(self) -> bool:
@@ -61,8 +66,12 @@ def groupings(touches: Touches) -> Mapping[str, NDArray[np.int64]]:
     }
 
 
-def scatter(left: Array, own: Array, members: Mapping[str, NDArray[np.int64]]) -> Scatter:
-    """residuals (n,), part of its own noise that is in each (n,), groupings → what the scatter depends on."""
+def scatter(
+    left: Array, own: Array, members: Mapping[str, NDArray[np.int64]], space: Left | None = None, least: float = CLEAR
+) -> Scatter:
+    """residuals (n,), part of its own noise that is in each (n,), groupings, the space that they are from, evidence that is
+    asked for → what it depends on.
+    """
     use = own > SEEN
     if use.sum() < 30:
         return EVEN
@@ -70,18 +79,28 @@ def scatter(left: Array, own: Array, members: Mapping[str, NDArray[np.int64]]) -
     usual = float(np.median(np.abs(z))) / 0.6745
     if not usual:
         return EVEN
-    z = np.clip(z, -WILD * usual, WILD * usual)
+    far = z - np.clip(z, -WILD * usual, WILD * usual)
     price = float(np.log(len(z)))
-    heavy, freedom, calm = tamed(z)
-    raw, tame = ({name: _by(member[use], free, v) - price for name, member in members.items()} for v in (z, calm))
+    heavy, freedom, calm = tamed(z - far)
+    raw, tame = ({name: _by(member[use], free, v) - price for name, member in members.items()} for v in (z - far, calm))
+    if space is not None and float(np.mean(own[use])) < MIXED:
+        for scores, v in ((raw, z - far), (tame, calm)):
+            more = np.zeros(len(own))
+            more[use] = (z - v) / np.sqrt(free)
+            for name in scores:
+                if scores[name] > WORTH:
+                    scores[name] = _variances.evidence(space.without(more), members[name]) - price
     # Either the members say more than wild touches do, or they still differ when the wild touches are tamed.
-    scores = {name: max(raw[name] - max(heavy - price, 0.0), tame[name]) for name in raw}
-    best = max(scores, key=lambda k: scores[k])
+    total = {name: max(raw[name] - max(heavy - price, 0.0), tame[name]) for name in raw}
+    best = max(total, key=lambda k: total[k])
     tails = freedom if heavy - price > CLEAR else None
-    if scores[best] < CLEAR:
-        return Scatter(None, scores[best], 0.0, tails)
-    other = max((v for k, v in raw.items() if k != best), default=-np.inf)
-    return Scatter(best, scores[best], raw[best] - other, tails if scores[best] == tame[best] else None)
+    if total[best] < least:
+        return Scatter(None, total[best], 0.0, tails)
+    others = {k: v for k, v in raw.items() if k != best}
+    other = max(others, key=lambda k: others[k])
+    apart = raw[best] - others[other]
+    tails = tails if total[best] == tame[best] else None
+    return Scatter(best, total[best], apart, tails, rival=None if apart > APART else other)
 
 
 def _by(member: NDArray[np.int64], free: Array, z: Array) -> float:

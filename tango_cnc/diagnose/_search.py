@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import Array
+from ..records import Array, InputError
 from ._candidates import Candidate
 from ._space import Beside, Library, Space, below, best_noise, level, library, scan
 
@@ -86,12 +86,20 @@ def catalogue(
     steady: bool = False,
     expected: Mapping[str, tuple[str, ...]] | None = None,
 ) -> tuple[Catalogue, Array]:
-    """space, candidates, parameters to refine → catalogue of those that can be seen, and the visibility (all candidates,)."""
+    """space, candidates, parameters to refine → catalogue of those that can be seen, and the visibility (all candidates,).
+
+    Raises InputError where none can be.
+    """
     size = np.cumsum([c.columns.shape[1] for c in candidates])
     projected = np.split(place.project(np.hstack([c.columns for c in candidates])), size[:-1], axis=1)
     seen = np.array([_visibility(c.columns, p) for c, p in zip(candidates, projected, strict=True)])
     keep = [i for i in range(len(candidates)) if seen[i] > least and candidates[i].columns.shape[1] < place.m // 3]
     kept = [candidates[i] for i in keep]
+    if not kept:
+        raise InputError(
+            f"diagnose: found {place.m} touches more than the model has unknowns, and no cause that they could show; "
+            "allowed: touches on several facets at several indexations"
+        )
     tried = Counter(c.cause for c in kept)
     names = tuple(dict.fromkeys(c.cause for c in kept))
     price = np.array([cost(c, tried[c.cause], place.m) for c in kept])

@@ -18,6 +18,7 @@ from ._explain import Explanation
 from ._gain import residual_maker
 from ._records import Remainder
 from ._search import Chosen, columns_of
+from ._space import UNSEEN
 
 BINS = 8
 REJECTED = 0.01
@@ -92,8 +93,9 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
         columns = np.zeros((len(design), len(used)))
         columns[:n] = (member[:, None] == used[None, :]) * weight[:, None]
         inside = maker @ columns
-        u, s, _ = np.linalg.svd(inside, full_matrices=False)
-        u = u[:, s > 1e-6 * np.sqrt(n)]
+        # Real positions hold the noise: what is left of a facet that the model has already is noise by its very making.
+        u, s, _ = np.linalg.svd(inside / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False)
+        u = u[:, s > UNSEEN]
         k = u.shape[1]
         if not k or free <= k:
             continue
@@ -187,22 +189,8 @@ def taken(touches: Touches, index: NDArray[np.int64], tail: Array, gap: float) -
     n = len(touches)
     extra = len(index) - n
     time = np.concatenate([touches.time, touches.time[-1] + gap * np.arange(4, 4 + extra)])
-    return replace(
-        touches,
-        number=np.arange(1, len(index) + 1),
-        facet=tuple(touches.facet[i] for i in index),
-        position=np.vstack([touches.position, tail]),
-        direction=touches.direction[index],
-        time=time,
-        feed=touches.feed[index],
-        cycle=touches.cycle[index],
-        day=touches.day[index],
-        point=touches.point[index],
-        normal=touches.normal[index],
-        temperatures={k: v[index] for k, v in touches.temperatures.items()},
-        tip=None if touches.tip is None else touches.tip[index],
-        stylus=None if touches.stylus is None else touches.stylus[index],
-    )
+    longer = np.vstack([touches.position, tail])
+    return replace(touches.rows(index), number=np.arange(1, len(index) + 1), position=longer, time=time)
 
 
 def separate(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Chosen]) -> tuple[str, ...]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +15,12 @@ from ._closed import closed
 from ._contest import Outcome, Picked, posterior, refinement
 from ._explain import Explanation
 from ._gain import rms
-from ._records import Remainder
+from ._records import Again, Remainder
 from ._rows import Rows
-from ._search import Chosen, columns_of
+from ._search import LEARNED, Chosen, columns_of
 from ._space import orthonormal
+
+ALIKE = 0.75  # correlation from which a shape is one that was learned: more than half of the variance is common
 
 
 def remainders(
@@ -29,8 +33,9 @@ def remainders(
     data: Array,
     schemes: Mapping[str, NDArray[np.int64]],
     keep: NDArray[np.bool_],
+    learned: Mapping[str, str | None] = MappingProxyType({}),
 ) -> list[Remainder]:
-    """explanation, outcome of the contest → shapes without a name, the largest first."""
+    """explanation, outcome of the contest, days of learned shapes by name → shapes without a name, the largest first."""
     if not outcome.shapes:
         return []
     fixed = [c for c in e.chosen if c.candidate.cause == "outlier"]
@@ -62,7 +67,39 @@ def remainders(
                 confirm(p, means.seen, pattern),
             )
         )
-    return sorted(result, key=lambda r: -float(r.pattern @ r.pattern))
+    result.sort(key=lambda r: -float(r.pattern @ r.pattern))
+    for c in e.catalogue.candidates:
+        if c.cause == LEARNED and not any(a.candidate is c for a in accepted):
+            whole = np.concatenate([c.columns[:, 0] / weight, np.zeros(len(base) - len(weight))])
+            before = (whole - basis @ (basis.T @ whole))[: len(weight)] / means.scale
+            name = str(c.setting["name"])
+            result = recognised(result, before, name, learned.get(name))
+    return result
+
+
+def recognised(now: Sequence[Remainder], before: Array, name: str, day: str | None) -> list[Remainder]:
+    """shapes of these touches, one that was learned before (n,) as the model leaves it → the shapes, one of them recognised.
+
+    What was learned in another order of the touches is not known where the model took it there: it agrees in part and is no
+    term that does as well, but the same thing. Two shapes of now may together be one of then.
+    """
+    length = float(before @ before)
+    if not now or not length:
+        return list(now)
+
+    def agreement(pattern: Array) -> float:
+        return float(pattern @ before) / float(np.sqrt(length * max(float(pattern @ pattern), 1e-300)))
+
+    each = [agreement(r.pattern) for r in now]
+    best = int(np.argmax(each))
+    together = agreement(np.sum([r.pattern for r in now], axis=0))
+    if max(each[best], together) < ALIKE:
+        return list(now)
+    own, pattern = (best, now[best].pattern) if each[best] >= together else (0, np.sum([r.pattern for r in now], axis=0))
+    if now[own].again is not None and now[own].again.agreement > max(each[best], together):  # type: ignore[union-attr]
+        return list(now)
+    found = Again(name, float(pattern @ before) / length, max(each[best], together), day)
+    return [replace(r, again=found) if i == own else r for i, r in enumerate(now)]
 
 
 def unnamed(kind: str, amplitude: float, n: int) -> Remainder:

@@ -51,7 +51,7 @@ def forms(touches: Touches) -> Iterator[Form]:
 
     felt = (ONE, *(f"machine {c}" for c in "xyz"), *(f"axis {a}" for a in (*linear, *rotary)))
     for name in known:
-        if name.startswith("probe"):
+        if name.startswith(("probe", "normal")):
             continue
         for weight in (*felt, "machine"):
             yield from single(name, weight)
@@ -74,6 +74,11 @@ def forms(touches: Touches) -> Iterator[Form]:
     if "probe direction along" in known:
         yield Form((line("probe direction along", LEGENDRE, 4),), ONE)
         yield Form((line("probe direction along", LEGENDRE, 2),), "across")
+    sides = [name for name in known if name.startswith("normal")]
+    for i, one in enumerate(sides):
+        yield Form((line(one, LEGENDRE, SLOW),), ONE)
+        for other in sides[i + 1 :]:
+            yield Form((line(one, LEGENDRE, SLOW), line(other, LEGENDRE, SLOW)), ONE)
     places = [name for name in known if name in ("time", "S", *linear, *rotary) or name.startswith("T_")]
     for i, one in enumerate(places):
         for other in places[i + 1 :]:

@@ -28,14 +28,13 @@ def findings(
 ) -> list[Finding]:
     """explanation, rough facets, shapes, whether seats compete best → causes that show in the spread of the touches.
 
-    What a shape without a name leaves of the unknown looks like a spread: beside it no spread is named.
+    What a shape without a name leaves of the unknown looks like a spread of all touches: beside it none is named. Rough facets
+    are, because they were compared with all shapes taken out.
     """
     result: list[Finding] = []
-    if remains:
-        return result
     unknown = SHARE * max((gain(e.place, e.chosen, c) for c in e.chosen if c.candidate.cause == ""), default=0.0)
     rough = [r for r in rough if r.p_value < ROUGH and -2 * np.log(max(r.p_value, 1e-300)) > unknown]
-    if seats and e.random[1] > max(RANDOM, unknown) and "indexation_seating" not in excluded:
+    if seats and not remains and e.random[1] > max(RANDOM, unknown) and "indexation_seating" not in excluded:
         amplitude, std = _amplitude(e, 1)
         number = int(touches.indexation.max()) + 1
         p = float(0.5 * stats.chi2.sf(e.random[1], 1))
@@ -53,7 +52,7 @@ def findings(
         result.append(_finding("surface_form", {"facets": facets}, detail, largest.extra, std, p, len(touches)))
     stated = touches.machine.probe.repeatability
     dof = e.place.m - columns_of(e.place, e.chosen).shape[1]
-    if "noise_level" not in excluded and not rough and not unknown and stated > 0 and e.sigma > LOUDER * stated:
+    if "noise_level" not in excluded and not remains and not rough and not unknown and stated > 0 and e.sigma > LOUDER * stated:
         p = float(stats.chi2.sf(dof * (e.sigma / stated) ** 2, dof))
         if p < 0.001:
             extra = float(np.sqrt(e.sigma**2 - stated**2))

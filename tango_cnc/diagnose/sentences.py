@@ -11,7 +11,7 @@ from .. import terms as families
 from ..records import Array
 from ._aliases import differing
 from ._moments import Moment
-from ._records import SUBSETS, Dropped, Finding, Remainder
+from ._records import SUBSETS, Again, Dropped, Finding, Remainder
 from ._scatter import Scatter
 
 Texts = Callable[[str], str]  # key → text, of a shop in its own language
@@ -161,11 +161,21 @@ def unexplained(r: Remainder) -> str:
             f"the machine wanders without a pattern, by about {r.amplitude * 1e3:.1f} µm over the test. That costs accuracy and "
             "has no name: warm up, measure faster, or repeat the first indexations at the end to see it"
         )
+    again = "" if r.again is None else f". {known(r.again)}"
     also = "" if r.closed is None else f". A simple formula does as well: {r.closed}"
     return (
         f"nothing in the catalogue explains what follows {covariate(r.covariate)}{where}: {spread(r.amplitude, r.std)} at most of "
         f"what the model cannot absorb; it takes {100 * max(r.heldout_r2, 0.0):.0f} % of the variance of touches that were not "
-        f"fitted{also}. To confirm it: {r.confirm or 'measure again on another day, in another order'}"
+        f"fitted{also}{again}. To confirm it: {r.confirm or 'measure again on another day, in another order'}"
+    )
+
+
+def known(again: Again) -> str:
+    """shape that was learned before and is there again → a sentence."""
+    day = f" (learned on {again.learned})" if again.learned else ""
+    return (
+        f"It is most likely the shape {again.name}{day}, {again.times:.1f} times as large: these touches see "
+        f"{100 * again.agreement**2:.0f} % of the two in common"
     )
 
 
@@ -183,8 +193,13 @@ def moment(m: Moment) -> str:
 def noise(s: Scatter) -> list[str]:
     """scatter → what the noise is besides white and normal, a sentence each."""
     told = []
-    if s.clear:
-        group = {"facet": "facet", "direction": "direction of touch", "indexation": "indexation", "time": "part of the test"}
+    group = {"facet": "facet", "direction": "direction of touch", "indexation": "indexation", "time": "part of the test"}
+    if s.by is not None and s.rival is not None:
+        told.append(
+            f"single touches do not scatter alike: it depends on the {group[s.by]} or on the {group[s.rival]}. These touches "
+            "cannot tell which. Touch the facets that scatter most from another direction"
+        )
+    elif s.clear:
         told.append(
             f"single touches do not scatter alike: it depends on the {group[str(s.by)]}. Touches that scatter "
             "more have less weight here"

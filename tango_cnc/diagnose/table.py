@@ -27,6 +27,13 @@ KINDS = ("time", "order", "position", "angle", "category")
 MOST_ROWS = 2500
 RESOLVED = 2.0  # cycles over the record between two periods
 BEAT = 0.1  # part of a frequency within which a second line is the beat of the first, which is not steady
+ROUNDING = 1e-9  # part of a column that is left when a model explains it exactly
+SERIES = ("harmonic", "polynomial")
+CURVE = 3  # of one series along one covariate: more of them follow any curve
+WHY = {
+    "no gain": "rows that were not fitted do not gain from it",
+    "shape": "so many of its kind follow any curve",
+}
 REFINE = {
     "drift": {"tau": "log"},
     "step": {"at": "order"},
@@ -212,7 +219,16 @@ def diagnose_table(
 
 
 def told(t: Table, group: str | None, seed: int = 0) -> dict[str, Any]:
-    """table, name of what its rows are held out by → plain data of the format tango-diagnosis/1."""
+    """table, name of what its rows are held out by → plain data of the format tango-diagnosis/1.
+
+    Raises InputError where the model leaves nothing.
+    """
+    left = np.linalg.norm(_gain.residual_maker(t.design) @ t.response, axis=0)
+    for label, part, whole in zip(t.names, left, np.linalg.norm(t.response, axis=0), strict=True):
+        if part <= ROUNDING * whole:
+            raise InputError(
+                f"{label}: found a column that the model explains exactly; allowed: one that scatters, as measured ones do"
+            )
     found, design, data, scale = search(t, seed)
     n, q = t.response.shape
     single = [int(c.candidate.setting["touch"]) for c in found.chosen if c.candidate.cause == "outlier"]
@@ -235,9 +251,13 @@ def told(t: Table, group: str | None, seed: int = 0) -> dict[str, Any]:
             np.hstack([design, *others]), data, c.candidate.columns, schemes, keep, np.random.default_rng([seed, n])
         )
         (findings if gain.real else dropped).append(_finding(t, found, c, v, cov, scale, gain))
+    findings, curved = _curves(findings)
     findings += _spread(t, found)
     walking = found.random[0] > _explain.RANDOM
-    remains = []
+    remains = [
+        {"covariate": name, "frame": "none", "shape": "curve", "amplitude": _together(parts), "heldout_r2": 0.0}
+        for name, parts in curved.items()
+    ]
     if walking:
         amplitude = found.sigma * float(np.sqrt(found.ratios[0] / found.place.scales[0] * n)) * float(scale.mean())
         remains.append({"covariate": "order", "frame": "none", "shape": "random walk", "amplitude": amplitude, "heldout_r2": 0.0})
@@ -246,12 +266,29 @@ def told(t: Table, group: str | None, seed: int = 0) -> dict[str, Any]:
         "verdict": "unexplained" if remains else "explained" if findings else "adequate",
         "findings": findings,
         "unexplained": remains,
-        "not_named": [{"why": "no gain"} | f for f in dropped],
+        "not_named": [
+            *({"why": "no gain"} | f for f in dropped),
+            *({"why": "shape"} | f for parts in curved.values() for f in parts),
+        ],
         "visibility": {k: round(v, 4) for k, v in sorted(found.visibility.items())},
         "outliers": [i + 1 for i in single],
         "rows": n,
         "noise": [float(found.sigma * s) for s in scale],
     }
+
+
+def _curves(findings: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], dict[str, list[dict[str, Any]]]]:
+    """findings → those that stand, and by covariate those that are so many of one series that they follow any curve."""
+    series: dict[str, list[dict[str, Any]]] = {}
+    for f in findings:
+        if f["cause"] in SERIES:
+            series.setdefault(f["detail"]["covariate"], []).append(f)
+    many = {name: parts for name, parts in series.items() if len(parts) > CURVE}
+    return [f for f in findings if not any(f is p for parts in many.values() for p in parts)], many
+
+
+def _together(findings: Sequence[Mapping[str, Any]]) -> float:
+    return float(np.sqrt(sum(f["amplitude"] ** 2 for f in findings)))
 
 
 def _finding(
@@ -343,10 +380,7 @@ def as_text(data: Mapping[str, Any]) -> str:
             )
         if f["alternatives"]:
             lines.append(f"   cannot be told from: {', '.join(f['alternatives'])}")
-    lines += [
-        f"– {f['cause']} along {_along(f['detail'])} fits, but rows that were not fitted do not gain from it: not named"
-        for f in data["not_named"]
-    ]
+    lines += [f"– {f['cause']} along {_along(f['detail'])} fits, but {WHY[f['why']]}: not named" for f in data["not_named"]]
     lines += [f"? {r['shape']} along {r['covariate']}: about {r['amplitude']:.4g}" for r in data["unexplained"]]
     if data["outliers"]:
         lines.append(f"rows that fit nothing: {', '.join(map(str, data['outliers']))}")

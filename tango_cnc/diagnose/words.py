@@ -37,6 +37,9 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "heldout_r2": r.heldout_r2,
                 "formula": r.closed,
                 "confirm": r.confirm,
+                "again": None
+                if r.again is None
+                else {"name": r.again.name, "times": r.again.times, "agreement": r.again.agreement, "learned": r.again.learned},
                 "text": f"{unexplained(r)}.",
             }
             for r in d.unexplained
@@ -70,7 +73,10 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "rms_um": d.richer.rms * 1e3,
             "more_parameters": d.richer.more,
         },
-        "misnamed": [{"touch": m.number, "facet": m.facet, "away_mm": round(m.away, 3), "near": m.near} for m in d.misnamed],
+        "misnamed": [
+            {"touch": m.number, "facet": m.facet, "away_mm": round(m.away, 3), "near": m.near, "set_aside": d.aside}
+            for m in d.misnamed
+        ],
         "noise_um": d.noise * 1e3,
         "rows": None
         if d.rows is None
@@ -141,7 +147,16 @@ def sentence(f: Finding) -> str:
 def as_text(d: Diagnosis) -> str:
     """diagnosis → what a person reads on the terminal."""
     lines = [_headline(d), ""]
-    for m in d.misnamed:
+    if d.misnamed and not d.aside:
+        m = d.misnamed[0]
+        lines += _wrapped(
+            f"! {_count(len(d.misnamed), 'touch', 'es')} of {len(d.before.residuals)} were not made at the facet that the readings "
+            f"name: touch {m.number} is called facet {m.facet}, but was made {m.away:.0f} mm away from it, {m.beside:.1f} mm from "
+            f"where facet {m.near} is touched. So many are no slips: none of them is set aside, and all that follows rests on "
+            "them. Correct the names, or the place of the table, and diagnose again.",
+            "  ",
+        )
+    for m in d.misnamed if d.aside else ():
         lines += _wrapped(
             f"! Touch {m.number} is called facet {m.facet} in the readings, but was made {m.away:.0f} mm away from it, "
             f"{m.beside:.1f} mm from where facet {m.near} is touched: it is set aside. Correct the name or leave it out.",

@@ -128,6 +128,8 @@ def values(touches: Touches) -> Mapping[str, Array]:
     result["since indexation"] = touches.time - begin
     result["probe direction"] = np.arctan2(touches.spindle_normal[:, 1], touches.spindle_normal[:, 0])
     result["probe direction along"] = touches.spindle_normal[:, 2]
+    for i, letter in enumerate("xyz"):
+        result[f"normal {letter}, machine"] = touches.machine_normal[:, i]
     for sensor, value in touches.temperatures.items():
         result[f"T_{sensor}"] = value - value[0]
     if np.isfinite(touches.feed).all():

@@ -9,7 +9,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -68,6 +68,8 @@ class Relearned:
     found: list[str]  # causes that were named in the other night
     times: float  # how large the largest learned shape came back, of what was hidden
     seconds: float
+    again: list[float] = field(default_factory=list)  # agreement of shapes without a name that were recognised
+    covariates: list[str] = field(default_factory=list)  # of what was learned, and of the other night
 
 
 def tried(kind: str, peak: float, seed: int) -> Relearned:
@@ -96,7 +98,11 @@ def tried(kind: str, peak: float, seed: int) -> Relearned:
     again = diagnose(cell.machine, cell.artefact, other.readings(times * back + noise()), cell.terms, learned=shapes)
     known = [float(f.size.values[0]) / times for f in again.findings if f.cause == "learned"]
     seconds = time.process_time() - began
-    return Relearned(kind, peak, seed, len(shapes), gain, best, blind.names(again), known[0] if known else 0.0, seconds)
+    known += [r.again.times / times for r in again.unexplained if r.again is not None]
+    alike = [r.again.agreement for r in again.unexplained if r.again is not None]
+    covariates = [r.covariate for one in (d, again) for r in one.unexplained]
+    size = known[0] if known else 0.0
+    return Relearned(kind, peak, seed, len(shapes), gain, best, blind.names(again), size, seconds, alike, covariates)
 
 
 def table(results: Sequence[Relearned]) -> list[str]:
@@ -107,7 +113,7 @@ def table(results: Sequence[Relearned]) -> list[str]:
     return [
         f"{'a shape was learned':60} {blind.share([bool(r.shapes) for r in results])}",
         f"{'its gain in another night, of that of the truth, median':60} {np.median(parts):.2f} of {len(parts)}",
-        f"{'recognised in another night and order':60} {blind.share(['learned' in r.found for r in learned])}",
+        f"{'recognised in another night and order':60} {blind.share(['learned' in r.found or bool(r.again) for r in learned])}",
         f"{'something else named in the other night':60} {blind.share([bool(set(r.found) - {'learned'}) for r in learned])}",
         f"{'its size within 30 %':60} {blind.share(near)}",
         *(f"{r.kind:20} {1e3 * r.peak:.0f} µm: {r.gain:.2f} of {r.best:.2f}; {'+'.join(r.found)} {r.times:.2f}" for r in results),

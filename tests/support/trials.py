@@ -151,7 +151,7 @@ def words(covariate: str) -> set[str]:
             found.add("time")
         elif first == "probe":
             found.add("probe direction")
-        elif len(part) == 2 and part[0] == "d":
+        elif first == "normal" or (len(part) == 2 and part[0] == "d"):
             found.add("direction")
         else:
             found.add(first)
