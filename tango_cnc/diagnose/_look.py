@@ -1,0 +1,189 @@
+"""One look at the touches: what explains them by name and without one, at the weights that their scatter asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .. import terms as families
+from ..estimate import Estimate
+from ..model import known, linearise
+from ..records import Array, InputError
+from ..touches import Touches
+from . import _explain, _scatter, _variances
+from ._candidates import Candidate, candidate, named, outliers, shapes
+from ._contest import Field, Outcome, contest
+from ._explain import Explanation
+from ._moments import Moment
+from ._rows import Rows
+from ._scatter import Scatter
+from ._search import LEARNED, Chosen, columns_of
+from ._smooth import kernels as kernels_of
+
+ROUNDS = 3  # of weighting rough facets and searching again
+ABSURD = 0.1  # mm at a touch: an error as large as this has to show
+SHOWS = 0.15  # that part of it at least
+BLIND = 3  # searches without what turned out to be as large as that
+
+
+def _with_learned(found: Explanation) -> Explanation:
+    """Shapes of this machine always compete: a larger shape without a name may have taken the place of one in the search."""
+    place, cat = found.place, found.catalogue
+    there = {str(c.candidate.setting["name"]) for c in found.chosen if c.candidate.cause == LEARNED}
+    more = [
+        Chosen(c, place.project(c.columns), float(price))
+        for c, price in zip(cat.candidates, cat.price, strict=True)
+        if c.cause == LEARNED and str(c.setting["name"]) not in there
+    ]
+    return replace(found, chosen=(*found.chosen, *more), named=(*found.named, *more)) if more else found
+
+
+def _contested(means: Rows, found: Explanation, weight: Array) -> tuple[Field, Outcome]:
+    """What was found, against shapes without a name."""
+    field = Field(kernels_of(means), found.place.basis, weight, means)
+    fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
+    return field, contest(field, found.place.y, fixed, found.named)
+
+
+def explained(
+    before: Estimate,
+    means: Rows,
+    excluded: Collection[str],
+    seed: int,
+    moments: Sequence[Moment] = (),
+    learned: Sequence[Mapping[str, Any]] = (),
+) -> tuple[Explanation, Array, list[_explain.Rough], Scatter, Field, Outcome]:
+    """estimate, rows, excluded, moments set aside, learned → names, weights, rough facets, scatter, field of shapes, what stands.
+
+    Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again.
+    """
+    touches, seen = means.whole, means.seen
+    n = len(seen)
+    every = [
+        *map(means.candidate, named(touches, before.model.names, excluded, means.settings)),
+        *outliers(seen),
+        *map(means.candidate, shapes(touches, set(families.causes()) - set(excluded), n)),
+        *map(means.candidate, _known_shapes(touches, before.model.names, excluded, learned)),
+    ]
+    offsets = {name: p.value for name, p in before.facets.items()}
+    causes = families.causes()
+
+    awaited = {
+        name: (*cause.mistaken, *(n for n, other in causes.items() if name in other.mistaken))
+        for name, cause in causes.items()
+        if cause.expected
+    }
+
+    gaps, jacobian = (means.of(x) for x in linearise(before.model, before.values))
+    jacobian = np.hstack([jacobian, *(means.of(m.columns) for m in moments)])
+
+    def compatible(c: Candidate, others: Sequence[Candidate]) -> bool:
+        """Waves of nearly one period, or kinks upon kinks, cancel each other and follow anything."""
+        same = [o.setting for o in others if o.cause == c.cause and o.setting.get("axis") == c.setting.get("axis")]
+        return c.cause not in causes or causes[c.cause].beside(touches, c.setting, same)
+
+    distances, rows, uncertainty = known(before.model, before.values)
+    rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
+    wandering, seating = kernels(seen)
+    members = _scatter.groupings(seen)
+    weight = np.ones(n)
+    rough: list[_explain.Rough] = []
+    for turn in range(ROUNDS):
+        certain = before.sigma / uncertainty
+
+        def weighed(c: Candidate, w: Array = weight) -> Candidate:
+            return replace(c, columns=c.columns * w[:, None])
+
+        absorbed = np.linalg.qr(jacobian * weight[:, None] / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
+
+        def plausible(c: Candidate, values: Array, absorbed: Array = absorbed) -> bool:
+            if c.cause in causes and not causes[c.cause].plausible(values, c.setting, offsets):
+                return False
+            pattern = c.columns @ values / means.scale
+            size = float(np.abs(pattern).max())
+            if c.cause in ("", "outlier") or size < ABSURD:
+                return True
+            # Millimetres of which the model swallows all but a few micrometres are its blind spot and no cause.
+            inside = absorbed @ (absorbed.T @ (pattern * means.scale)) / means.scale
+            return float(np.abs(pattern - inside).max()) > SHOWS * size
+
+        for _ in range(BLIND + 1):
+            found = _explain.explain(
+                np.concatenate([gaps * weight, distances * certain]),
+                np.vstack([jacobian * weight[:, None], rows * certain[:, None]]),
+                n,
+                every if turn == 0 else [weighed(c) for c in every],
+                [k * np.outer(weight, weight) for k in (wandering, seating)],
+                {name: cause.refine for name, cause in causes.items()},
+                lambda cause, setting, w=weighed: w(means.candidate(candidate(touches, cause, setting))),  # type: ignore[misc]
+                plausible,
+                compatible,
+                expected=awaited,
+                seed=seed,
+            )
+            # Plausible beside what was there when it was chosen, and no longer beside what is there now.
+            absurd = {_where(c.candidate) for c, v in _explain.sizes(found) if not plausible(c.candidate, v)}
+            if not absurd:
+                break
+            every = [c for c in every if _where(c) not in absurd]
+        found = _with_learned(found)
+        field, outcome = _contested(means, found, weight)
+        # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
+        broad = replace(found, chosen=tuple(c for c in outcome.named if not _explain.narrow(c)))
+        smooth = sum((p.tau * p.columns @ p.columns.T for p in outcome.picked), np.zeros((found.place.m, found.place.m)))
+        left = _variances.left(found.place.basis, found.place.y, weight, columns_of(found.place, broad.chosen), outcome.picked)
+        # Weights that were clear once stay as long as anything speaks for them: shapes may take their place and give it back.
+        scatter = _scatter.scatter(left.residual, left.own, members, left, 0.0 if rough else _scatter.CLEAR)
+        spread = []
+        if scatter.by is not None and not (scatter.by == "facet" and "surface_form" in excluded):
+            own = seen.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
+            spread = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, weight, smooth)
+        settled = {r.key for r in spread} == {r.key for r in rough}
+        rough = spread
+        if settled or turn == ROUNDS - 1:
+            break
+        lighter = {r.key: r.weight for r in rough}
+        weight = np.array([lighter.get(f, 1.0) for f in own]) if rough else np.ones(n)
+    return found, weight, rough if scatter.by == "facet" and scatter.clear else [], scatter, field, outcome
+
+
+def _narrow(found: Explanation) -> list[Chosen]:
+    return [c for c in found.chosen if _explain.narrow(c)]
+
+
+def _known_shapes(
+    touches: Touches, present: Collection[str], excluded: Collection[str], learned: Sequence[Mapping[str, Any]]
+) -> list[Candidate]:
+    """Shapes of this machine that are not in the model yet; what these touches have no covariate for is left out."""
+    found = []
+    for shape in learned if "learned" not in excluded else ():
+        setting = {key: shape[key] for key in ("name", "factors", "weight", "values")}
+        try:
+            one = candidate(touches, "learned", setting)
+        except InputError:
+            continue
+        if one.coefficients[0].name not in present:
+            found.append(one)
+    return found
+
+
+def _where(c: Candidate) -> tuple[str, object]:
+    """→ the cause and the axis or coefficient that it acts on."""
+    return c.cause, c.setting.get("axis", c.setting.get("name"))
+
+
+def kernels(touches: Touches) -> tuple[Array, Array]:
+    """touches → covariances (n, n) of a wandering and of a new seat at every indexation, machine frame, unit size.
+
+    The wandering is a random walk of x y z with variance 1 after an hour.
+    """
+    alike = touches.machine_normal @ touches.machine_normal.T
+    hours = (touches.time - touches.time.min()) / 3600
+    same = touches.indexation[:, None] == touches.indexation[None, :]
+    return alike * np.minimum(hours[:, None], hours[None, :]), alike * same
+
+
+__all__ = ["explained", "kernels"]
