@@ -75,6 +75,14 @@ def test_what_is_dangerous_on_okuma_is_named(old: str, new: str, words: str) -> 
     assert re.search(words, told), told
 
 
+def test_a_subprogram_on_okuma_that_runs_out_is_refused() -> None:
+    """Cut off behind its last question: where nothing is wrong it goes on to lines that are not there."""
+    lines = lines_of("okuma", golden())
+    end = lines.index("IF[TGT GT 0.01] NS5") + 1
+    assert lines[end] == "RTS"
+    assert "in OTG4, '': no line that a program of this kind" in refused(lines[:end], "okuma")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
