@@ -5,7 +5,7 @@ BIN := .venv/bin
 export OPENBLAS_NUM_THREADS ?= 1
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 
-.PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway mutants blind nights lint format clean
+.PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway mutants blind nights lint format clean planted
 
 demo: .venv/base.stamp
 	$(BIN)/tango demo
@@ -48,6 +48,10 @@ lint: .venv/test.stamp
 # One simulated year of nights again, step for step: make nights SEED=17. Without SEED a thousand years; TANGO_YEARS=5 for less.
 nights: .venv/test.stamp
 	TANGO_SEED=$(SEED) $(BIN)/python -m pytest tests/test_nights.py -m campaign -k years -s
+
+# Bugs planted one at a time in the nights and the history: does the year of nights find each of them?
+planted: .venv/test.stamp
+	$(BIN)/python -m pytest tests/test_nights.py -m campaign -k planted -s
 
 format: .venv/test.stamp
 	$(BIN)/ruff format .

@@ -78,6 +78,8 @@ def test_the_second_night_is_refused_on_record_and_told(cell: Path, tmp_path: Pa
     assert [stamp for stamp, _ in own.unfinished()] == ["2026-11-23T020000Z"]  # a power cut of the other one would still show
     pages = [file.parent.name for file in cell.glob("nights/*/morning.html")]
     assert len(set(pages)) == 2 and all(re.fullmatch(r"2026-11-23T020000Z-refused-\d{6}", name) for name in pages)
+    page = next(cell.glob("nights/*-refused-*/morning.html")).read_text(encoding="utf-8")
+    assert "sends a message of its own" in page and "at work in this folder" in page
     assert len(list((cell / "nights" / "sent").glob("*-refused-*"))) == 2
 
 
