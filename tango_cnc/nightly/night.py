@@ -255,6 +255,8 @@ def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: Po
         deliveries = delivered(world.disk, world.mail, old, words, waiting or old != stamp)
         if old == stamp:
             record["notifications"] = [vars(d) for d in deliveries]
+            if not waiting and not any(d.sent for d in deliveries):
+                trouble.append("the message could be neither kept nor sent: the output of this program is all there is of it")
 
 
 def delivered(disk: Disk, mail: Mail, stamp: str, words: str, waiting: bool = True) -> Sequence[Delivery]:
