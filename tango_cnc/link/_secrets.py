@@ -12,6 +12,7 @@ import re
 import stat
 from collections.abc import Mapping
 from pathlib import Path
+from urllib.parse import unquote_plus
 
 from ..files.checked import printable
 from ..records import InputError
@@ -21,13 +22,18 @@ HIDDEN = "***"
 LONGEST = 4096  # bytes of a file with one password
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 NAMED = "env:NAME (a variable of the environment) or file:PATH (a file that only you can read)"
-SETTING = re.compile(rf"(?<=[?&])({'|'.join(SECRET)})=(?!env:|file:)[^&#]*", re.IGNORECASE)
+SETTING = re.compile(r"(?<=[?&])([^=&#]*)=(?!env:|file:)[^&#]*")
 USER = re.compile(r"(?<=://)([^/?#@:]*):([^/?#]*)@")
 
 
 def shown(url: str) -> str:
     """port's URL → the same for people and files: no password in it."""
-    return USER.sub(rf"\1:{HIDDEN}@", SETTING.sub(rf"\1={HIDDEN}", url))
+
+    def hidden(found: re.Match[str]) -> str:
+        name = unquote_plus(found[1])  # a name may be coded: %70assword
+        return f"{name}={HIDDEN}" if name.strip().lower() in SECRET else found[0]
+
+    return USER.sub(rf"\1:{HIDDEN}@", SETTING.sub(hidden, url))
 
 
 def revealed(options: Mapping[str, str]) -> dict[str, str]:
