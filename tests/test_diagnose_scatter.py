@@ -91,3 +91,15 @@ def test_html_without_matplotlib_is_a_message_before_anything_is_computed(monkey
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     result = CliRunner().invoke(tango, ["diagnose", "-C", "examples/hu40t", "--html", "page.html"], standalone_mode=False)
     assert isinstance(result.exception, InputError) and "tango-cnc[report]" in str(result.exception)
+
+
+def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from tango_cnc.commands.diagnose import _shown
+
+    for terminal in (False, True):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda known=terminal: known, raising=False)
+        with _shown() as say:
+            say("searching")
+        shown = capsys.readouterr().err
+        assert ("searching" in shown) is terminal
+        assert shown.endswith("\r\x1b[K") is terminal  # nothing stays

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
 
@@ -114,7 +118,8 @@ def command(
     if learn is not None:
         _free(folder, learn)
     known = learned(folder)
-    found = diagnose(cell.machine, cell.artefact, readings, items, exclude, seed, known)
+    with _shown() as say:
+        found = diagnose(cell.machine, cell.artefact, readings, items, exclude, seed, known, say)
     if learn is not None:
         _learn(folder, learn, found)
     if html is not None:
@@ -133,6 +138,23 @@ def command(
     if not write_json(json_file, data):
         click.echo("\n".join([*told(judgement), as_text(found)]))
     return status(judgement, despite)
+
+
+@contextmanager
+def _shown() -> Iterator[Callable[[str], None]]:
+    """→ what is being done and since when, on one line of stderr that is gone in the end; nothing where that is no terminal."""
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+    began = time.monotonic()
+
+    def say(text: str) -> None:
+        if terminal:
+            click.echo(f"\r\x1b[K{time.monotonic() - began:3.0f} s: {text} …", nl=False, err=True)
+
+    try:
+        yield say
+    finally:
+        if terminal:
+            click.echo("\r\x1b[K", nl=False, err=True)
 
 
 def _unused(readings: Readings, source: Path) -> list[str]:

@@ -9,7 +9,7 @@ selects, `_gain` asks touches that were not fitted, `table` does the same for me
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -101,9 +101,10 @@ def diagnose(
     excluded: Collection[str] = (),
     seed: int = 0,
     learned: Sequence[Mapping[str, Any]] = (),
+    say: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
     """readings and the terms of the present model → diagnosis. `excluded` causes are not tried; shapes that were `learned`
-    (name, factors, weight, values) are tried as names.
+    (name, factors, weight, values) are tried as names. `say` hears what is being done, as it begins.
 
     Raises InputError and TangoError as `estimate`, and InputError for touches without any noise.
     """
@@ -118,11 +119,16 @@ def diagnose(
     means = _rows.rows(replace(before.model.touches, tip=tips(before)), before.residuals)
     moments: tuple[Moment, ...] = ()
     for _ in range(EVENTS):
+        say(
+            f"searching causes and shapes in {len(means.seen)} rows"
+            + (f", again without {len(moments)} moments" if moments else "")
+        )
         found, weight, rough, scatter, field, outcome = explained(before, means, excluded, seed, moments, learned)
         new = [m for m in _moments.moments(means, found, outcome, weight) if m.item not in [o.item for o in moments]]
         if not new:
             break
         moments = (*moments, *new)
+    say("asking touches that were not fitted")
     days = {str(shape["name"]): shape.get("learned") for shape in learned}
     told = _told(before, means, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome, days)
     return replace(told, misnamed=elsewhere, aside=len(readings) < every)
