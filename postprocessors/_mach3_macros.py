@@ -30,8 +30,8 @@ SHORTEST = 0.26  # mm of a G31: below 0.254 RS274/NGC complains, and what Mach3 
 _HALF_DEGREE = 0.00872664626  # rad
 
 
-def macros(machine: Machine, readings: str) -> dict[str, list[str]]:
-    """machine, file of the records on the control's disk → {file name: lines} for the macros folder of the profile."""
+def macros(machine: Machine, readings: str, probe_off: str = "") -> dict[str, list[str]]:
+    """machine, file of the records on the control's disk, word for the probe → {file name: lines} for the macros folder."""
     texts = {
         START: ("looks whether the probe is free, takes the frame, writes the start mark", _start(readings)),
         PROTECTED: ("protected move: whatever stops it short stops the program", _protected()),
@@ -41,20 +41,30 @@ def macros(machine: Machine, readings: str) -> dict[str, list[str]]:
         RECORD: ("writes touch P", _record(machine, readings)),
         END: ("writes the end mark", _end(readings)),
     }
-    number = _number("\n".join(line for code, (_, body) in texts.items() for line in _whole(0, code, body)))
+    number = _number("\n".join(line for code, (_, body) in texts.items() for line in _switched(_whole(0, code, body), probe_off)))
     return {
-        f"m{code}.m1s": [f"' M{code} of tango, set {number}: {what}", *_whole(number, code, body)]
+        f"m{code}.m1s": [f"' M{code} of tango, set {number}: {what}", *_switched(_whole(number, code, body), probe_off)]
         for code, (what, body) in texts.items()
     }
 
 
-def set_number(machine: Machine, readings: str) -> int:
-    """machine, file of the records → number of the set of macros, which program and macros have to agree on."""
-    return int(macros(machine, readings)[f"m{START}.m1s"][0].split(",")[1].split()[1].rstrip(":"))
+def set_number(machine: Machine, readings: str, probe_off: str = "") -> int:
+    """machine, file of the records, word for the probe → number of the set of macros, which program and macros have to agree on."""
+    return int(macros(machine, readings, probe_off)[f"m{START}.m1s"][0].split(",")[1].split()[1].rstrip(":"))
 
 
 def _whole(number: int, code: int, body: list[str]) -> list[str]:
     return [*_belongs(number, code), *_WAIT, *body, _DONE]
+
+
+def _switched(lines: list[str], probe_off: str) -> list[str]:
+    """lines of a macro → the same; every stop switches the probe off first, where the profile has a word for it."""
+    found: list[str] = []
+    for line in lines:
+        if probe_off and line.startswith("  Message "):
+            found += [f'  Code "{probe_off}"', *(f"  {wait}" for wait in _WAIT)]
+        found.append(line)
+    return found
 
 
 def _number(text: str) -> int:

@@ -103,7 +103,7 @@ class _Steps:
         for remark in common.counted(job):
             yield f"({remark})"
         yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
-        for remark in (*common.AFTER, *(f"A STOP LEAVES THE PORT OPEN - {close} IN MDI CLOSES IT" for close in self.words.close)):
+        for remark in (*common.AFTER, *_left_on(job, self.words)):
             yield f"({remark})"
         for remark in common.doubted(job, 80):
             yield f"({remark})"
@@ -224,6 +224,14 @@ def steps(words: Words) -> dict[str, Any]:
     return {"probe_on": on, "probe_off": off} | {
         name: getattr(family, name) for name in ("stem", *common.STEPS) if hasattr(family, name)
     }
+
+
+def _left_on(job: Job, words: Words) -> Iterator[str]:
+    """What an alarm leaves as it is: it ends everything there and then, and a drip-fed program cannot jump to a tidy end."""
+    if job.options["probe_off"]:
+        yield f"A STOP LEAVES THE PROBE ON - {job.options['probe_off']} IN MDI SWITCHES IT OFF"
+    for close in words.close:
+        yield f"A STOP LEAVES THE PORT OPEN - {close} IN MDI CLOSES IT"
 
 
 def _check(job: Job, words: Words) -> None:

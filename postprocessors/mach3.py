@@ -65,7 +65,7 @@ def begin(job: Job) -> Iterator[str]:
     yield f"#{basic.EARLY}={number(early_distance(plan))}"
     yield f"#{basic.TOLERANCE}={number(options['tolerance'])}"
     yield f"#{basic.MISSES}={options['misses']}"
-    yield f"#{basic.SET}={basic.set_number(job.machine, options['readings'])}"
+    yield f"#{basic.SET}={basic.set_number(job.machine, options['readings'], options['probe_off'])}"
     yield f"#{basic.DONE}=0"
     yield f"M{basic.START} (TANGO START {job.mark} {len(plan.touches)})"
 
@@ -172,6 +172,6 @@ POST = Post(
     stem=lambda job: "tango",
     link="file",
     finish=counted,
-    companions=lambda job: basic.macros(job.machine, job.options["readings"]),
+    companions=lambda job: basic.macros(job.machine, job.options["readings"], job.options["probe_off"]),
     **common.steps(globals()),
 )

@@ -89,6 +89,9 @@ class Motion:
         slack: Mapping[str, float] | None = None,
         begins_deflected: bool = False,
         miss_stops: bool = False,
+        override: float = 1.0,
+        dry_run: float | None = None,
+        skip_obeys: bool = False,
     ) -> None:
         self.rig, self.machine = rig, rig.machine
         self.time = 0.0
@@ -105,6 +108,8 @@ class Motion:
         self._slack = {name: math.radians(value) for name, value in (slack or {}).items()}  # a brake holds the axis back, deg
         self._begins_deflected = begins_deflected  # a probing move looks for an edge of the signal: one that is on changes nothing
         self._miss_stops = miss_stops  # a probing move that meets nothing is an alarm
+        self._override, self._dry_run = override, dry_run  # of the panel: a factor, mm/min that dry run puts in place of F
+        self._skip_obeys = skip_obeys  # whether they act on probing moves: on most controls they do not (M700V p. 547; 6200#7 SKF)
         self._asked, self._held = False, -1.0  # the screen asks for a finger; until when one is at the stylus, s
 
     def freed(self) -> None:
@@ -141,7 +146,7 @@ class Motion:
     def feed(self, target: Mapping[str, float], feed: float) -> None:
         """{axis: mm rad}, mm/min (deg/min when only rotary axes move) → goes there. Raises MotionStop as `rapid`."""
         end = self._end(target)
-        self._positioning("feed", end, self._length(end) / (feed / 60))
+        self._positioning("feed", end, self._length(end) / (self._dialled(feed) / 60))
 
     def skip(self, target: Mapping[str, float], feed: float) -> Skip:
         """{axis: mm rad}, mm/min → moves until the probe triggers, at most there. Raises MotionStop outside the travel.
@@ -149,6 +154,7 @@ class Motion:
         The move overruns the trigger by latency and deceleration; a probe that is deflected before it starts ends it at once.
         """
         end = self._end(target)
+        feed = self._dialled(feed) if self._skip_obeys else feed
         if self._asked and not self.deflected:
             self._asked = False
             return self._fingered(end, feed)
@@ -192,6 +198,10 @@ class Motion:
         elif fault is not None:
             raise MotionStop("fault", fault)
         return Skip(True, trigger)
+
+    def _dialled(self, feed: float) -> float:
+        """mm/min of a program → what the switches of the panel make of it."""
+        return (self._dry_run or feed) * self._override
 
     def _unnoticed(self, end: Array, direction: Array, s: float, what: What, seconds: float) -> Skip:
         """A probing move with a probe that says nothing: the stylus gives way as far as it can. Raises MotionStop beyond that."""

@@ -52,6 +52,7 @@ class Ran:
     alarm: Alarm | None = None
     events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
     files: Mapping[str, str] = field(default_factory=dict)
+    clock: Callable[[], float] = lambda: 0.0  # s of the machine
 
     @property
     def why(self) -> str:

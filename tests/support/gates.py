@@ -56,6 +56,7 @@ def ran(
         note,
         spoken.library if name in ("brother", "heidenhain") else library,
     )
+    found.clock = lambda: motion.time
     if name == "grbl":
         numbers = tuple(touch.number for touch in made.touches)
         wait = (99.0,) * (len(numbers) + 1)

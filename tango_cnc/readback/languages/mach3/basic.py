@@ -35,6 +35,7 @@ TAKEN = re.compile(  # names that mean something else: no value is given to them
     "code|message|sleep|open|print|close|line|if|then|end|while|wend|exit|sub|stop|or|and|not|true|false"
 )
 REMARK = re.compile(r"'[A-Za-z0-9 .,:()]*")  # nothing that goes on in the next line
+SWITCH = re.compile(r'Code "([A-Z0-9 .]+)"')
 MESSAGE = re.compile(r'Message "TANGO STOPPED\. [A-Z0-9 .]+"')
 BUTTON, LEAVES = "Call DoOEMButton(1003)", "Exit Sub"
 WAIT = ["While IsMoving()", "Sleep 20", "Wend"]
@@ -66,10 +67,11 @@ class Leave:
 
 @dataclass(frozen=True)
 class Stop:
-    """Where the condition holds the program stops with a text, and `variable` says so from then on."""
+    """Where the condition holds: `variable` says so from then on, `word` is carried out, the program stops with a text."""
 
     condition: str
     variable: int
+    word: str = ""
 
 
 @dataclass(frozen=True)
@@ -173,10 +175,16 @@ def _conditional(condition: str, inner: list[str]) -> Step:
         return Leave(condition)
     if len(inner) == 1:
         return _given(inner[0], condition)
-    sets = SETS.fullmatch(inner[0]) if len(inner) == 4 else None
-    if sets and sets[2] == "1" and MESSAGE.fullmatch(inner[1]) and inner[2:] == [BUTTON, LEAVES]:
-        return Stop(condition, int(sets[1]))
-    raise InputError("allowed in an If: Exit Sub, one value, or a stop (SetVar of 1, Message, DoOEMButton, Exit Sub), then End If")
+    sets = SETS.fullmatch(inner[0]) if inner else None
+    switch = SWITCH.fullmatch(inner[1]) if len(inner) == 8 and inner[2:5] == WAIT else None
+    rest = inner[5:] if switch else inner[1:]
+    if sets and sets[2] == "1" and len(rest) == 3 and MESSAGE.fullmatch(rest[0]) and rest[1:] == [BUTTON, LEAVES]:
+        return Stop(condition, int(sets[1]), switch[1] if switch else "")
+
+    raise InputError(
+        "allowed in an If: Exit Sub, one value, or a stop (SetVar of 1, Code with the word that switches the probe off, While "
+        "IsMoving, Message, DoOEMButton, Exit Sub), then End If"
+    )
 
 
 def _given(line: str, condition: str = "") -> Given:

@@ -47,8 +47,11 @@ def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[st
 LANGUAGE = Language(reads, rehearse, COMPANIONS)
 
 
-def _macros(companions: Companions) -> dict[int, list[tuple[int, basic.Step]]]:
-    """{file name: lines} → {M code: steps}. Raises InputError for a macro that would not refuse after a stop."""
+def _macros(companions: Companions, off: str) -> dict[int, list[tuple[int, basic.Step]]]:
+    """{file name: lines}, the word that switches the probe off → {M code: steps}.
+
+    Raises InputError for a macro that would not refuse after a stop, or that leaves the probe on.
+    """
     found: dict[int, list[tuple[int, basic.Step]]] = {}
     if not companions:
         raise InputError("its macros are missing, m880.m1s to m886.m1s")
@@ -57,6 +60,9 @@ def _macros(companions: Companions) -> dict[int, list[tuple[int, basic.Step]]]:
             found[int(name[1:4])] = basic.steps(lines)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
+    for code, steps in found.items():
+        if left := [step for _, step in steps if isinstance(step, basic.Stop) and step.word != off]:
+            raise InputError(f"m{code}.m1s: a stop says {left[0].word!r} before; allowed: probe_off of the profile, {off!r}")
     stops = {step.variable for steps in found.values() for _, step in steps if isinstance(step, basic.Stop)}
     if len(stops) != 1 or stops - KEPT or stops & STATED:
         said = ", ".join(f"#{number}" for number in sorted(stops)) or "nothing"
@@ -89,7 +95,7 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
-        self._macros = _macros(companions)
+        self._macros = _macros(companions, str(options.get("probe_off", "")))
         self._machine = Rehearsal(plan, options, self._read, latches=True, astray=_astray)
         self._machine.base.hit = False
         self._options, self._words = options, stated_words(options)
