@@ -64,7 +64,7 @@ def begin(job: Job) -> Iterator[str]:
         "MACHINE COORDINATES. FOR ANOTHER SENDER WORK OFFSET G92 AND TOOL LENGTH HAVE TO BE ZERO",
     )
     if job.options["probe_on"] or job.options["probe_off"]:
-        yield "(TANGO RUN DOES NOT SEND THE WORDS OF PROBE_ON AND PROBE_OFF. SWITCH THE PROBE BY HAND)"
+        yield "(TANGO RUN DOES NOT SEND THE WORDS THAT SWITCH THE PROBE. SWITCH IT BY HAND)"
     for key in ("unclamp", "clamp"):  # the driver has these words from here: what was read and checked is what is sent
         yield from (f"({key.upper()} {name} {word})" for name, word in job.options[key].items())
     yield RESET

@@ -50,7 +50,7 @@ def test_where_an_alarm_ends_everything_the_header_names_the_words(name: str) ->
 
 def test_every_dialect_is_one_or_the_other() -> None:
     assert {*TIDY, *ALARMED, "grbl"} == set(EVERY)
-    assert "SWITCH THE PROBE BY HAND" in "\n".join(lines_of("grbl")[:25])
+    assert "SWITCH IT BY HAND" in "\n".join(lines_of("grbl")[:25])
 
 
 def of_panel(**panel: float | bool) -> Motion:
