@@ -58,8 +58,9 @@ def read_limits(file: Path, known: Sequence[str]) -> dict[str, Limits]:
         if isinstance(plain, list):
             ends = [default if item is None else item for item, default in zip(plain, (-math.inf, math.inf), strict=False)]
             numeric = len(plain) == 2 and all(isinstance(e, (int, float)) and not isinstance(e, bool) for e in ends)
-            if not numeric or not float(ends[0]) < float(ends[1]):
-                raise child.wrong("[low, high] with low below high; null for no limit on that side", str(plain))
+            none_at_all = numeric and not math.isfinite(float(ends[0])) and not math.isfinite(float(ends[1]))
+            if not numeric or none_at_all or not float(ends[0]) < float(ends[1]):
+                raise child.wrong("[low, high] with low below high; null for no limit on one side", str(plain))
             result[name] = Limits(float(ends[0]), float(ends[1]))
         else:
             size = child.number(above=0)

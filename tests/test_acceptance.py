@@ -1,38 +1,63 @@
-"""The page that a person signs: decisions, what stops them, and what ISO/IEC 17025 asks for."""
+"""The page that a person signs: decisions, what stops them, what contradicts the cell, and what ISO/IEC 17025 asks for."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
-from tango_cnc.acceptance import Order, made, page, read_order
-from tango_cnc.acceptance.sheet import PEOPLE
+from tango_cnc.acceptance import Order, Signed, Source, made, page, read_order
+from tango_cnc.acceptance.order import CONDITIONS, PEOPLE
+from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
-from tango_cnc.iso230.signed import OnPart, Sheet
+from tango_cnc.iso230.signed import Budget, OnPart, Sheet
+from tango_cnc.iso230.temperature import USUAL, Known, Thermal
 from tango_cnc.iso230.trajectory import Reference
 from tango_cnc.judgement import Judgement
 from tango_cnc.records import InputError
 from tango_cnc.report.pdf import available, compiled, quoted
 
-MACHINE = read_cell(Path(__file__).parents[1] / "examples" / "hu40t").machine
-GOOD = Judgement("trustworthy")
-CERTIFICATE = dict.fromkeys(("of", "number", "date", "value", "uncertainty", "issued_by"), "x")
-CONDITIONS = {"machine_temperature": "20 °C", "table_temperature": "20 °C", "air_temperature": "20 °C", "warm_up": "2 h"}
-ORDER = Order({"straightness EXZ": 10.0}, dict.fromkeys(PEOPLE, "x"), CONDITIONS, (CERTIFICATE,), remarks="none")
+CELL = read_cell(Path(__file__).parents[1] / "examples" / "hu40t")
+TODAY = date(2026, 11, 23)
+GOOD, MEASURED = Judgement("trustworthy"), Source("", text="readings.csv, measured")
+STATED = 0.0007  # mm, what the budget allows a touch to scatter
+BAR = {
+    **{"of": "scale bar", "number": "C-123", "date": "2026-01-10", "value": "304.6686 mm", "uncertainty": "1.0 µm", "k": 2},
+    **{"issued_by": "NN"},
+}
+WRITTEN: dict[str, Any] = {
+    "limits": {"straightness EXZ": 10},
+    **dict.fromkeys(PEOPLE, "none"),
+    "performed": "2026-11-23",
+    "remarks": "none",
+    "conditions": dict.fromkeys(CONDITIONS, "20 °C") | {"warm_up": "2 h"},
+    "certificates": [BAR],
+}
 
 
-def sheet(value: float | None, half: float = 1.96, sigma: float = 0.0007) -> Sheet:
-    """One straightness with standard uncertainty half / 1.96."""
+def order(folder: Path, **changed: Any) -> Order:
+    """acceptance.yaml with every key, some of them changed."""
+    file = folder / "acceptance.yaml"
+    file.write_text(yaml.safe_dump(WRITTEN | changed, allow_unicode=True), encoding="utf-8")
+    return read_order(file, TODAY)
+
+
+def sheet(value: float | None, half: float = 1.96, sigma: float = STATED) -> Sheet:
+    """One straightness with standard uncertainty half / 1.96 and a budget."""
     interval = None if value is None else (value - half, value + half)
     text = "" if value is not None else "EXZ cannot be told from EBZ"
     figure = OnPart("straightness", "EXZ", "µm", value, interval, (0.0, 100.0), "", text=text)
-    return Sheet((figure,), Reference({}, 300.0, (0.0, 0.0, 0.0)), sigma, 1e6)
+    at, budget = Reference({}, 300.0, (0.0, 0.0, 0.0)), Budget((), (), ("drift",), ("drift",))
+    return Sheet((figure,), at, sigma, 1e6, budget=budget, expected=STATED)
 
 
-def verdict(value: float | None, **changed: float) -> str:
-    return made(ORDER, sheet(value, **changed), GOOD, MACHINE, (), "1", "2026-01-01").rows[0].verdict
+def signed(folder: Path, shown: Sheet, judgement: Judgement = GOOD, source: Source = MEASURED, **changed: Any) -> Signed:
+    return made(order(folder, **changed), shown, judgement, CELL, source, (), (), "1", TODAY)
 
 
 @pytest.mark.parametrize(
@@ -46,44 +71,155 @@ def verdict(value: float | None, **changed: float) -> str:
         (None, "not stated"),
     ],
 )
-def test_the_guard_band_is_1_65_standard_uncertainties(value: float | None, expected: str) -> None:
-    assert verdict(value) == expected
+def test_the_guard_band_is_1_65_standard_uncertainties(tmp_path: Path, value: float | None, expected: str) -> None:
+    assert signed(tmp_path, sheet(value)).rows[0].verdict == expected
 
 
-def test_nothing_conforms_where_the_touches_scatter_more_than_was_stated() -> None:
-    assert verdict(1.0, sigma=MACHINE.probe.repeatability) == "conforms"
-    assert verdict(1.0, sigma=1.1 * MACHINE.probe.repeatability) == "not stated"
-
-
-def test_nothing_conforms_on_a_doubtful_result() -> None:
-    doubtful = replace(GOOD, verdict="doubtful", reasons=("why",))
-    found = made(ORDER, sheet(1.0), doubtful, MACHINE, (), "1", "2026-01-01")
+def test_nothing_conforms_where_the_touches_scatter_more_than_the_budget_allows_for(tmp_path: Path) -> None:
+    assert signed(tmp_path, sheet(1.0)).conforms
+    found = signed(tmp_path, sheet(1.0, sigma=1.1 * STATED))
     assert not found.conforms
-    assert "why" in found.stands
+    assert "scatter" in found.stands
 
 
-def test_every_clause_that_nothing_answers_is_named() -> None:
-    assert not made(ORDER, sheet(1.0), GOOD, MACHINE, (), "1", "2026-01-01").missing
-    bare = Order(ORDER.limits, {}, {}, ())
-    missing = " ".join(made(bare, sheet(1.0), GOOD, MACHINE, (), "1", "2026-01-01").missing)
-    for clause in ("laboratory", "customer", "authorised", "conditions", "traceability", "method"):
+@pytest.mark.parametrize(
+    ("shown", "judgement", "source", "words"),
+    [
+        (sheet(1.0), replace(GOOD, verdict="doubtful", reasons=("why",)), MEASURED, "why"),
+        (sheet(1.0), GOOD, Source("origin unknown: nothing beside readings.csv"), "origin unknown"),
+        (sheet(1.0), GOOD, Source("readings of the simulated machine"), "simulated"),
+        (replace(sheet(1.0), budget=None, expected=None), GOOD, MEASURED, "uncertainty.yaml"),
+    ],
+)
+def test_nothing_conforms_and_the_page_says_why(
+    tmp_path: Path, shown: Sheet, judgement: Judgement, source: Source, words: str
+) -> None:
+    found = signed(tmp_path, shown, judgement, source)
+    assert not found.conforms
+    assert {row.verdict for row in found.rows} == {"not stated"}
+    assert words in found.stands
+    assert words in page.typst(found, repr)
+
+
+def test_nothing_conforms_by_a_budget_that_leaves_out_what_every_machine_has(tmp_path: Path) -> None:
+    found = made(order(tmp_path), sheet(1.0), GOOD, CELL, MEASURED, ("lobing",), (), "1", TODAY)
+    assert not found.conforms
+    assert "lobing" in found.stands
+
+
+def test_every_clause_that_nothing_answers_is_named(tmp_path: Path) -> None:
+    assert not signed(tmp_path, sheet(1.0)).missing
+    bare = tmp_path / "bare.yaml"
+    bare.write_text("limits: {straightness EXZ: 10}\n", encoding="utf-8")
+    missing = " ".join(made(read_order(bare, TODAY), sheet(1.0), GOOD, CELL, MEASURED, (), (), "1", TODAY).missing)
+    for clause in ("laboratory", "contact", "authorised", "conditions", "traceability", "method", "performed", "external"):
+        assert clause in missing
+    for clause in ("specification", "7.8.8", "adjustment", "supplied by the customer"):
         assert clause in missing
 
 
-def test_a_limit_on_a_figure_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(InputError, match="allowed: straightness EXZ"):
-        made(replace(ORDER, limits={"straightness EXQ": 1.0}), sheet(1.0), GOOD, MACHINE, (), "1", "2026-01-01")
+@pytest.mark.parametrize("key", ["signed_by", "contact", "specification", "adjustment", "replaces"])
+@pytest.mark.parametrize("blank", ["   ", "-", "…", None])
+def test_a_dash_is_nobody(tmp_path: Path, key: str, blank: str | None) -> None:
+    assert signed(tmp_path, sheet(1.0), **{key: blank}).missing
 
 
-def test_a_wrong_key_names_its_line(tmp_path: Path) -> None:
-    file = tmp_path / "acceptance.yaml"
-    file.write_text("limits: {straightness EXZ: 10}\nlaboratry: x\n", encoding="utf-8")
-    with pytest.raises(InputError, match="laboratry"):
-        read_order(file)
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"value": "250.0000 mm"}, "304.6686 mm"),
+        ({"value": "304.6686"}, "unit"),
+        ({"uncertainty": "500 µm"}, "100 µm"),
+        ({"uncertainty": "3 µm"}, "0.5 µm"),
+        ({"k": 1}, "0.5 µm"),
+        ({"of": "voltmeter"}, "scale bar, calibrated facets"),
+        ({"of": "calibrated facets"}, "no facet"),
+        ({"of": "tip"}, "twice tip_radius"),
+        ({"date": "2031-01-10"}, "not to come"),
+        ({"date": "yesterday"}, "2026-01-10"),
+        ({"issued_by": " "}, "a text"),
+    ],
+)
+def test_a_certificate_that_is_not_that_of_the_fit_is_refused(tmp_path: Path, changed: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        signed(tmp_path, sheet(1.0), certificates=[BAR | changed])
+
+
+def test_a_certificate_without_its_coverage_factor_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'k'"):
+        order(tmp_path, certificates=[{key: value for key, value in BAR.items() if key != "k"}])
+
+
+@pytest.mark.parametrize(
+    ("certificate", "words"),
+    [
+        (BAR | {"date": "1998-01-10"}, "1998"),
+        (BAR | {"valid_until": "2026-11-22"}, "valid until"),
+        ({"of": "CMM", "number": "M-1", "date": "2026-01-10", "uncertainty": "1 µm", "k": 2, "issued_by": "NN"}, "scale bar"),
+    ],
+)
+def test_a_certificate_that_is_old_or_of_something_else_traces_nothing(
+    tmp_path: Path, certificate: dict[str, Any], words: str
+) -> None:
+    found = signed(tmp_path, sheet(1.0), certificates=[certificate])
+    assert found.missing == ("7.8.4.1 c) traceability",)
+    assert words in found.lacks["7.8.4.1 c) traceability"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"performed": "sometime"}, "a date"),
+        ({"performed": "2031-01-01"}, "not to come"),
+        ({"performed": "1999-01-01"}, "2026-11-22"),
+        ({"laboratory": {"a": 1}}, "a text"),
+        ({"conditions": {"machine_temperature": "warm"}}, "temperature"),
+        ({"conditions": {"machine_temperature": "68 °F"}}, "temperature"),
+        ({"limits": {"straightness EXZ": 0.01}}, "is written 10"),
+        ({"limits": {"straightness EXZ": 1e9}}, "every machine"),
+        ({"limits": {"straightness EXQ": 1.0}}, "allowed: straightness EXZ"),
+        ({"laboratry": "x"}, "laboratry"),
+    ],
+)
+def test_what_no_measurement_can_be_is_refused(tmp_path: Path, changed: dict[str, Any], words: str) -> None:
+    ran = Source("", (date(2026, 11, 22), date(2026, 11, 22)))
+    with pytest.raises(InputError, match=words):
+        signed(tmp_path, sheet(1.0), source=ran, **changed)
+
+
+@pytest.mark.parametrize(("machine", "bar"), [(35.0, 20.0), (20.0, 35.0)])
+def test_conditions_on_the_page_are_those_of_temperature_yaml(tmp_path: Path, machine: float, bar: float) -> None:
+    warm = Thermal(Known(bar, 0.1), Known(machine, 0.3), USUAL, USUAL)
+    with pytest.raises(InputError, match=r"temperature\.yaml says 35 °C"):
+        signed(tmp_path, replace(sheet(1.0), thermal=warm))
+    fine = signed(tmp_path, replace(sheet(1.0), thermal=Thermal(Known(20.5, 0.1), Known(20.2, 0.3), USUAL, USUAL)))
+    assert "bar 20.5 ± 0.1 °C, 11.5 ± 2 µm/m/K" in fine.checklist["7.8.4.1 b) conditions"]
+
+
+@pytest.mark.long
+def test_simulated_readings_under_another_name_conform_to_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = tmp_path / "cell"
+
+    def call(*arguments: object) -> int:
+        return guarded(tango.main, [str(a) for a in arguments], prog_name="tango", standalone_mode=False)
+
+    assert call("init", cell) == 0
+    assert call("simulate", "-C", cell) == 0
+    (cell / "simulated.csv").rename(cell / "readings.csv")
+    changed = {"limits": {"straightness EXZ": 100}, "performed": date.today().isoformat()}
+    certificate = BAR | {"date": "2024-01-10", "valid_until": "2100-01-01"}
+    (cell / "acceptance.yaml").write_text(yaml.safe_dump(WRITTEN | changed | {"certificates": [certificate]}), encoding="utf-8")
+    capsys.readouterr()
+    assert call("accept", "-C", cell, "--json", "-") == 1
+    data = json.loads(capsys.readouterr().out)
+    assert "origin unknown" in data["stands"]
+    assert {f["verdict"] for f in data["figures"]} == {"not stated"}
+    (cell / "simulated.origin.json").rename(cell / "readings.origin.json")
+    assert call("accept", "-C", cell, "--json", "-") == 1
+    assert "simulated" in json.loads(capsys.readouterr().out)["stands"]
 
 
 @pytest.mark.skipif(not available(), reason="typst is not installed")
-def test_names_that_look_like_markup_stay_text() -> None:
-    hostile = replace(ORDER, people=ORDER.people | {"customer": '#panic("no") $ " \\ *'})
-    found = made(hostile, sheet(1.0), GOOD, MACHINE, (), "1", "2026-01-01")
+def test_names_that_look_like_markup_stay_text(tmp_path: Path) -> None:
+    found = signed(tmp_path, sheet(1.0), customer='#panic("no") $ " \\ *')
     assert compiled(page.typst(found, quoted)).startswith(b"%PDF")

@@ -122,3 +122,24 @@ def test_every_command_has_its_place_in_the_list_and_says_what_it_is_for(capsys:
         found = PLACE.search(text)
         assert found and found[1] in commands.GROUPS, f'{file.name}: state PLACE = "GROUP 50" with one of {commands.GROUPS}'
         assert re.search(rf"^  {name}\b", shown, re.MULTILINE), f"{name} is missing in tango --help"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("iso230", "--tool-length", "nan"),
+        ("iso230", "--tool-length", "inf"),
+        ("predict", "--test", "laser-X", "--tool-length", "nan"),
+        ("predict", "--test", "laser-X", "--tool-length", "-1"),
+        ("predict", "--test", "circle-XY", "--radius", "nan"),
+        ("predict", "--test", "laser-X", "--instrument-um", "nan"),
+        ("uncertainty", "--factor", "nan"),
+        ("uncertainty", "--factor", "-2"),
+        ("verify", "--limit-um", "inf"),
+    ],
+)
+def test_what_is_no_number_is_refused_before_anything_is_computed(
+    cell: Path, arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(arguments[0], "-C", cell, *arguments[1:]) == 2
+    assert arguments[-2] in capsys.readouterr().err

@@ -63,6 +63,7 @@ def test_nothing_decided_is_not_conformity() -> None:
         ("limits: {EX0D: 0.1}", "Did you mean 'EX0C'"),
         ("limits: {EX0C: [0.1, -0.1]}", "low below high"),
         ("limits: {EX0C: [1, 2, 3]}", "low below high"),
+        ("limits: {EX0C: [null, null]}", "on one side"),
         ("limits: {EX0C: -0.1}", "greater than 0"),
         ("limits: {}", "at least one name"),
     ],

@@ -38,7 +38,8 @@ def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
         data = json.loads(
             runner.invoke(tango, ["iso230", "-C", str(cell), "--readings", str(cell / "simulated.csv"), "--json", "-"]).stdout
         )
-        return data["temperature"], {f"{f['kind']} {f['name']}": f for f in data["figures"]}
+        fitted = {f"fitted {f['kind']} {f['name']}": f for f in data["fitted"]}
+        return data["temperature"], {f"{f['kind']} {f['name']}": f for f in data["figures"]} | fitted
 
     state, before = told()
     assert state == "not stated"
@@ -46,6 +47,35 @@ def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
     state, after = told()
     assert state == "20 °C"
     one, two = before["positioning gain EXX"]["value"], after["positioning gain EXX"]["value"]
-    assert isinstance(one, float) and isinstance(two, float)
+    alone, shifted = (told["fitted positioning gain EXX"]["value"] for told in (before, after))
+    assert isinstance(one, float) and isinstance(two, float) and isinstance(alone, float) and isinstance(shifted, float)
     assert two - one == pytest.approx(34.5, abs=0.01)
+    assert shifted - alone == pytest.approx(34.5, abs=0.01), "fitted gains are at the same temperature as the others"
     assert before["straightness EXZ"] == after["straightness EXZ"]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("bar_expansion: [11.5e-6, 0.5]", "1.15e-05/K is written 11.5"),
+        ("bar_expansion: [11.5, 0.5e-6]", "0.02 µm/m/K"),
+        ("machine_expansion: [0, 0]", "0.02 µm/m/K"),
+        ("machine_expansion: [1000, 1]", "at most 40"),
+        ("machine: [20, 0]", "0.005 K"),
+        ("machine: [293.15, 0.1]", "at most 80"),
+        ("machine: [.nan, 0.1]", "finite"),
+        ("table: [20, 0.1]", "table_expansion, cmm"),
+    ],
+)
+def test_expansions_and_uncertainties_that_nothing_has_are_refused(tmp_path: Path, line: str, words: str) -> None:
+    file = tmp_path / "temperature.yaml"
+    given = {"bar": "[23, 0.1]", "machine": "[20, 0.1]"} | {line.split(":")[0]: line.split(": ")[1]}
+    file.write_text("".join(f"{key}: {value}\n" for key, value in given.items()), encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        read_thermal(file)
+
+
+def test_a_glass_ceramic_does_not_expand(tmp_path: Path) -> None:
+    file = tmp_path / "temperature.yaml"
+    file.write_text("bar: [23, 0.1]\nmachine: [20, 0.1]\nbar_expansion: [0, 0.05]\n", encoding="utf-8")
+    assert scale(read_thermal(file), at_reference=False).value == 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from .order import Certificate
 from .sheet import Row, Signed
 
 
@@ -17,31 +18,42 @@ def as_json(found: Signed) -> dict[str, Any]:
         "figures": [
             {
                 **{"name": r.name, "value": r.value, "U": r.expanded, "guard_band": r.guard, "limit": r.limit, "unit": r.unit},
-                **{"verdict": r.verdict, "why": r.why},
+                **{"interval": None if r.interval is None else list(r.interval), "verdict": r.verdict, "why": r.why},
             }
             for r in found.rows
         ],
         "iso_17025_7_8": dict(found.checklist),
         "missing": list(found.missing),
-        "certificates": [dict(c) for c in found.order.certificates],
+        "lacks": dict(found.lacks),
+        "certificates": [_certificate(c) for c in found.order.certificates],
         "conditions": dict(found.order.conditions),
     }
 
 
+def _certificate(c: Certificate) -> dict[str, Any]:
+    until = None if c.valid_until is None else c.valid_until.isoformat()
+    return {
+        **{"of": c.of, "number": c.number, "date": c.issued.isoformat(), "valid_until": until, "value": c.value or None},
+        **{"uncertainty": c.uncertainty, "k": c.k, "issued_by": c.issued_by},
+    }
+
+
 def cells(row: Row) -> list[str]:
-    """figure → cells: name, value, U, guard band, limit, unit, verdict."""
-    numbers = [f"{x:.2f}" if x is not None else "–" for x in (row.value, row.expanded, row.guard)]
-    return [row.name, *numbers, f"{row.limit:g}", row.unit, row.verdict]
+    """figure → cells: name, value, 95 % interval, U, guard band, limit, unit, verdict."""
+    value, expanded, guard = (f"{x:.2f}" if x is not None else "–" for x in (row.value, row.expanded, row.guard))
+    between = "–" if row.interval is None else f"{row.interval[0]:.2f} … {row.interval[1]:.2f}"
+    return [row.name, value, between, expanded, guard, f"{row.limit:g}", row.unit, row.verdict]
 
 
-HEAD = ["figure", "value", "U (k = 2)", "guard band", "limit", "", "verdict"]
+HEAD = ["figure", "value", "95 % interval", "U (k = 2)", "guard band", "limit", "", "verdict"]
 
 
 def typst(found: Signed, quoted: Callable[[object], str]) -> str:
     """sheet, what makes a string literal of typst → source of one page."""
     overall = "All figures conform." if found.conforms else "Not all figures conform."
     body = ", ".join(f"text({quoted(c)})" for row in [HEAD, *(cells(r) for r in found.rows)] for c in row)
-    answers = ", ".join(f"text({quoted(x)})" for clause, a in found.checklist.items() for x in (clause, a or "missing"))
+    missing = {clause: f"missing: {found.lacks[clause]}" if clause in found.lacks else "missing" for clause in found.missing}
+    answers = ", ".join(f"text({quoted(x)})" for clause, a in found.checklist.items() for x in (clause, a or missing[clause]))
     why = "".join(f"#text({quoted(f'{r.name}: {r.why}')}) \\\n" for r in found.rows if r.why and not found.stands)
     person = found.checklist["7.8.2.1 o) authorised by"]
     number = found.order.people.get("number", "")
@@ -51,9 +63,9 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
 #set par(leading: 0.45em)
 #text(15pt, weight: "bold", {quoted(f"Acceptance sheet {number}")})
 
-#text(10pt, weight: "bold", {quoted(overall)}) #text({quoted(found.stands)})
+#text(10pt, weight: "bold", {quoted(overall)}) #text({quoted(f"No interval stands: {found.stands}" if found.stands else "")})
 
-#table(columns: (1fr, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt, {body})
+#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt, {body})
 {why}
 #table(columns: (38mm, 1fr), inset: 2.5pt, stroke: 0.3pt, {answers})
 

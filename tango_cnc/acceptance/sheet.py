@@ -1,45 +1,39 @@
-"""acceptance.yaml and figures → decisions with a guard band, and the clauses of ISO/IEC 17025:2017, 7.8 that the page answers.
+"""Order and figures → decisions with a guard band, and the page as records.
 
 A figure conforms when value and guard band lie inside the limit, and does not when they lie outside it (ISO 14253-1:2017; 95 %
-for one limit and a normal distribution: g = 1.65 u). Between both nothing is stated. Where the touches scatter more than the
-cell states, or the estimate is not trustworthy, no interval stands and nothing conforms.
+for one limit and a normal distribution: g = 1.65 u). Between both nothing is stated. No interval stands, and nothing conforms,
+where no machine is known to have been measured, where the estimate is not trustworthy, where there is no budget or it does not
+name what every machine has, or where the touches scatter more than the budget allows for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from datetime import date
 
 from scipy import special, stats
 
-from ..files.checked import load
 from ..iso230.signed import OnPart, Sheet
 from ..judgement import Judgement
-from ..records import InputError, Machine
+from ..records import Cell, InputError
+from .clauses import checklist
+from .fitting import contradictions, untraced
+from .order import Order
 
 GUARD = 1.65
 EXPANDED = 2.0
 SURPRISE = 0.01
-PEOPLE = ("laboratory", "address", "location", "customer", "number", "item", "performed", "method", "signed_by", "role")
-CONDITIONS = ("machine_temperature", "table_temperature", "air_temperature", "warm_up")
-CERTIFICATE = ("of", "number", "date", "value", "uncertainty", "issued_by")
-RULE = (
-    "ISO 14253-1:2017: a figure conforms when it lies inside its limit by the guard band g = 1.65 u or more (95 %), does not "
-    "conform when it lies outside by g or more, and is undecided between"
-)
 
 
 @dataclass(frozen=True)
-class Order:
-    """acceptance.yaml: limits by figure (µm, µrad, µm/m), who and where, conditions, certificates."""
+class Source:
+    """Where the readings come from: `doubt` is empty where a run measured a machine; days on which it did; touches left out."""
 
-    limits: Mapping[str, float]
-    people: Mapping[str, str]
-    conditions: Mapping[str, str]
-    certificates: tuple[Mapping[str, str], ...]
-    tool_length: float | None = None
-    remarks: str = ""
+    doubt: str
+    ran: tuple[date, date] | None = None
+    text: str = ""
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -54,6 +48,7 @@ class Row:
     unit: str
     verdict: str
     why: str = ""
+    interval: tuple[float, float] | None = None  # 95 %; that of a range ends at 0
 
 
 @dataclass(frozen=True)
@@ -64,6 +59,7 @@ class Signed:
     rows: tuple[Row, ...]
     stands: str  # empty, or why no interval stands
     checklist: Mapping[str, str]  # clause of ISO/IEC 17025:2017 → what answers it; empty where nothing does
+    lacks: Mapping[str, str]  # clause → what it lacks, in words
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -76,59 +72,50 @@ class Signed:
         return all(row.verdict == "conforms" for row in self.rows)
 
 
-def read_order(file: Path) -> Order:
-    """acceptance.yaml → order. Raises InputError for keys that do not exist and limits that are not above 0."""
-    fields = load(file).fields(["limits"], [*PEOPLE, "conditions", "certificates", "tool_length", "remarks"])
-    limits = {name: child.number(above=0) for name, child in fields["limits"].items()}
-    if not limits:
-        raise fields["limits"].wrong("at least one figure with its limit, such as 'straightness EYX: 10'", "none")
-    people = {name: _said(fields[name].plain()) for name in PEOPLE if name in fields}
-    conditions: dict[str, str] = {}
-    if "conditions" in fields:
-        conditions = {name: _said(child.plain()) for name, child in fields["conditions"].items()}
-    certificates = []
-    for node in fields["certificates"].list() if "certificates" in fields else []:
-        certificates.append({name: _said(child.plain()) for name, child in node.fields(CERTIFICATE).items()})
-    length = fields["tool_length"].number(above=0) if "tool_length" in fields else None
-    return Order(
-        limits, people, conditions, tuple(certificates), length, _said(fields["remarks"].plain()) if "remarks" in fields else ""
-    )
-
-
-def _said(value: object) -> str:
-    return "" if value is None else str(value)
-
-
 def made(
     order: Order,
     sheet: Sheet,
     judgement: Judgement,
-    machine: Machine,
+    cell: Cell,
+    source: Source,
+    absent: Sequence[str],
     files: Sequence[tuple[str, int, str]],
     version: str,
-    day: str,
+    day: date,
 ) -> Signed:
-    """order, figures, judgement, machine, files (name, bytes, SHA-256), version, date of issue → page. Raises InputError for limits
+    """order, figures, judgement, cell, source of the readings, sources that the budget does not name, files (name, bytes, SHA-256),
 
-    on figures that this machine does not have.
+    version, day of issue → page. Raises InputError for limits on figures that this machine does not have, and where order and cell
+    contradict each other.
     """
     known = {f"{f.kind} {f.name}": f for f in sheet.figures}
     unknown = [name for name in order.limits if name not in known]
     if unknown:
         raise InputError(f"acceptance.yaml: limits: found {unknown[0]!r}; allowed: {', '.join(known)}")
-    stands = _stands(sheet, judgement, machine)
+    contradictions(order, cell, sheet.thermal, source.ran)
+    stands = _stands(sheet, judgement, source, absent)
     rows = tuple(_row(name, known[name], limit, sheet, stands) for name, limit in order.limits.items())
-    return Signed(order, rows, stands, _checklist(order, sheet, files, version, day))
+    scales = sheet.thermal is not None and any(r.name.startswith("positioning") for r in rows)
+    lacking = untraced(order, cell, scales, day)
+    lacks = {"7.8.4.1 c) traceability": "; ".join(lacking)} if lacking else {}
+    remarks = (*source.remarks, *judgement.remarks)
+    answers = checklist(order, sheet, not lacking, source.text, remarks, files, version, day.isoformat())
+    return Signed(order, rows, stands, answers, lacks)
 
 
-def _stands(sheet: Sheet, judgement: Judgement, machine: Machine) -> str:
+def _stands(sheet: Sheet, judgement: Judgement, source: Source, absent: Sequence[str]) -> str:
+    if source.doubt:
+        return f"{source.doubt}: nothing says that a machine was measured"
     if judgement.verdict != "trustworthy":
         return f"the result is {judgement.verdict}: {'; '.join(judgement.reasons)}"
-    stated = machine.probe.repeatability
-    most = stated * float(stats.chi2.ppf(1 - SURPRISE, sheet.freedom) / sheet.freedom) ** 0.5
+    if sheet.budget is None or sheet.expected is None:
+        return "there is no uncertainty.yaml, so U has no drift, no lobing, no form: write the budget (docs/uncertainty.md)"
+    if absent:
+        return f"uncertainty.yaml does not name {', '.join(absent)}: write a line of each, with 0 where it was found to be nothing"
+    most = sheet.expected * float(stats.chi2.ppf(1 - SURPRISE, sheet.freedom) / sheet.freedom) ** 0.5
     if sheet.sigma > most:
         return (
-            f"the touches scatter by {sheet.sigma * 1e3:.2f} µm where machine.yaml states {stated * 1e3:.2f} µm; "
+            f"the touches scatter by {sheet.sigma * 1e3:.2f} µm where uncertainty.yaml allows for {sheet.expected * 1e3:.2f} µm; "
             f"up to {most * 1e3:.2f} µm would be no surprise"
         )
     return ""
@@ -147,37 +134,4 @@ def _row(name: str, f: OnPart, limit: float, sheet: Sheet, stands: str) -> Row:
     verdict = "conforms" if size + guard <= limit else "does not conform" if size - guard >= limit else "undecided"
     if stands:
         verdict = "not stated"
-    return Row(name, f.value, EXPANDED * side, guard, limit, f.unit, verdict, stands)
-
-
-def _checklist(order: Order, sheet: Sheet, files: Sequence[tuple[str, int, str]], version: str, day: str) -> dict[str, str]:
-    p, c = order.people, order.conditions
-    certificates = "; ".join(
-        f"{x['of']} {x['number']} ({x['date']}): {x['value']} ± {x['uncertainty']}" for x in order.certificates
-    )
-    conditions = "; ".join(f"{n.replace('_', ' ')} {c[n]}" for n in CONDITIONS) if all(c.get(n) for n in CONDITIONS) else ""
-    return {
-        "7.8.2.1 a) title": "Acceptance sheet",
-        "7.8.2.1 b) laboratory": _both(p, "laboratory", "address"),
-        "7.8.2.1 c) location": p.get("location", ""),
-        "7.8.2.1 d) number and end": p.get("number", ""),
-        "7.8.2.1 e) customer": p.get("customer", ""),
-        "7.8.2.1 f) method": p.get("method", ""),
-        "7.8.2.1 g) item": p.get("item", ""),
-        "7.8.2.1 i) performed": p.get("performed", ""),
-        "7.8.2.1 j) issued": day,
-        "7.8.2.1 l) only this item": "The results relate to the item named here only, as it was when it was measured.",
-        "7.8.2.1 m) results": "the table of figures, in µm, µrad and µm/m",
-        "7.8.2.1 n) additions, deviations": order.remarks,
-        "7.8.2.1 o) authorised by": _both(p, "signed_by", "role"),
-        "7.8.4.1 a) uncertainty": "U = 2 u (k = 2): scatter of touches, every error motion of the axes; in scales the expansions",
-        "7.8.4.1 b) conditions": conditions,
-        "7.8.4.1 c) traceability": certificates,
-        "7.8.6 decision rule": RULE,
-        "other: reference": f"{sheet.reference.text}; scales: temperature {sheet.temperature}",
-        "other: program and data": f"tango_cnc {version}; " + "; ".join(f"{n} {h[:16]}" for n, _, h in files),
-    }
-
-
-def _both(p: Mapping[str, str], one: str, two: str) -> str:
-    return f"{p[one]}, {p[two]}" if p.get(one) and p.get(two) else ""
+    return Row(name, f.value, EXPANDED * side, guard, limit, f.unit, verdict, stands, f.interval)

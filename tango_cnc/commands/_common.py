@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
@@ -53,6 +54,10 @@ def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(call)
     def kept(**given: Any) -> Any:
         options = click.get_current_context().command.params
+        for option in options:
+            value = given.get(option.name) if option.name is not None else None
+            if isinstance(value, float) and not math.isfinite(value):
+                raise InputError(f"{_spelt(option)}: found {value}; allowed: a finite number")
         files = {
             _spelt(o): (o.type, Path(given[o.name]))
             for o in options

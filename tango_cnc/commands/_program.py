@@ -35,7 +35,12 @@ def setup_options(call: Any) -> Any:
             click.option(
                 "--zero", metavar="X=…,Y=…,Z=…", help="Machine coordinates of the program's zero, no tool length in them."
             ),
-            click.option("--tool-length", type=float, metavar="MM", help="Of every tool [default: that of the probe]."),
+            click.option(
+                "--tool-length",
+                type=click.FloatRange(0, min_open=True),
+                metavar="MM",
+                help="Of every tool [default: that of the probe].",
+            ),
             click.option("--tool", "tools", multiple=True, metavar="N=MM", help="Length of tool N; repeatable."),
         ]
     ):

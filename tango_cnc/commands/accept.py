@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from datetime import UTC, datetime
+from collections.abc import Mapping
+from datetime import UTC, date, datetime
 from pathlib import Path
+from typing import Any
 
 import click
 
 from .. import __version__
-from ..acceptance import made, page, read_order
-from ..files import read_cell, read_readings
+from ..acceptance import Source, made, page, read_order
+from ..files import read_cell, read_readings, read_terms
+from ..files.origin import read_origin
 from ..iso230.signed import signed
 from ..records import InputError
 from ..report import pdf
+from ._budget import absent, budget_of
 from ._common import Output, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, said_of_origin, told
 from .iso230 import thermal_of
@@ -26,11 +29,18 @@ PLACE = "Keep 55"  # in the list of commands
 @cell_option
 @click.option("--readings", "file", type=click.Path(path_type=Path), help="Readings file [default: readings.csv in the cell].")
 @click.option("--order", type=click.Path(path_type=Path), help="Limits, people, conditions [default: acceptance.yaml in the cell].")
+@click.option("--terms", help="Instead of the cell's: S1 … S4 or a list; the terms by whose fit the touches are judged.")
 @click.option("--pdf", "pdf_file", type=Output(), metavar="FILE", help="Write the page as PDF (pip install 'tango-cnc[pdf]').")
 @despite_option
 @json_option
 def command(
-    folder: Path, file: Path | None, order: Path | None, pdf_file: Path | None, despite: bool, json_file: str | None
+    folder: Path,
+    file: Path | None,
+    order: Path | None,
+    terms: str | None,
+    pdf_file: Path | None,
+    despite: bool,
+    json_file: str | None,
 ) -> int:
     """Compares ISO figures with limits by the decision rule of ISO 14253-1 and writes one page to be signed.
 
@@ -40,30 +50,55 @@ def command(
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'")
     cell = read_cell(folder)
     asked = order or folder / "acceptance.yaml"
-    wanted = read_order(asked)
+    day = datetime.now(UTC).date()
+    wanted = read_order(asked, day)
     source = file or folder / "readings.csv"
     readings = read_readings(source, cell.machine, cell.artefact)
-    result, judgement = judged(cell, readings, cell.terms, source=source)
-    if "simulated" in (said := said_of_origin(source)):
-        judgement = replace(judgement, verdict="doubtful", reasons=(*judgement.reasons, f"{said}: no machine was measured"))
-    now = datetime.now(UTC)
-    origin = paper(folder, source, "", "", asked)
+    result, judgement = judged(cell, readings, cell.terms if terms is None else read_terms(terms, folder), source=source)
+    origin = paper(folder, source, "", "", asked, folder / "temperature.yaml")
+    budget = budget_of(folder, result)
     found = made(
         wanted,
-        signed(result, wanted.tool_length, thermal_of(folder)),
+        signed(result, wanted.tool_length, thermal_of(folder), budget=budget),
         judgement,
-        cell.machine,
+        cell,
+        _source(source, origin.simulated, readings.status),
+        () if budget is None else absent(budget.named),
         origin.files,
         __version__,
-        now.date().isoformat(),
+        day,
     )
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.compiled(page.typst(found, pdf.quoted)))
     if not write_json(json_file, page.as_json(found) | members(judgement)):
-        lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<>>>><<")]
+        lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<>>>>><<")]
         lines += [f"no interval stands: {found.stands}"] if found.stands else []
         lines += [f"{r.name}: {r.why}" for r in found.rows if r.why and not found.stands]
-        lines += [f"missing for ISO/IEC 17025: {clause}" for clause in found.missing]
+        if judgement.verdict == "doubtful" and found.stands and "S4" not in (terms or "".join(map(str, cell.terms))):
+            lines.append(
+                "the figures come from a fit with every error motion; --terms S4 judges the touches by a fit that has them, too"
+            )
+        lines += [f"missing for ISO/IEC 17025: {c}" + (f": {found.lacks[c]}" if c in found.lacks else "") for c in found.missing]
         lines.append("every figure conforms" if found.conforms else "not every figure conforms")
         click.echo("\n".join(lines))
     return int(not found.conforms or bool(found.missing))
+
+
+def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:
+    """readings.csv, whether a simulated control made them, status of every touch → where they come from."""
+    known: Mapping[str, Any] = read_origin(readings) or {}
+    run = known.get("run", {})
+    doubt = said_of_origin(readings) or ("readings of the simulated machine" if simulated else "")
+    days = [found for key in ("start_utc", "end_utc") if (found := _day(run.get(key))) is not None]
+    text = f"{readings.name}, {known.get('origin', 'of unknown origin')}"
+    text += "".join(f"; {key.replace('_', ' ')} {run[key]}" for key in ("start_utc", "end_utc", "program_hash") if run.get(key))
+    left = sum(s != "ok" for s in status)
+    remarks = (f"{left} of {len(status)} touches made no contact where they should and take no part",) if left else ()
+    return Source(doubt, (days[0], days[-1]) if days else None, text, remarks)
+
+
+def _day(text: object) -> date | None:
+    try:
+        return datetime.fromisoformat(str(text)).date()
+    except ValueError:
+        return None

@@ -13,7 +13,8 @@ from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..iso230.signed import WORTH, Sheet, signed
-from ..iso230.temperature import Thermal, read_thermal
+from ..iso230.temperature import Known, Thermal, read_thermal, scale
+from ._budget import absent, budget_of
 from ._common import cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, status, told
 
@@ -54,12 +55,15 @@ def command(
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
     result, judgement = judged(cell, readings, cell.terms if terms is None else read_terms(terms), degree, source=source)
+    thermal = thermal_of(folder)
+    longer, state = (None, "not stated") if thermal is None else (scale(thermal, not as_found), "as found" if as_found else "20 °C")
     if fitted:
-        if not write_json(json_file, {"format": "tango-iso230/1", **members(judgement), "fitted": _fitted_json(result)}):
-            click.echo("\n".join([*told(judgement), _fitted_text(result)]))
+        alone = {"temperature": state, "fitted": _fitted_json(result, longer)}
+        if not write_json(json_file, {"format": "tango-iso230/1", **members(judgement), **alone}):
+            click.echo("\n".join([*told(judgement), f"temperature of scales: {state}", _fitted_text(result, longer)]))
         return status(judgement, despite)
-    sheet = signed(result, tool_length, thermal_of(folder), not as_found)
-    if not write_json(json_file, sheet_json(sheet) | members(judgement) | {"fitted": _fitted_json(result)}):
+    sheet = signed(result, tool_length, thermal, not as_found, budget_of(folder, result))
+    if not write_json(json_file, sheet_json(sheet) | members(judgement) | {"fitted": _fitted_json(result, longer)}):
         click.echo("\n".join([*told(judgement), *sheet_text(sheet)]))
     return status(judgement, despite)
 
@@ -81,6 +85,8 @@ def sheet_json(sheet: Sheet) -> dict[str, Any]:
             "functional_point_mm": list(at.point),
         },
         "temperature": sheet.temperature,
+        "temperatures": None if sheet.thermal is None else sheet.thermal.text,
+        "budget": None if sheet.budget is None else list(sheet.budget.named),
         "order": {"degree": sheet.order[0], "harmonics": sheet.order[1]},
         "orders": [{"degree": d, "harmonics": h, "weight": worth} for (d, h), worth in sheet.orders],
         "touch_std_um": sheet.sigma * 1e3,
@@ -119,12 +125,24 @@ def sheet_text(sheet: Sheet) -> list[str]:
         lines[1] += (
             " (write temperature.yaml for 20 °C); positioning holds for a bar and a machine as warm as each other, and alike"
         )
+    if sheet.thermal is not None:
+        lines[1] += f" ({sheet.thermal.text})"
+    if sheet.budget is None:
+        lines.append(
+            "intervals: scatter of the touches and all error motions; without uncertainty.yaml they have no drift, no lobing …"
+        )
+    else:
+        also, not_in = ", ".join(sheet.budget.beside) or "nothing more", ", ".join(absent(sheet.budget.named))
+        lines.append(
+            f"intervals: scatter of the touches and all error motions; of uncertainty.yaml: {also}"
+            + (f"; it does not name {not_in}" if not_in else "")
+        )
     lines.append(f"{used}, or more where the intervals say so; what each order is worth to these touches: {tried}")
     lines.append(table(rows, "<<>><>><") if len(rows) > 1 else "these touches decide no figure")
     return lines + [f"withheld: {text}" for text in sheet.not_identifiable]
 
 
-def _fitted_json(result: Estimate) -> list[dict[str, Any]]:
+def _fitted_json(result: Estimate, longer: Known | None) -> list[dict[str, Any]]:
     return [
         {
             "kind": f.kind,
@@ -135,13 +153,13 @@ def _fitted_json(result: Estimate) -> list[dict[str, Any]]:
             "range": None if f.range is None else list(f.range),
             "note": f.note,
         }
-        for f in iso230.figures(result)
+        for f in iso230.figures(result, expansion=longer)
     ]
 
 
-def _fitted_text(result: Estimate) -> str:
+def _fitted_text(result: Estimate, longer: Known | None) -> str:
     rows = [["figure", "", "value", "std", "", "″", "over mm or °", ""]]
-    for f in iso230.figures(result):
+    for f in iso230.figures(result, expansion=longer):
         over = "" if f.range is None else f"{f.range[0]:.0f} … {f.range[1]:.0f}"
         second = "" if f.arcseconds is None else f"{f.arcseconds:.2f}"
         rows.append([f.kind, f.name, f"{f.value:.2f}", f"{f.std:.2f}", f.unit, second, over, f.note])

@@ -64,7 +64,12 @@ APART = 5.0  # of the larger standard deviation that the two estimates may diffe
 @click.option("--probability", type=float, default=0.95, show_default=True, help="Coverage probability.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the Monte Carlo trials.")
 @click.option("--full", is_flag=True, help="Solve every trial in full: slow, for plans where the frozen Jacobian is too coarse.")
-@click.option("--factor", type=float, metavar="K", help="Show expanded uncertainties with this factor, e.g. the thesis' k_q = 2.6.")
+@click.option(
+    "--factor",
+    type=click.FloatRange(0, min_open=True),
+    metavar="K",
+    help="Show expanded uncertainties with this factor, e.g. the thesis' k_q = 2.6.",
+)
 @click.option(
     "--limits", type=click.Path(path_type=Path), metavar="FILE", help="Decide conformity; exit status 1 unless all conform."
 )

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..estimate import Estimate
+from ..kinematics import Slot
 from ..records import Array, Machine
 from ..terms import Coefficient
 from ..touches import Touches
@@ -28,6 +29,7 @@ from ._between import between
 from ._figure import Figure, Tell
 from ._line import line_of, motions
 from ._motions import motion_figures
+from .temperature import Known
 
 __all__ = ["Curve", "Figure", "curves", "figures", "of_coefficients", "ranges"]
 
@@ -39,13 +41,28 @@ def ranges(touches: Touches) -> dict[str, tuple[float, float]]:
     return {name: (low, high) for name, (low, high) in found.items() if high - low > 1e-6}
 
 
-def figures(result: Estimate, over: dict[str, tuple[float, float]] | None = None) -> tuple[Figure, ...]:
-    """estimate, ranges (mm, rad; default: what was touched) → all figures that its coefficients determine."""
+def figures(
+    result: Estimate, over: dict[str, tuple[float, float]] | None = None, expansion: Known | None = None
+) -> tuple[Figure, ...]:
+    """estimate, ranges (mm, rad; default: what was touched), what temperature adds to every scale (mm/mm) → all figures that its
+
+    coefficients determine.
+    """
     model = result.model
     index = [i for i, c in enumerate(model.coefficients) if c.slot.stage in ("inter", "motion", "intra")]
     chosen = [model.coefficients[i] for i in index]
     values, covariance = result.values[index], result.covariance[np.ix_(index, index)]
+    if expansion is not None:
+        linear, p = model.touches.machine.linear, len(chosen)
+        chosen = [*chosen, *(_longer(name) for name in linear)]
+        values, known = np.append(values, np.full(len(linear), expansion.value)), covariance
+        covariance = np.zeros((len(chosen), len(chosen)))
+        covariance[:p, :p], covariance[p:, p:] = known, expansion.std**2  # one expansion for all axes
     return of_coefficients(model.touches.machine, chosen, values, covariance, over or ranges(model.touches))
+
+
+def _longer(axis: str) -> Coefficient:
+    return Coefficient(f"expansion {axis}", "mm/mm", Slot(axis, "motion"), lambda touches: np.asarray(touches.axis(axis)))
 
 
 def of_coefficients(

@@ -34,7 +34,9 @@ def between(machine: Machine, lines: dict[str, Line], tell: Tell) -> list[Figure
     names = [name for name in (*machine.linear, *machine.rotary) if name in directions]
     for i, one in enumerate(names):
         for two in names[:i]:
-            found += _pair(machine.axis(two), machine.axis(one), directions[two], directions[one], tell)
+            carried = [name in machine.workpiece_branch for name in (one, two)]
+            sense = -1.0 if carried[0] != carried[1] and {one, two} <= set(machine.linear) else 1.0
+            found += _pair(machine.axis(two), machine.axis(one), directions[two], directions[one], tell, sense)
     rotary = [name for name in machine.rotary if name in places]
     for branch in (machine.workpiece_branch, machine.tool_branch):
         inner = [name for name in branch if name in rotary]
@@ -51,7 +53,7 @@ def between(machine: Machine, lines: dict[str, Line], tell: Tell) -> list[Figure
     return found
 
 
-def _pair(one: Axis, two: Axis, first: Array, second: Array, tell: Tell) -> list[Figure]:
+def _pair(one: Axis, two: Axis, first: Array, second: Array, tell: Tell, sense: float) -> list[Figure]:
     a, b = np.array(one.direction), np.array(two.direction)
     cosine, sine = float(a @ b), float(np.linalg.norm(np.cross(a, b)))
     if sine < PARALLEL:
@@ -68,10 +70,12 @@ def _pair(one: Axis, two: Axis, first: Array, second: Array, tell: Tell) -> list
         return found
     if abs(cosine) > PARALLEL and "linear" in (one.kind, two.kind):
         return []
-    weights = -(b @ first + a @ second) / sine
+    # where one of two linear axes carries the workpiece, the tool goes on the part against that axis' own direction
+    weights = -sense * (b @ first + a @ second) / sine
     if not weights.any():
         return []
     value, std = tell.one(weights)
     kind = "squareness" if abs(cosine) < PARALLEL else "angle"
     text = f"angle minus {np.degrees(np.arccos(cosine)):.4g}°"
+    text += ", on the part" if one.kind == two.kind == "linear" else ", between the axes' own directions"
     return [Figure(kind, f"{two.name} to {one.name}", value * 1e6, std * 1e6, "µm/m", None, text)]

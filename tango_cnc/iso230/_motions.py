@@ -22,8 +22,8 @@ def positioning(line: Line, tell: Tell) -> list[Figure]:
         found.append(Figure("positioning gain", name, gain * 1e6, std * 1e6, "µm/m" if unit == "µm" else "µrad/rad", over))
     if line.reversal.any():
         b, std_b = tell.one(2 * line.reversal)
-        note = "reversal value: lost motion" if b < 0 else "reversal value: more than was commanded"
-        found.append(Figure("reversal", f"{name} B", abs(b) * factor, std_b * factor, unit, over, note))
+        note = "negative: lost motion"
+        found.append(Figure("reversal", f"{name} B", b * factor, std_b * factor, unit, over, note))
         if curve.any():
             whole = line.reversal * (2.0 if b > 0 else -2.0)
             y = curve @ tell.values

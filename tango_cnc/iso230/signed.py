@@ -18,13 +18,23 @@ from .interval import of_range
 from .onpart import Ask, asked, minimum_zone
 from .temperature import Known, Thermal, scale
 from .trajectory import Reference, reference
-from .whole import DEGREE, ORDER, Whole, foreseen, orders, whole
+from .whole import DEGREE, ORDER, Whole, disturbed, foreseen, orders, whole
 
 COVERAGE = 0.95
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
 SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
 NAMED = 4
 WORTH = 0.01  # of an order of the model that counts
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What disturbs the readings, as factors (n + m, k) mm over gaps and known distances; `named`: the sources that it names."""
+
+    factors: tuple[Array, ...]
+    beside_scatter: tuple[Array, ...]  # of these, what acts on many touches alike
+    named: tuple[str, ...]
+    beside: tuple[str, ...]  # labels of `beside_scatter`
 
 
 @dataclass(frozen=True)
@@ -54,6 +64,9 @@ class Sheet:
     temperature: str = "not stated"  # or: 20 °C, as found
     orders: tuple[tuple[tuple[int, int], float], ...] = ()  # degree and harmonics, and what each is worth
     order: tuple[int, int] = (DEGREE, ORDER)  # which was used
+    thermal: Thermal | None = None
+    budget: Budget | None = None  # None: the intervals have the scatter of the touches alone
+    expected: float | None = None  # mm, scatter of a touch that the budget allows for
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
@@ -61,8 +74,14 @@ class Sheet:
         return tuple(f.text for f in self.figures if f.value is None)
 
 
-def signed(result: Estimate, length: float | None = None, thermal: Thermal | None = None, at_reference: bool = True) -> Sheet:
-    """estimate, tool length (mm; default: of the probe), temperatures, whether at 20 °C or as found → figures.
+def signed(
+    result: Estimate,
+    length: float | None = None,
+    thermal: Thermal | None = None,
+    at_reference: bool = True,
+    budget: Budget | None = None,
+) -> Sheet:
+    """estimate, tool length (mm; default: of the probe), temperatures, whether at 20 °C or as found, budget → figures.
 
     Raises TangoError where there are too few touches.
     """
@@ -72,11 +91,13 @@ def signed(result: Estimate, length: float | None = None, thermal: Thermal | Non
     used, total = full[0][0], sum(worth for _, worth in full)
     asks, at = _asked(used, length)
     spread = _spread(asks, used, [(w, worth / total) for w, worth in full[1:] if worth > WORTH * total], length)
+    used, expected = (used, None) if budget is None else disturbed(used, budget.factors, budget.beside_scatter)
     asks, used = (asks, used) if thermal is None else expanded(asks, used, scale(thermal, at_reference))
     found = [told(ask, used, spread.get((ask.kind, ask.name), ())) for ask in asks]
     state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
     tried = tuple((w.order, worth) for w, worth in compared)
-    return Sheet((*found, *_relative(asks, found, used)), at, used.sigma, used.freedom, state, tried, used.order)
+    figures = (*found, *_relative(asks, found, used))
+    return Sheet(figures, at, used.sigma, used.freedom, state, tried, used.order, thermal, budget, expected)
 
 
 def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:

@@ -11,8 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..files.checked import Node, load
+from ..records import InputError
 
 REFERENCE = 20.0  # °C, ISO 1
+COLD, HOT = -20.0, 80.0  # °C, of anything in a workshop
+SURE = 0.005  # K, below which nobody knows the temperature of a thing in a workshop
+ALIKE = 0.02  # µm/m/K, below which nobody knows an expansion (ISO/TR 230-9)
+SMALLEST, LARGEST = 0.01, 40.0  # µm/m/K, of anything but a glass ceramic, which is written 0
 
 
 @dataclass(frozen=True)
@@ -25,15 +30,33 @@ class Known:
 
 @dataclass(frozen=True)
 class Thermal:
-    """Temperatures (°C) and expansions (1/K) of what carries the scale, bar or calibrated facets, and of the machine."""
+    """Temperatures (°C) and expansions (1/K) of what carries the scale, bar or calibrated facets, and of the machine.
+
+    `table`, `table_expansion` and `cmm`: of the table on the machine, and the temperature at which the values of a CMM hold.
+    """
 
     bar: Known
     machine: Known
     bar_expansion: Known
     machine_expansion: Known
+    table: Known | None = None
+    table_expansion: Known | None = None
+    cmm: Known | None = None
+
+    @property
+    def text(self) -> str:
+        """→ for people: every temperature and expansion with its standard uncertainty."""
+        pairs = [("bar", self.bar, self.bar_expansion), ("machine", self.machine, self.machine_expansion)]
+        if self.table is not None and self.table_expansion is not None:
+            pairs.append(("table", self.table, self.table_expansion))
+        told = [f"{n} {t.value:g} ± {t.std:g} °C, {1e6 * e.value:g} ± {1e6 * e.std:g} µm/m/K" for n, t, e in pairs]
+        if self.cmm is not None:
+            told.append(f"CMM {self.cmm.value:g} ± {self.cmm.std:g} °C")
+        return "; ".join(told) + " (standard uncertainties)"
 
 
-USUAL = Known(11.5e-6, 1e-6)  # 1/K, steel and most scales
+# 1/K. Steel and cast iron have 10 to 12, glass scales 8: where nothing is known, they are as likely as what lies between.
+USUAL = Known(11.5e-6, 2e-6)
 
 
 def read_thermal(file: Path) -> Thermal:
@@ -41,18 +64,40 @@ def read_thermal(file: Path) -> Thermal:
 
     Raises InputError for keys that do not exist and for values that no workshop has.
     """
-    fields = load(file).fields(["bar", "machine"], ["bar_expansion", "machine_expansion"])
+    more = ("table", "table_expansion", "cmm")
+    fields = load(file).fields(["bar", "machine"], ["bar_expansion", "machine_expansion", *more])
+    given = [key for key in more if key in fields]
+    if given and len(given) < len(more):
+        lacking = ", ".join(key for key in more if key not in fields)
+        raise fields[given[0]].wrong(f"table, table_expansion and cmm together: a CMM is compared with all three, add {lacking}")
     return Thermal(
-        _known(fields["bar"], -20.0, 80.0),
-        _known(fields["machine"], -20.0, 80.0),
-        _known(fields["bar_expansion"], 0.0, 40.0, 1e-6) if "bar_expansion" in fields else USUAL,
-        _known(fields["machine_expansion"], 0.0, 40.0, 1e-6) if "machine_expansion" in fields else USUAL,
+        _temperature(fields["bar"]),
+        _temperature(fields["machine"]),
+        _expansion(fields["bar_expansion"]) if "bar_expansion" in fields else USUAL,
+        _expansion(fields["machine_expansion"]) if "machine_expansion" in fields else USUAL,
+        *((_temperature(fields["table"]), _expansion(fields["table_expansion"]), _temperature(fields["cmm"])) if given else ()),
     )
 
 
-def _known(node: Node, low: float, high: float, factor: float = 1.0) -> Known:
+def _temperature(node: Node) -> Known:
     value, std = node.list(2)
-    return Known(factor * value.number(low, high), factor * std.number(0.0))
+    if std.number() < SURE:
+        raise std.wrong(f"a standard uncertainty of {SURE:g} K or more: nothing in a workshop is known better than that")
+    return Known(value.number(COLD, HOT), std.number(SURE, HOT - COLD))
+
+
+def _expansion(node: Node) -> Known:
+    """[value, standard uncertainty] in µm/m/K → 1/K. 0 stands for a glass ceramic; what is smaller than any other solid is 1/K."""
+    value, std = node.list(2)
+    found = value.number(0.0, LARGEST)
+    if 0 < found < SMALLEST:
+        raise value.wrong(f"µm/m/K, 0 or {SMALLEST:g} to {LARGEST:g}: {found:g}/K is written {1e6 * found:g}")
+    if std.number() < ALIKE:
+        raise std.wrong(
+            f"a standard uncertainty of {ALIKE:g} µm/m/K or more: no expansion is known better than that (0.5 is usual of a "
+            "certificate, 2 of a guess)"
+        )
+    return Known(1e-6 * found, 1e-6 * std.number(ALIKE, LARGEST))
 
 
 def scale(thermal: Thermal, at_reference: bool) -> Known:
@@ -63,4 +108,20 @@ def scale(thermal: Thermal, at_reference: bool) -> Known:
     value = sum(sign * expansion.value * (t.value - REFERENCE) for t, expansion, sign in parts)
     # the product of two uncertain numbers keeps its last term: at 20 °C the expansion alone would contribute nothing
     variance = sum((e.value * t.std) ** 2 + (e.std * (t.value - REFERENCE)) ** 2 + (e.std * t.std) ** 2 for t, e, _ in parts)
+    return Known(float(value), float(variance**0.5))
+
+
+def grown(thermal: Thermal, by_bar: bool) -> Known:
+    """thermal state, whether a bar or calibrated facets carry the scale (else: the machine's own scales do) → what a CMM's lengths
+
+    grow by, mm/mm, until they are as the machine reads them, and its standard uncertainty. Raises InputError where the
+    temperatures of table and CMM are not stated.
+    """
+    if thermal.table is None or thermal.table_expansion is None or thermal.cmm is None:
+        raise InputError("temperature.yaml: found no table, table_expansion and cmm; allowed: all three, to compare with a CMM")
+    apart, e = thermal.table.value - thermal.cmm.value, thermal.table_expansion
+    own, expands = (thermal.bar, thermal.bar_expansion) if by_bar else (thermal.machine, thermal.machine_expansion)
+    value = e.value * apart - expands.value * (own.value - REFERENCE)
+    variance = (e.value**2 + e.std**2) * (thermal.table.std**2 + thermal.cmm.std**2) + (e.std * apart) ** 2
+    variance += (expands.value**2 + expands.std**2) * own.std**2 + (expands.std * (own.value - REFERENCE)) ** 2
     return Known(float(value), float(variance**0.5))

@@ -8,9 +8,9 @@ depend on it are withheld. Source: Bayesian linear model with a wide prior (Gelm
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -45,6 +45,23 @@ class Whole:
     freedom: float  # touches less the directions that they decide
     order: tuple[int, int] = (DEGREE, ORDER)  # degree of the polynomials, highest harmonic
     criterion: float = 0.0  # AICc: the smaller, the better this order predicts touches that were not made
+    gain: Array | None = None  # (p, n + m) how gaps of the touches and known distances, mm, move the values
+    leave: Array | None = None  # (n, n + m) what is left of them in the residuals
+
+
+def disturbed(w: Whole, all_of: Sequence[Array], beside_scatter: Sequence[Array]) -> tuple[Whole, float]:
+    """machine, factors (n + m, k) mm of a budget, those of them that the scatter does not contain → machine, scatter to expect, mm.
+
+    What disturbs each touch by itself is in the scatter already. Drift, lobing and the like act on many touches alike: the fit
+    takes them for machine, and the scatter does not tell of them. Source: JCGM 102:2011, 6 (linear propagation).
+    """
+    assert w.gain is not None and w.leave is not None
+    covariance = w.covariance.copy()
+    for factor in beside_scatter:
+        moved = w.gain @ factor
+        covariance += moved @ moved.T
+    left = sum(float(np.sum((w.leave @ factor) ** 2)) for factor in all_of)
+    return replace(w, covariance=covariance), float(np.sqrt(left / w.freedom))
 
 
 def orders(result: Estimate) -> list[tuple[Whole, float]]:
@@ -78,39 +95,42 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
     width = widths(model)
     seen = width > 0
     n, values = len(touches), start
-    weights = result.sigma / known(model, values)[2]
     prior = np.diag(1 / width[seen])
-    for _ in range(STEPS):
-        gaps, jacobian = linearise(model, values)
-        offsets, rows, _ = known(model, values)
-        matrix = np.vstack([jacobian, rows * weights[:, None]])[:, seen] / result.sigma
-        right = np.concatenate([gaps, offsets * weights]) / result.sigma
-        root = np.linalg.qr(np.vstack([matrix, prior]), mode="r")
-        inverse = linalg.solve_triangular(root, np.eye(len(root)))
-        change = inverse @ (inverse.T @ (matrix.T @ right + prior.T @ (values[seen] / width[seen])))
-        values = values.copy()
-        values[seen] -= change
+    sigma = result.sigma
+    for steps in (STEPS, 1, 1):  # the scatter beside all error motions is that of these, not of the fitted terms
+        for _ in range(steps):
+            gaps, jacobian = linearise(model, values)
+            offsets, rows, uncertainty = known(model, values)
+            matrix = np.vstack([jacobian / sigma, rows / uncertainty[:, None]])[:, seen]
+            right = np.concatenate([gaps / sigma, offsets / uncertainty])
+            root = np.linalg.qr(np.vstack([matrix, prior]), mode="r")
+            inverse = linalg.solve_triangular(root, np.eye(len(root)))
+            change = inverse @ (inverse.T @ (matrix.T @ right + prior.T @ (values[seen] / width[seen])))
+            values = values.copy()
+            values[seen] -= change
+        gaps = linearise(model, values)[0]
+        decided = float(np.sum((matrix @ inverse) ** 2))
+        freedom = n + len(uncertainty) - decided
+        if freedom < 3:
+            raise TangoError(
+                f"iso230: found {n} touches, which leave {freedom:.1f} degrees of freedom beside all error motions of the axes; "
+                "allowed: 3 or more; touch more indexations"
+            )
+        weighed, sigma = sigma, max(float(np.sqrt(gaps @ gaps / freedom)), SIGMA_FLOOR)
+        if abs(np.log(sigma / weighed)) < 1e-3:
+            break
     covariance = np.zeros((len(values), len(values)))
     covariance[np.ix_(seen, seen)] = inverse @ inverse.T
-    gaps = linearise(model, values)[0]
-    decided = float(np.sum((matrix @ inverse) ** 2))
-    freedom = n + len(weights) - decided
-    if freedom < 3:
-        raise TangoError(
-            f"iso230: found {n} touches, which leave {freedom:.1f} degrees of freedom beside all error motions of the axes; "
-            "allowed: 3 or more; touch more indexations"
-        )
-    sigma = max(float(np.sqrt(gaps @ gaps / freedom)), SIGMA_FLOOR)
-    # what the prior holds does not scatter with the touches: only the touches' part scales with their scatter
-    if abs(np.log(sigma / result.sigma)) > 1e-3:
-        matrix, prior_root = matrix * (result.sigma / sigma), prior
-        root = np.linalg.qr(np.vstack([matrix, prior_root]), mode="r")
-        inverse = linalg.solve_triangular(root, np.eye(len(root)))
-        covariance[np.ix_(seen, seen)] = inverse @ inverse.T
     found = model.coefficients[:p]
     names, few = tuple(motion_of(c) for c in found), max(n - decided - 1, 1.0)
     criterion = n * np.log(gaps @ gaps / n) + 2 * decided + 2 * decided * (decided + 1) / few
-    return Whole(touches, found, names, values[:p], covariance[:p, :p], sigma, freedom, (degree, order), float(criterion))
+    inputs = np.append(np.full(n, 1 / weighed), 1 / uncertainty)
+    ways, own = inverse @ (inverse.T @ matrix.T) * inputs, int(seen[:p].sum())
+    gain = np.zeros((p, ways.shape[1]))
+    gain[seen[:p]] = ways[:own]
+    leave = np.eye(n, ways.shape[1]) - weighed * matrix[:n] @ ways
+    covariance = covariance[:p, :p]
+    return Whole(touches, found, names, values[:p], covariance, sigma, freedom, (degree, order), float(criterion), gain, leave)
 
 
 def foreseen(selection: Selection) -> Whole:

@@ -1,0 +1,82 @@
+"""The clauses of ISO/IEC 17025:2017, 7.8 and what answers each; empty where nothing does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ..iso230.signed import Sheet
+from .order import CONDITIONS, Order
+
+RULE = (
+    "ISO 14253-1:2017: a figure conforms when it lies inside its limit by the guard band g = 1.65 u or more (95 %), does not "
+    "conform when it lies outside by g or more, and is undecided between. It is applied to every figure of the table"
+)
+NOT_IN_IT = "not in U: setting up a tool or workpiece, and whatever changes after the measurement"
+
+
+def checklist(
+    order: Order,
+    sheet: Sheet,
+    traced: bool,
+    origin: str,
+    remarks: Sequence[str],
+    files: Sequence[tuple[str, int, str]],
+    version: str,
+    day: str,
+) -> dict[str, str]:
+    """order, figures, whether traceability is complete, origin of the readings, remarks of the program, files, version, day →
+
+    clause: what answers it.
+    """
+    p = order.people
+    performed = "" if order.performed is None else " to ".join(dict.fromkeys(d.isoformat() for d in order.performed))
+    return {
+        "7.8.2.1 a) title": "Acceptance sheet",
+        "7.8.2.1 b) laboratory": _both(p, "laboratory", "address"),
+        "7.8.2.1 c) location": p.get("location", ""),
+        "7.8.2.1 d) number and end": p.get("number", ""),
+        "7.8.2.1 e) customer and contact": _both(p, "customer", "contact"),
+        "7.8.2.1 f) method": p.get("method", ""),
+        "7.8.2.1 g) item": p.get("item", ""),
+        "7.8.2.1 h) receipt of the item": "none: it was measured where it stands",
+        "7.8.2.1 i) performed": performed,
+        "7.8.2.1 j) issued": day,
+        "7.8.2.1 k) sampling": "none: one item",
+        "7.8.2.1 l) only this item": "The results relate to the item named here only, as it was when it was measured.",
+        "7.8.2.1 m) results": "the table of figures, in µm, µrad and µm/m",
+        "7.8.2.1 n) additions, deviations": "; ".join([order.remarks, *remarks]) if order.remarks else "",
+        "7.8.2.1 o) authorised by": _both(p, "signed_by", "role"),
+        "7.8.2.1 p) external providers": p.get("external", ""),
+        "7.8.2.2 supplied by the customer": p.get("supplied", ""),
+        "7.8.4.1 a) uncertainty": _uncertainty(sheet),
+        "7.8.4.1 b) conditions": _conditions(order.conditions, sheet),
+        "7.8.4.1 c) traceability": "; ".join(c.text for c in order.certificates) if traced else "",
+        "7.8.4.1 d) before and after adjustment": p.get("adjustment", ""),
+        "7.8.6.2 a) results it applies to": "every figure of the table",
+        "7.8.6.2 b) specification": p.get("specification", ""),
+        "7.8.6.2 c) decision rule": RULE,
+        "7.8.8 replaces": p.get("replaces", ""),
+        "other: reference": f"{sheet.reference.text}; scales: temperature {sheet.temperature}",
+        "other: readings": origin,
+        "other: program and data": f"tango_cnc {version}; " + "; ".join(f"{n} {h[:16]}" for n, _, h in files),
+    }
+
+
+def _uncertainty(sheet: Sheet) -> str:
+    text = "U = 2 u (k = 2): scatter of touches, every error motion of the axes"
+    if sheet.budget is None:
+        return f"{text}. There is no budget: lobing, drift, form are NOT in it; {NOT_IN_IT}"
+    beside = ", ".join(sheet.budget.beside)
+    text += f"; of uncertainty.yaml ({', '.join(sheet.budget.named)}), beside what the scatter shows: {beside or 'nothing'}"
+    return f"{text}; in scales the expansions; {NOT_IN_IT}" if sheet.thermal is not None else f"{text}; {NOT_IN_IT}"
+
+
+def _conditions(stated: Mapping[str, str], sheet: Sheet) -> str:
+    if not all(stated.get(name) for name in CONDITIONS):
+        return ""
+    text = "; ".join(f"{name.replace('_', ' ')} {stated[name]}" for name in CONDITIONS)
+    return text if sheet.thermal is None else f"{text}; scales by temperature.yaml: {sheet.thermal.text}"
+
+
+def _both(p: Mapping[str, str], one: str, two: str) -> str:
+    return f"{p[one]}, {p[two]}" if p.get(one) and p.get(two) else ""

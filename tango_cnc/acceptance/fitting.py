@@ -1,0 +1,89 @@
+"""Does what the page states agree with what the fit used? Certificates with artefact.yaml, conditions with temperature.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date, timedelta
+
+from ..iso230.temperature import Thermal
+from ..records import Cell, InputError
+from .order import Certificate, Order
+
+ROUNDED = 0.6e-4  # mm: a certificate's length as it is written into artefact.yaml
+TIP = 0.02  # mm, by which the diameter of a tip may differ from twice tip_radius: facets take up the rest
+OLD = 3 * 366  # days that a certificate serves where it does not say how long
+APART = {"machine": 1.0, "table": 2.0}  # K
+
+
+def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple[date, date] | None) -> None:
+    """order, cell, temperatures, days on which the readings were made → nothing. Raises InputError where they contradict."""
+    for c in order.certificates:
+        _certificate(c, cell)
+    told = order.temperatures
+    if thermal is not None:
+        on_table = thermal.table or thermal.bar
+        for key, known in (("machine", thermal.machine), ("table", on_table)):
+            value, most = told.get(f"{key}_temperature"), APART[key] + 3 * known.std
+            if value is not None and abs(value - known.value) > most:
+                raise InputError(
+                    f"acceptance.yaml: conditions.{key}_temperature: found {value:g} °C, and temperature.yaml says "
+                    f"{known.value:g} °C; allowed: within {most:g} K of it, or one of the two files is wrong"
+                )
+    if order.performed is not None and ran is not None:
+        day, (first, last) = timedelta(days=1), order.performed  # clocks of readings are UTC
+        if last < ran[0] - day or first > ran[1] + day:
+            raise InputError(
+                f"acceptance.yaml: performed: found {_span(first, last)}, and the readings are of {_span(*ran)}; "
+                "allowed: the day on which they were made"
+            )
+
+
+def _span(first: date, last: date) -> str:
+    return f"{first}" if first == last else f"{first} to {last}"
+
+
+def _certificate(c: Certificate, cell: Cell) -> None:
+    where = f"acceptance.yaml: certificates: {c.of} {c.number}"
+    if c.of == "scale bar":
+        bar = cell.artefact.scale_bar
+        if bar is None:
+            raise InputError(f"{where}: found a scale bar; allowed: none, as artefact.yaml has none")
+        assert c.length is not None and c.std is not None
+        if abs(c.length - bar.length) > ROUNDED:
+            raise InputError(f"{where}: found {c.value}; allowed: {bar.length:.4f} mm, the length that artefact.yaml gives the fit")
+        if c.std > bar.uncertainty * 1.001:
+            raise InputError(
+                f"{where}: found {c.uncertainty} (k = {c.k:g}), a standard uncertainty of {c.std * 1e3:.3g} µm; allowed: at most "
+                f"{bar.uncertainty * 1e3:.3g} µm, which artefact.yaml gives the fit. Correct the file that is wrong"
+            )
+    if c.of == "calibrated facets" and not _calibrated(cell):
+        raise InputError(f"{where}: found calibrated facets; allowed: none, as no facet of artefact.yaml has an uncertainty")
+    if c.of == "tip":
+        diameter = 2 * cell.machine.probe.tip_radius
+        assert c.length is not None
+        if abs(c.length - diameter) > TIP:
+            raise InputError(f"{where}: found a diameter of {c.value}; allowed: {diameter:g} mm, twice tip_radius of machine.yaml")
+
+
+def _calibrated(cell: Cell) -> bool:
+    return any(f.uncertainty is not None for f in cell.artefact.facets.values())
+
+
+def untraced(order: Order, cell: Cell, scales: bool, day: date) -> tuple[str, ...]:
+    """order, cell, whether scales at a temperature are stated, day of issue → sentences: what traceability lacks."""
+    needed = [
+        *(["scale bar"] if cell.artefact.scale_bar is not None else []),
+        *(["calibrated facets"] if _calibrated(cell) else []),
+    ]
+    needed += ["thermometer"] if scales else []
+    found = [f"no certificate of the {name}" for name in needed if not _of(order.certificates, name)]
+    for c in order.certificates:
+        if c.valid_until is not None and c.valid_until < day:
+            found.append(f"the certificate {c.number} was valid until {c.valid_until}")
+        elif c.valid_until is None and (day - c.issued).days > OLD:
+            found.append(f"the certificate {c.number} is of {c.issued} and does not say until when it is valid (valid_until)")
+    return tuple(found or ([] if order.certificates else ["no certificate"]))
+
+
+def _of(certificates: Sequence[Certificate], name: str) -> bool:
+    return any(c.of == name for c in certificates)
