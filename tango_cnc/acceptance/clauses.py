@@ -24,10 +24,7 @@ def checklist(
     version: str,
     day: str,
 ) -> dict[str, str]:
-    """order, figures, whether traceability is complete, origin of the readings, remarks of the program, files, version, day →
-
-    clause: what answers it.
-    """
+    """order, figures, whether traceability is complete, origin, remarks, files, version, day → clause: what answers it."""
     p = order.people
     performed = "" if order.performed is None else " to ".join(dict.fromkeys(d.isoformat() for d in order.performed))
     return {

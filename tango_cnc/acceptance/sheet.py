@@ -83,10 +83,9 @@ def made(
     version: str,
     day: date,
 ) -> Signed:
-    """order, figures, judgement, cell, source of the readings, sources that the budget does not name, files (name, bytes, SHA-256),
+    """order, figures, judgement, cell, origin, what the budget leaves out, files (name, bytes, SHA-256), version, day → page.
 
-    version, day of issue → page. Raises InputError for limits on figures that this machine does not have, and where order and cell
-    contradict each other.
+    Raises InputError for limits on figures that this machine does not have, and where order and cell contradict each other.
     """
     known = {f"{f.kind} {f.name}": f for f in sheet.figures}
     unknown = [name for name in order.limits if name not in known]

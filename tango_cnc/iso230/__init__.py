@@ -44,10 +44,7 @@ def ranges(touches: Touches) -> dict[str, tuple[float, float]]:
 def figures(
     result: Estimate, over: dict[str, tuple[float, float]] | None = None, expansion: Known | None = None
 ) -> tuple[Figure, ...]:
-    """estimate, ranges (mm, rad; default: what was touched), what temperature adds to every scale (mm/mm) → all figures that its
-
-    coefficients determine.
-    """
+    """estimate, ranges (mm, rad; default: touched), what temperature adds to every scale (mm/mm) → figures of its coefficients."""
     model = result.model
     index = [i for i, c in enumerate(model.coefficients) if c.slot.stage in ("inter", "motion", "intra")]
     chosen = [model.coefficients[i] for i in index]

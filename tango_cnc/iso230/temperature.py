@@ -112,10 +112,9 @@ def scale(thermal: Thermal, at_reference: bool) -> Known:
 
 
 def grown(thermal: Thermal, by_bar: bool) -> Known:
-    """thermal state, whether a bar or calibrated facets carry the scale (else: the machine's own scales do) → what a CMM's lengths
+    """thermal state, whether a bar carries the scale (else: the machine's scales do) → growth of a CMM's lengths, mm/mm, and std.
 
-    grow by, mm/mm, until they are as the machine reads them, and its standard uncertainty. Raises InputError where the
-    temperatures of table and CMM are not stated.
+    By it they are as the machine reads them. Raises InputError where the temperatures of table and CMM are not stated.
     """
     if thermal.table is None or thermal.table_expansion is None or thermal.cmm is None:
         raise InputError("temperature.yaml: found no table, table_expansion and cmm; allowed: all three, to compare with a CMM")
