@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -190,6 +191,47 @@ def test_a_goal_that_is_none_is_refused_with_what_is_allowed(text: str) -> None:
 def test_help_of_the_command_is_asked_for_often(capsys: pytest.CaptureFixture[str]) -> None:
     assert guarded(tango.main, ["design", "--help"], standalone_mode=False) == 0
     assert "--minutes" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("option", ["--minutes", "--within", "--stylus-within"])
+def test_a_number_that_is_none_is_refused(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert guarded(tango.main, ["design", "-C", str(tmp_path), option, "nan"], standalone_mode=False) == 2
+    assert f"'{option}': nan is not in the range" in capsys.readouterr().err
+
+
+def bare(folder: Path) -> Path:
+    """folder → a cell as somebody has it who has described machine and table and nothing else."""
+    assert guarded(tango.main, ["init", str(folder), "--example", "trunnion"], standalone_mode=False) == 0
+    (folder / "strategy.yaml").unlink()
+    return folder
+
+
+def test_a_check_of_a_cell_that_nobody_has_measured_says_what_comes_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = bare(tmp_path / "cell")
+    assert guarded(tango.main, ["design", "-C", str(folder), "--goal", "check"], standalone_mode=False) == 2
+    assert "tango design --goal volume" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_a_time_that_is_too_short_is_refused_with_one_that_does_and_a_cell_gets_its_first_strategy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = bare(tmp_path / "cell")
+    file = folder / "strategy.yaml"
+    asked = ["design", "-C", str(folder), "--goal", "locations", "--within", "0.3", "-o", str(file), "--json", str(tmp_path / "j")]
+    assert guarded(tango.main, [*asked, "--minutes", "1.5"], standalone_mode=False) == 2
+    said = capsys.readouterr().err
+    assert not file.exists() and "do not determine all that the goal asks for" in said
+    minutes = re.search(r"allowed: about ([\d.]+) minutes", said)
+    assert minutes is not None
+    assert guarded(tango.main, [*asked, "--minutes", minutes[1]], standalone_mode=False) == 0
+    data = json.loads((tmp_path / "j").read_text(encoding="utf-8"))
+    assert data["determined"] and len(plan(read_cell(folder)).touches) == data["touches"]
+    # What a part of the run determines is told as 'tango estimate' has it: without touches enough there is no number.
+    told = [each["value"] for each in data["broken_off"]]
+    assert told[0] is None and told[-1] == pytest.approx(data["criterion"]["value"])
 
 
 @pytest.mark.long

@@ -13,6 +13,7 @@ from .. import kinematics
 from ..design import choose, order, propose, region
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
+from ..design.enough import determined
 from ..design.problem import Chosen
 from ..design.propose import Setting
 from ..duration import spoken
@@ -38,6 +39,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "time_by_part_s": {part: round(s, 3) for part, s in choose.parts_of(found).items()},
         "positioning_feed": ready.problem.feed,
         "criterion": {"value": amount, "unit": unit},
+        "determined": determined(found.problem, found.information),
         "approach": why,
         "region": region.text(ready.where),
         "correlation_with_time": _with_time(found),
@@ -57,7 +59,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
     if sees is None and not ready.problem.criterion.determinant:
         values = choose.broken_off(found, (*choose.FRACTIONS, 1.0))
         parts = zip((*choose.FRACTIONS, 1.0), values, strict=True)
-        data["broken_off"] = [{"part": p, "value": propose.reached(ready, float(v))[0]} for p, v in parts]
+        data["broken_off"] = [{"part": p, "value": propose.reached(ready, float(v))[0] if v < np.inf else None} for p, v in parts]
     if sees is not None:
         data["check"] = {
             "power": POWER,
@@ -81,11 +83,13 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     """setting, result of `as_json` → what a person reads on the terminal."""
     value, unit = data["criterion"]["value"], data["criterion"]["unit"]
     lines = [
-        f"{data['touches']} touches at {data['indexations']} indexations, predicted time {spoken(data['time_s'])}: "
-        + ", ".join(f"{part} {spoken(s)}" for part, s in data["time_by_part_s"].items()),
+        f"{data['touches']} touches at {data['indexations']} indexations, predicted time {_clock(data['time_s'])}: "
+        + ", ".join(f"{part} {_clock(s)}" for part, s in data["time_by_part_s"].items()),
         f"approach: {data['approach']}",
         f"{_means(data['goal'], value, unit)}",
     ]
+    if not data["determined"]:
+        lines.append("these touches do not determine what the goal asks for: take no number of it at its word, and allow more time")
     if "certificate" in data:
         own = data["certificate"]
         lines.append(
@@ -104,8 +108,8 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
             f"every touch again with a stylus of {own['length_mm']:g} mm: {own['together']}, in twice the time; more: {more}"
         )
     if "broken_off" in data:
-        said = ", ".join(f"{b['value']:.3g} at {100 * b['part']:.0f} %" for b in data["broken_off"])
-        lines.append(f"broken off, on a machine with usual errors ({unit}): {said}")
+        said = ", ".join(f"{_known(b['value'])} at {100 * b['part']:.0f} %" for b in data["broken_off"])
+        lines.append(f"broken off, what 'tango estimate' then makes of it ({unit}): {said}")
     if "check" in data:
         lines += _seen(data["check"])
     if ready.wish.goal.word not in ("D", "A", "condition"):
@@ -113,6 +117,15 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
     return "\n".join(lines)
+
+
+def _known(value: float | None) -> str:
+    return "not determined" if value is None else f"{value:.3g}"
+
+
+def _clock(seconds: float) -> str:
+    """s → '45 s', '2 min 12 s': a quarter of a minute is much of a short plan."""
+    return spoken(seconds) if seconds < 90 else f"{round(seconds) // 60} min {round(seconds) % 60} s"
 
 
 def _facet(times: int) -> str:
@@ -192,7 +205,7 @@ def change_text(found: Change) -> str:
 def drawn(ready: Setting, found: Chosen) -> Drawn:
     """setting, plan → what its pictures show."""
     parts = np.linspace(0.02, 1.0, 40)
-    values = [propose.reached(ready, float(v))[0] for v in choose.broken_off(found, parts.tolist())]
+    values = [propose.reached(ready, float(v))[0] if v < np.inf else np.nan for v in choose.broken_off(found, parts.tolist())]
     machine, at = found.cell.machine, np.array([touch.indexation for touch in found.plan.touches])
     names = machine.rotary[:2]
     angles = np.degrees([[i.position[n] for n in names] for i in found.cell.strategy.indexations]).reshape(-1, len(names))

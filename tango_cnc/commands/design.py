@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,22 +27,35 @@ if TYPE_CHECKING:
     from ..report.drawn import Drawn
 
 
+class Finite(click.FloatRange):
+    """A number within a range: nan is in none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """text → number. Raises click.BadParameter for one that is none, or outside."""
+        found = super().convert(value, param, ctx)
+        if not math.isfinite(found):
+            self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
+        return found
+
+
 @click.command()
 @cell_option
 @click.option("--goal", help="volume (default), locations, check, D, A, condition, or limits: EX0C=1,EA0C=5 (µm, µrad, µm/m).")
-@click.option("--minutes", type=click.FloatRange(0.5, 600), help="Time of the whole run; usual: check 2.5, locations 5, volume 10.")
+@click.option(
+    "--minutes",
+    type=Finite(0.5, 600),
+    help="Time of the whole run; usual: locations 5, volume 10, check 2.5 or as much longer as it needs to be of use.",
+)
 @click.option("-o", "output", type=Output(), metavar="FILE", help="The plan as a strategy, with the reasons in comments.")
 @click.option("--regular", is_flag=True, help="A plain regular plan of that time instead: what an optimal one has to beat.")
-@click.option(
-    "--within", type=click.FloatRange(0.0, 50.0), help="mm within which facets are where they should be (after a first run)."
-)
+@click.option("--within", type=Finite(0.0, 50.0), help="mm within which facets are where they should be (after a first run).")
 @click.option(
     "--readings", type=click.Path(path_type=Path, exists=True), help="Of an earlier run: says --within, and what a check knows."
 )
 @click.option(
     "--stylus-within",
     "stylus",
-    type=click.FloatRange(0.0, 5.0),
+    type=Finite(0.0, 5.0),
     default=0.002,
     show_default=True,
     help="For a check: mm within which the stylus comes back to the spindle after the full run; 0: it stayed there.",
@@ -101,14 +115,25 @@ def command(
     """
     if facets is not None:
         return _facets(facets, output)
-    cell = read_cell(folder)
+    cell = read_cell(folder, strategy=separate is not None)
     if separate:
         found = separation(planned(cell), cell.terms if terms is None else read_terms(terms), *separate)
         if not write_json(json_file, as_json(found)):
             click.echo(as_text(found))
         return 0
     before = None if readings is None else _before(cell, readings, despite)
-    asked = _wish(cell, goal or ("check" if judge else None), minutes, within, before, readings, volume, terms, degree, stylus)
+    asked = _wish(
+        cell,
+        ("check" if judge else "volume") if goal is None else goal,
+        minutes,
+        within,
+        before,
+        readings,
+        volume,
+        terms,
+        degree,
+        stylus,
+    )
     if judge is not None:
         return _judge(cell, asked[0], judge, despite, json_file)
     return _design(cell, *asked, regular=regular, compare=compare, styli=styli, output=output, picture=picture, json_file=json_file)
@@ -136,7 +161,7 @@ def _before(cell: Cell, source: Path, despite: bool) -> Readings:
 
 def _wish(
     cell: Cell,
-    goal: str | None,
+    goal: str,
     minutes: float | None,
     within: float | None,
     before: Readings | None,
@@ -149,7 +174,7 @@ def _wish(
     """options → what is asked for, and why facets are touched as they are."""
     from ..design import goals, propose, touching
 
-    aim = goals.read(goal or "volume")
+    aim = goals.read(goal)
     source = "--within"
     if within is None and before is not None:
         within, source = touching.known_within(cell, before), f"learned from {readings}"
@@ -218,7 +243,7 @@ def _design(
     if not write_json(json_file, data):
         click.echo(lines)
         click.echo(f"strategy written to {output}" if output is not None else "-o FILE writes the strategy", err=True)
-    return int(bool(aim.limits) and found.value > 1)
+    return int((bool(aim.limits) and found.value > 1) or not data["determined"])
 
 
 def drawable(file: Path) -> None:

@@ -22,6 +22,7 @@ from ..touches import of_facets
 from . import order
 from .candidates import Candidates
 from .criterion import value
+from .enough import determined
 from .exchange import SHAKES, Draft, whole
 from .problem import Chosen, Problem, lighter
 from .relaxed import Costs, Relaxed, efficiency, relax
@@ -47,6 +48,16 @@ def chosen(problem: Problem) -> Chosen:
     if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
         best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
     return certified(best[0], _lifted(best[0].problem, best[1]))
+
+
+def quick(problem: Problem) -> Chosen:
+    """problem → a first plan, without exchanges: what its time is good for, quickly. Raises InputError as `chosen`."""
+    first = _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)[0]
+    costs = _costs(first)
+    again = order.again(problem.choice.cell, problem.feed)
+    rows, relaxed = _in_a_row(problem, costs, again, None)
+    found = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), 0, relaxed)[0]
+    return min(found, first, key=lambda each: each.value)
 
 
 def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:
@@ -76,14 +87,16 @@ def _lifted(problem: Problem, relaxed: Relaxed) -> Relaxed:
     return replace(relaxed, criterion=problem.criterion.with_weights(relaxed.many))
 
 
-def _in_a_row(problem: Problem, costs: tuple[float, float, float], again: float, relaxed: Relaxed) -> tuple[Problem, Relaxed]:
+def _in_a_row(
+    problem: Problem, costs: tuple[float, float, float], again: float, relaxed: Relaxed | None
+) -> tuple[Problem, Relaxed]:
     """problem, its costs, s of the same touch once more, where to begin → the problem with the best number of touches in a row."""
     single, visit, spare = costs
     seconds, unknowns = problem.seconds - spare, len(lighter(problem).held)
     best: tuple[float, Problem, Relaxed] | None = None
     for times in range(1, MOST + 1):
         touch = single + (times - 1) * again
-        if times > 1 and SHARE * seconds / touch < ENOUGH * unknowns:
+        if times > 1 and not problem.choice.twice and SHARE * seconds / touch < ENOUGH * unknowns:
             break
         light = lighter(tried := problem.in_a_row(times))
         choice = light.choice
@@ -239,12 +252,12 @@ def judged(problem: Problem, cell: Cell, made: Plan) -> Chosen:
 
 
 def broken_off(found: Chosen, fractions: Sequence[float] = FRACTIONS) -> Array:
-    """chosen plan, parts of its time → φ of what is known then, on a machine with errors as usual."""
-    known = found.problem.begin
-    values = []
+    """chosen plan, parts of its time → φ of what the touches made by then determine; inf where they do not determine it."""
+    problem, values = found.problem, []
     for part in fractions:
         rows = found.rows[found.time <= part * found.seconds]
-        values.append(value(found.problem.criterion, known + rows.T @ rows))
+        information = problem.held + rows.T @ rows
+        values.append(value(problem.criterion, information) if determined(problem, information) else np.inf)
     return np.array(values)
 
 

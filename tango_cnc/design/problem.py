@@ -10,6 +10,7 @@ from ..records import Array, Cell, Plan
 from .candidates import Candidates
 from .criterion import Criterion
 
+SHORT = 200.0  # s; a check that is no longer is over before anything has drifted
 AGAIN = 4  # facets of the first indexation that are touched once more at the end
 
 
@@ -30,6 +31,11 @@ class Problem:
     def held(self) -> Array:
         """→ (p, p) what is known without a touch, per squared scatter of a touch."""
         return self.choice.held
+
+    def of_time(self, seconds: float) -> Problem:
+        """s of the whole run → the same problem in that time. A short run has no time for its first indexation once more."""
+        short = 0 if self.choice.twice else 2
+        return replace(self, seconds=seconds, repeats=AGAIN if seconds > SHORT else short)
 
     def in_a_row(self, times: int) -> Problem:
         """how often each facet is touched before the next one → the same problem; a row stands for all of them."""

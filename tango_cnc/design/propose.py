@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -16,10 +17,14 @@ from ..touches import from_readings
 from . import candidates, check, choose, goals, prior, region
 from . import regular as plain
 from .candidates import Candidates
+from .enough import serves
 from .goals import Goal
-from .problem import AGAIN, Chosen, Problem
+from .problem import Chosen, Problem
 from .region import Levers, Region
 
+CHECKS = (3.0, 3.5, 4.0, 5.0, 6.0, 8.0)  # minutes of a check when 2.5 do not do, and nobody states a time
+WELL = 0.004  # mm, standard deviation of the worst change: about 20 µm are seen
+LONGER, LONGEST = 1.25, 60.0  # steps, and the end, of looking for minutes that would do
 TRIES = 5  # times that are looked at when limits are given and no time
 NEAR = 0.05  # of the time: nearer to the least one is near enough
 
@@ -82,8 +87,8 @@ def setting(cell: Cell, wish: Wish) -> Setting:
         reach = float(np.linalg.norm(np.subtract(where.high, where.low))) / 2
         limits = wish.goal.limits or goals.usual_limits(model, reach)
         criterion = goals.of_limits(choice, limits)
-    repeats = AGAIN if seconds > 200 else 2
-    return Setting(wish, Problem(choice, criterion, seconds, wish.feed, begin, repeats, gate=wish.gate), lever, where)
+    problem = Problem(choice, criterion, seconds, wish.feed, begin, gate=wish.gate)
+    return Setting(wish, problem.of_time(seconds), lever, where)
 
 
 def _changing(wish: Wish, choice: Candidates) -> list[int]:
@@ -95,6 +100,11 @@ def _changing(wish: Wish, choice: Candidates) -> list[int]:
 
 def _before(cell: Cell, wish: Wish, choice: Candidates) -> Array:
     """→ (p, p) information of the full run that the check rests on: of its readings, or of the cell's strategy as planned."""
+    if wish.before is None and not cell.strategy.indexations:
+        raise InputError(
+            "--goal check: a check rests on a full run, and there is neither --readings of one nor a strategy of this cell; "
+            "allowed: a strategy first, by 'tango design --goal volume -o strategy.yaml'"
+        )
     if wish.before is None:
         made = plan(cell, "leave-out")
         rows = choose.rows_of(choice, made)
@@ -109,10 +119,16 @@ def _before(cell: Cell, wish: Wish, choice: Candidates) -> Array:
 
 
 def propose(ready: Setting) -> Chosen:
-    """setting → plan. With limits and no time: the shortest plan that keeps them. Raises InputError where nothing does."""
+    """setting → plan. With limits and no time: the shortest plan that keeps them. Raises InputError where nothing does.
+
+    A check without a stated time: of usual times the shortest that is worth making.
+    """
     wish = ready.wish
     if wish.minutes is not None or wish.goal.word:
-        return choose.chosen(ready.problem)
+        if wish.goal.word == "check" and wish.minutes is None:
+            return _worth_making(_usual_check(ready.problem))
+        found = choose.chosen(ready.problem)
+        return _worth_making(found) if wish.goal.word else found
     seconds, best, short = 300.0, None, 0.0
     for _ in range(TRIES):
         found = choose.chosen(replace(ready.problem, seconds=seconds))
@@ -132,6 +148,51 @@ def propose(ready: Setting) -> Chosen:
             f"{found.value**0.5:.2g} times its limit. Allow more, or state --minutes for the best plan of that time"
         )
     return best
+
+
+def _usual_check(problem: Problem) -> Chosen:
+    """problem of a check → the plan of the shortest of the usual times in which it sees changes well."""
+    with suppress(InputError):
+        found = choose.chosen(problem)
+        if _sees_well(found):
+            return found
+    for minutes in CHECKS[:-1]:
+        with suppress(InputError):
+            if _sees_well(choose.quick(problem.of_time(60 * minutes))):
+                return choose.chosen(problem.of_time(60 * minutes))
+    return choose.chosen(problem.of_time(60 * CHECKS[-1]))
+
+
+def _sees_well(found: Chosen) -> bool:
+    return serves(found.problem, found.information) and found.problem.choice.sigma * found.value**0.5 < WELL
+
+
+def _worth_making(found: Chosen) -> Chosen:
+    """plan → the same. Raises InputError, with the minutes that would do, where it does not determine what it is for."""
+    problem = found.problem
+    if serves(problem, found.information):
+        return found
+    minutes = _needed(problem)
+    why = (
+        "such a check would see no change smaller than 0.1 mm"
+        if problem.choice.twice
+        else f"its {len(found.rows)} touches do not determine all that the goal asks for"
+    )
+    said = f"about {minutes:g} minutes or more" if minutes else f"more than {LONGEST:g} minutes"
+    terms = "" if problem.choice.twice else ", or fewer --terms (S3)"
+    raise InputError(f"--minutes: found {problem.seconds / 60:.3g}; {why}; allowed: {said}{terms}")
+
+
+def _needed(problem: Problem) -> float | None:
+    """problem → minutes in which a quick choice determines what it is for; None: not within `LONGEST`."""
+    minutes = problem.seconds / 60
+    while (minutes := minutes * LONGER) < LONGEST:
+        minutes = math.ceil(2 * minutes) / 2
+        with suppress(InputError):
+            tried = problem.of_time(60 * minutes)
+            if serves(tried, choose.quick(tried).information):
+                return minutes
+    return None
 
 
 def same_time(ready: Setting, other: Cell, made: Plan) -> Chosen:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from ..judgement import Tolerances
-from ..records import LINEAR, ROTARY, Axis, Cell, Controller, InputError, Machine, Probe, TermItem, World
+from ..records import LINEAR, ROTARY, Approach, Axis, Cell, Controller, InputError, Machine, Probe, Strategy, TermItem, World
 from .angles import angle
 from .artefact import read_artefact
 from .checked import FURTHEST, Node, complaint, load, suggestion
@@ -22,12 +22,16 @@ SUBSETS = ("S1", "S2", "S3", "S4")
 COARSEST = 0.1  # mm: a probe of a machine tool repeats to micrometres
 SUBSET = re.compile(r"[Ss]\d*")  # what is meant for one; the machine has to be known to judge the other words
 STYLI = 9  # of one machine
+FIRST = Approach(8.0, 4.0, 180.0)  # mm, mm, mm/min: of a table that nobody has touched yet
 OFFSET = re.compile(r"E[XYZ]t|E[XYZR]t[2-9]")
 TOPOLOGY = re.compile(r"w(?P<workpiece>[XYZABC]*)[fb](?P<tool>[XYZABC]*)\(S\)t")
 
 
-def read_cell(folder: Path) -> Cell:
-    """folder with tango.yaml → cell. Raises InputError for whatever is wrong in any of its files."""
+def read_cell(folder: Path, *, strategy: bool = True) -> Cell:
+    """folder with tango.yaml → cell. Raises InputError for whatever is wrong in any of its files.
+
+    `strategy`: whether it needs one. Where it does not, and the file is not there yet, nothing is touched in it (`FIRST`).
+    """
     file = folder / "tango.yaml"
     root = load(file)
     fields = root.fields(["tango", "machine", "artefact", "strategy"], ["terms", "controller"])
@@ -35,10 +39,11 @@ def read_cell(folder: Path) -> Cell:
         raise fields["tango"].wrong("1, the version of the format that this program reads")
     files = _files(folder, {key: fields[key] for key in ("machine", "artefact", "strategy")})
     machine, artefact = read_machine(files["machine"]), read_artefact(files["artefact"])
-    strategy = read_strategy(files["strategy"], machine, artefact)
+    made = strategy or files["strategy"].exists()
+    touched = read_strategy(files["strategy"], machine, artefact) if made else Strategy("none yet", FIRST, ())
     terms = _terms(fields["terms"], folder) if "terms" in fields else ("S3",)
     controller = _controller(fields["controller"], machine) if "controller" in fields else None
-    return Cell(folder, machine, artefact, strategy, terms, controller)
+    return Cell(folder, machine, artefact, touched, terms, controller)
 
 
 def _files(folder: Path, nodes: dict[str, Node]) -> dict[str, Path]:

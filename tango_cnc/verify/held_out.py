@@ -16,6 +16,7 @@ from ..touches import from_readings
 from ._shared import Figures, figures
 
 Groups = tuple[tuple[int, ...], ...]
+SAME = 1e-3  # of what an unknown does to a touch: less is the same
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class HeldOut:
     group: NDArray[np.int64]  # place in `groups`
     residual: Array  # positive = the ball stands off the predicted surface
     expected: Array  # one standard deviation: touch, parameters and facet offsets together
+    told: NDArray[np.bool_]  # whether the other touches determine all that moves it
     fitted: Array  # residuals of the estimates' own touches, all groups
     unpredictable: tuple[str, ...]  # facets that only held-out indexations touch
     unseen: tuple[str, ...]  # what the remaining indexations cannot tell apart, in words
@@ -40,8 +42,12 @@ class HeldOut:
 
     @property
     def ratio(self) -> float:
-        """→ rms of residual over expectation: 1 where the model predicts as well as it claims."""
-        return float(np.sqrt(np.mean((self.residual / self.expected) ** 2))) if len(self.residual) else 0.0
+        """→ rms of residual over expectation: 1 where the model predicts as well as it claims; 0 where there is nothing to judge.
+
+        A touch that depends on what only its own group tells is no test of the model: an expectation knows nothing of that.
+        """
+        own = self.told
+        return float(np.sqrt(np.mean((self.residual[own] / self.expected[own]) ** 2))) if own.any() else 0.0
 
 
 def indexations(readings: Readings, machine: Machine) -> NDArray[np.int64]:
@@ -83,11 +89,12 @@ def held_out(
     Raises InputError for an indexation that the readings lack, TangoError when what remains supports no estimate.
     """
     number = indexations(readings, machine)
+    whole = estimate(machine, artefact, readings, terms, degree).model
     known = set(number.tolist())
     for i in (i for group in groups for i in group):
         if i not in known:
             raise InputError(f"--hold-out: found indexation {i}; allowed: 1 to {max(known)}, counted as in the strategy")
-    parts: list[tuple[Readings, NDArray[np.int64], int, Array, Array]] = []
+    parts: list[tuple[Readings, NDArray[np.int64], int, NDArray[np.bool_], Array, Array]] = []
     lost: set[str] = set()
     fitted: list[Array] = []
     unseen: dict[str, None] = {}
@@ -104,7 +111,8 @@ def held_out(
         lost |= {readings.facet[i] for i in rows} - seen
         rows = rows[[readings.facet[i] in seen for i in rows]]
         if len(rows):
-            parts.append((readings.rows(rows), number[rows], place, *predict(result, readings, rows)))
+            told = _told(whole, result.model, np.flatnonzero(readings.ok), rows, out)
+            parts.append((readings.rows(rows), number[rows], place, told, *predict(result, readings, rows)))
     if not parts:
         raise TangoError(
             f"held out: every facet of indexations {groups} is touched there alone ({', '.join(sorted(lost))}); hold out fewer"
@@ -115,12 +123,32 @@ def held_out(
         tuple(f for p in parts for f in p[0].facet),
         np.concatenate([p[1] for p in parts]),
         np.concatenate([np.full(len(p[1]), p[2]) for p in parts]),
-        np.concatenate([p[3] for p in parts]),
         np.concatenate([p[4] for p in parts]),
+        np.concatenate([p[5] for p in parts]),
+        np.concatenate([p[3] for p in parts]),
         np.concatenate(fitted),
         tuple(f for f in artefact.facets if f in lost),
         tuple(unseen),
     )
+
+
+def _told(whole: Model, few: Model, used: NDArray[np.int64], rows: NDArray[np.int64], out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """model of all touches, of those left, rows of all (n,), of those to predict (m,), mask of the group → (m,) `HeldOut.told`.
+
+    What the touches left cannot tell apart counts there as something else, D = K W. It does the same to a touch of the group, or
+    the group alone knows of it.
+    """
+    known = set(few.names)
+    gone = [j for j, c in enumerate(whole.coefficients) if c.name not in known]
+    if not gone:
+        return np.ones(len(rows), dtype=np.bool_)
+    start = np.zeros(len(whole.names))
+    _, jacobian = linearise(whole, start)
+    jacobian = jacobian / np.where((size := np.sqrt(np.mean(jacobian**2, axis=0))) > 0, size, 1.0)
+    kept = [j for j, name in enumerate(whole.names) if name in known]
+    left, own = jacobian[~out[used]], jacobian[np.searchsorted(used, rows)]
+    weights = np.linalg.lstsq(left[:, kept], left[:, gone], rcond=1e-9)[0]
+    return np.asarray((np.abs(own[:, gone] - own[:, kept] @ weights) < SAME).all(axis=1))
 
 
 def _whole_balls(artefact: Artefact, readings: Readings, left: NDArray[np.bool_]) -> NDArray[np.bool_]:

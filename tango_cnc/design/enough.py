@@ -1,0 +1,45 @@
+"""Whether a plan determines what its goal asks for, or only repeats what is assumed of every machine.
+
+Every unknown is taken to be within `WIDE` of nominal before anything is measured, so that a plan of any touches has a number. Where
+that number grows when the unknowns are taken to be further off, it is made of the assumption. `tango estimate` does not make it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..records import Array
+from .candidates import WIDE
+from .check import is_stylus
+from .criterion import value
+from .problem import Problem
+
+LOOSER = 0.01  # of the information that is assumed of every unknown is left: ten times as far from nominal
+GROWS = 1.1  # times φ may grow with it
+COARSE = 0.02  # mm, standard deviation of a change of the tool tip: what a check sees must be six times as large
+
+
+def determined(problem: Problem, information: Array) -> bool:
+    """problem, A (p, p) of a plan → whether φ follows from touches and certificates; of the determinant, which counts all, True."""
+    if problem.criterion.determinant:
+        return True
+    choice = problem.choice
+    assumed = np.full(len(information), (choice.sigma / WIDE) ** 2)
+    first = len(choice.scale) - len(choice.twice)
+    for k, j in enumerate(choice.twice):
+        if is_stylus(choice, j):  # how well it comes back was stated
+            assumed[first + k] = 0.0
+    loose = information - (1 - LOOSER) * np.diag(assumed)
+    return bool(value(problem.criterion, loose) < GROWS * value(problem.criterion, information))
+
+
+def serves(problem: Problem, information: Array) -> bool:
+    """problem, A (p, p) of a plan → whether it is worth making: it determines what it is for, and a check sees 0.1 mm."""
+    if not determined(problem, information):
+        return False
+    return not _checks(problem) or problem.choice.sigma * value(problem.criterion, information) ** 0.5 < COARSE
+
+
+def _checks(problem: Problem) -> bool:
+    """problem → whether it is a check, which rests on a full run."""
+    return bool(problem.choice.twice)
