@@ -41,23 +41,13 @@ def chosen(problem: Problem) -> Chosen:
     again = order.again(problem.choice.cell, problem.feed)
     # The first choice, a quick one, says what touches and turns cost.
     first, relaxed = _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)
-    costs = _costs(first)
+    costs = costs_of(first)
     rows, relaxed = _in_a_row(problem, costs, again, relaxed)
     found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
     best = min((found, last), (first, relaxed), key=lambda each: each[0].value)
     if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
         best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
     return certified(best[0], _lifted(best[0].problem, best[1]))
-
-
-def quick(problem: Problem) -> Chosen:
-    """problem → a first plan, without exchanges: what its time is good for, quickly. Raises InputError as `chosen`."""
-    first = _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)[0]
-    costs = _costs(first)
-    again = order.again(problem.choice.cell, problem.feed)
-    rows, relaxed = _in_a_row(problem, costs, again, None)
-    found = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), 0, relaxed)[0]
-    return min(found, first, key=lambda each: each.value)
 
 
 def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:
@@ -72,7 +62,7 @@ def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, rel
     return _fitted(problem, mask, each, _lifted(problem, relaxed)), relaxed
 
 
-def _costs(found: Chosen) -> tuple[float, float, float]:
+def costs_of(found: Chosen) -> tuple[float, float, float]:
     """plan → s of a facet, of a visit, and of all else: the gate, and the first indexation once more."""
     touch, visit = found.costs
     visits = len({tuple(sorted(i.position.items())) for i in found.cell.strategy.indexations})

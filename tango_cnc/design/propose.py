@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -17,12 +17,15 @@ from ..touches import from_readings
 from . import candidates, check, choose, goals, prior, region
 from . import regular as plain
 from .candidates import Candidates
+from .criterion import value
 from .enough import serves
+from .exchange import whole
 from .goals import Goal
-from .problem import Chosen, Problem
+from .problem import Chosen, Problem, lighter
 from .region import Levers, Region
+from .relaxed import Costs, relax
 
-CHECKS = (3.0, 3.5, 4.0, 5.0, 6.0, 8.0)  # minutes of a check when 2.5 do not do, and nobody states a time
+CHECK = 8.0  # minutes at most of a check for which nobody states a time
 WELL = 0.004  # mm, standard deviation of the worst change: about 20 µm are seen
 LONGER, LONGEST = 1.25, 60.0  # steps, and the end, of looking for minutes that would do
 TRIES = 5  # times that are looked at when limits are given and no time
@@ -151,20 +154,17 @@ def propose(ready: Setting) -> Chosen:
 
 
 def _usual_check(problem: Problem) -> Chosen:
-    """problem of a check → the plan of the shortest of the usual times in which it sees changes well."""
-    with suppress(InputError):
-        found = choose.chosen(problem)
-        if _sees_well(found):
-            return found
-    for minutes in CHECKS[:-1]:
-        with suppress(InputError):
-            if _sees_well(choose.quick(problem.of_time(60 * minutes))):
-                return choose.chosen(problem.of_time(60 * minutes))
-    return choose.chosen(problem.of_time(60 * CHECKS[-1]))
+    """problem of a check → the plan of the usual time where it sees changes well, else of the shortest time in which one does."""
+    found = choose.chosen(problem)
+    if _well(problem, found.information):
+        return found
+    minutes = min(_needed(found, _well) or CHECK, CHECK)
+    return choose.chosen(problem.of_time(60 * minutes))
 
 
-def _sees_well(found: Chosen) -> bool:
-    return serves(found.problem, found.information) and found.problem.choice.sigma * found.value**0.5 < WELL
+def _well(problem: Problem, information: Array) -> bool:
+    """problem of a check, A (p, p) → whether it sees changes of about 20 µm."""
+    return serves(problem, information) and problem.choice.sigma * value(problem.criterion, information) ** 0.5 < WELL
 
 
 def _worth_making(found: Chosen) -> Chosen:
@@ -172,7 +172,7 @@ def _worth_making(found: Chosen) -> Chosen:
     problem = found.problem
     if serves(problem, found.information):
         return found
-    minutes = _needed(problem)
+    minutes = _needed(found, serves)
     why = (
         "such a check would see no change smaller than 0.1 mm"
         if problem.choice.twice
@@ -183,15 +183,20 @@ def _worth_making(found: Chosen) -> Chosen:
     raise InputError(f"--minutes: found {problem.seconds / 60:.3g}; {why}; allowed: {said}{terms}")
 
 
-def _needed(problem: Problem) -> float | None:
-    """problem → minutes in which a quick choice determines what it is for; None: not within `LONGEST`."""
-    minutes = problem.seconds / 60
-    while (minutes := minutes * LONGER) < LONGEST:
-        minutes = math.ceil(2 * minutes) / 2
-        with suppress(InputError):
-            tried = problem.of_time(60 * minutes)
-            if serves(tried, choose.quick(tried).information):
-                return minutes
+def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | None:
+    """plan, what is asked of its information → minutes in which touches and turns that cost the same reach it.
+
+    By a quick choice; None: not within `LONGEST`.
+    """
+    light, (touch, visit, spare) = lighter(found.problem), choose.costs_of(found)
+    choice, relaxed, minutes = light.choice, None, found.problem.seconds / 60
+    each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
+    while (minutes := math.ceil(2 * minutes * LONGER) / 2) <= LONGEST:
+        seconds = 60 * minutes - spare
+        relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
+        mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)
+        if good(light, light.held + choice.rows[mask].T @ choice.rows[mask]):
+            return minutes
     return None
 
 
