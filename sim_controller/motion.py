@@ -92,6 +92,7 @@ class Motion:
         override: float = 1.0,
         dry_run: float | None = None,
         skip_obeys: bool = False,
+        latches: bool = True,
     ) -> None:
         self.rig, self.machine = rig, rig.machine
         self.time = 0.0
@@ -110,6 +111,7 @@ class Motion:
         self._miss_stops = miss_stops  # a probing move that meets nothing is an alarm
         self._override, self._dry_run = override, dry_run  # of the panel: a factor, mm/min that dry run puts in place of F
         self._skip_obeys = skip_obeys  # whether they act on probing moves: on most controls they do not (M700V p. 547; 6200#7 SKF)
+        self._latches = latches  # the position of a contact is stored at the trigger; else it is that after the stop
         self._asked, self._held = False, -1.0  # the screen asks for a finger; until when one is at the stylus, s
 
     def freed(self) -> None:
@@ -197,7 +199,7 @@ class Motion:
             self._reset = True
         elif fault is not None:
             raise MotionStop("fault", fault)
-        return Skip(True, trigger)
+        return Skip(True, trigger if self._latches else self.position)
 
     def _dialled(self, feed: float) -> float:
         """mm/min of a program → what the switches of the panel make of it."""

@@ -1,14 +1,21 @@
-"""What commissioning.yaml of a cell proves today, for the commands that rest on it."""
+"""What commissioning.yaml of a cell proves today, for the commands that rest on it, and what a try adds to it."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from ..commission import Experiment, experiments, keys
-from ..files.commissioning import Proof, latest, read_commissioning
+import click
+
+from ..commission import Experiment, Judged, experiments, keys
+from ..files import write_text
+from ..files.commissioning import Proof, add_proofs, latest, read_commissioning
 from ..link._secrets import shown
 from ..records import Cell
 from . import _trusted
+from ._common import json_text, table
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -32,3 +39,34 @@ def proven(cell: Cell, post: Post) -> dict[str, Proof]:
 def unproven(found: dict[str, Proof]) -> list[Experiment]:
     """what is proven → the experiments of beliefs without PASS, the most dangerous first."""
     return [e for e in experiments() if e.belief not in found or found[e.belief].verdict != "PASS"]
+
+
+def told(cell: Cell, post: Post, judged: Sequence[Judged], mark: str, control: str, json_file: str | None) -> bool:
+    """what came of a try → written into commissioning.yaml and shown, with what to do; whether a belief has failed."""
+    assert cell.controller is not None
+    date = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+    key = keys_of(cell, post)
+    proofs = []
+    for each in judged:
+        belief, verdict = each.experiment.belief, each.verdict
+        found = (verdict.verdict, verdict.found, verdict.value, verdict.unit)
+        proofs.append(Proof(belief, *found, date, mark, control, key[belief]))
+    file = add_proofs(cell.folder, cell.controller.post, proofs)
+    result: dict[str, Any] = {
+        "format": "tango-commission/1",
+        "file": str(file),
+        "program_hash": mark,
+        "control": control,
+        "beliefs": [{"belief": p.belief, "verdict": p.verdict, "found": p.found, "value": p.value, "unit": p.unit} for p in proofs],
+    }
+    failed = [each.experiment for each in judged if each.verdict.verdict == "FAIL"]
+    if json_file == "-":
+        click.echo(json_text(result))
+        return bool(failed)
+    click.echo(table([["belief", "", "what was found"], *([p.belief, p.verdict, p.found] for p in proofs)], "<<<"))
+    for one in failed:
+        click.echo(f"{one.belief}: {one.says}. It is not so. What to do: {one.advice}".rstrip())
+    click.echo(f"→ {file}")
+    if json_file is not None:
+        write_text(Path(json_file), json_text(result) + "\n")
+    return bool(failed)

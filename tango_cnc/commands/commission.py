@@ -5,17 +5,16 @@ from __future__ import annotations
 import re
 import sys
 from dataclasses import replace
-from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..files import blamed_on, read_cell, write_text
+from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
-from ._common import cell_option, dialect, json_option, json_text, table
+from ._common import cell_option, dialect, json_option
+from ._written import written
 
 FOLDER = "commissioning"  # of the cell: program, records and journal of the last try
 WORD = re.compile(r"([A-Z]) *([+-]? *\d*\.?\d+)")
@@ -33,6 +32,10 @@ PLACE = "Measure 10"  # in the list of commands
     default=None,
     help="Try a probe that is held aside too: the program is started once more and has to stop. Default: at a terminal.",
 )
+@click.option(
+    "--touch", is_flag=True, help="Touch the table: a few facets at two angles and two feeds, for what no move in the air shows."
+)
+@click.option("--yes", is_flag=True, help="With --touch: do not ask before the machine moves.")
 @click.option("--again", is_flag=True, help="Try everything, also what is proven already.")
 @click.option(
     "--answers",
@@ -49,6 +52,8 @@ def command(
     port: str | None,
     only_program: bool,
     held: bool | None,
+    touch: bool,
+    yes: bool,
     again: bool,
     answers: str,
     said: str,
@@ -62,9 +67,9 @@ def command(
     again, as long as what it depends on (profile, axes of machine.yaml, port) is the same.
     """
     from .. import commission
-    from ..files.commissioning import Proof, add_proofs
     from ..plan import by_stylus, plan
-    from ._proofs import keys_of, proven, unproven
+    from ._commission_touch import touched
+    from ._proofs import proven, told, unproven
 
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     if cell.controller is None:
@@ -73,9 +78,15 @@ def command(
         )
     post = dialect(cell)
     known = {} if again else proven(cell, post)
-    wanted = {experiment.belief for experiment in unproven(known)}
+    wanted = {experiment.belief for experiment in unproven(known) if experiment.touches == touch}
     if not wanted and not only_program:
-        click.echo(f"everything is proven on this control, see {folder / NAME}; 'tango commission --again' tries it once more")
+        more = "" if touch or not unproven(known) else ", but what only a touched table shows: 'tango commission --touch'"
+        click.echo(
+            f"everything is proven on this control{more}, see {folder / NAME}; 'tango commission --again' tries it once more"
+        )
+        return
+    if touch:
+        touched(cell, post, port, wanted, yes, only_program, timeout, json_file)
         return
     someone = sys.stdin is not None and sys.stdin.isatty()
     if held and not someone:
@@ -90,7 +101,7 @@ def command(
     options = {**cell.controller.options, "gate": "finger"}  # whatever the runs do: here it is what is tried
     if any(option.name == "misses" for option in post.options):
         options["misses"] = 20  # every move of this program is to meet nothing
-    programs = _written(folder, post, made, options)
+    programs = written(cell, folder / FOLDER / "program", post, made, options)
     if only_program:
         for program in programs:
             click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
@@ -120,46 +131,14 @@ def command(
         seen = replace(seen, said=said or seen.said)
     aside = "Hold the stylus aside and keep it there. Do you? (no: this is left open)"
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(aside, err=True):
-        ungated = _written(folder, post, made, options | {"gate": "none"})  # which would notice the hand by itself
+        ungated = written(
+            cell, folder / FOLDER / "program", post, made, options | {"gate": "none"}
+        )  # which would notice the hand by itself
         once, control = _tried(cell, post, made, ungated, address, timeout, someone)
         seen = replace(seen, held=_stopped(once))
     seen = replace(seen, answers=_asked(commission.answerable(questions, seen), answers if someone or answers != "ask" else "none"))
     judged = [j for j in commission.judge(seen) if j.experiment.belief in wanted or j.verdict.verdict == "FAIL"]
-    date = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
-    keys = keys_of(cell, post)
-    proofs = [
-        Proof(
-            j.experiment.belief,
-            j.verdict.verdict,
-            j.verdict.found,
-            j.verdict.value,
-            j.verdict.unit,
-            date,
-            programs[0].mark,
-            control,
-            keys[j.experiment.belief],
-        )
-        for j in judged
-    ]
-    file = add_proofs(folder, cell.controller.post, proofs)
-    failed = [j for j in judged if j.verdict.verdict == "FAIL"]
-    result: dict[str, Any] = {
-        "format": "tango-commission/1",
-        "file": str(file),
-        "program_hash": programs[0].mark,
-        "control": control,
-        "beliefs": [{"belief": p.belief, "verdict": p.verdict, "found": p.found, "value": p.value, "unit": p.unit} for p in proofs],
-    }
-    if json_file == "-":
-        click.echo(json_text(result))
-    else:
-        rows = [["belief", "", "what was found"], *([p.belief, p.verdict, p.found] for p in proofs)]
-        click.echo(table(rows, "<<<"))
-        for j in failed:
-            click.echo(f"{j.experiment.belief}: {j.experiment.says}. It is not so. What to do: {j.experiment.advice}".rstrip())
-        click.echo(f"→ {file}")
-        if json_file is not None:
-            write_text(Path(json_file), json_text(result) + "\n")
+    failed = told(cell, post, judged, programs[0].mark, control, json_file)
     if not seen.ended:
         _broken_off(seen, not failed)
     if failed:
@@ -181,22 +160,6 @@ def _broken_off(seen: Any, alone: bool) -> None:
     if alone:
         raise LinkError(text)
     click.echo(text, err=True)
-
-
-def _written(folder: Path, post: Any, made: Plan, options: dict[str, Any]) -> list[Any]:
-    """The program of the plan in the air and what travels with it → commissioning/program/, read back before."""
-    from postprocessors import _base as posts
-
-    from ..files.plan import Content, plan_lines, write_together
-    from ..program import programs
-
-    with blamed_on(folder / "tango.yaml"):
-        written = programs(post, made, options)
-    target = folder / FOLDER / "program"
-    files: dict[Path, Content] = {target / p.name: p.lines for p in written}
-    files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, made, options).items()}
-    write_together({**files, target / "plan.csv": lambda: plan_lines(made)})
-    return [replace(p, file=str(target / p.name)) for p in written]
 
 
 def _tried(

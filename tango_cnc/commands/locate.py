@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 
-from ..files import artefact_text, blamed_on, read_cell, read_readings, write_text
+from ..files import artefact_text, read_cell, read_readings, write_text
 from ..files.targets import spared
 from ..records import InputError, Plan
 from ._common import Output, asks_for_a_finger, cell_option, dialect, json_option, json_text
 from ._live import Live
 from ._start import ask, unproven_of
+from ._written import written
 
 PLACE = "Measure 20"  # in the list of commands
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
@@ -59,7 +58,7 @@ def command(
         options = asks_for_a_finger(cell.controller.options)
         if any(option.name == "misses" for option in post.options):
             options["misses"] = max(len(made.touches), 3)  # on a table that stands elsewhere some meet nothing
-        programs = _written(folder, post, made, options)
+        programs = written(cell, folder / FOLDER / "program", post, made, options)
         if only_program:
             click.echo(f"{programs[0].file}: run it, then 'tango locate --readings FILE'")
             return
@@ -117,19 +116,3 @@ def command(
 
 def _worst(found: Any) -> float:
     return float(np.sort(np.abs(found.residual))[: len(found.residual) - len(found.left_out)].max())
-
-
-def _written(folder: Path, post: Any, made: Plan, options: Any) -> list[Any]:
-    """The locating program and what travels with it → locate/program/, read back before."""
-    from postprocessors import _base as posts
-
-    from ..files.plan import Content, plan_lines, write_together
-    from ..program import programs
-
-    with blamed_on(folder / "tango.yaml"):
-        written = programs(post, made, options)
-    target = folder / FOLDER / "program"
-    files: dict[Path, Content] = {target / p.name: p.lines for p in written}
-    files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, made, options).items()}
-    write_together({**files, target / "plan.csv": lambda: plan_lines(made)})
-    return [replace(p, file=str(target / p.name)) for p in written]

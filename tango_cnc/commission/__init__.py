@@ -7,6 +7,7 @@ into proofs, `keys.py` says how long each of them holds.
 from .experiment import Experiment, Question, Seen, Verdict
 from .flight import MOST, air
 from .keys import keys
+from .touching import late, pivots, quicker, touching
 from .verdicts import Judged, answerable, experiments, judge, questions, remaining, stopped_by
 
 __all__ = [
@@ -21,7 +22,11 @@ __all__ = [
     "experiments",
     "judge",
     "keys",
+    "late",
+    "pivots",
     "questions",
+    "quicker",
     "remaining",
     "stopped_by",
+    "touching",
 ]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from ..records import Plan
+from .touching import Pivot
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,8 @@ class Seen:
     seconds: float | None = None  # from the start mark to the end mark
     held: bool | None = None  # whether the program stopped while somebody held the stylus aside; None: not tried
     answers: Mapping[str, Mapping[str, bool]] = field(default_factory=dict)  # {belief: {what: what the person says of it}}
+    pivots: Mapping[str, Pivot] | None = None  # of the rotary axes, where the table was touched
+    late: float | None = None  # s by which positions are read late
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,8 @@ class Experiment:
     settles: re.Pattern[str] = re.compile(r"(?!)")  # what of the list of unverified it proves
     asks: Callable[[Plan], Mapping[str, Question]] = nothing  # plan in the air → {what: what the person at the machine is asked}
     rests: tuple[str, ...] = ()  # options of the profile that it depends on: another value, and it is to be tried again
-    on: tuple[str, ...] = ()  # what else it depends on: linear (axes of machine.yaml), rotary, port
+    on: tuple[str, ...] = ()  # what else it depends on: linear (axes of machine.yaml), rotary, their points, port
+    touches: bool = False  # it needs the table: no move in the air shows it
 
 
 def unmade_of(asked: Mapping[str, Question], seen: Seen) -> list[str]:

@@ -30,6 +30,7 @@ def keys(machine: Machine, post: str, code: str, options: Mapping[str, Any], por
         parts = {
             "linear": [(axis.name, axis.direction) for axis in machine.axes if axis.kind == "linear"],
             "rotary": [(axis.name, axis.direction) for axis in machine.axes if axis.kind == "rotary"],
+            "points": [(axis.name, axis.point) for axis in machine.axes if axis.kind == "rotary"],
             "port": port,
         }
         text = json.dumps([post, code, others, own, [parts[part] for part in experiment.on]], sort_keys=True, default=str)
