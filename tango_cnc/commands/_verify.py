@@ -17,6 +17,7 @@ from ..files import artefact_text, degrees_of, read_cell, read_readings, read_wo
 from ..files.origin import current
 from ..files.write import dump, machine_text
 from ..iso230.signed import withheld
+from ..iso230.temperature import grown
 from ..judgement import Judgement
 from ..kinematics import chain, tip
 from ..records import Array, Cell, InputError, Machine, Readings, TermItem
@@ -24,6 +25,7 @@ from ..report import pictures
 from ..verify import cmm, held_out, sphere, summary, volume
 from ._common import table, write_json
 from ._trust import members, status, told
+from .iso230 import thermal_of
 
 SUBSETS: tuple[tuple[TermItem, ...], ...] = (("S1",), ("S2",), ("S3",), ("S4",))
 
@@ -131,21 +133,27 @@ class Verification:
         """Compares estimated facets and predicted tips with the CMM file."""
         measured = cmm.read_cmm(self.options["cmm_file"], self.cell.artefact)
         rows, found, panels = [["against the CMM", "terms", *summary.FIGURES]], {}, {}
+        thermal = thermal_of(self.cell.folder)
+        thermal = thermal if thermal is not None and thermal.table is not None else None
+        model, free = self.result.model, self.options["cmm_scale"]
+        longer = cmm.NOT if thermal is None else grown(thermal, model.bar is not None or bool(model.calibrated))
         for name, terms in self.choices():
             result = (
                 self.result
                 if name == _spelt(self.terms)
                 else estimate(self.cell.machine, self.cell.artefact, self.readings, terms, self.options["degree"])
             )
-            table_, tips = cmm.compare_artefact(result, measured), cmm.compare_tips(result, self.readings, measured)
+            table_ = cmm.compare_artefact(result, measured, longer, free)
+            tips = cmm.compare_tips(result, self.readings, measured, None, longer, free)
             found[name] = {"artefact": summary.comparison_json(table_), "tips": summary.comparison_json(tips)}
             rows.append(["estimated facets", name, *summary.figures_text(table_.figures)])
             rows.append(["predicted tip positions", name, *summary.figures_text(tips.figures)])
             panels[f"{name}: predicted tip against CMM"] = self.arrows(tips.facet, tips.residual)
             if name == _spelt(self.terms):
                 self.limited["tip positions against the CMM"] = tips.figures.worst
+                said = summary.comparison_lines(tips, thermal)
         self.data["cmm"] = found
-        self.lines += [f"CMM comparison, {len(measured)} facets, µm after the best rigid fit", table(rows, "<<>>>>>")]
+        self.lines += [f"CMM comparison, {len(measured)} facets, µm after the best rigid fit", table(rows, "<<>>>>>"), *said]
         if self.pictures:
             self.drawn["cmm"] = pictures.vectors(panels)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..files.readings import degrees_of
+from ..iso230.temperature import Thermal
 from ..records import Array, Machine
 from ._shared import Figures
 from .cmm import Comparison
@@ -27,6 +29,29 @@ def figures_text(f: Figures) -> list[str]:
     return [f"{f.count}", *(f"{value * 1e3:.2f}" for value in (f.max, f.min, f.mean, f.sd))]
 
 
+def comparison_lines(found: Comparison, thermal: Thermal | None) -> list[str]:
+    """comparison with a CMM, temperatures (None: not stated of table and CMM) → what scale has to do with it, for people."""
+    if thermal is not None:
+        left = 2 * found.grown.std * found.reach * 1e3
+        lines = [
+            f"lengths of the CMM are taken {found.grown.value * 1e6:.1f} ± {found.grown.std * 1e6:.1f} µm/m longer, by "
+            f"temperature.yaml ({thermal.text}); this leaves up to {left:.1f} µm (k = 2) at a facet"
+        ]
+    else:
+        lines = [
+            "temperatures of table and CMM are not stated: both are taken to be at 20 °C. A warm table and a wrong scale look "
+            "alike; write table, table_expansion and cmm into temperature.yaml"
+        ]
+    if found.scale.std < math.inf:
+        told = f"a scale of {found.scale.value * 1e6:.1f} ± {found.scale.std * 1e6:.1f} µm/m beside that"
+        if found.fitted:
+            lines.append(f"{told} is fitted and taken out (--cmm-scale): the residuals say nothing of scale")
+        elif abs(found.scale.value) > SURE * float(np.hypot(found.scale.std, found.grown.std)):
+            lines.append(f"{told} would fit better: the machine's scale is wrong, or the table is not as warm as was taken")
+    return lines
+
+
+SURE = 3.0  # standard deviations
 FIGURES = ["n", "max", "min", "mean", "sd"]
 
 
@@ -55,6 +80,9 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
     return {
         **figures_json(found.figures),
         "best_fit": {"shift_mm": found.shift.tolist(), "turn_urad": (found.turn * 1e6).tolist()},
+        "grown_um_m": {"value": found.grown.value * 1e6, "std": found.grown.std * 1e6},
+        "scale_um_m": None if found.scale.std == math.inf else {"value": found.scale.value * 1e6, "std": found.scale.std * 1e6},
+        "scale_fitted": found.fitted,
         "residuals": [{"facet": f, "residual_um": float(r) * 1e3} for f, r in zip(found.facet, found.residual, strict=True)],
     }
 
