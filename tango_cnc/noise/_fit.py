@@ -9,13 +9,9 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from ..estimate import SIGMA_FLOOR, Estimate, Noise
-from ..judgement import TableTolerances
-from ..plausible.bounds import alone, is_backlash
-from ..records import Array, Machine
-from ..terms import Coefficient
+from ..records import Array
+from ._system import System, drifting, system
 
-WAVES = 12  # functions of the walk in each direction
-MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
 WORTH = 4.0  # twice the gain in log likelihood that a component needs
 STEPS = np.arange(-10.0, 10.5, 0.5)  # of the logarithm of a component's variance over the white one
 MISSED = 1.0  # of twice the log likelihood, at most, between a minimum and the nearest step: 0.25² times half of 32 groups
@@ -26,22 +22,6 @@ CUT = 4.5  # standard deviations beyond which a touch has no weight
 PRIOR = 4.0  # touches that the common scatter counts for in that of a facet
 ROUGH = 1e-3  # chance that a facet is called rough by mistake, all facets together
 FINEST = 1e-5  # mm: residuals below this are rounding, and are left alone
-
-
-@dataclass(frozen=True)
-class System:
-    """Rows of the touches with weight, and the few known distances below them, at the solution of `estimate`."""
-
-    gaps: Array  # (n,)
-    jacobian: Array  # (n, p), columns scaled
-    known: Array  # (m, p), rows over their uncertainty, columns scaled
-    known_gaps: Array  # (m,)
-    scale: Array  # (p,)
-    values: Array  # (p,), over scale
-    prior: Array  # (p,) one over the variance of what was known of each before, times scale squared; 0 where nothing was
-    least: float  # mm: no touch is taken to be better than a fifth of the stated repeatability
-    walk: Array  # (n, a)
-    seats: Array  # (n, b)
 
 
 def by_noise(result: Estimate) -> Estimate:
@@ -93,52 +73,6 @@ def _thinned(left: Array) -> float:
     inside = float(np.mean(size < CUT))
     near = float(np.mean(np.abs(size / CUT - 1) < 0.2)) / 0.4
     return inside / max(inside - near, 0.5)
-
-
-def system(result: Estimate) -> System:
-    """estimate → the system of its touches, known distances, walk and seating."""
-    touches = result.model.touches
-    n = len(touches)
-    scale = 1 / np.maximum(np.linalg.norm(result.jacobian, axis=0), 1e-300)
-    known = result.jacobian[n:] * scale * (result.known_weights / result.sigma)[:, None]
-    normal = touches.machine_normal
-    count = int(touches.indexation.max(initial=0)) + 1
-    days = np.unique(touches.day)
-    walk, seats = np.empty((n, 0)), np.empty((n, 0))
-    if 3 * (count + WAVES * len(days)) <= MOST:
-        place = np.eye(count)[touches.indexation] if count > 2 else np.empty((n, 0))
-        seats = (place[:, :, None] * normal[:, None, :]).reshape(n, -1)
-        walk = np.hstack([_waves(touches.time, touches.day == day, normal) for day in days])
-    known_gaps = result.known_residuals * result.known_weights / result.sigma
-    prior = (scale / _before(result)) ** 2
-    jacobian, values = result.jacobian[:n] * scale, result.values / scale
-    least = max(touches.machine.probe.repeatability / 5, SIGMA_FLOOR)
-    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, walk, seats)
-
-
-def _before(result: Estimate) -> Array:
-    """→ (p,) one standard deviation of each unknown before it was measured: a quarter of its tolerance, infinite without one."""
-    model = result.model
-    table = model.touches.artefact.tolerances
-    known = [_known(c, model.touches.machine, table) for c in model.coefficients]
-    known += [table.facet] * len(model.touches.facets)
-    known += [table.ball] * (len(model.names) - len(known))
-    return np.array(known) / 4
-
-
-def _known(c: Coefficient, machine: Machine, table: TableTolerances) -> float:
-    if is_backlash(c) or (c.slot.stage in ("stylus", "table", "inter") and c.slot.axis):
-        return alone(c, machine, table)[0]
-    return machine.tolerances.scale if c.name in ("EXX1", "EYY1", "EZZ1") else np.inf
-
-
-def _waves(time: Array, rows: NDArray[np.bool_], normal: Array) -> Array:
-    """→ (n, 3 WAVES) Karhunen–Loève functions of a Wiener process of variance 1 at the end, along x y z."""
-    span = np.ptp(time[rows]) or 1.0
-    t = (time - time[rows].min()) / span
-    rate = (np.arange(WAVES) + 0.5) * np.pi
-    wave = np.sqrt(2) * np.sin(t[:, None] * rate) / rate * rows[:, None]
-    return np.asarray((wave[:, :, None] * normal[:, None, :]).reshape(len(time), -1))
 
 
 def _solved(jacobian: Array, right: Array, weight: Array, s: System, sigma: float) -> Array:
@@ -195,7 +129,23 @@ class Fitted:
 
 
 def gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool = False) -> Fitted:
-    """rows with weight, scatter of each against the common one → generalised least squares; `white`: neither walk nor seating."""
+    """rows with weight, scatter of each against the common one → generalised least squares; `white`: neither walk nor seating.
+
+    Where there is a walk, its smooth part may have any size: a warm-up is all slow functions and nothing of the fast ones, so that
+    the one variance of them all would promise less drift than there is.
+    """
+    found = _gls(s, keep, rough, white)
+    p, free = len(s.values), drifting(s)
+    if not found.walk or keep.sum() <= len(free.values) + 8:
+        return found
+    again = _gls(free, keep, rough, False)
+    change = again.change[:p]
+    residual = s.gaps + s.jacobian @ (change / s.scale)
+    wandered = float(np.sqrt(np.mean((residual - again.residual) ** 2) + again.walk**2))
+    return replace(again, change=change, covariance=again.covariance[:p, :p], walk=wandered, white=False, residual=residual)
+
+
+def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitted:
     parts = [part for part in (s.walk, s.seats) if part.shape[1] and not white]
     weight = 1 / rough[keep]
     j, gaps = s.jacobian[keep] * weight[:, None], s.gaps[keep] * weight

@@ -7,14 +7,13 @@ white scatter, where the fit without it left much: a drift is not explained by a
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate import Estimate, Step
 from ..records import Array
-from ._fit import LARGEST, Fitted, System, gls, reachable, system
+from ._fit import LARGEST, Fitted, gls, reachable
+from ._system import System, system, widened
 
 FEWEST = 4  # touches before and after
 WORTH = 60.0  # white variances that a step has to take out of the residuals before it is tried
@@ -106,17 +105,7 @@ def _scan(s: System, normal: Array, keep: NDArray[np.bool_], white: float) -> tu
 
 def _with(s: System, normal: Array, at: int) -> System:
     """system, (n, 3) normals, first touch after it → the system with three more unknowns."""
-    n = len(s.gaps)
-    columns = normal * (np.arange(n) >= at)[:, None]
-    zero = np.zeros(3)
-    return replace(
-        s,
-        jacobian=np.hstack([s.jacobian, columns]),
-        known=np.hstack([s.known, np.zeros((len(s.known), 3))]),
-        scale=np.concatenate([s.scale, zero + 1]),
-        values=np.concatenate([s.values, zero]),
-        prior=np.concatenate([s.prior, zero + 1e-6]),
-    )
+    return widened(s, normal * (np.arange(len(s.gaps)) >= at)[:, None], prior=1e-6)
 
 
 Refit = tuple[Fitted, NDArray[np.bool_]]

@@ -1,0 +1,100 @@
+"""What the noise is found from: the system of touches at the solution of an estimate, with walk and seating (see the package)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..estimate import SIGMA_FLOOR, Estimate
+from ..judgement import TableTolerances
+from ..plausible.bounds import alone, is_backlash
+from ..records import Array, Machine
+from ..terms import Coefficient
+
+WAVES = 12  # functions of the walk in each direction
+MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
+SMOOTH = 3  # of them are drift that is smooth: any size of theirs is as likely as another, once there is a walk
+
+
+@dataclass(frozen=True)
+class System:
+    """Rows of the touches with weight, and the few known distances below them, at the solution of `estimate`."""
+
+    gaps: Array  # (n,)
+    jacobian: Array  # (n, p), columns scaled
+    known: Array  # (m, p), rows over their uncertainty, columns scaled
+    known_gaps: Array  # (m,)
+    scale: Array  # (p,)
+    values: Array  # (p,), over scale
+    prior: Array  # (p,) one over the variance of what was known of each before, times scale squared; 0 where nothing was
+    least: float  # mm: no touch is taken to be better than a fifth of the stated repeatability
+    walk: Array  # (n, a), functions by day, the slowest first, each along x y z
+    seats: Array  # (n, b)
+
+
+def system(result: Estimate) -> System:
+    """estimate → the system of its touches, known distances, walk and seating."""
+    touches = result.model.touches
+    n = len(touches)
+    scale = 1 / np.maximum(np.linalg.norm(result.jacobian, axis=0), 1e-300)
+    known = result.jacobian[n:] * scale * (result.known_weights / result.sigma)[:, None]
+    normal = touches.machine_normal
+    count = int(touches.indexation.max(initial=0)) + 1
+    days = np.unique(touches.day)
+    walk, seats = np.empty((n, 0)), np.empty((n, 0))
+    if 3 * (count + WAVES * len(days)) <= MOST:
+        place = np.eye(count)[touches.indexation] if count > 2 else np.empty((n, 0))
+        seats = (place[:, :, None] * normal[:, None, :]).reshape(n, -1)
+        walk = np.hstack([_waves(touches.time, touches.day == day, normal) for day in days])
+    known_gaps = result.known_residuals * result.known_weights / result.sigma
+    prior = (scale / _before(result)) ** 2
+    jacobian, values = result.jacobian[:n] * scale, result.values / scale
+    least = max(touches.machine.probe.repeatability / 5, SIGMA_FLOOR)
+    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, walk, seats)
+
+
+def _before(result: Estimate) -> Array:
+    """→ (p,) one standard deviation of each unknown before it was measured: a quarter of its tolerance, infinite without one."""
+    model = result.model
+    table = model.touches.artefact.tolerances
+    known = [_known(c, model.touches.machine, table) for c in model.coefficients]
+    known += [table.facet] * len(model.touches.facets)
+    known += [table.ball] * (len(model.names) - len(known))
+    return np.array(known) / 4
+
+
+def _known(c: Coefficient, machine: Machine, table: TableTolerances) -> float:
+    if is_backlash(c) or (c.slot.stage in ("stylus", "table", "inter") and c.slot.axis):
+        return alone(c, machine, table)[0]
+    return machine.tolerances.scale if c.name in ("EXX1", "EYY1", "EZZ1") else np.inf
+
+
+def _waves(time: Array, rows: NDArray[np.bool_], normal: Array) -> Array:
+    """→ (n, 3 WAVES) Karhunen–Loève functions of a Wiener process of variance 1 at the end, along x y z."""
+    span = np.ptp(time[rows]) or 1.0
+    t = (time - time[rows].min()) / span
+    rate = (np.arange(WAVES) + 0.5) * np.pi
+    wave = np.sqrt(2) * np.sin(t[:, None] * rate) / rate * rows[:, None]
+    return np.asarray((wave[:, :, None] * normal[:, None, :]).reshape(len(time), -1))
+
+
+def widened(s: System, columns: Array, prior: float = 0.0) -> System:
+    """system, (n, k) what k more unknowns do to the touches, what was known of them before → the system with them, at the end."""
+    more = columns.shape[1]
+    zero = np.zeros(more)
+    return replace(
+        s,
+        jacobian=np.hstack([s.jacobian, columns]),
+        known=np.hstack([s.known, np.zeros((len(s.known), more))]),
+        scale=np.concatenate([s.scale, zero + 1]),
+        values=np.concatenate([s.values, zero]),
+        prior=np.concatenate([s.prior, zero + prior]),
+    )
+
+
+def drifting(s: System) -> System:
+    """system → the smooth part of its walk as unknowns of any size, the rest of the walk as it was."""
+    smooth = np.arange(s.walk.shape[1]) % (3 * WAVES) < 3 * SMOOTH
+    return replace(widened(s, s.walk[:, smooth]), walk=s.walk[:, ~smooth])
