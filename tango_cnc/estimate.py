@@ -50,6 +50,7 @@ class Noise:
     seating: float = 0.0
     facets: Mapping[str, float] = field(default_factory=dict)  # facets that scatter more than the others, each with its scatter
     step: Step | None = None
+    undecided: tuple[int, ...] = ()  # touches without weight, as others on their facet or ball do not fit: who is wrong is unknown
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,12 @@ class Estimate:
     def outliers(self) -> NDArray[np.int64]:
         """→ numbers of the touches that a robust fit cannot reach: flagged, not removed."""
         return _outliers(self) if self.rejected is None else self.rejected
+
+    @property
+    def unused(self) -> NDArray[np.int64]:
+        """→ numbers of the touches that have no weight: outliers, and those of which nobody knows whether they are."""
+        undecided = () if self.noise is None else self.noise.undecided
+        return np.union1d(self.outliers, np.array(undecided, dtype=np.int64))
 
     @property
     def model(self) -> Model:

@@ -71,6 +71,31 @@ def test_a_third_of_wrong_touches_moves_nothing(cell: Cell, world: World) -> Non
     assert np.mean(flagged[~wrong]) < 0.1
 
 
+@pytest.mark.parametrize("seed", [9, 10])
+def test_a_ball_of_which_some_touches_are_wrong_says_nothing_of_the_scale(cell: Cell, world: World, seed: int) -> None:
+    readings = read(cell, world, seed)
+    wrong = np.random.default_rng(seed - 6).random(len(readings)) < 0.3  # two of five touches on one ball are among them
+    found = honest(estimate(cell.machine, cell.artefact, pushed(cell, readings, 0.5 * wrong), cell.terms))
+    assert max(map(abs, off(found, world).values())) < 3
+    assert found.noise is not None and set(found.noise.undecided).isdisjoint(found.outliers.tolist())
+    on_balls = [n for n, f in zip(readings.touch, readings.facet, strict=True) if cell.artefact.facets[f].ball is not None]
+    assert set(on_balls) & set(found.noise.undecided)
+
+
+def test_a_short_plan_has_no_outliers_of_its_own(root: Path) -> None:
+    cell, world = read_cell(root / "examples" / "trunnion"), read_world(root / "examples" / "trunnion" / "world.yaml")
+    few = replace(cell.strategy, indexations=cell.strategy.indexations[:4])
+    cell = replace(cell, strategy=few)
+    apart = []
+    for seed in range(40, 52):
+        plain = estimate(cell.machine, cell.artefact, read(cell, world, seed), cell.terms)
+        assert 6 < plain.dof < 20  # a robust fit can pass through most of the touches
+        found = honest(plain)
+        assert not len(found.unused)
+        apart += list(off(found, world).values())
+    assert np.std(apart) < 1.3
+
+
 def test_one_wrong_touch_does_not_accuse_its_facet(cell: Cell, world: World) -> None:
     readings = read(cell, world, 8)
     way = np.zeros(len(readings))

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
 from tango_cnc.report.verdict import Check, worst_of
+from tango_cnc.verify.held_out import HeldOut
 
 
 def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -67,7 +68,7 @@ def test_an_axis_that_turns_the_other_way_is_implausible(cell: Path, capsys: pyt
     turned_round(cell)
     code, data = estimated(capsys, cell)
     assert (code, data["verdict"]) == (1, "implausible")
-    assert any("is plausible" in reason for reason in data["reasons"])
+    assert any("of 393 touches do not fit" in reason for reason in data["reasons"])
     first = data["suspicions"][0]
     assert (first["text"], first["file"], first["line"]) == ("the readings fit if B turns the other way", "machine.yaml", 7)
 
@@ -150,10 +151,19 @@ def test_nothing_is_green_beside_what_the_diagnosis_cannot_explain() -> None:
     assert not worst_of([good, replace(unexplained, undermines=False)]).checks[0].open
 
 
-def test_touches_that_are_not_predicted_make_an_estimate_doubtful(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, data = estimated(capsys, cell, "--terms", "S1")
+def test_touches_that_are_not_predicted_make_an_estimate_doubtful(
+    cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(HeldOut, "ratio", property(lambda _: 1.7))
+    _, data = estimated(capsys, cell)
     assert data["verdict"] == "doubtful"
-    assert any("times as far off as predicted" in reason for reason in data["reasons"])
+    assert any("1.7 times as far off as predicted" in reason for reason in data["reasons"])
+
+
+def test_terms_that_leave_most_of_the_errors_are_implausible(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, data = estimated(capsys, cell, "--terms", "S1")
+    assert data["verdict"] == "implausible"
+    assert any("at most 50 µm is plausible" in reason for reason in data["reasons"])
 
 
 def test_who_knows_less_of_a_machine_states_it(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

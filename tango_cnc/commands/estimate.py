@@ -79,7 +79,7 @@ def command(
         fewer = without(readings, excluded)
         result, judgement = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
     if frame is None and judgement.verdict != "implausible":
-        judgement = _predicting(cell, without(readings, np.union1d(excluded, result.outliers)), items, degree, judgement)
+        judgement = _predicting(cell, without(readings, np.union1d(excluded, result.unused)), items, degree, judgement)
     figures = withheld(result)
     data = as_json(result, figures, judgement)
     if exclude_outliers:

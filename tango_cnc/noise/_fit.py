@@ -18,8 +18,14 @@ MISSED = 1.0  # of twice the log likelihood, at most, between a minimum and the 
 LAPLACE = 0.01  # mm: mean size of a touch's residual that the start takes for granted beside what was known before
 LARGEST = 1500  # touches of which the noise is taken apart
 FAINT = 1e-4  # share of the largest singular value below which touches tell nothing of a direction
+ROUNDS = 8  # of looking again at who fits
+HALF = 0.35  # share of all touches without weight beyond which it is no matter of single touches
+UNSURE = 0.01  # odds that the dropped touches of a facet are the right ones, above which none of it counts
+UNKNOWN = 0.75  # leverage above which a touch is predicted by hardly anything
+LOOSE = 1e-3  # least share of its variance that is left of a touch in the fit
 CUT = 4.5  # standard deviations beyond which a touch has no weight
 PRIOR = 4.0  # touches that the common scatter counts for in that of a facet
+FEWEST = 2.5  # touches to spare on a facet that is judged by its own scatter
 ROUGH = 1e-3  # chance that a facet is called rough by mistake, all facets together
 FINEST = 1e-5  # mm: residuals below this are rounding, and are left alone
 
@@ -32,10 +38,10 @@ def by_noise(result: Estimate) -> Estimate:
     s = system(result)
     keep = reachable(s)
     rough = np.ones(len(touches))
+    group = np.where(touches.ball_index < 0, np.unique(touches.facet, return_inverse=True)[1], -1 - touches.ball_index)
     fitted = gls(s, keep, rough)
-    for _ in range(2):
-        left = np.abs(fitted.left) / (fitted.sigma * rough)
-        again = left < CUT * max(1.0, -float(special.ndtri(0.25 / max(keep.sum(), 1))) / 3.5)
+    for _ in range(ROUNDS):
+        again = _fits(fitted, keep, rough, group)
         if again.sum() - len(result.values) < 4:
             break
         rough_now = _rough(result, fitted, again)
@@ -43,24 +49,66 @@ def by_noise(result: Estimate) -> Estimate:
             break
         keep, rough = again, rough_now
         fitted = gls(s, keep, rough)
+    decided = keep & ~_undecided(keep, group)
+    if not np.array_equal(decided, keep):
+        fitted = gls(s, decided, rough)
     change = fitted.change
     if fitted.white and keep.all() and np.all(rough == 1):
         return replace(result, rejected=np.empty(0, dtype=np.int64), noise=Noise(result.sigma))
     facets = {f: float(fitted.sigma * r) for f, r in zip(touches.facet, rough, strict=True) if r > 1}
-    noise = Noise(fitted.sigma, fitted.walk, fitted.seating, facets)
+    undecided = tuple(int(i) for i in touches.number[keep & ~decided])
+    noise = Noise(fitted.sigma, fitted.walk, fitted.seating, facets, undecided=undecided)
     residuals = result.residuals + s.jacobian @ (change / s.scale)
-    dof = result.dof - int((~keep).sum())
+    dof = result.dof - int((~decided).sum())
     thinned = _thinned(fitted.left / (fitted.sigma * rough))
     return replace(
         result,
         values=result.values + change,
         covariance=fitted.covariance * thinned**2,
         residuals=residuals,
-        sigma=float(np.sqrt(residuals[keep] @ residuals[keep] / max(dof, 1))),
+        sigma=float(np.sqrt(residuals[decided] @ residuals[decided] / max(dof, 1))),
         dof=dof,
         rejected=touches.number[~keep],
         noise=noise,
     )
+
+
+def _fits(fitted: Fitted, keep: NDArray[np.bool_], rough: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """fit, touches with weight, scatter of each against the common one, its facet or ball → touches no further off than by chance.
+
+    A touch in the fit draws it to itself, one outside is judged by a fit that is uncertain there: variances σ² (1 ∓ h) with its
+    leverage h (Cook and Weisberg 1982, 2.2). With few touches to spare the scatter itself is uncertain: Student's t. Of a facet
+    that the fit hardly knows one touch comes back at a time, so that two that contradict each other do not both.
+    """
+    n, spare = int(keep.sum()), max(fitted.spare, 1.0)
+    tail = min(float(special.ndtr(-CUT)), 0.25 / n * float(special.ndtr(-CUT) / special.ndtr(-3.5)))
+    cut = -float(special.stdtrit(spare, tail))
+    std = fitted.sigma * rough * np.sqrt(np.where(keep, np.maximum(1 - fitted.lever, LOOSE), 1 + fitted.lever))
+    off = np.abs(fitted.left) / std
+    inside = np.asarray(off < cut)
+    for one in np.unique(group[inside & ~keep & (fitted.lever > UNKNOWN)]):
+        rows = np.flatnonzero((group == one) & inside & ~keep & (fitted.lever > UNKNOWN))
+        inside[rows] = False
+        inside[rows[np.argmin(off[rows])]] = True
+    return inside
+
+
+def _undecided(keep: NDArray[np.bool_], group: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """touches with weight, their facet or ball → (n,) touches of which nobody can say whether they or their neighbours are wrong.
+
+    Where a share r of all touches is wrong, those k of n on one facet that were dropped are the right ones with odds of
+    (r / (1 - r))^(n - 2 k). A ball has a third of its touches along each direction.
+    """
+    rate = max(float((~keep).mean()), 1 / len(keep))
+    found = np.zeros(len(keep), dtype=np.bool_)
+    if rate > HALF:
+        return found  # something else is wrong
+    for one in np.unique(group[~keep]):
+        rows = group == one
+        count = rows.sum() / (3 if one < 0 else 1)
+        odds = (rate / (1 - rate)) ** (count - 2 * (rows & ~keep).sum())
+        found |= rows & (odds > UNSURE)
+    return found
 
 
 def _thinned(left: Array) -> float:
@@ -126,6 +174,8 @@ class Fitted:
     seating: float
     white: bool
     residual: Array  # (n,) mm, of every touch, walk and seating in it
+    lever: Array  # (n,) variance of every touch as the fit predicts it, over that of the touch
+    spare: float  # touches more than what was taken out of them
 
 
 def gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool = False) -> Fitted:
@@ -180,7 +230,9 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
     found = inverse @ pull
     change = -found[:p] * s.scale
     covariance = sigma**2 * inverse[:p, :p] * np.outer(s.scale, s.scale)
-    left = s.gaps - np.hstack([s.jacobian, z]) @ found
+    rows = np.hstack([s.jacobian, z])
+    left = s.gaps - rows @ found
+    lever = np.einsum("ij,jk,ik->i", rows, inverse, rows, optimize=True) / rough**2
     size = {id(part): float(sigma * np.sqrt(ratio * np.mean(np.sum(part**2, axis=1)))) for part, ratio in used}
     return Fitted(
         change,
@@ -191,6 +243,8 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
         size.get(id(s.seats), 0.0),
         not used,
         s.gaps - s.jacobian @ found[:p],
+        lever,
+        len(j) - float(lever[keep].sum()),
     )
 
 
@@ -242,14 +296,29 @@ def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
 
 
 def _rough(result: Estimate, fitted: Fitted, keep: NDArray[np.bool_]) -> Array:
-    """→ (n,) scatter of each touch's facet against the common one, 1 where nothing speaks for more."""
+    """→ (n,) scatter of each touch's facet against the common one, 1 where nothing speaks for more.
+
+    A facet is judged by the touches that the unknowns left over on it, Σ (1 − h), against the median of all facets (F test).
+    """
     facets = np.array(result.model.touches.facet)
-    names, place, count = np.unique(facets[keep], return_inverse=True, return_counts=True)
-    share = keep.sum() / max(keep.sum() - len(result.values), 1)  # what the unknowns took out of the residuals
-    square = np.bincount(place, (fitted.left[keep]) ** 2) * share
-    common = float(np.median(square / count)) / 0.9
+    names, place = np.unique(facets[keep], return_inverse=True)
+    spare = np.bincount(place, np.clip(1 - fitted.lever[keep], 0.0, 1.0))
+    judged = spare >= FEWEST
+    if not judged.any():
+        return np.ones(len(facets))
+    square = np.bincount(place, fitted.left[keep] ** 2)
+    count = np.maximum(spare, FEWEST)
+    usual = count * (1 - 2 / (9 * count)) ** 3  # median of χ² (Wilson and Hilferty 1931)
+    common = _middle((square / usual)[judged], spare[judged])
     ratio = square / (count * max(common, SIGMA_FLOOR**2))
-    chance = special.chdtrc(np.maximum(count / share, 1.0), ratio * np.maximum(count / share, 1.0))
-    wild = (chance < ROUGH / len(names)) & (count >= 4) & (ratio > 2)
+    rest = max(float(spare[judged].sum()) / 2, 1.0)  # a median is worth some half of the touches
+    chance = special.fdtrc(count, rest, ratio)
+    wild = judged & (chance < ROUGH / len(names)) & (ratio > 2)
     size = dict(zip(names, np.where(wild, np.sqrt((ratio * count + PRIOR) / (count + PRIOR)), 1.0), strict=True))
     return np.array([size.get(f, 1.0) for f in facets])
+
+
+def _middle(values: Array, weight: Array) -> float:
+    """(k,) values, (k,) weights → weighted median."""
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2)])

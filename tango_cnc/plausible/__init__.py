@@ -137,6 +137,9 @@ def _noise(result: Estimate) -> list[Remark]:
             far = size > STRUCTURED * noise.white
             hint = ". 'tango diagnose' looks for the cause" if far else ""
             found.append(Remark("doubtful" if far else "trustworthy", text + hint))
+    if noise.undecided:
+        text = f"touches {listed(list(noise.undecided))} have no weight: others on the same facet or ball do not fit"
+        found.append(Remark("trustworthy", f"{text}, and nobody can tell which are wrong. Clean these facets and touch them again"))
     if noise.facets:
         listed_facets = ", ".join(f"{f} ({size * 1e3:.2g} µm)" for f, size in noise.facets.items())
         found.append(Remark("trustworthy", f"facets that scatter more than the others count for less: {listed_facets}"))

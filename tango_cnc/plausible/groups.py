@@ -25,6 +25,7 @@ FITS = 5.0  # white standard deviations within which touches fit
 CERTAIN = 3.0  # standard deviations that a bar has to be beyond what gains explain
 LENGTH = 6e-5  # mm/mm: gains that are alike and larger speak of the bar
 REACH = 400.0  # mm: what an angle does to a touch beyond its lever is half of its square times this, at most
+ALONE = 0.4  # share of all touches without weight that lie in one indexation of which the angle is blamed
 TURNED = math.radians(0.002)  # rad: smaller angles of one indexation are seating
 PLACES = {"table": "the table, or what is on it,", "machine": "the table, the work offset or the spindle", "spindle": "the stylus"}
 
@@ -202,7 +203,8 @@ def _tail(n: int, k: int, size: int, own: int) -> float:
 
 
 def _balls(result: Estimate) -> Iterator[Remark]:
-    touches, dropped = result.model.touches, _dropped(result)
+    touches = result.model.touches
+    dropped = np.isin(touches.number, result.unused)  # of a ball with a wrong touch nobody knows which it is
     masks = [touches.ball_index == i for i in range(len(touches.balls))]
     for ball, mask, accused in zip(touches.balls, masks, _together(dropped, masks), strict=True):
         if accused:
@@ -254,8 +256,8 @@ def _indexations(result: Estimate) -> Iterator[Remark]:
         return  # one indexation does not explain so much: the cell is wrong, and any angle fits some of it
     for index in np.unique(touches.indexation[dropped]):
         rows = touches.indexation == index
-        if (rows & dropped).sum() < 2:
-            continue
+        if (rows & dropped).sum() < max(2, ALONE * dropped.sum()):
+            continue  # touches elsewhere do not fit either: not this angle, the model lacks something
         best = None
         for axis in (*machine.rotary, "S"):
             lever, left = touches.lever(axis)[rows], result.residuals[rows]

@@ -21,9 +21,9 @@ LABEL = "scatter seen in the residuals"
 
 def reached(readings: Readings, robust: Estimate | None) -> Readings:
     """readings, the estimate that gives outliers no weight (None: all count) → the readings that it rests on."""
-    if robust is None or not len(robust.outliers):
+    if robust is None or not len(robust.unused):
         return readings
-    fewer = without(readings, robust.outliers)
+    fewer = without(readings, robust.unused)
     return fewer if len(fewer) >= (1 - MOST) * len(readings) else readings
 
 
