@@ -302,7 +302,7 @@ def _rough(result: Estimate, fitted: Fitted, keep: NDArray[np.bool_]) -> Array:
     """
     facets = np.array(result.model.touches.facet)
     names, place = np.unique(facets[keep], return_inverse=True)
-    spare = np.bincount(place, np.clip(1 - fitted.lever[keep], 0.0, 1.0))
+    spare = np.bincount(place, np.clip(1 - fitted.lever[keep], 0.0, 1.0)).astype(np.float64)
     judged = spare >= FEWEST
     if not judged.any():
         return np.ones(len(facets))
