@@ -42,7 +42,12 @@ from .session import Ledger, Session, Setup
 )
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Parameters of the control, e.g. increment=0.0001.")
 @click.option("--g54", metavar="X,Y,Z", help="Work offset, mm.")
-@click.option("--stored", type=click.Path(path_type=Path), metavar="FILE", help="Programs or files that the control has.")
+@click.option(
+    "--stored",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Programs or files that the control has; a line with the path of a file (TNC:\\TANGO.A, m880.m1s) begins it.",
+)
 @click.option("--parity", is_flag=True, help="7 data bits, even parity; a character of wrong parity in a program is an alarm.")
 @click.option("--tv-check", "counted", is_flag=True, help="A block of an odd number of characters is an alarm.")
 @click.option("--baud", type=click.IntRange(110), help="Send no faster than this; default: as fast as it goes.")

@@ -165,6 +165,8 @@ def _setting(name: str, text: str, kind: Any) -> Any:
         if not value.is_finite() or value <= 0:
             raise wrong("a number greater than 0")
         return value
+    if kind is str:
+        return text
     if get_origin(kind) is tuple:
         return tuple(text.replace(",", " ").split())
     if get_args(kind) and all(isinstance(a, str) for a in get_args(kind)):
@@ -176,4 +178,4 @@ def _setting(name: str, text: str, kind: Any) -> Any:
         pairs = (item.split(":") for item in text.replace(",", " ").split())
         return {key(k): float(v) for k, v in pairs}
     except ValueError:
-        raise wrong("name:number pairs, e.g. X:12.5,Y:-3") from None
+        raise wrong("number:number pairs, e.g. 1:187.4" if key is int else "name:number pairs, e.g. X:12.5,Y:-3") from None

@@ -11,14 +11,17 @@ import numpy as np
 import pytest
 from support.controls import GOLDEN, golden
 
+from postprocessors._base import load
 from sim_controller.simulate import simulate
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.commands._common import asks_for_a_finger
 from tango_cnc.commands._night_gate import NEAR, proves
 from tango_cnc.commands._night_world import RealControl
+from tango_cnc.commands._proofs import keys_of
 from tango_cnc.commands._simulated_nights import Story, nights
 from tango_cnc.files import read_cell, read_world
+from tango_cnc.files.commissioning import Proof, add_proofs
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.files.readings import readings_text
 from tango_cnc.gate import proving_touch
@@ -35,7 +38,7 @@ def cell(tmp_path: Path) -> Cell:
 
 def with_gate(cell: Cell, which: str) -> Cell:
     assert cell.controller is not None
-    return replace(cell, controller=replace(cell.controller, options={"gate": which}))
+    return replace(cell, controller=replace(cell.controller, options={"gate": which, "probe_state": 1004}))
 
 
 def measured(cell: Cell, by: float) -> None:
@@ -63,6 +66,22 @@ def test_the_facet_has_to_be_where_the_last_run_found_it(cell: Cell, by: float, 
     said = proves(cell, golden())
     assert said.passed == passed and f"{by:+.2f} mm" in said.found
     assert passed or "tango locate" in said.do
+
+
+def test_nobody_there_sees_a_stylus_that_hangs_aside(cell: Cell) -> None:
+    """The variable of the input is stated, or somebody has tried it: else a night is refused. A person may run without."""
+    measured(cell, 0.0)
+    assert cell.controller is not None
+    bare = replace(cell, controller=replace(cell.controller, options={"gate": "facet"}))
+    said = proves(bare, golden())
+    assert not said.passed and "probe_state is not stated" in said.found and "tango commission" in said.do
+    key = keys_of(bare, load("fanuc"))["deflected"]
+    for verdict, passed in (("FAIL", False), ("PASS", True)):
+        add_proofs(cell.folder, "fanuc", [Proof("deflected", verdict, "tried", profile=key)])
+        assert proves(bare, golden()).passed == passed
+    for post in ("siemens", "heidenhain", "linuxcnc", "fagor"):  # these look, or the control refuses by itself
+        other = replace(bare, controller=replace(cell.controller, post=post, options={"gate": "facet"}))
+        assert proves(other, golden()).passed, post
 
 
 def test_a_facet_that_no_run_has_touched_proves_nothing(cell: Cell) -> None:
@@ -96,8 +115,12 @@ def test_programs_that_a_person_starts_ask_for_the_finger() -> None:
 
 def test_a_run_that_trusts_a_facet_is_refused_where_nobody_has_found_it(cell: Cell, capsys: pytest.CaptureFixture[str]) -> None:
     settings = cell.folder / "tango.yaml"
-    settings.write_text(settings.read_text().replace("post: fanuc", "post: fanuc, gate: facet, port: 'socket://127.0.0.1:9'"))
-    assert read_cell(cell.folder).controller == replace(cell.controller, options={"gate": "facet"}, port="socket://127.0.0.1:9")  # type: ignore[type-var]
+    settings.write_text(
+        settings.read_text().replace("post: fanuc", "post: fanuc, gate: facet, probe_state: 1004, port: 'socket://127.0.0.1:9'")
+    )
+    assert read_cell(cell.folder).controller == replace(
+        cell.controller, options={"gate": "facet", "probe_state": 1004}, port="socket://127.0.0.1:9"
+    )  # type: ignore[type-var]
     tries = ["run", "-C", str(cell.folder), "--yes"]
     assert guarded(tango.main, tries, prog_name="tango", standalone_mode=False) == 2
     said = capsys.readouterr().err

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from postprocessors import _base as posts
+from postprocessors._base import Post
 
 from ..files import read_readings
 from ..gate import proving_touch
 from ..nightly import Finding
 from ..records import Cell, Plan, Touch
 from ._common import dialect
+from ._proofs import proven
 
 NEAR = 0.3  # mm between where the facet was found and where the plan expects it; the search ends 0.5 mm behind the latter
 TURNED = math.radians(0.1)  # of a rotary axis: the same indexation
@@ -30,6 +32,13 @@ def proves(cell: Cell, made: Plan) -> Finding:
     if which == "finger":
         advice = "state gate: facet under controller: in tango.yaml: the program then proves the probe at a facet from above"
         return Finding("gate", False, "the program waits for a finger at the probe, and nobody is there at night", advice)
+    if not _looks(cell, post):
+        found = "nothing tells of a stylus that is deflected before the program moves: probe_state is not stated"
+        advice = (
+            "state probe_state, the variable that shows the input of the probe, under controller: in tango.yaml; or let 'tango "
+            "commission --held' prove that the control stops by itself (deflected)"
+        )
+        return Finding("gate", False, found, advice)
     one = proving_touch(made)
     for file in _runs(cell.folder):
         off = _found(cell, made, one, file)
@@ -39,6 +48,17 @@ def proves(cell: Cell, made: Plan) -> Finding:
             return Finding("gate", abs(off) <= NEAR, where, "" if abs(off) <= NEAR else advice)
     advice = "measure once with a person at the machine: gate: finger in tango.yaml, then 'tango run'"
     return Finding("gate", False, f"facet {one.facet} is to prove the probe, and no run has touched it yet", advice)
+
+
+def _looks(cell: Cell, post: Post) -> bool:
+    """cell, its post → whether a deflected probe is noticed: no variable is to be named for it, one is, or it was tried.
+
+    A person at the machine sees a stylus that hangs aside; at night it is driven wherever the program goes.
+    """
+    options = cell.controller.options if cell.controller else {}
+    stated = posts.settings(post, options).get("probe_state", True)
+    held = proven(cell, post).get("deflected")
+    return bool(stated) or (held is not None and held.verdict == "PASS")
 
 
 def _runs(folder: Path) -> list[Path]:
