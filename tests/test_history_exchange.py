@@ -1,6 +1,6 @@
 """What a history gives to others and takes from before, from the command line and on both databases.
 
-TANGO_DCC_SCHEMA names a folder with PTB's dcc.xsd (3.2.1) and SI_Format.xsd (2.1.0), which are not part of this project.
+The facts of the certificate are checked by hand always. Against PTB's own schema it is validated by a test of the campaign.
 """
 
 from __future__ import annotations
@@ -91,18 +91,24 @@ def test_the_certificate_states_every_parameter_in_si_units_with_its_expanded_un
     assert found["EA0B"][1] == "\\radian" and found["EYY1-EXX1"][:2] == (1.4e-5, "\\one")
 
 
+@pytest.mark.campaign
 def test_the_certificate_is_valid_against_the_schema_of_ptb(where: str, tmp_path: Path) -> None:
-    """Where the schema is there; otherwise the facts above are all that is checked."""
-    folder = Path(os.environ.get("TANGO_DCC_SCHEMA", "/nowhere"))
-    if not (folder / "dcc.xsd").exists():
-        return
-    xmlschema = pytest.importorskip("xmlschema")
+    """Asked for by name (docs/nightly.md): without the schema it fails; it never passes by not looking."""
+    folder = Path(os.environ.get("TANGO_DCC_SCHEMA", "TANGO_DCC_SCHEMA is not set"))
+    wanted = [folder / name for name in ("dcc.xsd", "SI_Format.xsd")]
+    assert all(f.is_file() for f in wanted), f"needs PTB's schemas, found no {wanted[0]}: docs/nightly.md says where they are"
+    import xmlschema
+
     beside = Path(xmlschema.__file__).parent / "schemas" / "DSIG" / "xmldsig-core-schema.xsd"
-    text = (folder / "dcc.xsd").read_text(encoding="utf-8")
-    for file in (folder / "SI_Format.xsd", beside):
+    text = wanted[0].read_text(encoding="utf-8")
+    for file in (wanted[1], beside):
         text = re.sub(rf'schemaLocation="[^"]*{file.name}"', f'schemaLocation="{file.as_uri()}"', text)
+    schema = xmlschema.XMLSchema(text)
     command("export", "--history", where, tmp_path / "m.xml")
-    assert [str(e.reason) for e in xmlschema.XMLSchema(text).iter_errors(tmp_path / "m.xml")] == []
+    assert [str(e.reason) for e in schema.iter_errors(tmp_path / "m.xml")] == []
+    spoilt = (tmp_path / "m.xml").read_text(encoding="utf-8").replace("si:expandedUnc", "si:uncertainty")
+    (tmp_path / "spoilt.xml").write_text(spoilt, encoding="utf-8")
+    assert list(schema.iter_errors(tmp_path / "spoilt.xml"))  # the schema is one that refuses
 
 
 def test_what_cannot_be_exported_says_what_can(where: str, tmp_path: Path) -> None:

@@ -219,3 +219,16 @@ def test_half_a_night_and_what_the_diagnosis_cannot_explain_are_doubtful_and_say
     assert left.verdict == "doubtful" and left.believed and "waves along X" in left.reasons[0]
     knocked = believed(Judged("trustworthy"), {}, [{"cause": "axis_location", "text": "t", "instead": []}], False)
     assert knocked.believed and knocked.verdict == "trustworthy"
+
+
+def test_a_limit_that_is_crossed_comes_before_what_has_changed() -> None:
+    limit = {"what": "volume", "value": 75.9, "unit": "µm", "low": 74.0, "high": 77.8, "limit": 60.0, "passed": False}
+    alarm = {"id": "1", "text": "C axis has moved along X by +20 µm", "since": "2026-10-03", "sigmas": 40.0, "rate_per_day": None}
+    alarm |= {"on_part": "Parts are off.", "do": "Ask.", "owner": "Ann", "unit": "mm", "size": 0.02}
+    record = night(verdict="out_of_limits", alarms=[alarm], limits=[limit])
+    assert record["headline"] == "volume is 75.9 µm, 60 µm are allowed: C axis has moved along X by +20 µm"
+    subject, text = message(record, (), ())
+    assert "OUT OF LIMITS" in subject and text.index("BEYOND 60") < text.index("* C axis has moved") < text.index(
+        "since 2026-10-03"
+    )
+    assert text.count("BEYOND") == 1

@@ -17,9 +17,11 @@ import pytest
 from click.testing import CliRunner
 from support.controls import GOLDEN
 from support.histories import knowledge, record
+from support.nights import night
 
 from tango_cnc.cli import tango
 from tango_cnc.commands import _night_world as world
+from tango_cnc.files import read_cell
 from tango_cnc.history import opened
 from tango_cnc.nightly import Ports
 from tango_cnc.nightly.alarms import since
@@ -103,3 +105,28 @@ def test_what_the_history_refuses_is_added_by_the_next_night_though_nothing_had_
     with opened(cell / "history.db", create=False) as history:
         assert [n.status for n in history.nights()] == ["failed", "failed"]
         assert "no database" in history.nights()[1].headline or "history.db" in history.nights()[1].headline
+
+
+def test_a_night_that_was_neither_kept_nor_told_is_told_by_the_next_one(cell: Path, tmp_path: Path) -> None:
+    """Disk full and mail down at once: only the mark is left. Where a message waits, the night was just cut off."""
+    disk = world.RealDisk(cell)
+    disk.begin("2026-11-21T020000Z", "2026-11-21T02:00:00Z")
+    disk.begin("2026-11-22T020000Z", "2026-11-22T02:00:00Z")
+    disk.write("2026-11-22T020000Z", "readings.csv", "touch\n")
+    CliRunner().invoke(tango, ["nightly", "-C", str(cell)])
+    told = (tmp_path / "board.txt").read_text(encoding="utf-8")
+    assert "2026-11-21: not measured: the night left neither a result nor a message that waits" in told and "a full disk" in told
+    assert "its readings are in nights/2026-11-22T020000Z" in told
+    with opened(cell / "history.db", create=False) as history:
+        assert [n.status for n in history.nights()][-2:] == ["failed", "failed"] and history.verify() == ()
+    assert not disk.unfinished()
+
+
+def test_the_page_of_a_night_that_did_not_measure_knows_the_one_before(cell: Path) -> None:
+    with opened(cell / "history.db") as history:
+        name = read_cell(cell).machine.name
+        history.add_night(night(name, 0, **{"touches": 74}))
+    CliRunner().invoke(tango, ["nightly", "-C", str(cell)])
+    page = next(cell.glob("nights/*/morning.html")).read_text(encoding="utf-8")
+    first = page.partition("For the engineer")[0]
+    assert "2026-10-24" in first and "Yes, but" in first and "never measured" not in page and "Not known" not in first

@@ -165,7 +165,7 @@ def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_
         place = cell(tmp_path / str(alarms), records=records)
         with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
             text = client.get("/machine/HU40T-like").text.partition("For the engineer")[0]
-        assert "Tool tip 76 µm, 60 µm allowed" in text
+        assert "Largest error at the tool tip: 76 µm, 60 µm allowed" in text
         assert re.findall(r"<b>No <i>Out of limits", text) and "What to do" in text and "Who has it" in text
         assert ("What it does to parts" in text) == alarms and ("Alarm of 2026-11-01 and 3 more" in text) == alarms
 
@@ -199,7 +199,7 @@ def test_a_night_that_did_not_measure_tells_the_one_before_with_its_date() -> No
     missed = night("M", 1, "not_measured", limits=[], volume=None)
     for before, wanted in ((night("M", 0), "but"), (night("M", 0, "out_of_limits"), "no")):
         told = answer(missed, Units(), texts(), before=before)
-        assert told.may == wanted and told.numbers == "Tool tip 21 µm, 45 µm allowed (on 2026-10-24)"
+        assert told.may == wanted and told.numbers == "Largest error at the tool tip: 21 µm, 45 µm allowed (on 2026-10-24)"
 
 
 @pytest.mark.parametrize(

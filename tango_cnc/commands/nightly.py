@@ -95,6 +95,7 @@ def command(
             world = Ports(_Held(begun), disk, control, mail, history, analysis, locked(folder))
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(history, record)
+            known = _known(history, record)
     except Exception as error:  # whatever it is: no night ends without a message
         if not dry_run and kind is None and ((folder / NAME).exists() or (folder / "nights").exists()):
             known = error if isinstance(error, TangoError) else TangoError(sentence(error))
@@ -103,7 +104,7 @@ def command(
     try:
         from ..report import morning
 
-        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", morning.render(record))
+        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", morning.render(record, *known))
     except OSError as error:
         click.echo(f"{record['artefacts']['folder']}/morning.html could not be written ({error.strerror or error})", err=True)
     if not write_json(json_file, record):
@@ -127,6 +128,17 @@ class _Held:
         """→ now, with the local zone."""
         first, self._first = self._first, None
         return first or datetime.now().astimezone()
+
+
+def _known(history: History, record: Mapping[str, Any]) -> tuple[Any, None, None, Mapping[str, Any] | None]:
+    """history, record of tonight → what its page is told by: decisions, and the last night that measured where this one did not."""
+    machine = record["machine"]
+    with suppress(TangoError, OSError):
+        if machine in history.machines():
+            nights = history.nights(machine) if record["verdict"] == "not_measured" else ()
+            last = next((n for n in nights if n.verdict != "not_measured"), None)
+            return history.decisions(machine), None, None, None if last is None else history.night(last.entry).record
+    return (), None, None, None
 
 
 def _newest(history: History, record: Mapping[str, Any]) -> tuple[int, str] | None:

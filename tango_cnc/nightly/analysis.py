@@ -213,12 +213,10 @@ class Nights:
         told = {
             "verdict": "doubtful"
             if doubtful
-            else "changed"
-            if alarms
-            else "out_of_limits"
+            else "out_of_limits"  # the worst first: what has changed is told with it
             if beyond
             else "changed"
-            if waiting
+            if alarms or waiting
             else "good",
             "change": None if first else parts.change(tonight, rate * AT_ONCE, rate),
             "alarms": alarms,

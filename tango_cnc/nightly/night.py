@@ -20,6 +20,7 @@ import numpy as np
 from ..files.nightly import Nightly
 from ..history import FORMAT, Knowledge
 from ..records import InputError, LinkError, TangoError
+from ..report.texts import texts
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .words import headline, message
 
@@ -127,7 +128,7 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: 
             known.add(started)
             said.append(f"{started[:10]}: its result was kept in nights/{stamp} and is in the history now")
         if started not in known:
-            why = "the night was cut off: power, a killed program or a computer that was switched off"
+            why = _lost(world, stamp)
             record = _empty(machine, cell, started, started[:10], "failed", why, stamp)
             world.past.add_night(record)
             known.add(started)
@@ -144,6 +145,18 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: 
         world.past.add_night(_empty(machine, cell, stamp_of(when), when.strftime("%Y-%m-%d"), "missed", why, ""))
         said.append(f"{when:%Y-%m-%d}: {why}")
     return said
+
+
+def _lost(world: Ports, stamp: str) -> str:
+    """the world, stamp of a night of which only its mark is left → what became of it, as far as that can be known."""
+    t = texts()
+    try:
+        waits = any(old == stamp for old, _ in world.disk.unsent())
+        kept = world.disk.read(stamp, "readings.csv") is not None
+    except OSError:
+        waits = kept = False
+    why = t("night.cut_off") if waits else t("night.cut_off_silent")
+    return why + (t("night.readings_left", folder=f"nights/{stamp}") if kept else "")
 
 
 def _packed(record: dict[str, Any], readings: str | None, knowledge: Knowledge | None) -> str:
@@ -230,6 +243,8 @@ def _kept(
             world.disk.write(stamp, UNKEPT, _packed(record, readings, knowledge))
             world.disk.begin(stamp, record["start_utc"])  # one that came to nothing before it had begun is looked for by its mark
         except OSError as second:
+            with suppress(OSError):  # a mark needs little room: by it the next night knows that there was one
+                world.disk.begin(stamp, record["start_utc"])
             trouble[-1] = f"the night is not in the history: {sentence(error)}; nor on the disk: {sentence(second)}"
     _told(record, trouble, left, world, stamp)
     if kept:

@@ -62,14 +62,15 @@ def headline(record: Mapping[str, Any]) -> str:
     if record["verdict"] == "doubtful":
         reasons = (record.get("plausible") or {}).get("reasons") or [record.get("why") or "see the report"]
         return f"the readings are not to be relied on: {reasons[0]}"
-    if alarms:
+    beyond = [limit for limit in record["limits"] if limit["passed"] is False]
+    if alarms and not beyond:
         return str(alarms[0]["text"])
     part = f" (stopped after {record['touches']} of {record['planned']} touches)" if record["status"] == "partial" else ""
     gap = _gap(record.get("unmeasured") or ())
-    beyond = [limit for limit in record["limits"] if limit["passed"] is False]
     if beyond:
-        b = beyond[0]
-        cause = next((f": {x['text']}" for x in record.get("behind") or () if x["what"] == b["what"]), "")
+        b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
+        stands = [x["text"] for x in record.get("behind") or () if x["what"] == b["what"]]
+        cause = next((f": {text}" for text in (*(str(a["text"]) for a in alarms), *stands)), "")
         return f"{b['what']} is {b['value']:.1f} {b['unit']}, {b['limit']:g} {b['unit']} are allowed{cause}{part}{gap}"
     if standing := record.get("standing"):
         first = standing[0]
@@ -112,6 +113,8 @@ def message(
     word = REFUSED if refused else STILL if still else SUBJECT[record["verdict"]]
     subject = f"{record['machine']}: {word} ({record['night']})"
     lines = [_sentence(record["headline"]), ""]
+    crossed = [limit for limit in record["limits"] if limit["passed"] is False]
+    lines += [*(_limit_line(limit) for limit in crossed), *([""] if crossed else [])]
     owner = record.get("owner") or NOBODY
     for alarm in record["alarms"]:
         lines += [f"* {alarm['text']}", f"  since {alarm['since']}, {alarm['sigmas']:.0f} standard deviations"]
@@ -126,7 +129,7 @@ def message(
         lines += [f"* {len(standing) - SHOWN} more alarms wait: tango nightly --status", ""]
     for cause in record.get("behind") or ():
         lines += [f"* behind {cause['what']}: {cause['text']}", *_about(cause, owner), ""]
-    if record["verdict"] == "out_of_limits" and not record.get("behind"):
+    if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
         lines += [f"* what to do: {texts()('night.beyond_do')}", f"  owner: {owner}", ""]
     failed = [p for p in record["preflight"] if not p["passed"]]
     lines += [
@@ -142,9 +145,7 @@ def message(
             lines.append(
                 f"* nothing of this night is carried on; what is known is that of {record.get('last_measured') or 'no night yet'}"
             )
-    for limit in record["limits"]:
-        word = {True: "within", False: "BEYOND", None: "not certain to be within"}[limit["passed"]]
-        lines.append(f"* {limit['what']}: {limit['value']:.1f} {limit['unit']}, {word} {limit['limit']:g}")
+    lines += [_limit_line(limit) for limit in record["limits"] if limit["passed"] is not False]
     if apart := record.get("outliers") or ():
         numbers = ", ".join(str(n) for n in apart)
         lines.append(f"* {texts()('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
@@ -166,6 +167,11 @@ def message(
     if newest is not None:
         lines.append(f"history: {newest[0]} entries, the newest is {newest[1]}")
     return subject, "\n".join(lines) + "\n"
+
+
+def _limit_line(limit: Mapping[str, Any]) -> str:
+    word = {True: "within", False: "BEYOND", None: "not certain to be within"}[limit["passed"]]
+    return f"* {limit['what']}: {limit['value']:.1f} {limit['unit']}, {word} {limit['limit']:g}"
 
 
 def _about(cause: Mapping[str, Any], owner: str) -> list[str]:

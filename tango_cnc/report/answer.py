@@ -53,6 +53,8 @@ def answer(
     known = before if missing else record
     may, state, why = _measured(known, t, waiting) if known is not None else ("unknown", "not_measured", t("may.never"))
     date = str(known.get("night")) if known is not None else ""
+    if known is None and record.get("last_measured"):
+        why = t("may.long_ago", date=record["last_measured"])
     if missing and known is not None:
         may, state, why = ("no" if may == "no" else "but"), "not_measured", t("may.unmeasured", date=date)
     elif late and may == "yes":  # an answer of a week ago is no yes of today

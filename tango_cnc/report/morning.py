@@ -29,11 +29,20 @@ OF_THE_PROBE = ("facet", "noise_level", "pretravel", "stylus")  # causes that ar
 LISTED = 3  # faults below the first one
 
 
-def render(record: Mapping[str, Any], decisions: Sequence[Any] = (), units: Units | None = None, folder: Path | None = None) -> str:
-    """tango-night/1, decisions about its alarms, units, a shop's templates → HTML that stands alone. Raises InputError."""
+def render(
+    record: Mapping[str, Any],
+    decisions: Sequence[Any] = (),
+    units: Units | None = None,
+    folder: Path | None = None,
+    before: Mapping[str, Any] | None = None,
+) -> str:
+    """tango-night/1, decisions about its alarms, units, a shop's templates, last night that measured → HTML that stands alone.
+
+    Raises InputError.
+    """
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
-    return rendered(environment(folder), "morning.html", context(record, decisions, units, texts_of(folder)))
+    return rendered(environment(folder), "morning.html", context(record, decisions, units, texts_of(folder), before=before))
 
 
 def context(
