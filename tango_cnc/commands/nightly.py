@@ -95,7 +95,7 @@ def command(
             world = Ports(_Held(begun), disk, control, mail, history, analysis, locked(folder))
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(history, record)
-            known = _known(history, record)
+            seen = _known(history, record)
     except Exception as error:  # whatever it is: no night ends without a message
         if not dry_run and kind is None and ((folder / NAME).exists() or (folder / "nights").exists()):
             known = error if isinstance(error, TangoError) else TangoError(sentence(error))
@@ -104,7 +104,7 @@ def command(
     try:
         from ..report import morning
 
-        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", morning.render(record, *known))
+        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", morning.render(record, *seen))
     except OSError as error:
         click.echo(f"{record['artefacts']['folder']}/morning.html could not be written ({error.strerror or error})", err=True)
     if not write_json(json_file, record):
