@@ -31,6 +31,7 @@ CLEAR = 10.0  # mm that the stand-off keeps from a facet that is nearer than eve
 AGREES = 0.05  # mm between a touch and the table that was found
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
 LEAST = 8  # touches that have to agree
+KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
 ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
 
 
@@ -59,19 +60,22 @@ def strategy(cell: Cell, count: int = TOUCHES) -> Plan:
         allowed, why = _reached(cell, indexation, approach)
         names = _chosen(cell.artefact, allowed, count, off)
         weight = _spared(_sure(cell.artefact, names, off))
-        if _weakest(cell.artefact, names) > 1e-3:
+        away, facet = known_to(cell.artefact, names)
+        if len(names) >= LEAST and away <= KNOWN:  # six touches always agree
             if best is None or weight > best[0] + 1e-9:
                 best = weight, replace(indexation, facets=names)
         else:
             at = (
                 " ".join(f"{name} {math.degrees(value):g}" for name, value in sorted(indexation.position.items())) or "the only one"
             )
-            short.append(f"  indexation {at}: facets {', '.join(allowed) or 'none'}{why}")
+            weak = f"; with {', '.join(names)} facet {facet} would be known to {away:.1f} mm" if math.isfinite(away) else ""
+            short.append(f"  indexation {at}: facets {', '.join(allowed) or 'none'}{weak}{why}")
     if best is None:
         raise InputError(
             f"{cell.artefact.name}: no indexation of {cell.strategy.name} has flat facets that tell where the table stands, "
             f"touched from {approach.standoff:.0f} mm away:\n" + "\n".join(short) + f"\nallowed: {LEAST} flat facets that face at "
-            "least three ways at one indexation; add them to one of strategy.yaml. Nothing was moved"
+            f"least three ways and stand far apart, so that all are known to {KNOWN:g} mm, at one indexation; add them to one of "
+            "strategy.yaml. Nothing was moved"
         )
     return _high(
         planned(replace(cell, strategy=replace(cell.strategy, indexations=(best[1],), approach=approach)), "leave-out"), off
@@ -205,6 +209,23 @@ def _rows(artefact: Artefact, names: Sequence[str]) -> Array:
 def _weakest(artefact: Artefact, names: Sequence[str]) -> float:
     """→ the smallest singular value of what the facets tell; 0 for fewer than six."""
     return float(np.linalg.svd(_rows(artefact, names), compute_uv=False)[-1]) if len(names) >= 6 else 0.0
+
+
+def known_to(artefact: Artefact, names: Sequence[str]) -> tuple[float, str]:
+    """facets that are touched → mm to which the worst facet of the table is known then, and which; inf where they do not tell it.
+
+    One standard deviation along its normal, where the facets are in their places on the table to `AGREES` and touches are exact.
+    """
+    if _weakest(artefact, names) <= 1e-3:
+        return math.inf, ""
+    every = list(artefact.facets)
+    normal = np.array([artefact.facets[name].normal for name in every])
+    point = np.array([artefact.facets[name].point for name in every])
+    rows = np.hstack([normal, np.cross(point, normal)])
+    touched = rows[[every.index(name) for name in names]]
+    spread = AGREES * np.linalg.norm(rows @ np.linalg.pinv(touched), axis=1)
+    worst = int(np.argmax(spread))
+    return float(spread[worst]), every[worst]
 
 
 def _spared(rows: Array) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Touched
 from tango_cnc.plan import last_motion, plan_hash
-from tango_cnc.records import Artefact, InputError, Plan, Readings
+from tango_cnc.records import Artefact, Indexation, InputError, Plan, Readings
 
 CELL = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
 STATUS = {0: "miss", 1: "ok", 2: "early"}
@@ -119,3 +120,28 @@ def test_touches_that_do_not_agree_are_refused() -> None:
     wrong.position[:, :3] += rng.normal(scale=2.0, size=(len(wrong.position), 3))
     with pytest.raises(InputError, match=r"from the table that the others tell; allowed: 0\.05 mm"):
         locate.locate(made(), wrong)
+
+
+@pytest.mark.long
+def test_how_well_facets_are_known_is_what_files_that_are_wrong_make_of_it() -> None:
+    """Facets close together make much of the 0.05 mm that a file may be wrong by."""
+    small = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
+    told = locate.known_to(small.artefact, [touch.facet for touch in made().touches])[0]
+    names, rng = [touch.facet for touch in made().touches], np.random.default_rng(5)
+    facets = [small.artefact.facets[name] for name in names]
+    centres = np.array([f.point for f in facets]) + made().machine.probe.tip_radius * np.array([f.normal for f in facets])
+    off = []
+    for _ in range(200):  # the same table, each facet of it beside its file by 0.05 mm
+        really = centres + rng.normal(scale=locate.AGREES, size=(len(names), 1)) * np.array([f.normal for f in facets])
+        x, _ = locate._solved(facets, really, made().machine.probe.tip_radius, range(len(names)))
+        found = locate.moved(small.artefact, x[:3], x[3:])
+        off.append([np.dot(np.subtract(found.facets[k].point, f.point), f.normal) for k, f in small.artefact.facets.items()])
+    assert float(np.std(off, axis=0).max()) == pytest.approx(told, rel=0.2)
+
+
+def test_a_table_that_its_touches_would_tell_badly_is_refused_before_anything_moves() -> None:
+    small = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
+    close = [name for name, f in small.artefact.facets.items() if f.ball is None][:8]
+    few = tuple(Indexation(i.position, tuple(close), i.stylus) for i in small.strategy.indexations[:1])
+    with pytest.raises(InputError, match=r"(?s)allowed: 8 flat facets .* Nothing was moved"):
+        locate.strategy(replace(small, strategy=replace(small.strategy, indexations=few)))

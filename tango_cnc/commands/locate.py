@@ -92,12 +92,15 @@ def command(
     where = out or folder / FOLDER / "artefact.yaml"
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
+    kept = [touch.facet for touch in made.touches if touch.facet not in found.left_out]
+    known = locate.known_to(made.artefact, kept)
     result: dict[str, Any] = {
         "format": "tango-located/1",
         "moved_mm": [round(float(v), 4) for v in found.moved],
         "turned_deg": [round(float(v), 5) for v in np.degrees(found.turned)],
         "residual_mm": [round(float(v), 4) for v in found.residual],
         "left_out": list(found.left_out),
+        "known_mm": round(known[0], 3),
         "plan_hash": plan_hash(made),
         "artefact": str(where),
     }
@@ -111,6 +114,9 @@ def command(
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
     click.echo(f"and turned by {float(np.linalg.norm(turned)):.4f} deg: {parts}")
     click.echo(f"largest difference of a touch that counts: {_worst(found):.4f} mm")
+    click.echo(
+        f"facets that are right to {locate.AGREES:g} mm on the table are known to {known[0]:.2f} mm now, the worst is {known[1]}"
+    )
     click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
 
 
