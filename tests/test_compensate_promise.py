@@ -13,15 +13,18 @@ from support.compensated import example, first, measured, truth, write
 
 from sim_controller.compensation import read
 from tango_cnc.compensate import propose, targets
-from tango_cnc.records import InputError, World
+from tango_cnc.records import Cell, InputError, World
 
 MACHINES = 200
 
 
-def drawn(world: World, seed: int) -> World:
-    """A true machine with errors of the size of this one's."""
+def drawn(cell: Cell, world: World, seed: int) -> World:
+    """A true machine with errors of the size of this one's; calibrated facets differ from their certificate as it states."""
     rng = np.random.default_rng([23, seed])
-    return replace(world, errors={name: value * rng.normal() for name, value in world.errors.items()}, seed=seed)
+    errors = {name: value * rng.normal() for name, value in world.errors.items()}
+    certified = {name: facet.uncertainty for name, facet in cell.artefact.facets.items() if facet.uncertainty is not None}
+    facets = {name: world.facets.get(name, 0.0) + std * rng.normal() for name, std in certified.items()}
+    return replace(world, errors=errors, facets={**world.facets, **facets}, seed=seed)
 
 
 def kept(name: str, target: str, seeds: range, folder: Path) -> tuple[int, list[float]]:
@@ -29,7 +32,7 @@ def kept(name: str, target: str, seeds: range, folder: Path) -> tuple[int, list[
     cell, world = example(name)
     within, left = 0, []
     for seed in seeds:
-        true = drawn(world, seed)
+        true = drawn(cell, world, seed)
         proposal = propose(measured(cell, true), target, SETTINGS.get(target, ()))
         try:
             control = read(write(proposal, folder / f"{name}{target}{seed}"), cell.machine)

@@ -22,7 +22,7 @@ DRAWS = 1000
 PROBABILITY = 0.95
 EXACT, NONE = 0.995, 0.02  # share of a coefficient's effect on the tip that counts as held exactly, as not held
 WORTH = 2e-3  # mm rms over the volume that a mm of correction is to take away: less is not worth a larger number
-LEAST = 0.5  # variance of a direction that hardly exceeds its scatter, in units of that
+WIDTHS = np.geomspace(1e-4, 1e8, 481)  # variances that the prior of a direction may have, in units of its scatter
 DEGREE = 6  # of the smooth functions of a table
 Solve = Callable[[Array], Array]
 
@@ -160,18 +160,32 @@ def _likely(found: Known, left: Array, gone: Array) -> Array:
     """(3n, p) what a target leaves and what it takes of every coefficient → (3n, m) draws of the error that is truly left.
 
     What is taken was estimated, so its scatter stays; what is left was estimated, too, and its scatter makes it look larger than it
-    is. In directions in which an estimate is no more than its own scatter it is therefore drawn towards zero (empirical Bayes, as
-    of James and Stein 1961: a prior for each direction, as wide as its estimate exceeds its scatter).
+    is. In directions in which an estimate is no more than its own scatter it is therefore drawn towards zero. How far, the estimate
+    itself cannot say for certain: a width that is calculated from it promises too much where it is one to three times its scatter.
+    So the width is drawn, too. The prior is the Cauchy distribution as wide as the scatter (Jeffreys 1961, Theory of Probability,
+    5.2): normal, with a variance of inverse gamma distribution.
     """
     root = found.root
     _, _, turn = np.linalg.svd(left @ root, full_matrices=False)
     way = root @ turn.T
     std = np.sqrt(np.diag(found.covariance))  # so that mm and rad weigh alike
     seen = np.linalg.lstsq(way / std[:, None], found.values / std, rcond=1e-12)[0]
-    wide = np.maximum(seen**2 - 1.0, LEAST)
-    mean, scatter = seen * wide / (1 + wide), np.sqrt(wide / (1 + wide))
-    drawn = mean[:, None] + scatter[:, None] * np.random.default_rng(1).normal(size=(len(mean), DRAWS))
+    rng = np.random.default_rng(1)
+    wide = _widths(seen, rng.random((len(seen), DRAWS)))
+    kept = wide / (1 + wide)
+    drawn = kept * seen[:, None] + np.sqrt(kept) * rng.normal(size=wide.shape)
     return np.asarray(left @ (way @ drawn) + gone @ (way @ (drawn - seen[:, None])))
+
+
+def _widths(seen: Array, shares: Array) -> Array:
+    """(p,) estimates and (p, m) shares 0 … 1 → (p, m) variances of their priors, drawn at these shares; scatter 1.
+
+    Logarithms of the variances are evenly spaced, so that each weighs its density times itself.
+    """
+    weight = -0.5 * (np.log(WIDTHS * (1 + WIDTHS)) + 1 / WIDTHS + (seen**2)[:, None] / (1 + WIDTHS))
+    most = np.cumsum(np.exp(weight - weight.max(axis=1, keepdims=True)), axis=1)
+    at = [np.searchsorted(own, share * own[-1]) for own, share in zip(most, shares, strict=True)]
+    return np.asarray(WIDTHS[np.minimum(np.array(at, dtype=np.intp).reshape(shares.shape), len(WIDTHS) - 1)])
 
 
 def _program(sizes: Array, increment: float) -> Figure:
