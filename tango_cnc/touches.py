@@ -252,7 +252,7 @@ def located(artefact: Artefact, readings: Readings) -> Artefact:
     """
     loose = []
     for ball in artefact.balls:
-        rows = np.flatnonzero(readings.ok & [artefact.facets[f].ball == ball for f in readings.facet])
+        rows = np.flatnonzero(readings.ok & np.array([artefact.facets[f].ball == ball for f in readings.facet], dtype=np.bool_))
         spread = np.linalg.svd(np.array([artefact.facets[readings.facet[i]].normal for i in rows]).reshape(-1, 3), compute_uv=False)
         if len(rows) and (len(spread) < 3 or spread[2] < SIDES * spread[0]):
             loose.append(ball)

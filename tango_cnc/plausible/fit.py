@@ -22,6 +22,7 @@ from ..records import Array, Artefact, Machine, Readings
 from ..touches import Touches, from_readings
 
 STAGES = (0.5, 0.1, 0.03)  # mm: scales of the loss on the way to the final one
+ROUNDING = 1e-13  # of the largest element: touches that are all alike leave a matrix that rounding makes indefinite
 BESIDE = 2.0  # mm: scale of the loss for touches beside their nominal contact
 FREE = 1e4  # mm or rad: prior of an unknown that is given up
 PRIOR = 4.0  # standard deviations of the prior that make a tolerance
@@ -220,7 +221,7 @@ def _robust(gaps: Array, jacobian: Array, start: Array, prior: Array, stages: Se
     for scale in stages:
         weight = 1 / (1 + (left / scale) ** 2) * 2 / scale**2
         normal = (scaled.T * weight) @ scaled
-        normal[np.diag_indices_from(normal)] += 1.0
+        normal[np.diag_indices_from(normal)] += 1.0 + ROUNDING * float(normal.diagonal().max())
         right = scaled.T @ (weight * left) + values / prior
         change = linalg.cho_solve(linalg.cho_factor(normal, check_finite=False), right, check_finite=False) * prior
         values = values - change
