@@ -147,6 +147,47 @@ def test_lobing_needs_a_ball(cell: Cell) -> None:
         program("lobing", cell.machine, cell.artefact, replace(cell.strategy, indexations=tuple(plane[:2])))
 
 
+def test_a_probe_with_three_lobes_has_a_form_of_twice_their_amplitude_and_a_round_one_none(cell: Cell) -> None:
+    """Lobes are √(n_x² + n_y²) · amplitude · cos: whole at the equator, and 36 points see their peaks."""
+    quiet = capability.probing(measured(cell, "probe", World()))
+    assert quiet.form_2d < 2e-5 and quiet.form_3d < 2e-5 and abs(quiet.size_3d) < 2e-5
+    lobes = {"cause": "probe_lobing", "amplitude": 0.003, "order": 3, "phase": 10.0}
+    found = capability.probing(measured(cell, "probe", World({}, {}, {}, 0.0, (lobes,), 1)))
+    assert found.form_2d == pytest.approx(0.006, rel=0.03)
+    assert found.form_3d > 0.004
+    assert set(capability.changed(found, quiet).values()) == {"better"}
+    assert set(capability.changed(quiet, found).values()) == {"worse"}
+
+
+def test_repeatability_alone_is_no_change_of_a_probe(cell: Cell) -> None:
+    """In 97.5 of 100 tests the form stays below what is printed beside it; 12 tests, 24 forms."""
+    noise = cell.machine.probe.repeatability
+    found = [capability.probing(measured(cell, "probe", World({}, {}, {}, noise, (), seed))) for seed in range(12)]
+    above = sum(f.form_2d > f.noise_2d for f in found) + sum(f.form_3d > f.noise_3d for f in found)
+    assert above <= 3
+    assert np.mean([f.form_3d for f in found]) > 0.6 * found[0].noise_3d
+
+
+def test_a_probe_test_with_a_touch_missing_is_refused(cell: Cell) -> None:
+    touches = measured(cell, "probe", World())
+    with pytest.raises(InputError, match="24 good touches of the sphere"):
+        capability.probing(touches.rows(np.arange(len(touches) - 1)))
+
+
+def test_the_surroundings_move_a_facet_with_the_air() -> None:
+    """ISO 230-3: the range of one facet, and how much of it a thermometer explains."""
+    rng = np.random.default_rng(2)
+    t = np.linspace(0.0, 4 * 3600.0, 240)
+    air = 20 + 1.5 * np.sin(t / 3600)
+    values = 0.004 * (air - 20) + 0.0007 * rng.standard_normal(len(t))
+    found = capability.environment(t, values, [rng.standard_normal(240), air], 0.0007)
+    assert abs(found.per_kelvin - 0.004) < 3 * found.per_kelvin_std
+    assert found.temperature == pytest.approx(np.ptp(air)) and found.explained > 0.9
+    assert found.etve > 1.5 * found.noise
+    still = capability.environment(t, 0.0007 * rng.standard_normal(240), [], 0.0007)
+    assert still.etve < still.noise and still.temperature == 0
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_from_cell_to_budget_and_world_on_the_command_line(kind: Kind, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = examples()["hu40t"]
@@ -157,7 +198,7 @@ def test_from_cell_to_budget_and_world_on_the_command_line(kind: Kind, tmp_path:
     def call(*args: object) -> int:
         return guarded(tango.main, [str(a) for a in args], standalone_mode=False)
 
-    few = [] if kind == "lobing" else ["--facets", "3", "--repetitions", 20 if kind != "wetness" else 80]
+    few = [] if kind in ("lobing", "probe") else ["--facets", "3", "--repetitions", 20 if kind != "wetness" else 80]
     target = tmp_path / kind
     assert call("capability", kind, "-C", source, "--cell", target, *few) == 0
     assert call("capability", kind, "-C", source, "--cell", target, *few) == 2  # nothing is ever overwritten

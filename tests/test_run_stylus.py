@@ -26,7 +26,7 @@ def with_two_styli(folder: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_stylus_is_changed_between_two_programs_and_what_was_measured_stays(cell: Path) -> None:  # noqa: F811
+def test_the_stylus_is_changed_between_two_programs_and_what_was_measured_stays(cell: Path) -> None:
     with_two_styli(cell)
     with controller(cell, "--tcp", "127.0.0.1:0", "--stylus", "1") as url:
         first = Result("run", "-C", cell, "--port", url, "--timeout", "10")

@@ -6,19 +6,25 @@ its nominal place along the facet normal, at the nominal machine.
 """
 
 from .analysis import budget_lines, directions, drift, grid, heights, lobing, repeatability, wetness, world_effects
+from .probing import Environment, Probing, changed, environment, probing
 from .programs import KINDS, REPETITIONS, Kind, Settings, program
 
 __all__ = [
     "KINDS",
     "REPETITIONS",
+    "Environment",
     "Kind",
+    "Probing",
     "Settings",
     "budget_lines",
+    "changed",
     "directions",
     "drift",
+    "environment",
     "grid",
     "heights",
     "lobing",
+    "probing",
     "program",
     "repeatability",
     "wetness",

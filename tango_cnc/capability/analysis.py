@@ -317,6 +317,8 @@ def budget_lines(kind: Kind, results: dict[str, Any]) -> list[dict[str, Any]]:
         return [{"source": "form", "std": form}] if form > 0 else []
     if kind == "drift":
         return [{"source": "drift", "shape": "random_walk", "amplitude": _rms([r.random_walk for r in results.values()])}]
+    if kind in ("probe", "etve"):
+        return []  # what they show is in lobing, form and drift already
     return [{"source": "lobing", "amplitude": lobe.amplitude, "order": lobe.order} for lobe in _real(results["ball"])]
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from .. import kinematics
-from ..records import Array, Artefact, Facet, Indexation, InputError, Machine, Strategy, Vector
+from ..records import Array, Artefact, Ball, Facet, Indexation, InputError, Machine, Strategy, Vector
+from .probing import OVER, RING
 
-Kind = Literal["repeatability", "wetness", "grid", "drift", "lobing"]
-KINDS: tuple[Kind, ...] = ("repeatability", "wetness", "grid", "drift", "lobing")
+Kind = Literal["repeatability", "wetness", "grid", "drift", "lobing", "probe", "etve"]
+KINDS: tuple[Kind, ...] = ("repeatability", "wetness", "grid", "drift", "lobing", "probe", "etve")
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Settings:
     spindle: tuple[float, ...] = (0.0, 90.0)  # deg: what turns with the spindle is the probe's
 
 
-REPETITIONS = {"repeatability": 300, "wetness": 600, "grid": 25, "drift": 60, "lobing": 1}
+REPETITIONS = {"repeatability": 300, "wetness": 600, "grid": 25, "drift": 60, "lobing": 1, "probe": 1, "etve": 240}
 
 
 def program(
@@ -43,7 +45,11 @@ def program(
     name = f"capability: {kind}"
     if kind == "lobing":
         return _lobing_program(machine, artefact, strategy, s, name)
+    if kind == "probe":
+        return _probe_program(machine, artefact, strategy, s, name)
     chosen = _chosen(machine, artefact, strategy, s.facets)
+    if kind == "etve":  # the machine does nothing else meanwhile: one facet, that of the first direction unless named
+        return artefact, Strategy(name, strategy.approach, (Indexation(chosen[0][1], (chosen[0][0],) * count),))
     if kind in ("repeatability", "wetness"):
         blocks = [Indexation(position, (facet,) * count) for facet, position in chosen]
         return artefact, Strategy(name, strategy.approach, tuple(blocks))
@@ -106,31 +112,57 @@ def _vector(p: Array) -> Vector:
 
 def _lobing_program(machine: Machine, artefact: Artefact, strategy: Strategy, s: Settings, name: str) -> tuple[Artefact, Strategy]:
     """Every `longitude` along and `latitude` up to the equator of the upper half of a ball (thesis procedure IV)."""
-    touched = [(f, i) for i in strategy.indexations for f in i.facets if artefact.facets[f].ball is not None]
-    if not touched:
-        raise InputError(
-            "capability lobing: found no touch on a ball in the strategy; allowed: an artefact with a ball that is touched"
-        )
-    ball = artefact.balls[str(artefact.facets[touched[0][0]].ball)]
-    base = dict(touched[0][1].position)
-    chain = kinematics.chain(machine)
+    ball, base = _ball(artefact, strategy, "lobing")
     facets = dict(artefact.facets)
     indexations = []
     for angle in s.spindle:
         position = base | {"S": math.radians(angle)}
-        row = np.array([[position.get(n, 0.0) for n in machine.names]])
-        up = kinematics.spindle_axis(chain, row)[0]
-        across = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
-        across /= np.linalg.norm(across)
-        third = np.cross(up, across)
-        ids: list[str] = []
+        points: list[tuple[float, float]] = []
         for lift in np.arange(90.0, -1e-9, -s.latitude):
             turns = [0.0] if lift > 90 - 1e-9 else np.arange(0.0, 360.0, s.longitude)
-            for turn in turns:
-                a, b = math.radians(lift), math.radians(turn)
-                n = math.sin(a) * up + math.cos(a) * (math.cos(b) * across + math.sin(b) * third)
-                key = f"{ball.id}b{angle:g}p{len(ids) + 1}"
-                facets[key] = Facet(key, _vector(np.array(ball.centre) + ball.radius * n), _vector(n), ball=ball.id)
-                ids.append(key)
-        indexations.append(Indexation(position, tuple(ids)))
+            points += [(float(lift), float(turn)) for turn in turns]
+        found = _on_ball(machine, ball, position, points, f"{ball.id}b{angle:g}p")
+        facets |= {f.id: f for f in found}
+        indexations.append(Indexation(position, tuple(f.id for f in found)))
     return replace(artefact, facets=facets), Strategy(name, strategy.approach, tuple(indexations))
+
+
+def _probe_program(machine: Machine, artefact: Artefact, strategy: Strategy, s: Settings, name: str) -> tuple[Artefact, Strategy]:
+    """A ring and a sphere of points on a ball, each point once, with the spindle as it measures."""
+    ball, base = _ball(artefact, strategy, "probe")
+    found = [
+        *_on_ball(machine, ball, base, RING, f"{ball.id}nr"),
+        *_on_ball(machine, ball, base, OVER, f"{ball.id}ns"),
+    ]
+    indexation = Indexation(base, tuple(f.id for f in found))
+    facets = dict(artefact.facets) | {f.id: f for f in found}
+    return replace(artefact, facets=facets), Strategy(name, strategy.approach, (indexation,))
+
+
+def _ball(artefact: Artefact, strategy: Strategy, kind: str) -> tuple[Ball, dict[str, float]]:
+    """→ the first ball that the strategy touches, and the rotary position at which it does."""
+    for i in strategy.indexations:
+        for f in i.facets:
+            if (ball := artefact.facets[f].ball) is not None:
+                return artefact.balls[str(ball)], dict(i.position)
+    raise InputError(
+        f"capability {kind}: found no touch on a ball in the strategy; allowed: an artefact with a ball that is touched"
+    )
+
+
+def _on_ball(
+    machine: Machine, ball: Ball, position: Mapping[str, float], points: Sequence[tuple[float, float]], name: str
+) -> list[Facet]:
+    """ball, rotary position, (degrees above the equator, around) seen along the spindle, begin of the names → facets."""
+    row = np.array([[position.get(n, 0.0) for n in machine.names]])
+    up = kinematics.spindle_axis(kinematics.chain(machine), row)[0]
+    across = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    across /= np.linalg.norm(across)
+    third = np.cross(up, across)
+    found = []
+    for number, (lift, turn) in enumerate(points, start=1):
+        a, b = math.radians(lift), math.radians(turn)
+        n = math.sin(a) * up + math.cos(a) * (math.cos(b) * across + math.sin(b) * third)
+        point = _vector(np.array(ball.centre) + ball.radius * n)
+        found.append(Facet(f"{name}{number}", point, _vector(n), ball=ball.id))
+    return found

@@ -21,6 +21,7 @@ from ..touches import Touches, from_readings
 from ._common import Output, cell_option, json_option, table, write_json
 
 PLACE = "Understand 60"  # in the list of commands
+UNITS = {"duration": " (s)", "tau": " (s)", "temperature": " (K)", "per_kelvin": " (µm/K)", "per_kelvin_std": " (µm/K)"}
 
 
 @click.command()
@@ -38,6 +39,9 @@ PLACE = "Understand 60"  # in the list of commands
     "--last", type=click.IntRange(2), help="Wetness: only so many of the last touches, when the machine is warm [default: all]."
 )
 @click.option(
+    "--after", type=click.Path(path_type=Path), metavar="FILE", help="Probe: readings of the same test after a calibration."
+)
+@click.option(
     "--budget", type=Output(replaces="uncertainty.yaml"), metavar="FILE", help="Put the numbers into this uncertainty.yaml."
 )
 @click.option("--world", type=Output(replaces="world.yaml"), metavar="FILE", help="Put the numbers into this world.yaml.")
@@ -52,11 +56,12 @@ def command(
     window: int | None,
     block: int,
     last: int | None,
+    after: Path | None,
     budget: Path | None,
     world: Path | None,
     json_file: str | None,
 ) -> None:
-    """Measures KIND: repeatability, wetness, grid (surface), drift or lobing.
+    """Measures KIND: repeatability, wetness, grid (surface), drift, lobing, probe (ISO 230-10) or etve (ISO 230-3).
 
     First --cell writes a cell whose program measures it; plan, run or simulate it as any other. Then the analysis of its
     readings: with -C that cell.
@@ -67,7 +72,14 @@ def command(
         return
     readings = read_readings(current(folder, file), cell.machine, cell.artefact)
     touches = from_readings(cell.machine, cell.artefact, readings)
+    if after is not None and kind != "probe":
+        raise InputError(f"--after: found capability {kind}; allowed: capability probe")
     results = _analyse(kind, touches, window, block, last)
+    verdicts = {}
+    if after is not None:
+        later = read_readings(after, cell.machine, cell.artefact)
+        results["after"] = capability.probing(from_readings(cell.machine, cell.artefact, later))
+        verdicts = capability.changed(results["ball"], results["after"])
     lines = capability.budget_lines(kind, results)
     noise, effects = capability.world_effects(kind, results)
     data = {
@@ -75,6 +87,7 @@ def command(
         "kind": kind,
         "touches": len(touches),
         "results": {key: _plain(value) for key, value in results.items()},
+        "changed": verdicts,
         "budget": lines,
         "world": ({} if noise is None else {"noise": noise}) | {"effects": effects},
     }
@@ -84,6 +97,8 @@ def command(
         _merge(world, "effects", "cause", effects, {} if noise is None else {"noise": noise})
     if not write_json(json_file, data):
         click.echo(_text(kind, results))
+        for name, word in verdicts.items():
+            click.echo(f"{name.replace('_', ' ')} after the calibration: {word}")
         said = "; ".join(", ".join(f"{k} {v:.5g}" if isinstance(v, float) else f"{v}" for k, v in line.items()) for line in lines)
         click.echo(f"\nFor the budget (mm, deg): {said or 'nothing that stands out'}")
 
@@ -115,6 +130,8 @@ def _analyse(kind: Kind, touches: Touches, window: int | None, block: int, last:
     """→ results by direction (by `ball` for lobing)."""
     if kind == "lobing":
         return {"ball": capability.lobing(touches)}
+    if kind == "probe":
+        return {"ball": capability.probing(touches)}
     height = capability.heights(touches)
     along = np.array(capability.directions(touches))
     order = [name for name in ("X", "Y", "Z", "2D", "3D") if name in along]
@@ -126,6 +143,9 @@ def _analyse(kind: Kind, touches: Touches, window: int | None, block: int, last:
             results[name] = capability.repeatability(values, window or 25)
         elif kind == "wetness":
             results[name] = capability.wetness(values, block, touches.time[rows], last)
+        elif kind == "etve":
+            warm = [t[rows] for t in touches.temperatures.values()]
+            results[name] = capability.environment(touches.time[rows], values, warm, touches.machine.probe.repeatability)
         elif kind == "drift":
             results[name] = capability.drift(touches.time[rows], values)
         else:
@@ -177,10 +197,10 @@ def _text(kind: Kind, results: Mapping[str, Any]) -> str:
         return "\n".join(lines)
     first = next(iter(results.values()))
     shown = [f.name for f in fields(first) if isinstance(getattr(first, f.name), float)]
-    unlike = {"p_value": 1.0, "explained": 1.0, "duration": 1.0, "tau": 1.0}
+    unlike = {"p_value": 1.0, "explained": 1.0, "duration": 1.0, "tau": 1.0, "temperature": 1.0}
     rows = [[f"{kind}, µm", *results]]
     for name in shown:
-        label = name.replace("_", " ") + (" (s)" if name in ("duration", "tau") else "")
+        label = name.replace("_", " ") + UNITS.get(name, "")
         rows.append([label, *(f"{getattr(r, name) * unlike.get(name, 1e3):.3g}" for r in results.values())])
     text = table(rows, "<" + ">" * len(results))
     if kind == "wetness":
