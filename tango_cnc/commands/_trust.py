@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from ..plausible import judge
 from ..records import Cell, Indexation, InputError, Readings, TangoError, TermItem
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+LEFT_OUT = re.compile(r"touch (\d+) ")  # as the plan says it
 SHOWN = 3  # suspicions that a person reads
 
 despite_option: Decorator = click.option(
@@ -41,21 +44,30 @@ def judged(
     Raises TangoError where there is no fit, with the mistake that most likely is the reason.
     """
     cell = cell if source is None else as_run(cell, source)
+    away = () if source is None else left_out(source)
     try:
         result = fit() if fit is not None else estimate(cell.machine, cell.artefact, readings, terms, degree)
     except InputError:
         raise
     except TangoError as error:
-        judgement = judge(cell, readings, None)
+        judgement = judge(cell, readings, None, left_out=away)
         raise NoFit(f"{error}{''.join(f'{chr(10)}{line}' for line in suspected(judgement))}", judgement) from None
     try:
         result = honest(result)
     except np.linalg.LinAlgError:
-        judgement = judge(cell, readings, None)
+        judgement = judge(cell, readings, None, left_out=away)
         why = "the touches contradict each other so much that nothing can be said of their scatter"
         raise NoFit("\n".join([f"estimate: {why}", *suspected(judgement)]), judgement) from None
-    judgement = judge(cell, readings, result)
+    judgement = judge(cell, readings, result, left_out=away)
     return result, judgement if source is None else traced(judgement, source, cell.folder)
+
+
+def left_out(source: Path) -> tuple[int, ...]:
+    """readings.csv → touches of the strategy that their plan left out, by what lies beside it."""
+    with suppress(OSError, ValueError, AttributeError):
+        said = json.loads(source.with_suffix(".json").read_text(encoding="utf-8")).get("left_out", ())
+        return tuple(int(found[1]) for text in said if (found := LEFT_OUT.match(str(text))))
+    return ()
 
 
 def as_run(cell: Cell, source: Path) -> Cell:

@@ -6,7 +6,7 @@ missing, copied, rounded), touches that were made elsewhere, and outliers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -38,12 +38,15 @@ def worst(verdicts: Sequence[Verdict]) -> Verdict:
     return ORDER[max((ORDER.index(v) for v in verdicts), default=0)]
 
 
-def judge(cell: Cell, readings: Readings, result: Estimate | None, *, search: bool = True) -> Judgement:
+def judge(
+    cell: Cell, readings: Readings, result: Estimate | None, *, search: bool = True, left_out: Collection[int] = ()
+) -> Judgement:
     """cell, readings, their estimate (None: there is no fit) → whether it may be believed, and what most likely went wrong.
 
-    `search`: look for the mistake where the verdict is not trustworthy.
+    `search`: look for the mistake where the verdict is not trustworthy. `left_out`: touches of the strategy that the plan left
+    out, so that nobody misses them.
     """
-    found = [*remarks(cell, readings), *approaches(cell, readings)]
+    found = [*remarks(cell, readings, left_out), *approaches(cell, readings)]
     untrusted: list[str] = []
     if result is None:
         found.append(Remark("implausible", "there is no fit"))

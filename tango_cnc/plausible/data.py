@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -38,9 +38,9 @@ class Remark(NamedTuple):
     moves: tuple[str, ...] = ()  # coefficients that it makes untrusted
 
 
-def remarks(cell: Cell, readings: Readings) -> Iterator[Remark]:
-    """cell, readings → what is wrong with the readings themselves."""
-    yield from _missing(cell, readings)
+def remarks(cell: Cell, readings: Readings, left_out: Collection[int] = ()) -> Iterator[Remark]:
+    """cell, readings, touches that the plan left out → what is wrong with the readings themselves."""
+    yield from _missing(cell, readings, left_out)
     yield from _twice(readings)
     pasted = list(_pasted(cell, readings))
     yield from pasted or _echoed(readings)
@@ -67,9 +67,9 @@ def planned(cell: Cell) -> tuple[list[str], Array, Array]:
     return facets, position, np.einsum("ij,ij->i", normal, up) >= AWAY
 
 
-def _missing(cell: Cell, readings: Readings) -> Iterator[Remark]:
+def _missing(cell: Cell, readings: Readings, left_out: Collection[int]) -> Iterator[Remark]:
     facets, _, possible = planned(cell)
-    everything = set((np.flatnonzero(possible) + 1).tolist())
+    everything = set((np.flatnonzero(possible) + 1).tolist()) - set(left_out)
     passes = sorted(set(zip(readings.day.tolist(), readings.cycle.tolist(), strict=True)))
     made = set(
         zip(
