@@ -522,6 +522,7 @@ def test_a_wrong_parameter_of_the_control_is_refused(name: str, text: str) -> No
         ("fastest_skip", "quick", "--set fastest_skip: found 'quick'; allowed: a number"),
         ("fastest_skip", "nan", "--set fastest_skip: found 'nan'; allowed: a finite number"),
         ("skip_feed", "mine", "--set skip_feed: found 'mine'; allowed: modal, own"),
+        ("tool_lengths", "Z:187", "--set tool_lengths: found 'Z:187'; allowed: number:number pairs, e.g. 1:187.4"),
         ("increment", "0", "a number greater than 0"),
         ("read_ahead", "yes", "true or false"),
         ("g54", "X=1", "name:number pairs"),
@@ -530,3 +531,7 @@ def test_a_wrong_parameter_of_the_control_is_refused(name: str, text: str) -> No
 def test_what_a_field_of_the_control_cannot_be_is_said(field: str, text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         run("O1\nM30", **{field: text})
+
+
+def test_a_field_that_is_a_text_is_taken_as_it_stands() -> None:
+    assert profile(macro_b, MACHINE, {"skip_word": "G31P1"}).skip_word == "G31P1"

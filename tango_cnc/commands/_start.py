@@ -45,7 +45,7 @@ def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which
     for text in unproven:
         click.echo(f"not proven on this control: {text}", err=True)
     if unproven:
-        click.echo("'tango commission' tries it high above the table, in minutes.", err=True)
+        click.echo("'tango commission' tries these high above the table, in minutes; with --touch, at the table.", err=True)
 
     time = spoken(sum(duration(part, feed).values()) + proof(part, which, feed))
     click.echo(
