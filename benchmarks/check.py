@@ -23,7 +23,8 @@ import numpy as np
 from sim_controller.simulate import simulate
 from sim_controller.world import tip_in_table, true_machine
 from tango_cnc.commands.check import positioning_feed
-from tango_cnc.design import check, choose, goals, propose, region, touching
+from tango_cnc.commands.design import gate_of
+from tango_cnc.design import check, goals, propose, region, touching
 from tango_cnc.design.changed import changed
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.plan import last_moves, plan
@@ -74,8 +75,9 @@ def main() -> int:
     aim = goals.read("check")
     how = touching.touching(cell.strategy.approach, 0.3)
     terms = propose.usual_terms(aim, cell.terms)
-    ready = propose.setting(cell, propose.Wish(aim, given.minutes, terms, how.approach, feed=positioning_feed(cell)))
-    found = choose.chosen(ready.problem)
+    wish = propose.Wish(aim, given.minutes, terms, how.approach, feed=positioning_feed(cell), gate=gate_of(cell))
+    ready = propose.setting(cell, wish)
+    found = propose.propose(ready)
     sees = check.power(found, ready.lever)
     size = given.size or 1e3 * sees.size
     print(

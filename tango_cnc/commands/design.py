@@ -180,11 +180,11 @@ def _wish(
         within, source = touching.known_within(cell, before), f"learned from {readings}"
     how = touching.touching(cell.strategy.approach, within, source)
     wanted = propose.usual_terms(aim, cell.terms) if terms is None else read_terms(terms)
-    feed, gate = positioning_feed(cell), _gate(cell)
+    feed, gate = positioning_feed(cell), gate_of(cell)
     return propose.Wish(aim, minutes, wanted, how.approach, degree, feed, _box(volume), before, stylus, gate), how.why
 
 
-def _gate(cell: Cell) -> str:
+def gate_of(cell: Cell) -> str:
     """cell → what proves the probe alive in its programs: its time is part of the run."""
     from postprocessors import _base as posts
 

@@ -189,6 +189,8 @@ def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | No
     By a quick choice; None: not within `LONGEST`.
     """
     light, (touch, visit, spare) = lighter(found.problem), choose.costs_of(found)
+    again = found.problem.of_time(60 * LONGEST).repeats - found.problem.repeats  # a longer run repeats its first indexation
+    spare += again * touch + (visit if again and not found.problem.repeats else 0.0)
     choice, relaxed, minutes = light.choice, None, found.problem.seconds / 60
     each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
     while (minutes := math.ceil(2 * minutes * LONGER) / 2) <= LONGEST:
@@ -196,7 +198,7 @@ def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | No
         relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
         mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)
         if good(light, light.held + choice.rows[mask].T @ choice.rows[mask]):
-            return minutes
+            return math.ceil(2 * minutes * LONGER) / 2  # the plan that follows takes its turns as they come
     return None
 
 
