@@ -185,7 +185,7 @@ def test_a_run_is_followed_without_a_reload(site: Site, browser: webdriver.Chrom
             assert "Running" in browser.page_source
     run.end()
     wait(lambda: "Complete" in browser.page_source)
-    assert browser.execute_script("return window.kept") and "Drift of facets" in browser.page_source
+    assert browser.execute_script("return window.kept") and "Faces touched again" in browser.page_source
     assert not axe(browser) and not complaints(browser)
 
 

@@ -104,7 +104,7 @@ def command(
     try:
         from ..report import morning
 
-        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", morning.render(record, *seen))
+        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", morning.render(record, **seen))
     except OSError as error:
         click.echo(f"{record['artefacts']['folder']}/morning.html could not be written ({error.strerror or error})", err=True)
     if not write_json(json_file, record):
@@ -130,15 +130,19 @@ class _Held:
         return first or datetime.now().astimezone()
 
 
-def _known(history: History, record: Mapping[str, Any]) -> tuple[Any, None, None, Mapping[str, Any] | None]:
-    """history, record of tonight → what its page is told by: decisions, and the last night that measured where this one did not."""
+def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
+    """history, record of tonight → what its page is told by: decisions, last night that measured, last one in limits."""
+    from ..report.morning import last_within
+
     machine = record["machine"]
     with suppress(TangoError, OSError):
         if machine in history.machines():
-            nights = history.nights(machine) if record["verdict"] == "not_measured" else ()
-            last = next((n for n in nights if n.verdict != "not_measured"), None)
-            return history.decisions(machine), None, None, None if last is None else history.night(last.entry).record
-    return (), None, None, None
+            nights = history.nights(machine)
+            last = next((n for n in nights if n.verdict != "not_measured"), None) if record["verdict"] == "not_measured" else None
+            within = last_within([(n.night, n.verdict) for n in nights])
+            before = None if last is None else history.night(last.entry).record
+            return {"decisions": history.decisions(machine), "before": before, "within": within}
+    return {}
 
 
 def _newest(history: History, record: Mapping[str, Any]) -> tuple[int, str] | None:

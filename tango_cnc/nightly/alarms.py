@@ -175,7 +175,7 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
             answered = decision is not None and decision.action == "acknowledge"
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = str(alarm["text"]).replace("since last night", f"since {alarm['since']}")
-            told |= {"now": _now(alarm, stored.record, parameters, kind)}
+            told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)
@@ -185,16 +185,24 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:
     """alarm, its night, what is known tonight → whether what moved is still where it went; '' for what is no one parameter."""
     then, now = (record.get("parameters") or {}).get(alarm["parameter"]), parameters.get(alarm["parameter"])
-    if then is None or now is None or then.get("change") is None:
+    change = _total(alarm, record, parameters)
+    if change is None or then is None or now is None:
         return ""
-    step = alarm["size"] if alarm.get("rate_per_day") else then["change"]  # a drift was not made in its last night alone
-    change = now["value"] - (then["value"] - step)
     spread = math.hypot(now["std"], then["std"])
     told = value(change, now["unit"], spread)
     slack = max(3 * spread, 0.25 * abs(alarm["size"]))
     if abs(change - alarm["size"]) < slack:
         return f"still there: {told}" + (", confirmed by tonight's full measurement" if kind == "full" and now.get("seen") else "")
     return f"gone again: {told} is left" if abs(change) < slack else f"it is {told} now"
+
+
+def _total(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any]) -> float | None:
+    """alarm, its night, what is known tonight → change since before the alarm, in its unit; None for what is no one parameter."""
+    then, now = (record.get("parameters") or {}).get(alarm["parameter"]), parameters.get(alarm["parameter"])
+    if then is None or now is None or then.get("change") is None:
+        return None
+    step = alarm["size"] if alarm.get("rate_per_day") else then["change"]  # a drift was not made in its last night alone
+    return float(now["value"] - (then["value"] - step))
 
 
 def factor_of(unit: str) -> tuple[float, str]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..history import Decision
 from ..report.texts import texts
 from ..report.units import shown
-from ..report.words import spoken
+from ..report.words import moved
 
 SUBJECT = {
     "good": "as it should be",
@@ -22,7 +21,6 @@ STILL = "STILL CHANGED"
 REFUSED = "not begun, the folder is in use"
 NOBODY = "none is stated in nightly.yaml"
 SHOWN = 3  # alarms that wait, in full
-PLACE = re.compile(r"E([XYZ])0([XYZABCS])")
 
 
 def cause_texts(cause: str, effect_um: float) -> tuple[str, str]:
@@ -33,14 +31,7 @@ def cause_texts(cause: str, effect_um: float) -> tuple[str, str]:
 
 def changed(parameter: str, size: str, since: str = "last night") -> str:
     """name of ISO 230-1 or a facet, size of its change, since when → a sentence that names the axis before the symbol."""
-    t = texts()
-    plain = spoken(parameter)
-    if plain == parameter:
-        return t("changed.unnamed", name=parameter, size=size, since=since)
-    if match := PLACE.fullmatch(parameter):
-        what = t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
-        return t("changed.off", what=what, letter=match[1], size=size, name=parameter, since=since)
-    return t("changed.other", what=plain, size=size, name=parameter, since=since)
+    return moved(parameter, size, since)
 
 
 def value(number: float, unit: str, std: float | None = None) -> str:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from ..records import Machine
+from .days import day
 from .plain import amount
 from .texts import Texts
 from .units import Units
 from .verdict import Level
 from .words import spoken
 
-May = Literal["yes", "but", "no", "unknown"]
-LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "look"}
+May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
+LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "look", "wait": "look"}
 MEASURED = ("good", "changed", "out_of_limits", "doubtful")
 
 
@@ -29,9 +30,9 @@ class Answer:
     why: str
 
     @property
-    def level(self) -> Level:
+    def level(self) -> str:
         """→ the sign that goes with it."""
-        return LEVELS[self.may]
+        return "none" if self.may == "wait" else LEVELS[self.may]
 
 
 def answer(
@@ -54,12 +55,20 @@ def answer(
     may, state, why = _measured(known, t, waiting) if known is not None else ("unknown", "not_measured", t("may.never"))
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):
-        why = t("may.long_ago", date=record["last_measured"])
+        why = t("may.long_ago", date=day(record["last_measured"], t))
     if missing and known is not None:
-        may, state, why = ("no" if may == "no" else "but"), "not_measured", t("may.unmeasured", date=date)
+        key = "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
+        may, state, why = ("no" if may == "no" else "but"), "not_measured", t(key, date=day(date, t))
     elif late and may == "yes":  # an answer of a week ago is no yes of today
-        may, state, why = "but", "late", t("may.late", date=late)
+        may, state, why = "but", "late", t("may.late", date=day(late, t))
+    elif late and not missing:
+        why = f"{why} {t('may.late_also', date=day(late, t))}".strip()
     return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why)
+
+
+def measuring(known: Answer, t: Texts) -> Answer:
+    """what was known before, texts → the answer while the machine measures: neither yes nor no."""
+    return replace(known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word))
 
 
 def _measured(record: Mapping[str, Any], t: Texts, waiting: str) -> tuple[May, str, str]:
@@ -74,7 +83,7 @@ def _measured(record: Mapping[str, Any], t: Texts, waiting: str) -> tuple[May, s
     if verdict == "changed" and not waiting:
         return "but", "changed", t("may.changed")
     if verdict == "changed" or waiting:
-        return "but", "changed" if verdict == "changed" else "alarm_open", t("may.open", date=waiting)
+        return "but", "changed" if verdict == "changed" else "alarm_open", t("may.open", date=day(waiting, t))
     if None in passed:
         return "but", "undecided", t("may.undecided")
     if record.get("status") == "partial":
@@ -100,4 +109,6 @@ def _numbers(record: Mapping[str, Any] | None, u: Units, t: Texts, machine: Mach
         text = t("may.no_limit", what=t("may.tip"), found=amount(float(record["volume"]["worst_um"]), "µm", u, t))
     else:
         return ""
-    return t("may.on", text=text, date=date) if date else text
+    if record.get("status") == "partial":
+        text = t("may.incomplete", text=text)
+    return t("may.on", text=text, date=day(date, t)) if date else text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,12 @@ from markupsafe import Markup
 
 from ..records import InputError, Machine
 from . import svg
-from .answer import answer
+from .answer import answer, measuring
+from .days import day, ended
+from .faults import alarm, faults, sentence
 from .page import environment, rendered, value_text
-from .plain import plain, rounded
-from .texts import Texts, texts, texts_of
+from .plain import plain
+from .texts import Texts, texts_of
 from .units import Units
 from .verdict import Level
 
@@ -21,11 +24,11 @@ FORMAT = "tango-night/1"
 LEVELS: Mapping[str, Level] = {
     "good": "good",
     "changed": "look",
+    "partial": "look",
     "not_measured": "look",
     "out_of_limits": "stop",
     "doubtful": "stop",
 }
-OF_THE_PROBE = ("facet", "noise_level", "pretravel", "stylus")  # causes that are no error of a part
 LISTED = 3  # faults below the first one
 
 
@@ -35,14 +38,16 @@ def render(
     units: Units | None = None,
     folder: Path | None = None,
     before: Mapping[str, Any] | None = None,
+    within: str = "",
 ) -> str:
-    """tango-night/1, decisions about its alarms, units, a shop's templates, last night that measured → HTML that stands alone.
+    """tango-night/1, decisions, units, a shop's templates, last night that measured, date of the last one in limits → HTML alone.
 
     Raises InputError.
     """
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
-    return rendered(environment(folder), "morning.html", context(record, decisions, units, texts_of(folder), before=before))
+    values = context(record, decisions, units, texts_of(folder), before=before, within=within)
+    return rendered(environment(folder), "morning.html", values)
 
 
 def context(
@@ -56,19 +61,27 @@ def context(
     machine: Machine | None = None,
     owner: str = "",
     late: str = "",
+    within: str = "",
+    busy: str = "",
+    now: datetime | None = None,
 ) -> dict[str, Any]:
     """record, decisions about its alarms, units, texts → values for the page.
 
     `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
-    where the record names nobody; `late`: date since when a complete night is missing.
+    where the record names nobody; `late`: date since when a complete night is missing; `within`: date of the last night within
+    every limit, where that is over; `busy`: how long the machine still measures; `now`: what the age of the night is told by.
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
     asked = {**record, "owner": record.get("owner") or owner}
-    alarms = [_alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked) for a in record.get("alarms") or ()]
-    found = faults(asked, waiting, by_alarm, u, t, machine)
+    today = now.astimezone().strftime("%Y-%m-%d") if now is not None else str(record.get("night") or "")
+    alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
+    found = faults(asked, waiting, by_alarm, u, t, machine, before, today)
     opened = [a["night"] for a in found if a["id"] and (a["decision"] is None or a["decision"].action == "acknowledge")]
     told = answer(record, u, t, "" if record.get("alarms") else next(iter(opened), ""), before, machine, late)
+    suspect = _suspect(told.may, within, found, t)
+    if busy:
+        told = measuring(told, t)
     return {
         "t": t,
         "units": u,
@@ -84,10 +97,14 @@ def context(
         },
         "sentence": lambda text: sentence(text, u),
         "plain": lambda text: sentence(plain(str(text or ""), u, t, machine), Units()),
+        "day": lambda text, year=True: day(text, t, year),
+        "ended": ended(record.get("end_utc"), t, now),
+        "suspect": suspect,
+        "busy": busy,
         "answer": told,
         "headline": sentence(record.get("headline"), u),
         "level": told.level,
-        "word": t(f"morning.{told.state}") if f"morning.{told.state}" in t else told.state,
+        "word": busy or (t(f"morning.{told.state}") if f"morning.{told.state}" in t else told.state),
         "alarms": alarms,
         "first": found[0] if found else None,
         "also": found[1 : LISTED + 1],
@@ -109,125 +126,20 @@ def context(
     }
 
 
-def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """alarms of earlier nights → the same, read today: "since last night" names the night instead."""
-    return [{**a, "text": str(a.get("text") or "").replace("since last night", f"since {a.get('since')}")} for a in alarms]
+def _suspect(may: str, within: str, found: Sequence[Mapping[str, Any]], t: Texts) -> str:
+    """answer, date of the last night within every limit, faults → which parts are in question; '' where none are."""
+    if may == "no" and within:
+        return t("morning.suspect_beyond", date=day(within, t))
+    dates = [str(a["since"]) for a in found if a.get("since") and a["decision"] is None]
+    return t("morning.suspect", date=day(min(dates), t)) if may in ("no", "but") and dates else ""
 
 
-def faults(
-    record: Mapping[str, Any],
-    waiting: Sequence[Mapping[str, Any]],
-    decisions: Mapping[str, Any],
-    u: Units,
-    t: Texts,
-    machine: Machine | None = None,
-) -> list[dict[str, Any]]:
-    """record, alarms of earlier nights, decisions by alarm → what is wrong, each once: unanswered first, then by what it does."""
-    told: dict[str, dict[str, Any]] = {}
-    older = [(a, True) for a in (*(record.get("standing") or ()), *waiting)]
-    for a, before in [*((a, False) for a in record.get("alarms") or ()), *older]:
-        shown = _alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record)
-        now = sentence(plain(str(a.get("now") or ""), u, t, machine), Units())
-        if before and now:
-            shown["text"] = f"{shown['text'].rstrip('.')}. {now}"
-        told.setdefault(str(a.get("id") or len(told)), shown | {"older": before})
-    found = _together(list(told.values()))
-    for a in record.get("behind") or ():
-        known = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
-        if not known or max(known) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
-            found.append(_alarm(a, None, u, t, machine, record) | {"older": False})
-    if record.get("verdict") != "out_of_limits" or not record.get("behind"):
-        return sorted(found, key=_urgency)
-    behind = {x.get("parameter") for x in record["behind"]}
-    return sorted(found, key=lambda a: (a.get("parameter") not in behind, *_urgency(a)))
-
-
-def _together(alarms: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """alarms → one for each parameter: the oldest, whose "now" holds what came after it, with the effect of all of them."""
-    groups: dict[str, list[dict[str, Any]]] = {}
-    for a in alarms:
-        groups.setdefault(str(a.get("parameter") or a["id"]), []).append(a)
-    found = []
-    for same in groups.values():
-        first = min(same, key=lambda a: a["night"])
-        own, every = float(first.get("size") or 0.0), sum(float(a.get("size") or 0.0) for a in same)
-        if len(same) > 1 and own and first.get("on_part_um") is not None:
-            small = float(first["on_part_um"])
-            large = abs(small * every / own)
-            first = first | {"on_part_um": large, "on_part": first["on_part"].replace(rounded(small), rounded(large), 1)}
-        unanswered = next((a for a in same if a["decision"] is None), None)
-        first = first | {"same": len(same) - 1}
-        found.append(first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who")})
-    return found
-
-
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
-    return a.get("decision") is not None, str(a.get("cause")).replace(" ", "_") in OF_THE_PROBE, -size_of(a)
-
-
-def size_of(a: Mapping[str, Any]) -> float:
-    """fault → µm that it does, at most where that is on record, else the size that was found (of a tilt over 300 mm)."""
-    if a.get("on_part_um") is not None:
-        return abs(float(a["on_part_um"]))
-    return abs(float(a.get("size") or 0.0)) * (1e3 if a.get("unit") == "mm" else 3e5)
-
-
-def _alarm(
-    a: Mapping[str, Any], decision: Any, u: Units, t: Texts, machine: Machine | None = None, record: Mapping[str, Any] | None = None
-) -> dict[str, Any]:
-    raw = str(a.get("text") or "")
-    size, record = _amount(a, u), record or {}
-    owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
-    return {
-        **a,
-        "id": str(a.get("id") or ""),
-        "text": sentence(plain(raw, u, t, machine), Units()),
-        "recorded": sentence(raw, u),
-        "night": str(a.get("id") or "")[:10],
-        "cause": str(a.get("cause") or "").replace("_", " "),
-        "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
-        "on_part": sentence(plain(_told(a, "on_part", u, t), u, t, machine), Units()),
-        "todo": sentence(plain(_told(a, "do", u, t), u, t, machine), Units()),
-        "instead": [str(x).replace("_", " ") for x in a.get("instead") or ()],
-        "owner": owner,
-        "who": _who(owner, decision, bool(a.get("id")), t),
-        "decision": decision,
-        "same": 0,  # more alarms about it
-        "decided": "" if decision is None else t(f"decision.{decision.action}"),
-    }
-
-
-def _who(owner: Any, decision: Any, asked: bool, t: Texts) -> str:
-    """owner, decision, whether an answer is asked for, texts → who has it, as a sentence without its full stop."""
-    if decision is not None:
-        return t("morning.has", owner=owner, decided=t(f"decision.{decision.action}"))
-    if not owner:
-        return t("morning.nobody")
-    return t("morning.asked", owner=owner) if asked else str(owner)
-
-
-def sentence(text: Any, u: Units) -> str:
-    """text of a record, units → the same as a sentence: a capital in front, lengths in these units."""
-    found = u.sentence(str(text or ""))
-    return found[:1].upper() + found[1:]
-
-
-def _told(a: Mapping[str, Any], member: str, u: Units, t: Texts) -> str:
-    """→ the shop's text where the record has the program's own; what the record says otherwise."""
-    key, effect = f"cause.{a.get('cause')}.{member}", f"{float(a.get('on_part_um') or 0.0):.1f} µm"
-    own = str(a.get(member) or "")
-    return t(key, effect=effect) if key in t and own == texts()(key, effect=effect) else own
-
-
-def _amount(a: Mapping[str, Any], u: Units) -> str:
-    """→ '+20.3 ± 0.5 µm'; without ± where no uncertainty is on record."""
-    if not a.get("size"):
+def last_within(nights: Sequence[tuple[str, str]]) -> str:
+    """(date, verdict) of nights, newest first → date of the last one within every limit, where the newest measured one is not."""
+    measured = [(date, verdict) for date, verdict in nights if verdict not in ("not_measured", "doubtful")]
+    if not measured or measured[0][1] != "out_of_limits":
         return ""
-    factor, unit = u.coefficient(str(a.get("unit") or "mm"))
-    value, std = float(a["size"]) * factor, abs(float(a.get("std") or 0.0) * factor)
-    decimals = 0 if std >= 10 else 1 if std >= 0.095 or not std else 2
-    number = f"{value:+.{decimals}f}".replace("-", "−")
-    return f"{number} ± {std:.{decimals}f} {unit}" if std else f"{number} {unit}"
+    return next((date for date, verdict in measured if verdict != "out_of_limits"), "")
 
 
 def _limit(x: Mapping[str, Any], u: Units) -> dict[str, Any]:
@@ -291,6 +203,9 @@ def strip(nights: Sequence[tuple[str, str, str]], label: str) -> Markup:
 def _sign(verdict: str, x: float) -> str:
     if verdict == "not_measured":
         return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="{svg.SOFT}" stroke-width="1.6"/>'
+    if verdict == "partial":
+        half = f'<path d="M{x:g} 4a4 4 0 0 1 0 8z" fill="#b06a00"/>'
+        return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="#b06a00" stroke-width="1.6"/>{half}'
     level = LEVELS.get(verdict, "stop")
     if level == "good":
         return f'<circle cx="{x:g}" cy="8" r="3.4" fill="#00694c"/>'

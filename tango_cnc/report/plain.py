@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 
 from ..records import Machine
+from .days import spoken_days
 from .texts import Texts
 from .units import Units
 from .words import spoken
@@ -23,7 +24,7 @@ SPREAD = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? µm(?![\w
 def plain(text: str, u: Units, t: Texts, machine: Machine | None = None) -> str:
     """sentence with µm, µrad, µm/m and symbols of ISO 230-1, units, texts → the same for people who make parts.
 
-    What stands between quotes is a command and stays as it is.
+    A date gets its day of the week. What stands between quotes is a command and stays as it is.
     """
     return "".join(part if i % 2 else _plain(part, u, t, machine) for i, part in enumerate(COMMAND.split(text)))
 
@@ -36,7 +37,7 @@ def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
     for match in TILT.finditer(text):  # what a tilt becomes is no length of the record: it is not converted once more
         told += [u.sentence(text[at : match.start()]), tilt(float(match[1]), u, t)]
         at = match.end()
-    return "".join([*told, u.sentence(text[at:])])
+    return spoken_days("".join([*told, u.sentence(text[at:])]), t)
 
 
 def tilt(size: float, u: Units, t: Texts) -> str:

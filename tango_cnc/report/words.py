@@ -7,6 +7,7 @@ import re
 from ..records import Machine
 from .texts import Texts, texts
 
+PLACE = re.compile(r"E([XYZ])0([XYZABCS])")
 _INTER = re.compile(r"E([XYZABC])0([XYZABCS])")
 _POWER = re.compile(r"E([XYZABC])([XYZABCS])(\d)")
 _BACK = re.compile(r"E([XYZABC])\1b")
@@ -42,3 +43,15 @@ def spoken(name: str, machine: Machine | None = None, t: Texts | None = None) ->
             return t(key, axis=axis, letter=letter, part=part)
         return t("parameter.motion_tilt", axis=axis, about=ABOUT[letter], part=part)
     return name
+
+
+def moved(parameter: str, size: str, since: str, t: Texts | None = None) -> str:
+    """name of ISO 230-1 or a facet, size of its change, since when, texts → a sentence that names the axis before the symbol."""
+    t = t or texts()
+    plain = spoken(parameter, t=t)
+    if plain == parameter:
+        return t("changed.unnamed", name=parameter, size=size, since=since)
+    if match := PLACE.fullmatch(parameter):
+        what = t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
+        return t("changed.off", what=what, letter=match[1], size=size, name=parameter, since=since)
+    return t("changed.other", what=plain, size=size, name=parameter, since=since)

@@ -24,7 +24,8 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
-from ..report.morning import sentence
+from ..report.days import day
+from ..report.faults import sentence
 from ..report.page import environment
 from ..report.texts import Texts, texts_of
 from ..report.units import Units
@@ -221,6 +222,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "t": state.texts,
         "units": state.units,
         "sentence": lambda text: sentence(text, state.units),
+        "day": lambda text, year=True: day(text, state.texts, year),
         "here": request.url.path,
         "signed_in": signed,
         "csrf": signed.csrf if signed else "",

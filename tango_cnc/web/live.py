@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -30,6 +31,7 @@ class Run:
     left: Mapping[str, int]  # facet: touches still to come
     seconds: float  # since the start mark, of the last entry
     remaining: float | None  # s, at the pace so far
+    touched: float = 0.0  # time of its last entry, s since 1970
 
 
 @dataclass
@@ -51,7 +53,7 @@ class Journals:
             if known is not None and known[0] == key:
                 return known[1]
             entries, good = read_journal(file)
-            run = run_of(file, f"{good:x}", entries, cell)
+            run = replace(run_of(file, f"{good:x}", entries, cell), touched=stat.st_mtime)
             self._read[file] = (key, run)
             if len(self._read) > 200:
                 self._read.pop(next(iter(self._read)))
@@ -86,6 +88,22 @@ def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None
     return Run(file, version, state, why, started, head, len(wanted), readings, refused, dict(left), seconds, remaining)
 
 
+QUIET = 600.0  # s without an entry after which a run is no longer said to go on
+
+
+def minutes_left(run: Run | None, now: float) -> int | None:
+    """run, time (s) → minutes that it still takes, None where none goes on, or where nothing was heard of it for `QUIET`."""
+    if run is None or run.state != "running" or quiet(run, now) is not None:
+        return None
+    return max(1, math.ceil((run.remaining or 0.0) / 60))
+
+
+def quiet(run: Run, now: float) -> int | None:
+    """run, time (s) → minutes since its last entry where that is too long ago for a run that goes on; else None."""
+    since = now - run.touched
+    return round(since / 60) if run.state == "running" and since > QUIET else None
+
+
 def _facets(cell: Cell | None) -> dict[int, str]:
     if cell is None:
         return {}
@@ -96,6 +114,6 @@ def _facets(cell: Cell | None) -> dict[int, str]:
 def title(run: Run) -> str:
     """run → its date and time for people."""
     try:
-        return datetime.fromisoformat(run.started).strftime("%Y-%m-%d %H:%M UTC")
+        return datetime.fromisoformat(run.started).astimezone().strftime("%Y-%m-%d %H:%M %Z")
     except ValueError:
         return run.file.name

@@ -198,9 +198,11 @@ class Places:
 
 
 def told(night: Night, limits: Mapping[str, float]) -> str:
-    """night, limits (µm) → its verdict; a night that changed and left the limit of the volume is out of limits."""
+    """night, limits (µm) → its verdict; changed and beyond its limit is out of limits, good and stopped is partial."""
     beyond = night.volume_um is not None and "volume" in limits and night.volume_um > limits["volume"]
-    return "out_of_limits" if beyond and night.verdict in ("good", "changed") else night.verdict
+    if beyond and night.verdict in ("good", "changed"):
+        return "out_of_limits"
+    return "partial" if night.status == "partial" and night.verdict == "good" else night.verdict
 
 
 def measured_before(nights: Sequence[Night]) -> Night | None:

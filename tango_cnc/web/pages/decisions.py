@@ -12,10 +12,12 @@ from starlette.routing import Route
 from ...history import ACTIONS, Decision
 from ...records import InputError
 from ...report.answer import answer
-from ...report.morning import context, earlier, size_of
+from ...report.faults import size_of
 from ..app import machine_of, needs, page, proven, state_of
+from .fleet import open_faults
 
 NOTE = 500  # characters
+MANY = 200  # alarms of one cause that are answered together
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
@@ -34,15 +36,16 @@ def _values(request: Request) -> dict[str, Any]:
         if history is None or row.standing is None:
             continue
         if row.standing.alarms_open:
-            record = {"alarms": earlier(history.open_alarms(name))}
             whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
-            shown = context(record, (), state.units, state.texts, machine=axes, owner=whose)["alarms"]
+            shown = open_faults(row, history.open_alarms(name), whose, axes, state)
             told = None if row.record is None else answer(row.record, state.units, state.texts, "", row.before, axes)
-            waiting += [{"machine": row.machine, "answer": told, **a} for a in shown]
+            waiting.append({"machine": row.machine, "answer": told, "faults": shown, "owner": whose})
         past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]
-    waiting.sort(key=lambda a: (a["answer"] is None or a["answer"].may != "no", a["machine"].name, -size_of(a)))
+    largest = {c["machine"].slug: max(map(size_of, c["faults"]), default=0.0) for c in waiting}
+    waiting.sort(key=lambda c: (c["answer"] is None or c["answer"].may != "no", -largest[c["machine"].slug], c["machine"].name))
     past.sort(key=lambda p: p["d"].utc, reverse=True)
-    return {"waiting": waiting, "past": past[:50], "actions": ACTIONS}
+    count = sum(len(a["ids"]) for card in waiting for a in card["faults"])
+    return {"waiting": waiting, "alarms": count, "past": past[:50], "actions": ACTIONS}
 
 
 def decide(request: Request) -> Response:
@@ -64,9 +67,12 @@ def decide(request: Request) -> Response:
         if until is not None and not DATE.fullmatch(until):
             raise InputError(f"until: found {until[:20]!r}; allowed: a date like 2026-12-01")
         signed = note if owner == visitor.user.name else f"{note} ({visitor.user.name})".strip()
-        found.history.decide(
-            found.name, Decision(form.get("alarm", "")[:80], action, owner, signed, until if action == "ignore" else None)
-        )
+        alarms = form.get("alarm", "").split()[:MANY] or [""]
+        known = {a["id"] for stored in found.history.alarmed(found.name) for a in stored.record["alarms"]}
+        unknown = [a for a in alarms if a not in known]
+        for alarm in unknown[:1] or alarms:  # an unknown one is refused before any other is decided
+            decision = Decision(alarm[:80], action, owner, signed, until if action == "ignore" else None)
+            found.history.decide(found.name, decision)
     except InputError as error:
         said = state.texts("decision.wrong", why=str(error))
         return page(request, "decisions.html", 400, said=said, **_values(request))

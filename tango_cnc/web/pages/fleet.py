@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any
 
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ...report.answer import answer
-from ...report.morning import context, earlier, sentence, strip
+from ...records import Machine as Geometry
+from ...report.answer import answer, measuring
+from ...report.days import day
+from ...report.faults import earlier, faults, sentence
+from ...report.morning import strip
 from ...report.plain import plain
 from ...report.units import Units
-from ..app import needs, page, state_of
+from ..app import State, needs, page, state_of
 from ..places import Row
 from ..places import told as verdict_of
+from .machine import busy_of
 
 
 def fleet(request: Request) -> Response:
@@ -42,9 +47,13 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
             row.record, u, t, waiting["night"] if waiting else "", row.before, axes, complete if s is not None and s.late else ""
         )
     )
+    busy = busy_of(request, row.machine)
+    if busy and told is not None:
+        told = measuring(told, t)
     verdict = "" if told is None else f"morning.{told.state}"
     headline = "" if row.record is None else sentence(plain(str(row.record.get("headline") or ""), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
+    signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
     return {
         "slug": row.machine.slug,
         "name": row.machine.name,
@@ -53,24 +62,34 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "may": "none" if told is None else told.may,
         "level": "none" if told is None else told.level,
         "answer": t("web.no_history") if told is None else told.word,
-        "word": t(verdict) if verdict in t else "",
+        "word": busy or (t(verdict) if verdict in t else ""),
+        "why": "" if told is None else told.why,
         "numbers": "" if told is None else told.numbers,
         "headline": headline,
-        "waiting": "" if waiting is None else t("web.waiting", date=waiting["night"], who=waiting["who"]),
+        "waiting": "" if waiting is None else waiting["who"],
         "fault": "" if waiting is None else waiting["text"],
         "open": s.alarms_open if s else 0,
-        "complete": complete,
+        "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
-        "strip": strip([(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)], t("web.nights"))
-        if row.nights
-        else "",
+        "strip": strip(signs, t("web.nights", count=len(signs))) if signs else "",
     }
 
 
 def _urgent(r: Mapping[str, Any]) -> tuple[int, str]:
     """Those on which no parts may be made first; those without a history last."""
-    order = {"no": 0, "but": 1, "unknown": 1, "yes": 3, "none": 4}
+    order = {"no": 0, "but": 1, "unknown": 1, "wait": 2, "yes": 3, "none": 4}
     return min(order[r["may"]], 2 if r["late"] else 4), r["name"]
+
+
+def open_faults(row: Row, alarms: Any, owner: str, axes: Geometry | None, state: State) -> list[dict[str, Any]]:
+    """row of the fleet, its open alarms, who is asked, chain of axes, state → what is wrong, each cause once, whole."""
+    record = dict(row.record or {})
+    record |= {"owner": record.get("owner") or owner, "alarms": (), "standing": (), "behind": ()}
+    today = datetime.now().astimezone().strftime("%Y-%m-%d")
+    known = row.before if record.get("verdict") == "not_measured" else row.record
+    found = faults(record | {"verdict": "not_measured"}, earlier(alarms), {}, state.units, state.texts, axes, known, today)
+    behind = [str(x.get("parameter")) for x in (known or {}).get("behind") or ()]
+    return sorted(found, key=lambda a: a.get("parameter") not in behind)
 
 
 def _first_waiting(row: Row, request: Request) -> Mapping[str, Any] | None:
@@ -79,9 +98,8 @@ def _first_waiting(row: Row, request: Request) -> Mapping[str, Any] | None:
     alarms = history.open_alarms(row.machine.name) if history is not None else ()
     state = state_of(request)
     whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
-    first = context({"alarms": earlier(alarms)}, (), state.units, state.texts, machine=axes, owner=whose)["first"]
-    assert first is None or isinstance(first, dict)
-    return first
+    found = open_faults(row, alarms, whose, axes, state)
+    return found[0] if found else None
 
 
 ROUTES = [Route("/", fleet, name="fleet")]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
-from datetime import date
+from datetime import UTC, date, datetime
 from typing import Any
 
 from markupsafe import Markup
@@ -13,9 +14,10 @@ from starlette.routing import Route
 
 from ...history import Night
 from ...report.charts import tip
-from ...report.morning import LEVELS, context, earlier, strip
+from ...report.faults import earlier
+from ...report.morning import LEVELS, context, last_within, strip
 from ..app import machine_of, needs, page, state_of
-from ..live import Run, journals
+from ..live import Run, journals, minutes_left, quiet
 from ..places import STRIP, Machine, told
 from ..places import measured_before as before
 
@@ -29,9 +31,12 @@ def machine(request: Request) -> Response:
     needs(request, "view")
     state, found = state_of(request), machine_of(request)
     nights = state.places.nights(found, STRIP)
-    values: dict[str, Any] = {"machine": found, "nights": nights[:10], "run": run_of(request, found), "level": "none"}
+    run = run_of(request, found)
+    values: dict[str, Any] = {"machine": found, "nights": nights[:10], "run": run, "known": False}
+    values["silent"] = None if run is None else quiet(run, time.time())
     if nights and found.history is not None:
-        history, entry = found.history, nights[0].entry
+        history, entry, allowed = found.history, nights[0].entry, limits_of(request, found)
+        signs = [(n.night, told(n, allowed)) for n in nights]
         values |= context(
             stored(request, found, entry),
             state.places.kept(f"decisions {found.slug}", lambda: history.decisions(found.name)),
@@ -42,10 +47,14 @@ def machine(request: Request) -> Response:
             machine=state.places.geometry(found),
             owner=state.places.owner(found),
             late=state.places.late(found),
+            within=last_within(signs),
+            busy=busy_of(request, found),
+            now=datetime.now(UTC),
         )
+        values["known"] = True
         values["entry"] = entry
-        allowed = limits_of(request, found)
-        values["strip"] = strip([(n.night, told(n, allowed), "") for n in reversed(nights)], state.texts("web.nights"))
+        values["strip"] = strip([(d, v, "") for d, v in reversed(signs)], state.texts("web.nights", count=len(nights)))
+        values["listed"] = len(nights)
         values["curves"] = _curves(request, found)
     return page(request, "machine.html", **values)
 
@@ -78,6 +87,12 @@ def run_of(request: Request, machine: Machine) -> Run | None:
     state = state_of(request)
     cell = state.places.cell(machine.folder)
     return state.journals.run(files[0], None if isinstance(cell, str) else cell) if files else None
+
+
+def busy_of(request: Request, machine: Machine) -> str:
+    """request, machine → how long it still measures, in words; '' where it does not."""
+    left = minutes_left(run_of(request, machine), time.time())
+    return "" if left is None else state_of(request).texts("web.left_short", minutes=left)
 
 
 def limits_of(request: Request, machine: Machine) -> Mapping[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter
 from typing import Any
 
@@ -17,7 +18,7 @@ from ...link.entries import Reading
 from ...records import Cell
 from ...report.svg import BLUE, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ..app import machine_of, needs, page, state_of
-from ..live import Run, journals, title
+from ..live import Run, journals, quiet, title
 from ..places import Machine
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
@@ -41,6 +42,7 @@ def run(request: Request) -> Response:
         step=Markup(step),
         listed=listed,
         heading=title(chosen) if chosen else "",
+        silent=None if chosen is None else quiet(chosen, time.time()),
         texts=state.texts,
     )
 

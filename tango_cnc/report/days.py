@@ -1,0 +1,53 @@
+"""Dates as people say them: Sun 22 Nov 2026, 03:04 with its zone, 4 h ago."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, date, datetime
+
+from .texts import Texts
+
+DATE = re.compile(r"(?<![\w/-])(\d{4}-\d{2}-\d{2})(?![\w-])")
+
+
+def day(text: object, t: Texts, year: bool = True) -> str:
+    """2026-11-22, texts, whether the year is told → Sun 22 Nov 2026; what is no date stays as it is."""
+    try:
+        found = date.fromisoformat(str(text))
+    except ValueError:
+        return str(text)
+    told = f"{t('date.days').split()[found.weekday()]} {found.day} {t('date.months').split()[found.month - 1]}"
+    return f"{told} {found.year}" if year else told
+
+
+def spoken_days(text: str, t: Texts) -> str:
+    """sentence, texts → the same with its dates as people say them."""
+    return DATE.sub(lambda m: day(m[1], t), text)
+
+
+def ended(utc: object, t: Texts, now: datetime | None = None) -> str:
+    """end of a night (UTC), texts, now (None: not told) → at 03:04 CET, 4 h ago; '' where no end is on record."""
+    try:
+        moment = datetime.fromisoformat(str(utc))
+    except ValueError:
+        return ""
+    moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
+    told = t("date.ended", time=clock(moment))
+    if now is None or now < moment:
+        return told
+    hours = (now - moment).total_seconds() / 3600
+    key, count = ("minutes", hours * 60) if hours < 1 else ("hours", hours) if hours < 48 else ("days_ago", hours / 24)
+    return f"{told}, {t(f'date.{key}', count=f'{count:.0f}')}"
+
+
+def clock(moment: datetime) -> str:
+    """moment → 03:04 CET, in the zone of this computer."""
+    return moment.astimezone().strftime("%H:%M %Z")
+
+
+def days_between(first: object, last: object) -> int:
+    """two dates as text → days from the first to the last; 0 where one is no date."""
+    try:
+        return (date.fromisoformat(str(last)[:10]) - date.fromisoformat(str(first)[:10])).days
+    except ValueError:
+        return 0

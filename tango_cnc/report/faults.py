@@ -1,0 +1,183 @@
+"""Alarms of a machine → what is wrong with it, each cause once and with one size: what has come together since it was well.
+
+A cause that moved in several nights has drifted: its size is the sum, and what is advised is other than after one knock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..records import Machine
+from .days import day, days_between
+from .plain import amount, plain
+from .texts import Texts, texts
+from .units import Units, shown
+from .words import moved, spoken
+
+OF_THE_PROBE = ("facet", "noise_level", "pretravel", "stylus")  # causes that are no error of a part
+SAME = 0.25  # share of its size by which what stands may differ from what was found, and still be one step
+
+
+def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """alarms of earlier nights → the same, read today: "since last night" names the night instead."""
+    return [{**a, "text": str(a.get("text") or "").replace("since last night", f"since {a.get('since')}")} for a in alarms]
+
+
+def faults(
+    record: Mapping[str, Any],
+    waiting: Sequence[Mapping[str, Any]],
+    decisions: Mapping[str, Any],
+    u: Units,
+    t: Texts,
+    machine: Machine | None = None,
+    before: Mapping[str, Any] | None = None,
+    today: str = "",
+) -> list[dict[str, Any]]:
+    """record, alarms of earlier nights, decisions by alarm, last night that measured, date → what is wrong: unanswered first, then
+    by what it does to a part.
+    """
+    known = (before or {}) if record.get("verdict") == "not_measured" else record
+    standing = {str(a.get("id")): a for a in known.get("standing") or ()}
+    tonight = [(a, False) for a in record.get("alarms") or ()]
+    older = [(a, True) for a in (*(record.get("standing") or ()), *waiting)]
+    told: dict[str, dict[str, Any]] = {}
+    for a, before_tonight in [*tonight, *older]:
+        a = {**a, **{key: standing[str(a["id"])].get(key) for key in ("total", "now") if str(a.get("id")) in standing}}
+        one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
+        told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
+    found = _together(list(told.values()), u, t, machine)
+    for a in record.get("behind") or ():
+        sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
+        if not sizes or max(sizes) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
+            found.append(alarm(a, None, u, t, machine, record, today) | {"older": False})
+    if record.get("verdict") != "out_of_limits" or not record.get("behind"):
+        return sorted(found, key=_urgency)
+    behind = {x.get("parameter") for x in record["behind"]}
+    return sorted(found, key=lambda a: (a.get("parameter") not in behind, *_urgency(a)))
+
+
+def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Machine | None) -> list[dict[str, Any]]:
+    """alarms → one for each parameter, with all that has come together since the oldest of them."""
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for a in alarms:
+        groups.setdefault(str(a.get("parameter") or a["id"]), []).append(a)
+    found = []
+    for same in groups.values():
+        same.sort(key=lambda a: str(a["night"]))
+        first, sizes = same[0], [float(a.get("size") or 0.0) for a in same]
+        own, every = sizes[0], sum(sizes)
+        if first.get("total") is not None:
+            every = float(first["total"])
+        drifts = any(a.get("rate_per_day") for a in same) or (len(same) > 1 and (min(sizes) > 0 or max(sizes) < 0))
+        first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
+        if own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter"):
+            first |= _whole(first, own, every, drifts, len(same), u, t, machine)
+        elif first["older"] and first.get("now"):
+            first["text"] = f"{first['text'].rstrip('.')}. {sentence(plain(str(first['now']), u, t, machine), Units())}"
+        unanswered = next((a for a in same if a["decision"] is None), None)
+        found.append(first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "night")})
+    return found
+
+
+def _whole(
+    first: Mapping[str, Any], own: float, every: float, drifts: bool, steps: int, u: Units, t: Texts, machine: Machine | None
+) -> dict[str, Any]:
+    """oldest alarm of a parameter, its size, that of all, whether it drifts, alarms → sentence, effect, advice as a whole."""
+    factor, unit = shown(str(first.get("unit") or "mm"))
+    size = amount(every * factor, unit, u, t)
+    text = moved(str(first["parameter"]), size, day(first.get("since"), t), t)
+    whole: dict[str, Any] = {"text": sentence(plain(text, u, t, machine), Units())}
+    if drifts:
+        whole["text"] += f". {t('morning.drifts', steps=steps) if steps > 1 else t('morning.drifts_on')}"
+        whole["todo"] = t("morning.drift_do")
+    if first.get("on_part_um") is not None:
+        small = float(first["on_part_um"])
+        large = abs(small * every / own)
+        effect = str(first["raw_part"]).replace(f"{small:.1f} µm", f"{large:.1f} µm", 1)
+        whole |= {"on_part_um": large, "on_part": sentence(plain(effect, u, t, machine), Units())}
+    return whole
+
+
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
+    return a.get("decision") is not None, str(a.get("cause")).replace(" ", "_") in OF_THE_PROBE, -size_of(a)
+
+
+def size_of(a: Mapping[str, Any]) -> float:
+    """fault → µm that it does, at most where that is on record, else the size that was found (of a tilt over 300 mm)."""
+    if a.get("on_part_um") is not None:
+        return abs(float(a["on_part_um"]))
+    return abs(float(a.get("size") or 0.0)) * (1e3 if a.get("unit") == "mm" else 3e5)
+
+
+def alarm(
+    a: Mapping[str, Any],
+    decision: Any,
+    u: Units,
+    t: Texts,
+    machine: Machine | None = None,
+    record: Mapping[str, Any] | None = None,
+    today: str = "",
+) -> dict[str, Any]:
+    """alarm of a record, its decision, units, texts, chain of axes, record, date → what a page shows of it."""
+    raw = str(a.get("text") or "")
+    size, record, asked = _amount(a, u), record or {}, str(a.get("id") or "")[:10]
+    owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
+    return {
+        **a,
+        "id": str(a.get("id") or ""),
+        "text": sentence(plain(raw, u, t, machine), Units()),
+        "recorded": sentence(raw, u),
+        "night": asked,
+        "first": asked,  # date of the first night on which it was seen
+        "cause": str(a.get("cause") or "").replace("_", " "),
+        "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
+        "on_part": sentence(plain(_told(a, "on_part", u, t), u, t, machine), Units()),
+        "raw_part": _told(a, "on_part", u, t),
+        "todo": sentence(plain(_told(a, "do", u, t), u, t, machine), Units()),
+        "instead": [str(x).replace("_", " ") for x in a.get("instead") or ()],
+        "owner": owner,
+        "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t),
+        "decision": decision,
+        "drifts": False,
+        "ids": [str(a["id"])] if a.get("id") and decision is None else [],
+        "decided": "" if decision is None else t(f"decision.{decision.action}"),
+    }
+
+
+def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts) -> str:
+    """owner, decision, date on which an answer was asked for or '', date, texts → who has it, as a sentence."""
+    if decision is not None:
+        return t("morning.has", owner=owner, decided=t(f"decision.{decision.action}"))
+    if not owner:
+        return t("morning.nobody")
+    if not asked:
+        return t("morning.call", owner=owner)
+    days = days_between(asked, today)
+    if days < 1:
+        return t("morning.asked", owner=owner)
+    return t("morning.asked_since", owner=owner, date=day(asked, t), days=days)
+
+
+def sentence(text: Any, u: Units) -> str:
+    """text of a record, units → the same as a sentence: a capital in front, lengths in these units."""
+    found = u.sentence(str(text or ""))
+    return found[:1].upper() + found[1:]
+
+
+def _told(a: Mapping[str, Any], member: str, u: Units, t: Texts) -> str:
+    """→ the shop's text where the record has the program's own; what the record says otherwise."""
+    key, effect = f"cause.{a.get('cause')}.{member}", f"{float(a.get('on_part_um') or 0.0):.1f} µm"
+    own = str(a.get(member) or "")
+    return t(key, effect=effect) if key in t and own == texts()(key, effect=effect) else own
+
+
+def _amount(a: Mapping[str, Any], u: Units) -> str:
+    """→ '+20.3 ± 0.5 µm'; without ± where no uncertainty is on record."""
+    if not a.get("size"):
+        return ""
+    factor, unit = u.coefficient(str(a.get("unit") or "mm"))
+    value, std = float(a["size"]) * factor, abs(float(a.get("std") or 0.0) * factor)
+    decimals = 0 if std >= 10 else 1 if std >= 0.095 or not std else 2
+    number = f"{value:+.{decimals}f}".replace("-", "−")
+    return f"{number} ± {std:.{decimals}f} {unit}" if std else f"{number} {unit}"

@@ -1,0 +1,135 @@
+"""What is wrong with a machine is told once, with one size, on every page; and no sign says what the answer does not."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.nights import night
+from support.server import Recorded, cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.report.days import day, ended
+from tango_cnc.report.faults import faults
+from tango_cnc.report.morning import context, last_within
+from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+
+HOST = "http://127.0.0.1"
+
+
+def step(number: int, um: float, **more: Any) -> dict[str, Any]:
+    """number of the night, µm that the C axis has moved along Y that night → its alarm, as nights write them."""
+    dates = [night("M", i)["night"] for i in (number - 1, number)]
+    return {
+        **{"id": f"{dates[1]}-020000-1", "cause": "axis_location", "parameter": "EY0C", "since": dates[0], "unit": "mm"},
+        "text": f"C axis has moved along Y by {um:+.1f} ± 0.3 µm since last night (EY0C)",
+        **{"size": um / 1e3, "std": 0.0003, "sigmas": 12.0, "rate_per_day": None, "instead": [], "owner": "Ann", "decision": None},
+        **{"on_part_um": 2 * um, "on_part": f"A part whose zero was found at C 0 is off by up to {2 * um:.1f} µm at 180°."},
+        "do": "Ask who was at the machine.",
+        **more,
+    }
+
+
+def asked(folder: Path, path: str) -> str:
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
+        return client.get(path).text
+
+
+def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page(tmp_path: Path) -> None:
+    """3.6 and 3.9 µm by alarm, 11.2 µm in all: what stands now counts, and nobody enters a location that is wrong tomorrow."""
+    limit = {"what": "volume", "value": 66.0, "low": 65.0, "high": 67.0, "limit": 60.0, "unit": "µm", "passed": False}
+    now = [step(3, 3.9, total=0.0075), step(2, 3.6, total=0.0112)]
+    records = [
+        *(night("HU40T-like", i) for i in (0, 1)),
+        night("HU40T-like", 2, "changed", alarms=[step(2, 3.6)]),
+        night("HU40T-like", 3, "changed", alarms=[step(3, 3.9)]),
+        night("HU40T-like", 4, "out_of_limits", limits=[limit], standing=now),
+    ]
+    place = cell(tmp_path / "one", records=records)
+    for path in ("/", "/alarms", "/machine/HU40T-like"):
+        text = asked(place, path).partition("For the engineer")[0]
+        assert "C axis has moved along Y by 11 µm since Sun 25 Oct 2026. It has moved 2 times the same way" in text, path
+        assert "3.6 µm" not in text and "3.9 µm" not in text and "7.2 µm" not in text, path
+        assert path == "/" or ("off by up to 22 µm" in text and "Enter no new location" in text), path
+        assert "Ask who was at the machine" not in text
+    machine = asked(place, "/machine/HU40T-like").partition("For the engineer")[0]
+    assert "All that were made since Tue 27 Oct 2026, the last night within the limit." in machine
+
+
+def test_one_knock_that_stays_keeps_its_sentence_and_its_advice() -> None:
+    knock = step(2, 20.0, total=0.0203)
+    (found,) = faults(night("M", 3, "changed", standing=[knock]), (), {}, Units(), texts())
+    assert not found["drifts"] and found["todo"] == "Ask who was at the machine." and "40 µm" in found["on_part"]
+    half = [step(2, 20.0, total=0.008), step(3, -12.0, total=-0.012)]
+    (back,) = faults(night("M", 3, "changed", standing=half), (), {}, Units(), texts())
+    assert not back["drifts"] and "by 8 µm since" in back["text"] and "16 µm" in back["on_part"]  # what stands now, no drift
+
+
+def test_who_is_asked_hears_since_when_and_nobody_is_loud() -> None:
+    for days, wanted in ((2, "asked this morning"), (5, "not answered for 3 days")):
+        (found,) = faults(night("M", days), [step(2, 20.0)], {}, Units(), texts())
+        assert found["who"].startswith("Call Ann: ") and wanted in found["who"]
+    (found,) = faults(night("M", 2), [step(2, 20.0, owner=None)], {}, Units(), texts())
+    assert "NOBODY" in found["who"]
+
+
+def test_a_machine_that_is_being_measured_says_neither_yes_nor_no(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[night("HU40T-like", 0)])
+    run = Recorded(place, 393)
+    run.begin()
+    for _ in range(170):
+        run.touch()
+    for path in ("/", "/machine/HU40T-like"):
+        text = asked(place, path)
+        assert "Measuring" in text and "15 min left" in text and "Keep the door shut" in text, path
+        assert not re.findall(r"<b>Yes|>Yes[,<]", text), path
+    old = time.time() - 3600  # it was cut off an hour ago: nobody waits for it
+    os.utime(place / "readings.journal", (old, old))
+    assert "15 min left" not in asked(place, "/") and "told nothing for 60 min" in asked(place, "/machine/HU40T-like/run")
+
+
+def test_a_night_that_stopped_has_no_green_sign_and_says_what_to_do_with_parts(tmp_path: Path) -> None:
+    stopped = night("HU40T-like", 1, status="partial", touches=58, planned=84, why="the door was opened")
+    place = cell(tmp_path / "one", records=[night("HU40T-like", 0), stopped])
+    text = asked(place, "/machine/HU40T-like").partition("For the engineer")[0]
+    strip = re.findall(r'<div class="strip">(.*?)</svg>', text, re.DOTALL)[0]
+    assert strip.count("<circle") == 2 and strip.count("#00694c") == 1  # one green dot, one half ring
+    assert "Last 2 nights" in text and "Nothing was seen in what was measured." in text and "(measurement incomplete)" in text
+    assert "only 58 of 84 touches were made" in text and "Put right what stopped it." in text
+
+
+def test_the_page_of_alarms_has_no_command_for_a_man_at_the_machine(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[night("HU40T-like", 2, "changed", alarms=[step(2, 20.0)], owner="Ann")])
+    (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann\n", encoding="utf-8")
+    text = asked(place, "/alarms")
+    shown = re.sub(r"<details>.*?</details>", "", text, flags=re.DOTALL)
+    assert "To answer, call Ann." in shown and "tango history" not in shown and str(place) not in text
+    assert 'class="alarm-card look"' in text
+
+
+def test_the_last_night_within_the_limit() -> None:
+    nights = [("d", "not_measured"), ("c", "out_of_limits"), ("b", "doubtful"), ("a", "changed")]
+    assert last_within(nights) == "a" and last_within(nights[2:]) == "" and last_within([("c", "out_of_limits")]) == ""
+
+
+def test_dates_are_said_as_people_say_them() -> None:
+    t, now = texts(), datetime(2026, 11, 23, 6, 0, tzinfo=UTC)
+    for number in range(1, 29):
+        told = day(f"2026-02-{number:02d}", t)
+        assert told == date(2026, 2, number).strftime("%a ") + f"{number} Feb 2026"
+    assert day("never", t) == "never"
+    assert [ended(f"2026-11-{d}Z", t, now).rpartition(", ")[2] for d in ("23T05:30:00", "23T02:00:00", "20T06:00:00")] == [
+        *("30 min ago", "4 h ago", "3 days ago")
+    ]
+    assert "ago" not in ended("2026-11-23T02:00:00Z", t) and ended("", t, now) == ""
+    assert "4 h ago" in context(night("M", 0), (), None, t, now=datetime(2026, 10, 24, 6, 4, tzinfo=UTC))["ended"]
