@@ -76,3 +76,11 @@ def test_intervals_grow_by_what_the_scatter_does_not_show(tmp_path: Path) -> Non
 def test_a_budget_names_what_every_machine_has() -> None:
     assert absent(("repeatability",)) == ("form", "drift", "lobing", "rotary_positioning or indexation_seating")
     assert not absent(("repeatability", "form", "drift", "lobing", "rotary_positioning"))
+
+
+def test_what_the_touches_decide_is_as_uncertain_as_their_scatter_makes_it() -> None:
+    """A reversal is decided by the touches alone: the prior has no part in it, and the scatter is that beside all error motions."""
+    w = whole(fitted())
+    assert w.gain is not None
+    i = [c.name for c in w.coefficients].index("EXXb")
+    assert np.sqrt(w.covariance[i, i]) == pytest.approx(w.sigma * np.linalg.norm(w.gain[i]), rel=0.03)

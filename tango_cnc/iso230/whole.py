@@ -28,7 +28,7 @@ DEGREE, ORDER = 3, 4  # of polynomials; highest harmonic of rotary axes
 ORDERS = ((2, 2), (DEGREE, ORDER), (4, 4), (5, 5), (6, 6))  # degree and harmonics that are compared
 WIDTH = (0.1, 3e-4)  # mm and rad, of an error motion at the end of its touched range
 PLACED = (2.0, 1e-2)  # mm and rad, of axis locations, stylus and table
-STEPS = 4
+ROUNDS = (4, 2, 2)  # steps with one weight of the touches
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
 
 
@@ -97,7 +97,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
     n, values = len(touches), start
     prior = np.diag(1 / width[seen])
     sigma = result.sigma
-    for steps in (STEPS, 1, 1):  # the scatter beside all error motions is that of these, not of the fitted terms
+    for steps in ROUNDS:  # the scatter beside all error motions is that of these, not of the fitted terms
         for _ in range(steps):
             gaps, jacobian = linearise(model, values)
             offsets, rows, uncertainty = known(model, values)
@@ -119,16 +119,19 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
         weighed, sigma = sigma, max(float(np.sqrt(gaps @ gaps / freedom)), SIGMA_FLOOR)
         if abs(np.log(sigma / weighed)) < 1e-3:
             break
+    matrix[:n] *= weighed / sigma
+    root = np.linalg.qr(np.vstack([matrix, prior]), mode="r")
+    inverse = linalg.solve_triangular(root, np.eye(len(root)))
     covariance = np.zeros((len(values), len(values)))
     covariance[np.ix_(seen, seen)] = inverse @ inverse.T
     found = model.coefficients[:p]
     names, few = tuple(motion_of(c) for c in found), max(n - decided - 1, 1.0)
     criterion = n * np.log(gaps @ gaps / n) + 2 * decided + 2 * decided * (decided + 1) / few
-    inputs = np.append(np.full(n, 1 / weighed), 1 / uncertainty)
+    inputs = np.append(np.full(n, 1 / sigma), 1 / uncertainty)
     ways, own = inverse @ (inverse.T @ matrix.T) * inputs, int(seen[:p].sum())
     gain = np.zeros((p, ways.shape[1]))
     gain[seen[:p]] = ways[:own]
-    leave = np.eye(n, ways.shape[1]) - weighed * matrix[:n] @ ways
+    leave = np.eye(n, ways.shape[1]) - sigma * matrix[:n] @ ways
     covariance = covariance[:p, :p]
     return Whole(touches, found, names, values[:p], covariance, sigma, freedom, (degree, order), float(criterion), gain, leave)
 
