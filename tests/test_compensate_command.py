@@ -204,6 +204,15 @@ def test_a_sign_trial_decides_by_touches(cell: Path, tmp_path: Path, sign: int, 
         "compensate", "-C", mill, "--sign-of", trial, "--readings", mill / "simulated.csv", "--after", mill / "simulated.csv"
     )
     assert "does not use this place" in same.output
+    told = run("compensate", "-C", mill, *rest).output
+    assert ("propose again with --set sign_cec=-1" in told) == (said == "turned round"), told
+    lines = (mill / "after.csv").read_text().splitlines(keepends=True)
+    (mill / "idle.csv").write_text("".join(line for line in lines if line.startswith(("touch", "20,"))))  # does not feel it
+    idle = run("compensate", "-C", mill, *rest[:-1], mill / "idle.csv")
+    assert "none of which the change moves" in idle.output and "inf" not in idle.output
+    for place in ("CEC X to Y", "CEC Z to X"):  # one after the other, each with a folder of its own
+        assert run(*common, "--sign-trial", place).exit_code == 0
+    assert {f.name for f in (mill / "compensations").iterdir()} == {"sign-trial-siemens", "sign-trial-siemens-2"}
     wrong = run(*common, "--sign-trial", "CEC X to U")
     assert isinstance(wrong.exception, InputError) and "CEC X to Y" in str(wrong.exception)
 

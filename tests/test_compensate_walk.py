@@ -35,11 +35,11 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 def judged(cell: Path, number: int, readings: Path) -> dict[str, object]:
     """Cell, number, readings → the outcome of the second measurement."""
-    kinematics = loop.one(cell, number).record["target"]
+    target = loop.one(cell, number).record["target"]
     asked = run("compensate", "-C", cell, "--measured", number, "--readings", readings, "--json", "-")
     if asked.exception is not None and "--tcp" in str(asked.exception):
         asked = run("compensate", "-C", cell, "--measured", number, "--readings", readings, "--json", "-", "--tcp")
-    assert asked.exception is None or isinstance(asked.exception, SystemExit), (kinematics, asked.exception)
+    assert asked.exception is None or isinstance(asked.exception, SystemExit), (target, asked.exception)
     return dict(json.loads(asked.output))
 
 
@@ -73,3 +73,21 @@ def test_the_loop_is_walked(measured: dict[str, Path], target: str, name: str, t
                       (2, "rolled back")]  # fmt: skip
     listed = json.loads(run("history", "list", "-C", cell, "--json", "-").output)["compensations"]
     assert [(e["number"], e["event"]) for e in reversed(listed)] == events
+
+
+@pytest.mark.long
+def test_a_file_that_was_forgotten_is_not_as_promised(measured: dict[str, Path], tmp_path: Path) -> None:
+    """Everything is loaded but the CEC tables: what they hold is left, and that is more than was promised."""
+    cell = tmp_path / "trunnion"
+    shutil.copytree(measured["trunnion"], cell)
+    assert run("compensate", "-C", cell, "--target", "siemens").exit_code == 0
+    assert run("compensate", "-C", cell, "--written", 1).exit_code == 0
+    folder, loaded = loop.one(cell, 1).folder, tmp_path / "loaded"
+    shutil.copytree(folder, loaded)
+    shutil.copy(folder / "undo" / "cec.ini", loaded / "cec.ini")
+    done = run("simulate", "-C", cell, "--compensation", loaded, "-o", cell / "after.csv", "--seed", 99)
+    assert done.exit_code == 0, done.exception
+    found = judged(cell, 1, cell / "after.csv")
+    print(found)
+    assert found["verdict"] == "not as promised"
+    assert loop.state(cell, 1) == "not as promised"

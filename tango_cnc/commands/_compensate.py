@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..compensate import targets
@@ -113,17 +114,21 @@ def text(proposal: Proposal) -> str:
     return "\n".join(lines)
 
 
-def sign(found: Verdict) -> str:
-    """verdict of a sign trial → what it means for a person."""
-    start = f"{found.touches} touches changed by {found.ratio:+.2f} ± {2 * found.std:.2f} of the prediction: "
-    return (
-        start
-        + {
-            "as assumed": "the sign is as assumed. Load undo/, then the compensation",
-            "turned round": "the sign is the other one. Load undo/, and propose again with the setting of the target for the "
-            "sign turned round ('tango compensate --facts TARGET' names it)",
-            "not used": "the control does not use this place. Load undo/, and see what switches it on "
-            "('tango compensate --facts TARGET')",
-            "undecided": "the sign cannot be determined from this. Make more touches, or choose one that the change moves",
-        }[found.word]
-    )
+def sign(found: Verdict, flips: Sequence[str] = ()) -> str:
+    """verdict of a sign trial, settings that would turn the sign round → what it means for a person."""
+    touches = "1 touch" if found.touches == 1 else f"{found.touches} touches"
+    if not math.isfinite(found.std):
+        return (
+            f"{touches} compared, none of which the change moves: that tells nothing of the sign. Touch again the touch that "
+            "--sign-trial named, with the trial in the control"
+        )
+    again = " and ".join(f"--set {flip}" for flip in flips)
+    turned = f"propose again with {again}" if again else "this target has no setting for it: do not load the compensation"
+    words = {
+        "as assumed": "the sign is as assumed. Load undo/, then the compensation",
+        "turned round": f"the sign is the other one. Load undo/, and {turned}",
+        "not used": "the control does not use this place. Load undo/, and see what switches it on "
+        "('tango compensate --facts TARGET')",
+        "undecided": "the sign cannot be determined from this. Make more touches, or choose one that the change moves",
+    }
+    return f"{touches} changed by {found.ratio:+.2f} ± {2 * found.std:.2f} of the prediction: {words[found.word]}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -245,7 +246,9 @@ def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[
     changed, changes = trial.trial(proposal, options["trial_of"])
     touches = result.model.touches
     number, size = trial.best(proposal.held, changes, touches)
-    folder = options["out"] or cell.folder / loop.FOLDER / f"sign-trial-{options['target']}"
+    first = cell.folder / loop.FOLDER / f"sign-trial-{options['target']}"
+    free = (place for i in count(1) if not (place := first if i == 1 else first.with_name(f"{first.name}-{i}")).exists())
+    folder = options["out"] or next(free)
     loop.store(cell.folder, changed, _now(), folder)
     facet = touches.facet[list(touches.number).index(number)]
     tcp = any(h.tcp for h in proposal.held if h.place in changes)
@@ -273,9 +276,10 @@ def _sign_of(cell: Cell, options: dict[str, Any]) -> int:
     request = targets.Request(cell.machine, _compensate.volume_of(text, cell.machine), settings)
     changes = {v["place"]: v["new"] - v["present"] for v in record["values"] if v["new"] != v["present"]}
     found = trial.judge(tuple(module.held(request)), changes, before, after)
+    flips = trial.flips(module, request, changes) if found.word == "turned round" else []
     data = {"format": "tango-sign-trial/1", "verdict": found.word, "ratio": round(found.ratio, 4), "touches": found.touches}
     if not write_json(options["json_file"], data):
-        click.echo(_compensate.sign(found))
+        click.echo(_compensate.sign(found, flips))
     return 0 if found.word == "as assumed" else TangoError.exit_code
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import ModuleType
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ..records import Array, InputError, TangoError
 from ..touches import Touches
 from .proposal import Proposal
 from .space import Held, Poses
+from .targets import Request
 
 SIZE = 0.010  # mm, or what an angle does at 300 mm
 REACH = 300.0
@@ -75,6 +77,18 @@ def best(held: tuple[Held, ...], changes: Mapping[str, float], touches: Touches)
             "choose another place, or readings of a strategy that turns this axis"
         )
     return int(touches.number[at]), float(change[at])
+
+
+def flips(module: ModuleType, request: Request, places: Mapping[str, float]) -> list[str]:
+    """target, its request, places of a trial → NAME=VALUE of the settings that turn the sign of these places round."""
+    before = {h.place: h.sign for h in module.held(request) if h.place in places}
+    found = []
+    for name in (n for n in module.OPTIONS if n.startswith("sign")):
+        value = -request.options[name]
+        turned = module.held(replace(request, options={**request.options, name: value}))
+        if any(before.get(h.place, h.sign) != h.sign for h in turned):
+            found.append(f"{name}={value}")
+    return found
 
 
 def judge(held: tuple[Held, ...], changes: Mapping[str, float], before: Touches, after: Touches) -> Verdict:
