@@ -13,14 +13,16 @@ import zlib
 
 import pytest
 from support import gateway
-from support.linkparts import job
+from support.linkparts import job, machine, plan
 from support.runs import Control, Result, readings
 from support.runs import cell as cell  # a fixture
 
+from tango_cnc.link._client import Touched
 from tango_cnc.link._secrets import shown
+from tango_cnc.link._trust import Distrust, Gate, judge
 from tango_cnc.link._words import record
 from tango_cnc.link.protocols import dnc, modbus, remote
-from tango_cnc.link.transport import parse
+from tango_cnc.link.transport import open_port, parse
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links and devices of POSIX")
 
@@ -69,6 +71,36 @@ def test_a_file_of_the_cell_is_left_alone_by_whatever_name(cell, name):
     result = Result("run", "-C", cell, "--port", url, "--timeout", "1")
     assert result.code == 2 and "it would be lost" in result.err, result.err
     assert (cell / "artefact.yaml").read_bytes() == before
+
+
+@POSIX
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("file:///etc/passwd", "a file without a record"),
+        ("file:///etc", "found a folder"),
+        ("file:///dev/zero", "a device or a pipe"),
+        ("file://CELL/mine", "a file without a record"),
+        ("linuxcnc://127.0.0.1:1?file=/etc/passwd&log=CELL/new.txt", "it would be lost"),
+        ("modbus+tcp://127.0.0.1:1/1?layout=/etc/passwd", "no layout"),
+        ("opcua://127.0.0.1:1?nodes=/etc/passwd", "names no variables"),
+        ("grbl+socket://127.0.0.1:1?orient=m19&feed=1e9", "at most"),
+    ],
+)
+def test_files_in_a_url_that_are_not_of_tango_are_refused_and_not_shown(cell, url, why):
+    (cell / "mine").write_text("call the vendor\nP17 of the hall\n")
+    url = url.replace("CELL", str(cell))
+    result = Result("run", "-C", cell, "--port", url, "--timeout", "1")
+    assert result.code == 2 and why in result.err and "root:" not in result.err, result.err
+    assert url.startswith("grbl") or not (cell / "program").exists()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "TANGO ST", "TANGO START 3F02A91C77D0 383\n", "hello\r\n\x12P17 H1 X-  91.2000 Y    0.5040\r\n\x14", "\0\0"]
+)
+def test_a_file_that_a_control_has_written_into_is_taken(tmp_path, text):
+    (tmp_path / "TANGO.TXT").write_bytes(text.encode())
+    open_port(parse(f"file://{tmp_path / 'TANGO.TXT'}", {})).close()
 
 
 @contextlib.contextmanager
@@ -240,3 +272,29 @@ def test_a_journal_that_stands_twice_in_its_file_is_refused(cell):
 def test_a_record_that_is_nearly_one_is_none(text):
     found = record(text, ("X", "Y", "Z", "B", "C", "K"))
     assert type(found).__name__ == "Refused" and not re.search(r"\n", found.why)
+
+
+def sum_of(places, off):
+    values = [20.003, 0.0, 50.0, 0.0, 0.0]
+    text = " ".join(f"{letter}{value:.{places}f}" for letter, value in zip("XYZBC", values, strict=True))
+    return record(f"P1 H1 {text} K{sum(values) + off:.{places}f}", ("X", "Y", "Z", "B", "C", "K"))
+
+
+@pytest.mark.parametrize(("places", "taken", "refused"), [(3, 0.006, 0.007), (4, 0.0006, 0.0007)])
+def test_a_sum_may_be_off_by_a_unit_of_the_last_place_for_each_number_and_by_no_more(places, taken, refused):
+    """As docs/link.md says: controls round or cut each number and the sum for themselves."""
+    for sign in (1, -1):
+        assert type(sum_of(places, sign * taken)).__name__ == "Touched"
+        assert type(sum_of(places, sign * refused)).__name__ == "Refused"
+
+
+@pytest.mark.parametrize("flag", [0, 1, 2])
+@pytest.mark.parametrize("letter", "XYZ")
+def test_a_place_where_no_machine_can_be_is_no_reading_although_its_sum_is_right(flag, letter):
+    places = {"X": "20.000", "Y": "0.000", "Z": "50.000", "B": "0.000", "C": "0.000"}
+    places |= {letter: "99999999999999999999.000", "K": "99999999999999999999.000"}
+    text = " ".join(f"{name}{value}" for name, value in places.items())
+    said = record(f"P1 H{flag} {text}", ("X", "Y", "Z", "B", "C", "K"))
+    assert isinstance(said, Touched)
+    with pytest.raises(Distrust, match=f"{letter} is 1e\\+20 mm"):
+        judge(said, plan().touches[0], machine(), Gate())

@@ -95,7 +95,7 @@ def test_a_share_that_is_gone_is_a_lost_line(share):
 def test_a_path_that_cannot_be_meant_is_refused(share):
     with pytest.raises(LinkError, match=r"there is no folder .* mounted"):
         opened(share / "nowhere" / "TANGO.TXT")
-    with pytest.raises(LinkError, match="that is a folder"):
+    with pytest.raises(InputError, match="found a folder"):
         opened(share)
     with pytest.raises(InputError, match="no file"):
         parse("file://", protocol.OPTIONS)

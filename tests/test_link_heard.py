@@ -1,18 +1,20 @@
 """`tango link-test` and `tango ports`: what a person sees before the first run."""
 
+import contextlib
 import json
 import re
 import socket
 import threading
 
 import pytest
+from support.linkparts import job
 from support.runs import Result
 from support.simulated_runs import controller
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._heard import heard, parity_of
 from tango_cnc.link._punched import compared
-from tango_cnc.link.protocols import grbl, linuxcnc, modbus
+from tango_cnc.link.protocols import dnc, grbl, linuxcnc, modbus
 from tango_cnc.link.session import listen
 
 LETTERS = ("X", "Y", "Z", "B", "C", "S")
@@ -72,6 +74,54 @@ def test_the_command_shows_what_came_and_moves_nothing(cell):
     assert result.code == 0
     assert json.loads(result.out)["found"] == ["flow and print codes: 1 x DC1 (send)"]
     assert got == [b""]
+
+
+@contextlib.contextmanager
+def babbling(data):
+    """→ port of a control that says the same again and again."""
+    stop = threading.Event()
+
+    def serve():
+        connection, _ = server.accept()
+        with connection, contextlib.suppress(OSError):
+            while not stop.wait(0.02):
+                connection.sendall(data)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"socket://127.0.0.1:{server.getsockname()[1]}"
+        stop.set()
+
+
+WRONG_RATE = bytes(range(0x80, 0xA0)) + b"x\n"
+
+
+def test_a_line_at_another_rate_is_named_by_the_test_and_by_the_run(cell):
+    """What 9600 baud makes of 4800: characters come all the time, and the control is not silent."""
+    with babbling(WRONG_RATE) as url:
+        tested = Result("link-test", "-C", cell, "--port", url, "--seconds", "0.2")
+    with babbling(WRONG_RATE) as url:
+        run = Result("run", "-C", cell, "--port", url, "--timeout", "0.5")
+    assert (tested.code, run.code) == (1, 3)
+    for said in (tested.out, run.err):
+        assert "characters are none: the baud rate, or parity and bits, are set wrongly" in said
+    assert re.search(r"no record came within 0\.5 s, but \d+ characters", run.err) and "silent" not in run.err, run.err
+
+
+@pytest.mark.parametrize(("more", "code"), [("", 1), ("?bits=7", 0)])
+def test_parity_that_is_not_set_keeps_a_run_from_working(cell, more, code):
+    with babbling(even(RECORD + "\n")) as url:
+        assert Result("link-test", "-C", cell, "--port", url + more, "--seconds", "0.2").code == code
+
+
+def test_what_comes_and_is_no_record_is_shown_where_its_characters_look_right():
+    client = dnc.Client(job(start_patience=5.0), {})
+    client.receive(b"\x11" + b"READY\r\n" * 3)
+    (failed,) = client.elapsed(6.0)
+    assert "no record came within 5 s, but 15 characters that are none: the last ones: READYREADYREADY" in failed.why
+    client = dnc.Client(job(start_patience=5.0), {})
+    client.receive(b"\x11\0\0\r\n\x13")
+    assert "silent for longer than 5 s" in client.elapsed(6.0)[0].why
 
 
 def test_a_silent_line_is_exit_status_1(cell):

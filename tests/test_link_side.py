@@ -75,7 +75,7 @@ def test_file_and_log_are_two_files(tmp_path):
 def test_a_device_is_no_file_that_a_control_writes(tmp_path, name):
     if name == "pipe":
         os.mkfifo(tmp_path / name)
-    with pytest.raises(LinkError, match="a device or a pipe"):
+    with pytest.raises(InputError, match="a device or a pipe"):
         open_port(parse(f"file://{tmp_path / name}", {"from": ("now", "last")}))
 
 
@@ -101,6 +101,28 @@ def test_a_pipe_that_nobody_reads_any_more_ends_nothing(cell):
     process.stdout.close()
     process.stderr.close()
     assert process.wait(60) == 0
+    assert len(readings(cell).touch) == 7
+
+
+@POSIX
+def test_outputs_on_a_full_device_are_refused_before_the_run_and_streams_on_one_end_nothing(cell):
+    """/dev/full takes no byte: by its name it is no file; as stdout and stderr it is noticed while the machine moves."""
+    for name in ("--transcript", "--json"):
+        result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:9", name, "/dev/full")
+        assert (result.code, "a device" in result.err) == (2, True), result.err
+    assert not (cell / "program").exists()
+    control = Control(cell)
+    command = f"exec {sys.executable} -m tango_cnc run -C {cell} --port {control.url} --timeout 20 --json - >/dev/full 2>/dev/full"
+    assert subprocess.run(["sh", "-c", command], stdin=subprocess.DEVNULL, timeout=60, check=False).returncode == 0
+    assert len(readings(cell).touch) == 7
+
+
+@POSIX
+@pytest.mark.long
+def test_a_transcript_on_a_full_stdout_without_stderr_ends_nothing(cell):
+    control = Control(cell)
+    command = f"exec {sys.executable} -m tango_cnc run -C {cell} --port {control.url} --timeout 20 --transcript - >/dev/full 2>&-"
+    assert subprocess.run(["sh", "-c", command], stdin=subprocess.DEVNULL, timeout=60, check=False).returncode == 0
     assert len(readings(cell).touch) == 7
 
 

@@ -68,7 +68,8 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
             return False, ["nothing was answered: is the control switched on, the port and its settings the right ones?"]
         said = client.told(data, parsed.options)
         if said is None:
-            return bool(data), heard(data, cell.machine.names)
+            plain = bytes(byte & 0x7F for byte in data) if parsed.options.get("bits") == "7" else data
+            return bool(data) and not noise(plain), heard(plain, cell.machine.names)
         fine, sentences = said
         return fine, [*sentences, *([] if fine else noise(data))]
 

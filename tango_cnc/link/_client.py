@@ -139,6 +139,10 @@ class Client(Protocol):
         return False
 
     @classmethod
+    def named(cls, options: Mapping[str, str]) -> None:
+        """{option: value} → nothing, before anything is written. Raises InputError for files named there that are wrong."""
+
+    @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
         """{option: value} → bytes that ask the control what it is and move nothing; none where it cannot be asked."""
         return b""

@@ -41,7 +41,7 @@ from ._sensors import read_sensors
 from .entries import Doubted, End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
 from .session import Moved, Session, Step, step_of
-from .transport import open_port
+from .transport import foreseen, open_port
 from .transport._sensors import Watch
 
 QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
@@ -82,6 +82,8 @@ def measure(
     opened, LinkError when the port does not open or the run does not end; then what is measured is in the partial files.
     """
     protocol, address = protocol_of(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
+    foreseen(address)
+    protocol.Client.named(address.options)
     file = wanted.readings.with_suffix(".journal")
     before, digest = _started(file, plan, wanted.post) if wanted.resume else ([], "")
     left = missing(before, plan)[:most]

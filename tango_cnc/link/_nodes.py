@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files.checked import Node, load
+from ..files.checked import Node, Pairs, load
+from ..records import InputError
 
 STANDARD = Path(__file__).with_name("opcua.yaml")
 WORDS = ("record", "taken", "point", "flag", "count")  # one node each
@@ -38,6 +39,8 @@ def read_nodes(file: str = "") -> Nodes:
     Raises InputError naming file, line and key of what is wrong.
     """
     root = load(Path(file) if file else STANDARD)
+    if not isinstance(root.raw, Pairs):  # not shown: it may be any file of this computer
+        raise InputError(f"nodes: {file} names no variables; allowed: a copy of {STANDARD.name}, which comes with this program")
     keys = root.fields(("nodes", "position"), ("state",))
     nodes = keys["nodes"].fields((*WORDS, "mark"), ("sum",))
     mark = nodes["mark"].list()

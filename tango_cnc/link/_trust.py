@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..records import Array, Machine, Touch
 from ._client import Touched
 
+FARTHEST = 100_000.0  # mm; controls print any place at a miss, but none beyond their scales
 STEPS_AHEAD = 3  # records lost in a row before a touch number is more likely wrong than the ones between are lost
 
 
@@ -49,6 +50,7 @@ def judge(record: Touched, touch: Touch, machine: Machine, gate: Gate) -> Judged
     position = _position(record, touch, machine)
     contact = np.array(touch.contact)
     turned = np.array([axis.kind != "linear" for axis in machine.axes])
+    _possible(position, machine)
     if record.flag == 2:
         return Judged("early", position, None)
     if record.flag == 0:
@@ -73,6 +75,13 @@ def judge(record: Touched, touch: Touch, machine: Machine, gate: Gate) -> Judged
     if way < max(length - 2 * searched, (length - searched) / 10) - gate.resolution:
         return Judged("early", position, None)
     return Judged("ok", position, float((contact[~turned] - position[~turned]) @ along) * 1e3)
+
+
+def _possible(position: Array, machine: Machine) -> None:
+    """(k,) mm, rad → nothing. Raises Distrust for a place where no machine can be, whatever the flag says."""
+    for value, axis in zip(position, machine.axes, strict=True):
+        if axis.kind == "linear" and abs(value) > FARTHEST:
+            raise Distrust(f"{axis.name} is {value:.6g} mm: no machine goes there")
 
 
 def _missed(position: Array, touch: Touch, turned: NDArray[np.bool_], gate: Gate) -> None:

@@ -17,12 +17,16 @@ from collections.abc import Mapping
 
 from ...records import InputError
 from .._client import Begun, Event, Job, Refused
+from .._heard import noise
 from .._listener import Listener
 from .._words import record
 
 DC1, DC2, DC3, DC4 = 0x11, 0x12, 0x13, 0x14
 NUL, DEL = 0x00, 0x7F
+SILENT = bytes((NUL, DEL, DC1, DC2, DC3, DC4)) + b"\r\n %"  # what a control sends that says nothing
 LINE_LIMIT = 256  # characters; no control prints a longer one, so this is a lost line end
+LAST = 40  # characters of it that are shown
+REMEMBERED = 4096  # bytes that came since the last record
 SAID = 3  # characters that are no disturbance any more
 EOB = {"lf": "\n", "crlf": "\r\n", "lfcrcr": "\n\r\r"}
 
@@ -80,6 +84,7 @@ class Client(Listener):
             self.advice = "nothing is sent: start the program at the control"
         self._at = 0
         self._mask = 0x7F if chosen["bits"] == "7" else 0xFF
+        self._strange = bytearray()  # what came since the last record and is none
         self._punching = self._punches = False  # now between DC2 and DC4; this control sends them at all
         self._held = chosen["start"] == "xon"
         self._quiet = job.quiet if self._data and chosen["listen"] == "auto" else 0.0
@@ -109,7 +114,10 @@ class Client(Listener):
         events: list[Event] = []
         for byte in data:
             if not self._over:
+                if byte & self._mask not in SILENT:
+                    self._strange.append(byte & self._mask)
                 events += self._one(byte & self._mask)
+        del self._strange[:-REMEMBERED]
         return events
 
     def _one(self, char: int) -> list[Event]:
@@ -168,6 +176,7 @@ class Client(Listener):
         if isinstance(event, Refused):
             return [event] if self._printing else []
         self._silence = 0.0
+        self._strange.clear()
         if isinstance(event, Begun):
             return [event] if self._expected(event) else self._fail(self._stranger(event))
         return self._counted(event, text)
@@ -199,6 +208,11 @@ class Client(Listener):
             where = "start the program there; it has to print to this port"
         elif at == 0:
             where = "it never asked for the program (DC1)"
+        if strange := len(self._strange):
+            many = f"{strange} characters" if strange < REMEMBERED else f"{strange} characters and more"
+            last = bytes(self._strange[-LAST:]).decode("latin-1").encode("unicode_escape").decode("ascii")
+            why = noise(bytes(self._strange)) or [f"the last ones: {last}"]
+            return self._fail(f"no record came within {allowed:.3g} s, but {many} that are none: {why[0]}; {where}")
         return self._fail(f"the control has been silent for longer than {allowed:.0f} s; {where}")
 
     def closed(self) -> list[Event]:

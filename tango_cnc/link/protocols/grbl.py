@@ -34,6 +34,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
 }
 SCHEMES: Mapping[str, str] = {"grbl+serial": "serial", "grbl+socket": "socket"}
 FEED = 2000.0
+HIGHEST = 60_000.0  # mm/min, where the machine states no rapid
 POLL = 0.25  # s between two ?, while a line is being executed
 CLOSE = 0.01  # mm or deg between target and the place that was reached
 SAME = 0.0015  # mm: the control shows three places
@@ -57,8 +58,12 @@ class Client(Control):
             self._feed = float(options.get("feed", FEED))
         except ValueError:
             self._feed = 0.0
-        if not 0 < self._feed < math.inf:
-            raise InputError(f"grbl: feed: found {options['feed']!r}; allowed: mm/min greater than 0")
+        fastest = max((axis.rapid or math.inf for axis in job.plan.machine.axes if axis.kind == "linear"), default=math.inf)
+        if "feed" in options and not 0 < self._feed <= min(fastest, HIGHEST):
+            raise InputError(
+                f"grbl: feed: found {options['feed']!r}; allowed: mm/min above 0, at most {min(fastest, HIGHEST):g}, the "
+                "fastest that a linear axis moves"
+            )
         self._clamps = _grbl.clamps(job.program)
         if not self._plain:
             for number in self._clamps.values():

@@ -61,6 +61,11 @@ class Client(Registers):
         super().__init__(job, self._layout)
 
     @classmethod
+    def named(cls, options: Mapping[str, str]) -> None:
+        """{option: value} → nothing. Raises InputError naming file, line and key where the layout is wrong."""
+        read_layout(options.get("layout", ""))
+
+    @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
         """{option: value} → bytes that ask the control what it is and move nothing."""
         return _registers.hello(options)

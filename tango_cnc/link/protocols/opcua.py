@@ -71,6 +71,11 @@ class Client(Dialogue):
         super().__init__(job.start_patience)
 
     @classmethod
+    def named(cls, options: Mapping[str, str]) -> None:
+        """{option: value} → nothing. Raises InputError naming file, line and key where the file of nodes is wrong."""
+        read_nodes(options.get("nodes", ""))
+
+    @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
         """{option: value} → bytes that ask the server what it is and read every variable."""
         return HELLO

@@ -27,6 +27,7 @@ from ...records import LinkError
 from .._address import REMOTE, Address
 from .._address import parse as parse
 from .._wire import Paced, Parity
+from . import _file, _linuxcnc
 from ._file import File
 from ._line import Lost as Lost
 from ._line import Transport as Transport
@@ -40,12 +41,19 @@ from ._remote import Remote
 from ._tcp import Tcp
 
 OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc, "file": File}
+FORESEEN: dict[str, Callable[[Address], None]] = {"rsh": _linuxcnc.foreseen, "file": _file.foreseen}
 OPENERS |= {"opcua": OpcUa, **dict.fromkeys(REMOTE, Remote), "lsv2": AtRest}
 
 
 def ports() -> list[tuple[str, str]]:
     """→ (device, description) of the serial ports of this computer."""
     return sorted((str(port.device), str(port.description)) for port in list_ports.comports())
+
+
+def foreseen(address: Address) -> None:
+    """address → nothing, and nothing is opened. Raises InputError for files named there that no run may use."""
+    if address.scheme in FORESEEN:
+        FORESEEN[address.scheme](address)
 
 
 def open_port(address: Address) -> Transport:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from pathlib import Path
 from typing import BinaryIO
 
-from ...records import LinkError
+from ...records import InputError, LinkError
 from .._address import Address
 from ._line import Lost, reason
 
@@ -16,6 +17,9 @@ MOST = 1 << 20  # bytes in one look
 REMEMBERED = 64  # bytes before the place that was reached, by which the file is known again
 BOM = b"\xef\xbb\xbf"
 START = b"TANGO START"
+HEAD = 4000  # bytes at either end by which a file is seen to hold records
+CODES = b"\0\x11\x12\x13\x14\x7f"  # leader and print codes, which some controls write into files too
+RECORD = re.compile(rb"^[ \t]*(TANGO +(START|END) |P *[0-9]+\.?[0-9]* *H *[0-9])", re.MULTILINE)
 
 
 class File:
@@ -29,15 +33,12 @@ class File:
     chunk = 256
 
     def __init__(self, address: Address) -> None:
+        foreseen(address)
         self._file = Path(address.target)
-        if self._file.is_dir():
-            raise LinkError(f"port {address.url}: that is a folder; name the file that the control writes in it")
         if not self._file.parent.is_dir():
             raise LinkError(
                 f"port {address.url}: there is no folder {self._file.parent}. Is the share of the control mounted, the path right?"
             )
-        if self._file.exists() and not self._file.is_file():
-            raise LinkError(f"port {address.url}: that is a device or a pipe; name the file that the control writes")
         self._at, self._before = 0, b""
         if self._file.exists():
             try:
@@ -87,6 +88,33 @@ class File:
 
     def close(self) -> None:
         """Nothing is held open."""
+
+
+def foreseen(address: Address) -> None:
+    """port → nothing. Raises InputError for what no control may write its records into: seen before anything is written.
+
+    A file that is there must be empty or have records in it; any other would be spoilt by what the control appends to it.
+    """
+    file = Path(address.target)
+    if file.is_dir():
+        raise InputError(f"port {address.url}: found a folder; allowed: the file in it that the control writes")
+    if not file.exists():
+        return
+    if not file.is_file():
+        raise InputError(f"port {address.url}: found a device or a pipe; allowed: a file that the control writes")
+    try:
+        with file.open("rb") as opened:
+            head = opened.read(HEAD)
+            opened.seek(max(0, opened.seek(0, os.SEEK_END) - HEAD))
+            tail = opened.read(HEAD)
+    except OSError:
+        return  # said in the words of the system when it is opened
+    text = [piece.removeprefix(BOM).translate(None, CODES).replace(b"\r", b"\n") for piece in (head, tail)]
+    if not START.startswith(text[0].strip()[: len(START)]) and not any(RECORD.search(piece) for piece in text):
+        raise InputError(
+            f"port {address.url}: found a file without a record of a TANGO program, and the control would write into it; allowed: "
+            "a new name, an empty file, or one that such a program has written; if the control made it, move it away"
+        )
 
 
 def _last_start(file: BinaryIO, size: int) -> int:

@@ -26,32 +26,11 @@ class LinuxCnc(Tcp):
     """linuxcncrsh on this computer, and the two files that it cannot carry: `put` writes the program, the log is read."""
 
     def __init__(self, address: Address) -> None:
-        missing = [name for name in ("file", "log") if name not in address.options]
-        if missing:
-            raise LinkError(
-                f"port {address.url}: found no {' and no '.join(missing)}; e.g. ?file=/tmp/tango.ngc&log=/tmp/tango-readings.txt"
-            )
+        foreseen(address)
         self._file, self._log = Path(address.options["file"]), Path(address.options["log"])
-        self._ours(address.url)
         self._at, self._due, self._rest = 0, 0.0, b""
         self._answers = b""
         super().__init__(address)
-
-    def _ours(self, url: str) -> None:
-        """Raises InputError unless both files may be replaced: nothing is there, or what a run has left there."""
-        if same(self._file, self._log):
-            raise InputError(f"port {url}: file and log are one file, {self._file}; allowed: two names")
-        for name, file, own in (("file", self._file, PROGRAM), ("log", self._log, RECORDS)):
-            if file.is_dir() or not file.absolute().parent.is_dir():
-                raise InputError(f"port {url}: {name}: found {file}; allowed: a file in a folder that is there")
-            if not file.exists() and not file.is_symlink():
-                continue
-            if not file.is_file() or not own.fullmatch(_head(file)):
-                what = "a program of 'tango plan'" if name == "file" else "records that such a program wrote"
-                raise InputError(
-                    f"port {url}: {name}: found {file}, which is there and is not {what}; it would be lost. Allowed: another name, "
-                    "or move that file away"
-                )
 
     def read(self, timeout: float) -> bytes:
         """s → what linuxcncrsh answers, and new whole lines of the log with LOG in front. Raises Lost."""
@@ -94,3 +73,29 @@ class LinuxCnc(Tcp):
             return b""
         self._at += len(whole[0] + whole[1])
         return b"".join(b"LOG %s\n" % line for line in whole[0].split(b"\n") if line.strip())
+
+
+def foreseen(address: Address) -> None:
+    """port → nothing. Raises LinkError where a file is not named, InputError unless both may be replaced.
+
+    They may when nothing is there, or what a run has left there.
+    """
+    missing = [name for name in ("file", "log") if name not in address.options]
+    if missing:
+        raise LinkError(
+            f"port {address.url}: found no {' and no '.join(missing)}; e.g. ?file=/tmp/tango.ngc&log=/tmp/tango-readings.txt"
+        )
+    program, log = Path(address.options["file"]), Path(address.options["log"])
+    if same(program, log):
+        raise InputError(f"port {address.url}: file and log are one file, {program}; allowed: two names")
+    for name, file, own in (("file", program, PROGRAM), ("log", log, RECORDS)):
+        if file.is_dir() or not file.absolute().parent.is_dir():
+            raise InputError(f"port {address.url}: {name}: found {file}; allowed: a file in a folder that is there")
+        if not file.exists() and not file.is_symlink():
+            continue
+        if not file.is_file() or not own.fullmatch(_head(file)):
+            what = "a program of 'tango plan'" if name == "file" else "records that such a program wrote"
+            raise InputError(
+                f"port {address.url}: {name}: found {file}, which is there and is not {what}; it would be lost. Allowed: another "
+                "name, or move that file away"
+            )
