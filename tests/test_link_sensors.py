@@ -1,5 +1,6 @@
 """Temperatures of the shop beside a run: an MTConnect agent, a real MQTT broker, and what happens when they fail."""
 
+import contextlib
 import http.server
 import json
 import math
@@ -219,17 +220,10 @@ class Warming(Control):
         return f"P{number} H1 {places}"
 
 
-@pytest.mark.long
-@pytest.mark.system("mosquitto")
-def test_a_drift_that_follows_a_temperature_is_named_with_its_sensor(tmp_path, monkeypatch):
-    """Broker, run, readings, diagnosis: the temperature comes over MQTT while the touches are made."""
-    folder, port = tmp_path / "cell", free_port()
-    write_example(folder, "hu40t")
-    head, *indexations = re.split(r"(?m)^(?=- )", (folder / "strategy.yaml").read_text())
-    (folder / "strategy.yaml").write_text(head + "".join(indexations[:14]))
-    (folder / "sensors.yaml").write_text(f"sensors:\n  bed: {{mqtt: 'mqtt://127.0.0.1:{port}/shop/bed'}}\n")
-    (folder / "world.yaml").unlink()
-    assert Result("plan", "-C", folder).code == 0
+@contextlib.contextmanager
+def over_mqtt(request, tmp_path):
+    """→ entry of sensors.yaml, who publishes a text; a real broker stands between."""
+    port = free_port()
     (tmp_path / "conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\npersistence false\n")
     with subprocess.Popen(["mosquitto", "-c", tmp_path / "conf"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as broker:
         try:
@@ -237,31 +231,59 @@ def test_a_drift_that_follows_a_temperature_is_named_with_its_sensor(tmp_path, m
             sender = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
             sender.connect("127.0.0.1", port)
             sender.loop_start()
-            came, real = threading.Event(), Watch._came
-
-            def heard(self, name, text):
-                real(self, name, text)
-                came.set()
-
-            monkeypatch.setattr(Watch, "_came", heard)
-
-            def say(bed):
-                came.clear()
-                sender.publish("shop/bed", f"{bed:.3f}", qos=1)
-                assert came.wait(10)
-
-            started = Watch.start
-
-            def start(self):  # the shop's sensor speaks before the first touch
-                started(self)
-                until(lambda: (sender.publish("shop/bed", "20.0", qos=1), came.wait(0.1))[1])
-
-            monkeypatch.setattr(Watch, "start", start)
-            control = Warming(folder, say)
-            result = Result("run", "-C", folder, "--port", control.url, "--timeout", "60")
+            yield f"{{mqtt: 'mqtt://127.0.0.1:{port}/shop/bed'}}", lambda text: sender.publish("shop/bed", text, qos=1)
             sender.loop_stop()
         finally:
             broker.terminate()
+
+
+@contextlib.contextmanager
+def over_mtconnect(request, tmp_path):
+    """→ entry of sensors.yaml, who lets the agent answer a text; it is asked over HTTP every half second."""
+    agent = request.getfixturevalue("agent")
+
+    def publish(text):
+        agent.says = STREAM.format(bed=text).encode()
+
+    yield f"{{mtconnect: '{agent.url}', item: bed}}", publish
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("way", [pytest.param(over_mqtt, marks=pytest.mark.system("mosquitto")), over_mtconnect])
+def test_a_drift_that_follows_a_temperature_is_named_with_its_sensor(request, tmp_path, monkeypatch, way):
+    """Sensor, run, readings, diagnosis: the temperature comes over MQTT or MTConnect while the touches are made."""
+    folder = tmp_path / "cell"
+    write_example(folder, "hu40t")
+    head, *indexations = re.split(r"(?m)^(?=- )", (folder / "strategy.yaml").read_text())
+    (folder / "strategy.yaml").write_text(head + "".join(indexations[:14]))
+    (folder / "world.yaml").unlink()
+    assert Result("plan", "-C", folder).code == 0
+    came, wanted, real, started = threading.Event(), [""], Watch._came, Watch.start
+
+    def heard(self, name, text):
+        real(self, name, text)
+        if text == wanted[0]:
+            came.set()
+
+    monkeypatch.setattr(Watch, "_came", heard)
+    with way(request, tmp_path) as (entry, publish):
+        (folder / "sensors.yaml").write_text(f"every: 0.5\nsensors:\n  bed: {entry}\n")
+
+        def say(bed):
+            if wanted[0] != (text := f"{bed:.3f}"):
+                came.clear()
+                wanted[0] = text
+                publish(text)
+                assert came.wait(20)
+
+        def start(self):  # the shop's sensor speaks before the first touch
+            started(self)
+            wanted[0] = "20.000"
+            until(lambda: (publish("20.000"), came.wait(0.1))[1])
+
+        monkeypatch.setattr(Watch, "start", start)
+        control = Warming(folder, say)
+        result = Result("run", "-C", folder, "--port", control.url, "--timeout", "60")
     assert result.code == 0, result.err
     found = Result("diagnose", "-C", folder, "--despite", "--json", "-")
     causes = json.loads(found.out)
