@@ -75,6 +75,17 @@ def test_one_knock_that_stays_keeps_its_sentence_and_its_advice() -> None:
     assert not back["drifts"] and "by 8 µm since" in back["text"] and "16 µm" in back["on_part"]  # what stands now, no drift
 
 
+def test_what_does_more_to_a_part_comes_first_and_no_sentence_says_last_night() -> None:
+    """Also before what stands behind a limit; what stands there comes before others that were answered."""
+    spindle = step(
+        1, 12.0, parameter="EX0S", id="2026-10-25-1", on_part_um=12.0, text="spindle has moved by 12 µm since last night"
+    )
+    limit = {"behind": [{"what": "volume", "parameter": "EX0S", "size": 0.012, "unit": "mm", "text": "x", "since": ""}]}
+    found = faults(night("M", 3, "out_of_limits", standing=[step(2, 11.0), spindle], **limit), (), {}, Units(), texts())
+    assert [a["parameter"] for a in found] == ["EY0C", "EX0S"]
+    assert all("last night" not in a["text"] for a in found) and "since Sat 24 Oct 2026" in found[1]["text"]
+
+
 def test_who_is_asked_hears_since_when_and_nobody_is_loud() -> None:
     for days, wanted in ((2, "asked this morning"), (5, "not answered for 3 days")):
         (found,) = faults(night("M", days), [step(2, 20.0)], {}, Units(), texts())

@@ -26,6 +26,7 @@ from ..verify import held_out, volume
 from ..verify.held_out import HeldOut
 from ..verify.volume import VolumeMap
 from . import slices
+from .days import day
 from .plain import plain
 from .texts import Texts, texts
 from .units import Units
@@ -314,10 +315,11 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
         return []
     level: Level = "look" if n.waiting or n.verdict != "good" else "good"
     word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
+    said = n.headline.replace("since last night", t("check.since_before", date=n.date))  # a report is read tomorrow, too
     text = t(
         f"check.nights_{level}",
-        date=n.date,
-        said=plain(n.headline.rstrip("."), f.wishes.units, t, f.cell.machine) + ".",
+        date=day(n.date, t),
+        said=plain(said.rstrip("."), f.wishes.units, t, f.cell.machine) + ".",
         count=n.waiting,
     )
     return [Check("nights", level, word, text, t("todo.nights"), trust=False)]

@@ -51,10 +51,8 @@ def faults(
         sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
         if not sizes or max(sizes) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
             found.append(alarm(a, None, u, t, machine, record, today) | {"older": False})
-    if record.get("verdict") != "out_of_limits" or not record.get("behind"):
-        return sorted(found, key=_urgency)
-    behind = {x.get("parameter") for x in record["behind"]}
-    return sorted(found, key=lambda a: (a.get("parameter") not in behind, *_urgency(a)))
+    behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
+    return sorted(found, key=lambda a: (a.get("decision") is not None and a.get("parameter") not in behind, *_urgency(a)))
 
 
 def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Machine | None) -> list[dict[str, Any]]:
@@ -99,8 +97,8 @@ def _whole(
     return whole
 
 
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
-    return a.get("decision") is not None, str(a.get("cause")).replace(" ", "_") in OF_THE_PROBE, -size_of(a)
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
+    return str(a.get("cause")).replace(" ", "_") in OF_THE_PROBE, -size_of(a)
 
 
 def size_of(a: Mapping[str, Any]) -> float:
@@ -126,7 +124,7 @@ def alarm(
     return {
         **a,
         "id": str(a.get("id") or ""),
-        "text": sentence(plain(raw, u, t, machine), Units()),
+        "text": sentence(plain(str(earlier([a])[0]["text"] if a.get("since") else raw), u, t, machine), Units()),
         "recorded": sentence(raw, u),
         "night": asked,
         "first": asked,  # date of the first night on which it was seen

@@ -126,7 +126,7 @@ def _tip(f: Facts, t: Texts) -> str:
     """facts, texts → largest error of the tool tip beside its limit; empty where nothing is known of it."""
     if f.worst is None:
         return ""
-    u, what = f.wishes.units, t("may.tip")
+    u, what = f.wishes.units, t("check.limit")
     found = amount(f.worst[0] * 1e3, "µm", u, t)
     if f.wishes.limit is None:
         return t("may.no_limit", what=what, found=found)

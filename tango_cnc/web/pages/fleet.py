@@ -29,7 +29,7 @@ def fleet(request: Request) -> Response:
     state = state_of(request)
     rows = state.places.kept("fleet rows", lambda: sorted((_row(row, request) for row in state.places.fleet()), key=_urgent))
     late = sum(r["late"] for r in rows)
-    counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown")}
+    counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown", "wait")}
     hours = f"{state.settings.late_hours:g}"
     return page(request, "fleet.html", rows=rows, count=len(rows), counts=counts, late=late, hours=hours)
 
@@ -87,9 +87,7 @@ def open_faults(row: Row, alarms: Any, owner: str, axes: Geometry | None, state:
     record |= {"owner": record.get("owner") or owner, "alarms": (), "standing": (), "behind": ()}
     today = datetime.now().astimezone().strftime("%Y-%m-%d")
     known = row.before if record.get("verdict") == "not_measured" else row.record
-    found = faults(record | {"verdict": "not_measured"}, earlier(alarms), {}, state.units, state.texts, axes, known, today)
-    behind = [str(x.get("parameter")) for x in (known or {}).get("behind") or ()]
-    return sorted(found, key=lambda a: a.get("parameter") not in behind)
+    return faults(record | {"verdict": "not_measured"}, earlier(alarms), {}, state.units, state.texts, axes, known, today)
 
 
 def _first_waiting(row: Row, request: Request) -> Mapping[str, Any] | None:
