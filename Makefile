@@ -26,7 +26,7 @@ campaign-link: .venv/test.stamp
 
 # Sessions over real servers behind a network that breaks, one link or all: make campaign-net LINK=sftp TANGO_SESSIONS=1000
 campaign-net: .venv/test.stamp
-	$(BIN)/python -m pytest -m campaign tests/test_link_net_campaign.py -s $(if $(LINK),-k 'thousands and $(LINK)-')
+	$(BIN)/python -m pytest -m campaign tests/test_link_net_campaign.py -s $(if $(LINK),-k 'thousands and [$(LINK)-')
 
 # Sessions behind a gateway that mixes requests up: 1000 in words, 1000 in frames of Modbus TCP, 1000 in frames of Modbus RTU.
 campaign-gateway: .venv/test.stamp
