@@ -84,8 +84,10 @@ def verdicts(what: commission.Seen, verdict: str) -> list[str]:
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_its_program_is_read_back(name: str) -> None:
     made, options = air(name), profile(name, {})
-    lines = program(load(name), made, options, plan_hash(made))[2]
-    assert not readback.check(lines, made, settings_of(load(name), options), companions(load(name), made, options))
+    post = load(name)
+    lines = program(post, made, options, plan_hash(made))[2]
+    beside = companions(post, made, options)
+    assert not readback.check(lines, made, settings_of(post, options), beside, written_in=post.language)
 
 
 @pytest.mark.parametrize("name", DIALECTS)

@@ -110,7 +110,7 @@ def test_it_takes_less_than_three_minutes() -> None:
 def test_every_dialect_has_the_program(name: str) -> None:
     post = load(name)
     lines = program(post, made(), {}, plan_hash(made()))[2]
-    assert not readback.check(lines, made(), settings(post, {}), companions(post, made(), {}))
+    assert not readback.check(lines, made(), settings(post, {}), companions(post, made(), {}), written_in=post.language)
 
 
 def test_touches_that_do_not_agree_are_refused() -> None:

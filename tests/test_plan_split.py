@@ -77,7 +77,7 @@ def test_every_part_is_a_program_of_its_own_that_is_read_back(post: str) -> None
         text = "\n".join(lines()) + "\n"
         assert f"PLAN {plan_hash(whole)} PART {number} OF 2" in text
         assert mark_of(text) == mark
-        assert not check(lines, part, settings(dialect, given), companions(dialect, whole, given))
+        assert not check(lines, part, settings(dialect, given), companions(dialect, whole, given), written_in=dialect.language)
         found.append((name, mark))
     assert len({name for name, _ in found}) == len({mark for _, mark in found}) == 2
 

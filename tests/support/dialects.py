@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from postprocessors._base import companions, load, program
+from postprocessors._base import companions, load, names, program
 from postprocessors.heidenhain import mask
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
@@ -48,8 +48,15 @@ def beside(name: str) -> tuple[str, ...]:
 
 
 G31 = Spoken("macro_b", frame=1)
-SPOKEN = {
-    **dict.fromkeys(("fanuc", "mazak"), G31),
+
+
+def usual(name: str) -> Spoken:
+    """dialect → the control of its language, with nothing of its own."""
+    language = load(name).language
+    return G31 if language == "macro_b" else Spoken(language)
+
+
+OWN = {  # where a control is more than its language
     "mitsubishi": replace(G31, settings={"skip_feed": "own"}),
     "haas": replace(
         G31,
@@ -64,8 +71,6 @@ SPOKEN = {
     ),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
     "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
-    "centroid": Spoken("centroid"),
-    "linuxcnc": Spoken("rs274"),
     "mach3": Spoken("mach3", library=beside("mach3")),
     "mach4": Spoken("mach4", library=beside("mach4")),
     "fagor": Spoken("fagor", {"tool_lengths": {1: 326.674}}),
@@ -74,6 +79,7 @@ SPOKEN = {
 }
 DRIVEN = {"grbl": Spoken("grbl", resolution=1e-3)}  # no logic of its own: its driver decides and records
 QUICK = ("fanuc", "grbl", "heidenhain", "linuxcnc", "siemens")  # one of each way to speak; the others are many seconds together
+SPOKEN = {name: OWN.get(name) or usual(name) for name in names() if name not in DRIVEN}
 EVERY = {**SPOKEN, **DRIVEN}
 
 

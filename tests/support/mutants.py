@@ -15,6 +15,7 @@ import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from datetime import date
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -24,7 +25,7 @@ import numpy as np
 from postprocessors import _base as posts
 from sim_controller import compensation
 from tango_cnc import conformity
-from tango_cnc.acceptance.sheet import read_order
+from tango_cnc.acceptance import read_order
 from tango_cnc.commands._compensate import present_of
 from tango_cnc.commands._import import imported
 from tango_cnc.commands._trusted import known
@@ -292,7 +293,10 @@ limits: {straightness EXZ: 10, squareness EC(0X)Y: 40}
 tool_length: 326.674
 laboratory: Measuring room
 customer: production
-conditions: {temperature: 21 °C}
+performed: 2026-11-23
+conditions: {machine_temperature: 20.4 °C, air_temperature: 20.8 °C, warm_up: 2 h}
+certificates:
+  - {of: scale bar, number: C-123, date: 2026-01-10, value: 304.6686 mm, uncertainty: 1.0 µm, k: 2, issued_by: NN}
 remarks: none
 """,
     "limits.yaml": "limits:\n  EX0C: 0.010\n  EB0Z: [-2.0e-5, 1.0e-5]\n  EA0Y: [null, 3]\n",
@@ -470,6 +474,8 @@ def _text(name: str) -> Callable[[Path], bytes]:
     return lambda folder: TEXTS[name].encode()
 
 
+TODAY = date(2026, 11, 23)
+
 READERS = {
     **{name: Reader(name, _text(name), _cell) for name in ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")},
     "profile": Reader("tango.yaml", _text("tango.yaml"), _profile),
@@ -483,7 +489,7 @@ READERS = {
     "nightly.yaml": Reader("nightly.yaml", _text("nightly.yaml"), read_nightly),
     "uncertainty.yaml": Reader("uncertainty.yaml", _text("uncertainty.yaml"), lambda f: read_budget(f / "uncertainty.yaml")),
     "temperature.yaml": Reader("temperature.yaml", _text("temperature.yaml"), lambda f: read_thermal(f / "temperature.yaml")),
-    "acceptance.yaml": Reader("acceptance.yaml", _text("acceptance.yaml"), lambda f: read_order(f / "acceptance.yaml")),
+    "acceptance.yaml": Reader("acceptance.yaml", _text("acceptance.yaml"), lambda f: read_order(f / "acceptance.yaml", TODAY)),
     "limits.yaml": Reader(
         "limits.yaml", _text("limits.yaml"), lambda f: conformity.read_limits(f / "limits.yaml", ["EX0C", "EB0Z", "EA0Y"])
     ),
