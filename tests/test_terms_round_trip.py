@@ -80,7 +80,9 @@ def changed(bench: blind.Bench, effects: list[dict[str, Any]]) -> np.ndarray:
 def test_what_was_estimated_does_the_same_in_the_simulated_machine(name: str, bench: blind.Bench, fitted: Estimate) -> None:
     touches, machine = fitted.model.touches, bench.cell.machine
     rng = np.random.default_rng(8)
-    for setting in settings(name, touches):
+    offered = settings(name, touches)
+    assert offered, f"these touches offer no setting of {name}: add one to SETTINGS"
+    for setting in offered:
         columns = candidate(touches, name, setting).columns
         values = rng.normal(size=columns.shape[1])
         if not np.abs(columns @ values).max():

@@ -7,7 +7,7 @@ from support.controls import golden
 from support.dialects import EVERY
 from support.gates import ran
 
-from postprocessors._base import companions, load, program, settings
+from postprocessors._base import companions, load, names, program, settings
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from tango_cnc import readback
@@ -16,7 +16,7 @@ from tango_cnc.records import InputError, World
 
 OFF = {"probe_on": "M720", "probe_off": "M721"}
 TIDY = ("centroid", "fagor", "heidenhain", "linuxcnc", "mach3", "okuma", "siemens")
-ALARMED = ("brother", "fanuc", "haas", "mazak", "mitsubishi", "mach4")
+ALARMED = tuple(n for n in names() if load(n).language in ("macro_b", "mach4"))
 
 
 def lines_of(name: str) -> list[str]:

@@ -145,12 +145,13 @@ def row(name: str) -> str:
 
 def test_the_catalogue_in_the_documentation_is_complete() -> None:
     text = (Path(__file__).parent.parent.parent / "docs" / "causes.md").read_text(encoding="utf-8")
-    assert re.findall(r"^\| `(\w+)` \|", text, re.M) == CAUSES
     missing = [row(name) for name in CAUSES if row(name) not in text]
-    assert not missing, "\n".join(missing)
+    assert not missing, "docs/causes.md lacks, in alphabetical order:\n" + "\n".join(missing)
+    assert re.findall(r"^\| `(\w+)` \|", text, re.M) == CAUSES, "docs/causes.md: rows in alphabetical order, one a cause"
 
 
 def test_every_cause_of_the_catalogue_can_be_hidden_in_the_simulated_machine() -> None:
     effects = {f.stem for f in (Path(__file__).parent.parent.parent / "sim_controller" / "effects").glob("[a-z]*.py")}
-    assert set(CAUSES) <= effects
+    unhidden = sorted(set(CAUSES) - effects)
+    assert not unhidden, "write " + ", ".join(f"sim_controller/effects/{name}.py" for name in unhidden)
     assert effects - set(CAUSES) == {"outliers", "random_walk"}, "kinds of noise, not causes"

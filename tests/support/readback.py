@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from postprocessors import heidenhain
-from postprocessors._base import companions, load, program, settings
+from postprocessors._base import companions, load, names, program, settings
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.readback import check
 from tango_cnc.records import InputError, Plan
 
 GOLDEN = Path(__file__).parents[1] / "golden"
-MACRO_B = ("fanuc", "haas", "mitsubishi", "mazak", "brother")
+MACRO_B = ("fanuc", *(n for n in names() if load(n).language == "macro_b" and n != "fanuc"))
 Beside = Mapping[str, list[str]]  # file name → lines, of what travels with a program
 
 

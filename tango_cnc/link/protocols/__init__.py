@@ -11,6 +11,7 @@ from functools import cache
 from importlib import import_module
 from typing import Protocol, cast
 
+from ...records import InputError
 from .._client import Client
 
 
@@ -36,8 +37,15 @@ def names() -> list[str]:
 
 
 def load(name: str) -> Module:
-    """name of a protocol → its module. Raises ModuleNotFoundError for a name that is none of `names()`."""
-    return cast(Module, import_module(f"{__package__}.{name}"))
+    """name of a protocol → its module.
+
+    Raises ModuleNotFoundError for a name that is none of `names()`, InputError for a file that lacks something.
+    """
+    found = import_module(f"{__package__}.{name}")
+    lacking = [part for part in ("Client", "OPTIONS", "SCHEMES") if part not in vars(found)]
+    if lacking:
+        raise InputError(f"{found.__file__}: found no {', '.join(lacking)}; docs/link.md, 'Another protocol', says what they are")
+    return cast(Module, found)
 
 
 @cache
