@@ -43,7 +43,7 @@ def planned(times: int) -> Plan:
 
 
 def peak(work: Callable[[], object]) -> int:
-    """→ bytes that this takes at most beyond what there was before; the least of three, as threads of other tests may add theirs."""
+    """→ bytes that this takes at most beyond what there was before; the least of three: threads of other tests may add theirs."""
     gc.disable()  # it empties the lists of small objects that Python keeps to use them again
     found = []
     try:
