@@ -207,7 +207,7 @@ def random_plans_with_a_bad_probe(seed: int, count: int) -> int:
                 where = f"plan {i} of seed {seed}, {name}, {which}, {probe}"
                 assert found.why or found.stops, where
                 assert not set(NEAR) & set(events(found)), where
-                assert bent(found) <= bends(name, made), where
+                assert bent(found) <= (bends(name, made) if which == "facet" else 0.0), where  # a finger keeps it in the air
                 runs += 1
     return runs
 
