@@ -16,9 +16,10 @@ from support.server import Recorded, cell
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
+from tango_cnc.history import Compensation, Decision
 from tango_cnc.report.days import day, ended
 from tango_cnc.report.faults import faults
-from tango_cnc.report.morning import context, last_within
+from tango_cnc.report.morning import context, last_within, last_written, render
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.web.app import create
@@ -63,7 +64,9 @@ def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page
         assert path == "/" or ("off by up to 22 µm" in text and "Enter no new location" in text), path
         assert "Ask who was at the machine" not in text
     machine = asked(place, "/machine/HU40T-like").partition("For the engineer")[0]
-    assert "All that were made since Tue 27 Oct 2026, the last night within the limit." in machine
+    assert (
+        "All that were made since Sun 25 Oct 2026: the machine began to change then, although Tue 27 Oct 2026 was still" in machine
+    )
 
 
 def test_one_knock_that_stays_keeps_its_sentence_and_its_advice() -> None:
@@ -144,3 +147,53 @@ def test_dates_are_said_as_people_say_them() -> None:
     ]
     assert "ago" not in ended("2026-11-23T02:00:00Z", t) and ended("", t, now) == ""
     assert "4 h ago" in context(night("M", 0), (), None, t, now=datetime(2026, 10, 24, 6, 4, tzinfo=UTC))["ended"]
+
+
+def test_parts_to_check_begin_with_the_earliest_open_fault_of_the_machine() -> None:
+    """The C axis drifts since the 25th, the spindle moved a night before: parts were off before the limit was crossed."""
+    spindle = step(1, 12.0, parameter="EX0S", id="2026-10-25-1")
+    record = night("M", 5, "out_of_limits", standing=[step(4, 3.9, total=0.0039), step(2, 3.6, total=0.0112), spindle])
+    told = context(record, (), None, texts(), within="2026-10-27")["suspect"]
+    assert told.startswith("All that were made since Sat 24 Oct 2026:") and "Tue 27 Oct 2026 was still within" in told
+    told = context(record, (), None, texts(), within="2026-10-23")["suspect"]
+    assert told == "All that were made since Fri 23 Oct 2026, the last night within the limit."
+    seen = [Decision(a["id"], "acknowledge", "Ann") for a in record["standing"]]  # who looks into it has not put it right
+    assert "Sat 24 Oct" in context(record | {"verdict": "changed"}, seen, None, texts())["suspect"]
+
+
+def test_who_has_it_stands_right_below_the_answer_and_nobody_is_loud(tmp_path: Path) -> None:
+    for owner, mark in ((None, '<dd class="loud">NOBODY'), ("Ann", "<dd>Call Ann")):
+        records = [night("HU40T-like", 2, "changed", alarms=[step(2, 20.0, owner=owner)], owner=owner)]
+        text = asked(cell(tmp_path / str(owner), records=records), "/machine/HU40T-like")
+        assert re.search(rf'</section>\s*<dl class="facts">\s*<dt>Who has it</dt>{mark}', text)
+
+
+def test_what_was_done_is_not_ordered_again() -> None:
+    """A full measurement that found it again, a compensation written after the drift, a short check in the night to come."""
+    do = texts()("cause.axis_location.do")
+    for number, wanted in ((7, False), (8, True)):  # night 7 measures in full, night 8 does not
+        knock = step(2, 20.0, total=0.0203, do=do)
+        (found,) = faults(night("M", number, "changed", standing=[knock]), (), {}, Units(), texts())
+        assert ("Run the full measurement" in found["todo"]) is wanted and "have the compensation written" in found["todo"]
+    gone = step(2, 20.0, total=0.008, do=do)
+    assert "Run the full" in faults(night("M", 7, "changed", standing=[gone]), (), {}, Units(), texts())[0]["todo"]
+
+    drift = [step(3, 3.9, total=0.0075), step(2, 3.6, total=0.0112)]
+    other = step(1, 5.0, parameter="EX0S", id="2026-10-25-1", on_part_um=5.0, do=do)
+    for written, wanted in (("", True), ("2026-10-26", True), ("2026-10-28", False)):  # on the 27th it moved last
+        first, second = faults(night("M", 4, standing=[*drift, other]), (), {}, Units(), texts(), written=written)
+        assert ("Enter no new location" in first["todo"]) is wanted and ("written on" in first["todo"]) is not wanted
+        assert second["todo"].startswith("Only when the drift has been ended: ")
+    stopped = night("M", 1, status="partial", touches=58, planned=84, why="the door was opened")
+    for kind, wanted in (("check", False), ("full", True)):
+        page = render(stopped | {"next": {"kind": kind, "why": ""}}).partition("For the engineer")[0]
+        assert ("wait for that of tonight" in page) is wanted
+
+
+def test_a_compensation_that_was_taken_back_was_not_written() -> None:
+    def event(number: int, utc: str, what: str) -> Compensation:
+        return Compensation(0, utc, number, "table", what, "", None, None, None)
+
+    events = [event(2, "2026-10-30T06:00:00Z", "rolled back"), event(2, "2026-10-29T06:00:00Z", "written")]
+    assert last_written(events) == ""
+    assert last_written([*events, event(1, "2026-10-20T06:00:00Z", "written")]) == "2026-10-20"

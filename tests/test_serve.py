@@ -71,7 +71,7 @@ def test_the_morning_page_answers_the_six_questions(site: TestClient) -> None:
     text = site.get("/machine/HU40T-like/night/13").text
     for wanted in (
         *("Changed", "EX0C moved by +19.8 ± 0.4 µm since last night", "The axis of C moved along X, all at once"),
-        *("Last good: Wed 4 Nov, first bad: Thu 5 Nov.", "40 µm apart", "Look for a collision", "NOBODY is named"),
+        *("Last night without it: Wed 4 Nov, first with it: Thu 5 Nov.", "40 µm apart", "Look for a collision", "NOBODY is named"),
         "All that were made since Wed 4 Nov 2026.",
     ):
         assert wanted in text, wanted
@@ -130,9 +130,9 @@ def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
         and 'class="verdict good"' not in text
     )
     wanted = (
-        "Changed since Thu 5 Nov 2026",
+        "First seen on Thu 5 Nov 2026",
         "moved along X, all at once",
-        "Last good: Wed 4 Nov, first bad: Thu 5 Nov.",
+        "Last night without it: Wed 4 Nov, first with it: Thu 5 Nov.",
         "40 µm apart",
         "Look for a collision",
         "NOBODY is named",
@@ -143,7 +143,7 @@ def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
 def test_a_night_without_an_alarm_of_its_own_tells_of_the_open_one_and_of_what_stands_behind_a_limit() -> None:
     open_one = knock("2026-11-05") | {"night": "2026-11-05", "now": "still there: +19.9 µm"}
     page = morning.render(night("M", 12, "changed", headline="still changed", standing=[open_one])).partition("For the engineer")[0]
-    wanted = ("Changed since Thu 5 Nov 2026", "Still there: +20 µm", "40 µm apart", "Look for a collision")
+    wanted = ("First seen on Thu 5 Nov 2026", "Still there: +20 µm", "40 µm apart", "Look for a collision")
     assert [w for w in wanted if w not in page] == []
     drift = {"what": "volume", "parameter": "EY0C", "unit": "mm", "text": "EY0C drifts by +2.1 µm a day", "since": "2026-11-01"}
     drift |= {"size": 0.02, "std": 0.0004, "rate_per_day": 0.0021, "on_part": "Holes are off by 20 µm.", "do": "Have C looked at."}
@@ -154,7 +154,7 @@ def test_a_night_without_an_alarm_of_its_own_tells_of_the_open_one_and_of_what_s
         w
         for w in (
             "C axis off in Y drifts by +2.1 µm a day",
-            "Last good: Sun 1 Nov 2026",
+            "Last night without it: Sun 1 Nov 2026",
             "Holes are off by 20 µm.",
             "Have C looked at.",
             "Ann",

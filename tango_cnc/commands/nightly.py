@@ -132,7 +132,8 @@ class _Held:
 
 def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
     """history, record of tonight → what its page is told by: decisions, last night that measured, last one in limits."""
-    from ..report.morning import last_within
+    from ..history import compensations
+    from ..report.morning import last_within, last_written
 
     machine = record["machine"]
     with suppress(TangoError, OSError):
@@ -141,7 +142,8 @@ def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
             last = next((n for n in nights if n.verdict != "not_measured"), None) if record["verdict"] == "not_measured" else None
             within = last_within([(n.night, n.verdict) for n in nights])
             before = None if last is None else history.night(last.entry).record
-            return {"decisions": history.decisions(machine), "before": before, "within": within}
+            known = {"decisions": history.decisions(machine), "before": before, "within": within}
+            return known | {"written": last_written(compensations(history, machine))}
     return {}
 
 

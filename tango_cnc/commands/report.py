@@ -47,7 +47,11 @@ PLACE = "Keep 50"  # in the list of commands
     "--pdf", "pdf_file", type=Output(), metavar="FILE", help="Also write the report as PDF (pip install 'tango-cnc[pdf]')."
 )
 @click.option("--unit", type=click.Choice(["mm", "inch"]), default="mm", show_default=True, help="mm and µm, or inch and µin.")
-@click.option("--limit-um", type=click.FloatRange(0, min_open=True), help="Largest error of the tool tip that is allowed, µm.")
+@click.option(
+    "--limit-um",
+    type=click.FloatRange(0, min_open=True),
+    help="Largest error of the tool tip that is allowed, µm; default: nightly.yaml.",
+)
 @click.option("--operator", default="", help="Who measured; printed for the auditor.")
 @click.option("--owner", default="", help="Who answers for this machine [default: owner in nightly.yaml].")
 @click.option(
@@ -87,17 +91,19 @@ def command(
     readings = read_readings(source, cell.machine, cell.artefact)
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
     budget = folder / "uncertainty.yaml"
+    nightly = read_nightly(folder)
+    allowed = nightly.limits.get("volume") if limit_um is None else limit_um  # µm
     wishes = Wishes(
         items,
         degree,
-        None if limit_um is None else limit_um / 1e3,
+        None if allowed is None else allowed / 1e3,
         Units("inch" if unit == "inch" else "mm"),
         read_budget(budget) if budget.exists() else None,
         not no_diagnosis,
         not no_pictures,
     )
     result, judgement = judged(cell, readings, items, degree, source=source)
-    made = paper(folder, source, operator, owner or read_nightly(folder).owner)
+    made = paper(folder, source, operator, owner or nightly.owner)
     past = trend(folder, cell.machine.name, list(effects(result)))
     found = gather(
         cell,

@@ -322,4 +322,5 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
         said=plain(said.rstrip("."), f.wishes.units, t, f.cell.machine) + ".",
         count=n.waiting,
     )
-    return [Check("nights", level, word, text, t("todo.nights"), trust=False)]
+    todo = t("todo.nights", owner=f.paper.owner) if f.paper.owner else t("todo.nights_nobody")
+    return [Check("nights", level, word, text, todo, trust=False)]

@@ -16,6 +16,8 @@ from .units import Units, shown
 from .words import moved, spoken
 
 OF_THE_PROBE = ("facet", "noise_level", "pretravel", "stylus")  # causes that are no error of a part
+CLOSED = ("accept", "repaired")  # decisions after which a cause acts no more
+ENTERED = ("axis_location", "scale", "backlash")  # causes whose cure is a number in the control
 SAME = 0.25  # share of its size by which what stands may differ from what was found, and still be one step
 
 
@@ -33,9 +35,10 @@ def faults(
     machine: Machine | None = None,
     before: Mapping[str, Any] | None = None,
     today: str = "",
+    written: str = "",
 ) -> list[dict[str, Any]]:
-    """record, alarms of earlier nights, decisions by alarm, last night that measured, date → what is wrong: unanswered first, then
-    by what it does to a part.
+    """record, alarms of earlier nights, decisions by alarm, last night that measured, date, date on which a compensation was last
+    written → what is wrong: unanswered first, then by what it does to a part. One order a machine: what was done is not told again.
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
     standing = {str(a.get("id")): a for a in known.get("standing") or ()}
@@ -43,20 +46,52 @@ def faults(
     older = [(a, True) for a in (*(record.get("standing") or ()), *waiting)]
     told: dict[str, dict[str, Any]] = {}
     for a, before_tonight in [*tonight, *older]:
-        a = {**a, **{key: standing[str(a["id"])].get(key) for key in ("total", "now") if str(a.get("id")) in standing}}
+        if str(a.get("id")) in standing:
+            a = {
+                **a,
+                **{key: standing[str(a["id"])].get(key) for key in ("total", "now")},
+                "confirmed": _confirmed(standing[str(a["id"])], known),
+            }
         one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
         told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
-    found = _together(list(told.values()), u, t, machine)
+    found = _together(list(told.values()), u, t, machine, written)
     for a in record.get("behind") or ():
         sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
         if not sizes or max(sizes) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
             found.append(alarm(a, None, u, t, machine, record, today) | {"older": False})
+    if any(x["drifts"] and x["cause_key"] not in OF_THE_PROBE and not _closed(x) for x in found):
+        found = [x | ({"todo": t("morning.after_drift", do=x["todo"])} if _entered(x) else {}) for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (a.get("decision") is not None and a.get("parameter") not in behind, *_urgency(a)))
 
 
-def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Machine | None) -> list[dict[str, Any]]:
-    """alarms → one for each parameter, with all that has come together since the oldest of them."""
+def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
+    """alarm of an earlier night, last night that measured → whether that was a full measurement, which has found it again."""
+    seen = ((known.get("parameters") or {}).get(a.get("parameter")) or {}).get("seen")
+    own, total = float(a.get("size") or 0.0), float(a.get("total") or 0.0)
+    stays = own != 0.0 and abs(total - own) <= SAME * abs(own)
+    return stays and bool(seen) and known.get("kind") == "full" and known.get("status") == "complete"
+
+
+def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]] = ()) -> str:
+    """faults, what stands behind a crossed limit → date of the last night before any of them that is open; '' where none is."""
+    dates = [str(a["begun"]) for a in found if a.get("begun") and not _closed(a)]
+    return min([*dates, *(str(a["since"]) for a in behind if a.get("since"))], default="")
+
+
+def _entered(a: Mapping[str, Any]) -> bool:
+    """fault → whether its cure is a number in the control, which waits while the machine drifts."""
+    return a["cause_key"] in ENTERED and bool(a["todo"]) and not a["drifts"]
+
+
+def _closed(a: Mapping[str, Any]) -> bool:
+    return a["decision"] is not None and a["decision"].action in CLOSED
+
+
+def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Machine | None, written: str) -> list[dict[str, Any]]:
+    """alarms, date on which a compensation was last written → one for each parameter, with all that has come together since the
+    oldest of them.
+    """
     groups: dict[str, list[dict[str, Any]]] = {}
     for a in alarms:
         groups.setdefault(str(a.get("parameter") or a["id"]), []).append(a)
@@ -68,13 +103,19 @@ def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Mac
         if first.get("total") is not None:
             every = float(first["total"])
         drifts = any(a.get("rate_per_day") for a in same) or (len(same) > 1 and (min(sizes) > 0 or max(sizes) < 0))
+        open_since = [str(a["since"]) for a in same if a.get("since") and not _closed(a)]
+        first = first | {"begun": min(open_since, default=first["begun"])}
         first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
         if own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter"):
             first |= _whole(first, own, every, drifts, len(same), u, t, machine)
+            if drifts and written and written >= str(same[-1]["night"]):
+                first["todo"] = t("morning.drift_written_do", date=day(written, t))
         elif first["older"] and first.get("now"):
             first["text"] = f"{first['text'].rstrip('.')}. {sentence(plain(str(first['now']), u, t, machine), Units())}"
         unanswered = next((a for a in same if a["decision"] is None), None)
-        found.append(first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "night")})
+        found.append(
+            first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
+        )
     return found
 
 
@@ -129,12 +170,15 @@ def alarm(
         "night": asked,
         "first": asked,  # date of the first night on which it was seen
         "cause": str(a.get("cause") or "").replace("_", " "),
+        "cause_key": str(a.get("cause") or ""),
+        "begun": str(a.get("since") or ""),
         "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
         "on_part": sentence(plain(_told(a, "on_part", u, t), u, t, machine), Units()),
         "raw_part": _told(a, "on_part", u, t),
-        "todo": sentence(plain(_told(a, "do", u, t), u, t, machine), Units()),
+        "todo": sentence(plain(_todo(a, u, t), u, t, machine), Units()),
         "instead": [str(x).replace("_", " ") for x in a.get("instead") or ()],
         "owner": owner,
+        "nobody": not owner and decision is None,
         "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t),
         "decision": decision,
         "drifts": False,
@@ -161,6 +205,13 @@ def sentence(text: Any, u: Units) -> str:
     """text of a record, units → the same as a sentence: a capital in front, lengths in these units."""
     found = u.sentence(str(text or ""))
     return found[:1].upper() + found[1:]
+
+
+def _todo(a: Mapping[str, Any], u: Units, t: Texts) -> str:
+    """→ what to do; no full measurement is asked for where one has found the cause again."""
+    own = _told(a, "do", u, t)
+    key = "confirmed.square" if own in (t("part.square_do"), texts()("part.square_do")) else f"confirmed.{a.get('cause')}"
+    return t(key) if a.get("confirmed") and key in t else own
 
 
 def _told(a: Mapping[str, Any], member: str, u: Units, t: Texts) -> str:

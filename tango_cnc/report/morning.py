@@ -13,7 +13,7 @@ from ..records import InputError, Machine
 from . import svg
 from .answer import answer, measuring
 from .days import day, ended
-from .faults import alarm, faults, sentence
+from .faults import alarm, begun, faults, sentence
 from .page import environment, rendered, value_text
 from .plain import plain
 from .texts import Texts, texts_of
@@ -39,14 +39,16 @@ def render(
     folder: Path | None = None,
     before: Mapping[str, Any] | None = None,
     within: str = "",
+    written: str = "",
 ) -> str:
-    """tango-night/1, decisions, units, a shop's templates, last night that measured, date of the last one in limits → HTML alone.
+    """tango-night/1, decisions, units, a shop's templates, last night that measured, date of the last one in limits,
+    date on which a compensation was last written → HTML alone.
 
     Raises InputError.
     """
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
-    values = context(record, decisions, units, texts_of(folder), before=before, within=within)
+    values = context(record, decisions, units, texts_of(folder), before=before, within=within, written=written)
     return rendered(environment(folder), "morning.html", values)
 
 
@@ -62,6 +64,7 @@ def context(
     owner: str = "",
     late: str = "",
     within: str = "",
+    written: str = "",
     busy: str = "",
     now: datetime | None = None,
 ) -> dict[str, Any]:
@@ -69,17 +72,18 @@ def context(
 
     `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
     where the record names nobody; `late`: date since when a complete night is missing; `within`: date of the last night within
-    every limit, where that is over; `busy`: how long the machine still measures; `now`: what the age of the night is told by.
+    every limit, where that is over; `written`: date on which a compensation was last written; `busy`: how long the machine
+    still measures; `now`: what the age of the night is told by.
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
     asked = {**record, "owner": record.get("owner") or owner}
     today = now.astimezone().strftime("%Y-%m-%d") if now is not None else str(record.get("night") or "")
     alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
-    found = faults(asked, waiting, by_alarm, u, t, machine, before, today)
+    found = faults(asked, waiting, by_alarm, u, t, machine, before, today, written)
     opened = [a["night"] for a in found if a["id"] and (a["decision"] is None or a["decision"].action == "acknowledge")]
     told = answer(record, u, t, "" if record.get("alarms") else next(iter(opened), ""), before, machine, late)
-    suspect = _suspect(told.may, within, found, t)
+    suspect = _suspect(told.may, within, begun(found, record.get("behind") or ()), t)
     if busy:
         told = measuring(told, t)
     return {
@@ -100,6 +104,8 @@ def context(
         "day": lambda text, year=True: day(text, t, year),
         "ended": ended(record.get("end_utc"), t, now),
         "suspect": suspect,
+        "who": _who(told.may, asked, found, t),
+        "nobody": found[0]["nobody"] if found else not asked["owner"],
         "busy": busy,
         "answer": told,
         "headline": sentence(record.get("headline"), u),
@@ -126,12 +132,22 @@ def context(
     }
 
 
-def _suspect(may: str, within: str, found: Sequence[Mapping[str, Any]], t: Texts) -> str:
-    """answer, date of the last night within every limit, faults → which parts are in question; '' where none are."""
+def _suspect(may: str, within: str, began: str, t: Texts) -> str:
+    """answer, date of the last night in limits, of that before the first open fault → parts in question, or nothing."""
     if may == "no" and within:
+        if began and began < within:
+            return t("morning.suspect_both", date=day(began, t), within=day(within, t))
         return t("morning.suspect_beyond", date=day(within, t))
-    dates = [str(a["since"]) for a in found if a.get("since") and a["decision"] is None]
-    return t("morning.suspect", date=day(min(dates), t)) if may in ("no", "but") and dates else ""
+    return t("morning.suspect", date=day(began, t)) if may in ("no", "but") and began else ""
+
+
+def _who(may: str, record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
+    """answer, record, faults → who has it, as a sentence; '' where there is nothing to have."""
+    if found:
+        return str(found[0]["who"])
+    if may in ("yes", "wait") and record.get("verdict") == "good":
+        return ""
+    return t("morning.call", owner=record["owner"]) if record["owner"] else t("morning.nobody")
 
 
 def last_within(nights: Sequence[tuple[str, str]]) -> str:
@@ -140,6 +156,12 @@ def last_within(nights: Sequence[tuple[str, str]]) -> str:
     if not measured or measured[0][1] != "out_of_limits":
         return ""
     return next((date for date, verdict in measured if verdict != "out_of_limits"), "")
+
+
+def last_written(events: Sequence[Any]) -> str:
+    """events of compensations, newest first → date of the last that was written and not taken back; '' where none was."""
+    back = {e.number for e in events if e.event == "rolled back"}
+    return next((str(e.utc)[:10] for e in events if e.event == "written" and e.number not in back), "")
 
 
 def _limit(x: Mapping[str, Any], u: Units) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from ...report.units import Units
 from ..app import State, needs, page, state_of
 from ..places import Row
 from ..places import told as verdict_of
-from .machine import busy_of
+from .machine import busy_of, written_of
 
 
 def fleet(request: Request) -> Response:
@@ -67,6 +67,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "numbers": "" if told is None else told.numbers,
         "headline": headline,
         "waiting": "" if waiting is None else waiting["who"],
+        "nobody": waiting is not None and waiting["nobody"],
         "fault": "" if waiting is None else waiting["text"],
         "open": s.alarms_open if s else 0,
         "complete": day(complete, t),
@@ -87,7 +88,8 @@ def open_faults(row: Row, alarms: Any, owner: str, axes: Geometry | None, state:
     record |= {"owner": record.get("owner") or owner, "alarms": (), "standing": (), "behind": ()}
     today = datetime.now().astimezone().strftime("%Y-%m-%d")
     known = row.before if record.get("verdict") == "not_measured" else row.record
-    return faults(record | {"verdict": "not_measured"}, earlier(alarms), {}, state.units, state.texts, axes, known, today)
+    shown = record | {"verdict": "not_measured"}
+    return faults(shown, earlier(alarms), {}, state.units, state.texts, axes, known, today, written_of(row.machine))
 
 
 def _first_waiting(row: Row, request: Request) -> Mapping[str, Any] | None:

@@ -12,10 +12,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ...history import Night
+from ...history import Night, compensations
 from ...report.charts import tip
 from ...report.faults import earlier
-from ...report.morning import LEVELS, context, last_within, strip
+from ...report.morning import LEVELS, context, last_within, last_written, strip
 from ..app import machine_of, needs, page, state_of
 from ..live import Run, journals, minutes_left, quiet
 from ..places import STRIP, Machine, told
@@ -48,6 +48,7 @@ def machine(request: Request) -> Response:
             owner=state.places.owner(found),
             late=state.places.late(found),
             within=last_within(signs),
+            written=written_of(found),
             busy=busy_of(request, found),
             now=datetime.now(UTC),
         )
@@ -77,6 +78,14 @@ def _waiting(request: Request, machine: Machine) -> Any:
     history = machine.history
     assert history is not None
     return state_of(request).places.kept(f"waiting {machine.slug}", lambda: history.open_alarms(machine.name))
+
+
+def written_of(machine: Machine) -> str:
+    """machine → date on which a compensation was last written; '' where none was."""
+    history = machine.history
+    if history is None or machine.name not in history.machines():
+        return ""
+    return last_written(compensations(history, machine.name))
 
 
 def run_of(request: Request, machine: Machine) -> Run | None:

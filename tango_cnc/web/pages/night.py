@@ -11,7 +11,7 @@ from ...records import InputError
 from ...report.morning import context
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
-from .machine import ANOTHER, record_before
+from .machine import ANOTHER, record_before, written_of
 from .report import NAMES, file_of_night
 
 
@@ -31,6 +31,7 @@ def night(request: Request) -> Response:
         before=record_before(request, found, nights),
         machine=state.places.geometry(found),
         owner=state.places.owner(found),
+        written=written_of(found),
     )
     written = [name for name in NAMES if file_of_night(found, record, name) is not None]
     return page(request, "night.html", machine=found, entry=entry, written=written, **values)
