@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,6 +21,7 @@ from sim_controller.session import language
 from sim_controller.simulate import simulate
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._stylus import bought
+from tango_cnc.commands.report import paper
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import joined, read_cell, read_readings, read_world, readings_text
 from tango_cnc.model import residual
@@ -219,3 +221,11 @@ def test_a_plan_says_what_a_second_stylus_would_add() -> None:
     assert found["length_mm"] == pytest.approx(386.674)
     assert {"EAY", "EBY", "ECZ", "VY"} <= set(found["more"])
     assert found["alone"] < found["together"] <= found["figures"]
+
+
+def test_the_report_has_the_hash_of_the_second_run(tmp_path: Path) -> None:
+    (tmp_path / "tango.yaml").write_text("machine: machine.yaml\n", encoding="utf-8")
+    for name in ("readings.csv", "readings.stylus2.csv"):
+        (tmp_path / name).write_text(name, encoding="utf-8")
+    known = {name: digest for name, _, digest in paper(tmp_path, tmp_path / "readings.csv", "", "").files}
+    assert known["readings.stylus2.csv"] == hashlib.sha256(b"readings.stylus2.csv").hexdigest()

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from .. import __version__
-from ..files import read_cell, read_readings, read_terms, write_text
+from ..files import of_stylus, read_cell, read_readings, read_terms, write_text
 from ..files.nightly import read_nightly
 from ..files.origin import current, read_origin
 from ..files.readjson import read_json
@@ -139,7 +139,8 @@ def overall(judgement: Judgement, found: Facts) -> Judgement:
 
 def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) -> Paper:
     """cell, readings file, people, more files → what a report says of its own making."""
-    names = [*(n for n in sources(folder) if n.name not in KEPT), folder / "uncertainty.yaml", source, *more]
+    styli = [of_stylus(source, number) for number in range(2, 10)]  # read with it where they exist
+    names = [*(n for n in sources(folder) if n.name not in KEPT), folder / "uncertainty.yaml", source, *styli, *more]
     origin_file = source.with_suffix(".json")
     origin: Mapping[str, Any] | None = None
     if origin_file.exists():
