@@ -69,13 +69,14 @@ def a_byte(lines: Callable[[Plan], Iterable[str]]) -> float:
     return (much - little) / (long - short)
 
 
-@pytest.mark.long
+@pytest.mark.campaign  # threads of other tests in the same process add their memory
 @pytest.mark.parametrize("post", ["linuxcnc", "fanuc", "heidenhain"])
 def test_a_program_is_never_in_memory_as_a_whole(post: str) -> None:
     options = {"macros": "called"} if post == "fanuc" else {}
     assert a_byte(lambda made: program(load(post), made, options, "0123456789AB")[2]()) < 0.3
 
 
+@pytest.mark.campaign
 def test_plan_csv_is_never_in_memory_as_a_whole() -> None:
     assert a_byte(plan_lines) < 0.3
 
@@ -89,7 +90,7 @@ def a_touch(work: Callable[[int], object]) -> float:
     return (peak(lambda: work(20)) - peak(lambda: work(5))) / 90
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 @pytest.mark.parametrize(("kept", "least", "most"), [(plan, 100, 300), (lambda cell: list(plan(cell).touches), 1000, 9000)])
 def test_a_plan_takes_little_more_than_the_list_of_its_touches(kept: Callable[[Cell], object], least: int, most: int) -> None:
     """Two touches an indexation; of what is made and not kept there is a block at a time. Records would be noticed."""
