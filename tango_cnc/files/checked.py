@@ -19,6 +19,7 @@ from ..records import Id, InputError, Vector
 
 NUMERAL = re.compile(r"-?\d+")
 LARGEST = 1 << 28  # bytes of a file that is read whole
+SMALL = 1 << 16  # bytes asked for of a file that does not state its size, as in /proc; what is asked for is reserved in memory
 LONGEST = 400_000  # characters of YAML: what can be read in about a second
 DEEPEST = 50  # levels of nesting
 MOST_VALUES = 1_000_000  # that a YAML file stands for
@@ -368,7 +369,7 @@ def read_text(file: Path) -> str:
             size = os.fstat(opened.fileno()).st_size
             if size > LARGEST:
                 raise complaint(file, None, "", f"{size} bytes", f"at most {LARGEST} are read; is it another kind of file?")
-            text = opened.read(LARGEST).decode("utf-8-sig")
+            text = opened.read(max(size, SMALL)).decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise complaint(file, None, "", "no such file", MISSING.get(file.name, "check the path; it starts from here")) from None

@@ -127,7 +127,7 @@ def _bytes(file: Path) -> bytes:
             state = os.fstat(opened.fileno())
             if not stat.S_ISREG(state.st_mode) or state.st_size > MOST:
                 raise InputError(f"{file}: found a device, or {state.st_size} bytes; allowed: a journal of at most {MOST} bytes")
-            return opened.read(MOST)
+            return opened.read(state.st_size)  # what is asked for is reserved in memory
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror}); there is no run to resume") from None
 
