@@ -61,6 +61,14 @@ from .session import Ledger, Session, Setup
     "--compensation", type=click.Path(path_type=Path), metavar="DIR", help="What 'tango compensate' wrote is in the control."
 )
 @click.option("--stylus", type=int, default=1, show_default=True, help="Which stylus is in the spindle.")
+@click.option(
+    "--override",
+    default="1",
+    metavar="FACTOR[,…]",
+    help="Feed override of the panel, 0.01 to 2: for each program in turn, the last one stays (1,0.1: turned after the first).",
+)
+@click.option("--dry-run", type=click.FloatRange(1, 100000), metavar="MM/MIN", help="Dry run: this feed in place of every F.")
+@click.option("--skip-obeys", is_flag=True, help="Probing moves obey override and dry run; on most controls they do not.")
 @click.option("--once", is_flag=True, help="End after one program.")
 def main(
     folder: Path,
@@ -87,6 +95,9 @@ def main(
     ledger: Path | None,
     compensation: Path | None,
     stylus: int,
+    override: str,
+    dry_run: float | None,
+    skip_obeys: bool,
     once: bool,
 ) -> None:
     """Pretends to be the controller of a cell whose true machine is described by a world file.
@@ -106,7 +117,8 @@ def main(
     if g54 is not None:
         chosen["g54"] = " ".join(f"{name}:{value}" for name, value in zip("XYZ", g54.split(","), strict=False))
     library = tuple(line for line in read_text(stored).splitlines() if line.strip() != "%") if stored else ()
-    setup = Setup(language, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer, counted)
+    panel = (_factors(override), dry_run, skip_obeys)
+    setup = Setup(language, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer, counted, *panel)
     talk = server.protocol(protocol)
     journal = Ledger(ledger)
     session = Session(truth, setup, journal.note)
@@ -137,6 +149,17 @@ def main(
             server.serve_pty(line, talk, session, parity=parity, once=once, disturbed=disturbed)
     finally:
         journal.close()
+
+
+def _factors(text: str) -> tuple[float, ...]:
+    """'1,0.1' → (1.0, 0.1). Raises InputError for what no panel can be turned to."""
+    try:
+        factors = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        factors = ()
+    if not factors or not all(0.01 <= factor <= 2 for factor in factors):
+        raise InputError(f"--override: found {text!r}; allowed: factors from 0.01 to 2 with commas between them, e.g. 1,0.1")
+    return factors
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -93,6 +93,8 @@ class Motion:
         dry_run: float | None = None,
         skip_obeys: bool = False,
         latches: bool = True,
+        short_way: tuple[str, ...] = (),
+        block_time: float = 0.0,
     ) -> None:
         self.rig, self.machine = rig, rig.machine
         self.time = 0.0
@@ -112,7 +114,13 @@ class Motion:
         self._override, self._dry_run = override, dry_run  # of the panel: a factor, mm/min that dry run puts in place of F
         self._skip_obeys = skip_obeys  # whether they act on probing moves: on most controls they do not (M700V p. 547; 6200#7 SKF)
         self._latches = latches  # the position of a contact is stored at the trigger; else it is that after the stop
+        self._short_way = short_way  # rotary axes that go to an angle by the nearer way, over 360 deg
+        self._block_time = block_time  # s that the control thinks before each motion
         self._asked, self._held = False, -1.0  # the screen asks for a finger; until when one is at the stylus, s
+
+    def panel(self, override: float = 1.0, dry_run: float | None = None, skip_obeys: bool = False) -> None:
+        """Somebody turns the feed override, a factor; `dry_run`: mm/min in place of every F; whether probing moves obey them."""
+        self._override, self._dry_run, self._skip_obeys = override, dry_run, skip_obeys
 
     def freed(self) -> None:
         """The word that opens a brake was carried out: nothing holds a rotary axis back any more."""
@@ -144,11 +152,13 @@ class Motion:
         for corner in [end] if straight else self._corners(end):
             seconds = float(clock.rapid_time(self.machine, (corner - self._position)[None])[0])
             self._positioning("rapid", corner, seconds)
+        self._rolled(target)
 
     def feed(self, target: Mapping[str, float], feed: float) -> None:
         """{axis: mm rad}, mm/min (deg/min when only rotary axes move) → goes there. Raises MotionStop as `rapid`."""
         end = self._end(target)
         self._positioning("feed", end, self._length(end) / (self._dialled(feed) / 60))
+        self._rolled(target)
 
     def skip(self, target: Mapping[str, float], feed: float) -> Skip:
         """{axis: mm rad}, mm/min → moves until the probe triggers, at most there. Raises MotionStop outside the travel.
@@ -247,7 +257,15 @@ class Motion:
             if axis.travel is not None and not axis.travel[0] - 1e-6 <= value <= axis.travel[1] + 1e-6:
                 sign = 1 if value > axis.travel[1] else -1
                 raise MotionStop("overtravel", f"{axis.name} would leave its travel", axis.name, sign)
+        for name in target.keys() & set(self._short_way):
+            column = self.machine.column(name)
+            end[column] = self._position[column] + math.remainder(end[column] - self._position[column], math.tau)
         return end
+
+    def _rolled(self, target: Mapping[str, float]) -> None:
+        """An axis that went the nearer way shows the angle that it was sent to."""
+        for name in target.keys() & set(self._short_way):
+            self.set_position(name, target[name])
 
     def _corners(self, end: Array) -> list[Array]:
         """→ the corners of a path on which every axis runs at its own rapid until it has arrived."""
@@ -336,7 +354,7 @@ class Motion:
         self._direction = np.where(moved, np.sign(change), self._direction)
         self._move = np.where(moved, change, self._move)
         self._position = end.copy()
-        self.dwell(seconds)
+        self.dwell(seconds + self._block_time)
 
     def _disturbed(
         self, start: Array, end: Array, direction: Array, s: float, row: int, seconds: float, feed: float

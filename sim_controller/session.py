@@ -39,6 +39,9 @@ class Setup:
     library: tuple[str, ...] = ()  # lines of programs that the control has stored
     buffer: int = BUFFER
     counted: bool = False  # TV check: a block of an odd number of characters is an alarm
+    override: tuple[float, ...] = (1.0,)  # feed override of the panel, a factor: for each program in turn; the last one stays
+    dry_run: float | None = None  # mm/min that dry run puts in place of every F
+    skip_obeys: bool = False  # whether probing moves obey override and dry run
 
 
 class Ledger:
@@ -73,11 +76,14 @@ class Session:
         self.buffer, self.counted = setup.buffer, setup.counted
         self.resident: Callable[[Motion, Callable[[bytes], None]], None] | None = None  # what a command starts
         self.device: Any = None  # of a protocol whose control outlives a connection
+        self._moving: Motion | None = None
+        self._programs = 0  # that have been run
         self.serial = False  # the line is one of characters, not of packets
 
     def motion(self) -> Motion:
         """→ the machine of a control that has just been switched on, at its reference position."""
-        motion = Motion(self._rig, self.note, self._wait, self._setup.faults)
+        motion = self._moving = Motion(self._rig, self.note, self._wait, self._setup.faults)
+        self._dialled(motion)
         self.note("power", state="on", home=motion.position.tolist())
         return motion
 
@@ -97,8 +103,16 @@ class Session:
     def run(self, control: Any, lines: Iterator[str]) -> None:
         """control, lines of one tape → executed. Raises Alarm and Silence."""
         self.note("program", state="reading" if self._setup.streamed else "storing")
+        if self._moving is not None:
+            self._dialled(self._moving)
+        self._programs += 1
         control.run(lines if self._setup.streamed else list(lines), self._setup.streamed)
         self.note("program", state="ended")
+
+    def _dialled(self, motion: Motion) -> None:
+        """machine → the panel stands as it should for the program that comes next."""
+        override = self._setup.override[min(self._programs, len(self._setup.override) - 1)]
+        motion.panel(override, self._setup.dry_run, self._setup.skip_obeys)
 
     def received(self, count: int) -> None:
         """bytes that came."""

@@ -19,7 +19,8 @@ ALIVE = 10.0  # mm of the slow move during which somebody touches the stylus, be
 ALIVE_TIME = 20.0  # s of it, for a person to get there
 RELEASE = 5  # s for the hand to go
 TOUCH = "TOUCH THE STYLUS"  # what a program shows then, word by word
-BEHIND = 0.5  # mm behind its facet where the search ends that proves the probe: every stylus gives way by more
+BENT = 0.5  # mm: every stylus gives way by more; what a probe that says nothing is bent at most
+BEHIND = 0.45  # mm behind its facet where the search ends that proves the probe; the rest is for rounded angles (0.006 deg on grbl)
 ABOVE = math.cos(math.radians(45.0))  # of the angle between tool and facet normal: touched from above
 PROVING = "PROVING THE PROBE AT FACET"  # what a program says before it does
 

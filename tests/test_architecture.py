@@ -27,7 +27,7 @@ INTERNAL: dict[str, str | None] = {
     "check": "records kinematics",
     "duration": "records gate",
     "gate": "records",
-    "commission": "records gate plan kinematics",
+    "commission": "records gate plan kinematics duration",
     "locate": "records kinematics plan",
     "plan": "records kinematics check",
     "readback": "records kinematics check gate",

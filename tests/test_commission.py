@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
+import os
 import re
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support.controls import golden
+from support.controls import GOLDEN, golden
 from support.dialects import EVERY
 from support.gates import NEAR, ran
-from support.wrongcontrols import Case, cases, sees, turned_round
+from support.wrongcontrols import Case, cases, sees, table, turned_round
 
 from postprocessors._base import companions, load, program
 from postprocessors._base import settings as settings_of
@@ -23,11 +26,13 @@ from tango_cnc import commission, readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.commission import record_of
 from tango_cnc.commands.init import write_example
+from tango_cnc.files import read_cell
 from tango_cnc.files.commissioning import Proof, add_proofs, latest, read_commissioning
-from tango_cnc.plan import plan_hash
+from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError, Machine, Plan
 
 ALL_RIGHT = Case(None)
+LIMIT = math.radians(365.0)  # of C: room for 350 deg, and none for 370
 IN_THE_AIR = {e.belief for e in commission.experiments() if not e.touches}  # the others: test_commission_touch.py
 QUICK = ("fanuc", "linuxcnc")  # by default; the others in CI
 DIALECTS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(EVERY)]
@@ -40,7 +45,11 @@ CASES = [
 
 @cache
 def air(name: str) -> Plan:
-    return commission.air(golden())
+    """→ the plan in the air, from 350 to 10 deg of C at its end."""
+    whole = read_cell(GOLDEN)
+    axes = tuple(replace(a, travel=(-LIMIT, LIMIT)) if a.name == "C" else a for a in whole.machine.axes)
+    cell = replace(whole, machine=replace(whole.machine, axes=axes))
+    return commission.air(plan(commission.rolling(cell)), own=len(cell.strategy.indexations))
 
 
 def profile(name: str, stated: Mapping[str, Any]) -> dict[str, Any]:
@@ -62,19 +71,38 @@ def seen(
     truly = case.truly(made.machine) if case.truly else made.machine
     how = case.wrong if wrong is None else wrong
     found = ran(name, made, profile(name, kept), truly=truly, **how)
-    lines = case.printed(found.out).decode("ascii", "replace").replace("\x12", "").replace("\x14", "").splitlines()
+    lines = printed(case.printed(found.out))
     touched = [line for line in lines if line.lstrip().startswith("P")]
     records = {r[0]: r[1:] for line in touched if (r := record_of(line, made))}
     refused = tuple(line for line in touched if record_of(line, made) is None)
     said = found.why or " ".join(found.stops)
     begun, ended = (any(f"TANGO {word} " in line for line in lines) for word in ("START", "END"))
     held = stops_when_held(name, kept, how.get("habits", {}), ignored=case.fails == "deflected")
+    turned, kept_records = turned_down(name, kept, found.out, how, case) if not said else (None, None)
     asked = {b: {w: q.text for w, q in each.items()} for b, each in commission.questions(made).items()}
-    answers = sees(made, truly, asked, case.person)
+    farthest = max((place["C"] for place in found.places), default=0.0)
+    answers = sees(made, truly, asked, case.person, farthest)
     if not case.person:  # one thing is not as it should be
         answers = {b: {w: b != case.fails for w in each} for b, each in answers.items()}
-    what = commission.Seen(made, records, begun, ended, refused, said, None, held if not said else None, answers)
-    return what, [event for event, _ in found.events]
+    times = dict(enumerate(found.stamps, 1))
+    stored = name != "grbl"
+    what = commission.Seen(made, records, begun, ended, refused, said, None, held if not said else None, answers, times=times)
+    return replace(what, dialled=turned, kept=kept_records, stored=stored), [event for event, _ in found.events]
+
+
+def printed(text: bytes) -> list[str]:
+    return text.decode("ascii", "replace").replace("\x12", "").replace("\x14", "").splitlines()
+
+
+def turned_down(
+    name: str, stated: Mapping[str, Any], first: bytes, how: Mapping[str, Any], case: Case
+) -> tuple[dict[int, float], bool]:
+    """dialect, profile, records of the first program, what is wrong → times of the second one with the feed override turned down,
+    and whether the file holds both."""
+    few = commission.air(golden(), 1)
+    again = ran(name, few, profile(name, stated) | {"gate": "none"}, **{**how, "override": commission.DIAL})
+    file = again.out if case.overwrites else first + again.out
+    return dict(enumerate(again.stamps, 1)), file.count(b"TANGO START") == 2
 
 
 def verdicts(what: commission.Seen, verdict: str) -> list[str]:
@@ -113,6 +141,19 @@ def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_i
         after, events = seen(name, ALL_RIGHT, stated=case.stated)
     assert set(verdicts(after, "PASS")) == IN_THE_AIR, commission.judge(after)
     assert not set(NEAR) & set(events)
+
+
+def test_the_table_of_the_docs_is_what_these_cases_are() -> None:
+    """TANGO_GOLDEN=write python -m pytest tests/test_commission.py -k table writes it."""
+    page, made = Path(__file__).parent.parent / "docs" / "commissioning.md", table(sorted(EVERY))
+    text = page.read_text(encoding="utf-8")
+    begin = text.index("| dialect | ")
+    end = text.index("\n\n", begin)
+    if os.environ.get("TANGO_GOLDEN") == "write":
+        page.write_text(text[:begin] + made + text[end:], encoding="utf-8")
+        return
+    assert text[begin:end] == made, "TANGO_GOLDEN=write python -m pytest tests/test_commission.py -k table writes it"
+    assert f"{len(CASES)} cases" in text and len(EVERY) == 14
 
 
 def keys_with(machine: Machine | None = None, port: str = "", **stated: Any) -> dict[str, str]:
@@ -160,10 +201,10 @@ def test_each_belief_has_its_own_dependence() -> None:
     assert not changed(keys_with(skip="G31", wait="G53"))  # the defaults, stated
     assert changed(keys_with(unclamp={"B": "M11"}, clamp={"B": "M10"})) == {"rotary"}
     assert changed(keys_with(probe_state=1004)) == {"deflected"}
-    assert changed(keys_with(port="serial:///dev/ttyS1")) == {"records", "end"}
+    assert changed(keys_with(port="serial:///dev/ttyS1")) == {"append", "records", "end", "pace"}
     assert changed(keys_with(macros="called")) == every  # no experiment says what it is for
     machine = golden().machine
-    assert changed(keys_with(turned_round(machine, "B"))) == {"pivots", "rotary", "sense"}
+    assert changed(keys_with(turned_round(machine, "B"))) == {"pivots", "rollover", "rotary", "sense"}
     assert changed(keys_with(turned_round(machine, "X"))) == {"directions"}
     assert changed(commission.keys(machine, "fanuc", "another text", settings_of(load("fanuc"), {}), "")) == every
 
@@ -223,7 +264,10 @@ def test_from_the_command_line_only_what_is_new_is_tried(control: tuple[Path, st
     assert call(*tries) == 0
     found = json.loads(capsys.readouterr().out)
     verdicts = {item["belief"]: item["verdict"] for item in found["beliefs"]}
-    assert {b for b, v in verdicts.items() if v != "PASS"} == {"deflected"}  # nobody was there to hold it
+    assert {b for b, v in verdicts.items() if v != "PASS"} == {
+        "deflected",
+        "feed",
+    }  # nobody was there to hold it, or to turn a dial
     call(*plans)
     after = json.loads(capsys.readouterr().out)
     gone = set(before["unverified"]) - set(after["unverified"])
@@ -231,13 +275,13 @@ def test_from_the_command_line_only_what_is_new_is_tried(control: tuple[Path, st
     assert any(text.startswith("unclamp =") for text in gone) and any(
         text.startswith("probe_state =") for text in after["unverified"]
     )
-    assert call(*tries) == 0 and "only deflected is not proven" in capsys.readouterr().out  # nothing is run
+    assert call(*tries) == 0 and "only deflected and feed are not proven" in capsys.readouterr().out  # nothing is run
     settings = cell / "tango.yaml"
     settings.write_text(settings.read_text() + "  memory: 2048\n")
-    assert call(*tries) == 0 and "only deflected is not proven" in capsys.readouterr().out
+    assert call(*tries) == 0 and "only deflected and feed are not proven" in capsys.readouterr().out
     settings.write_text(settings.read_text() + "  unclamp: {B: M11}\n")
     call(*plans)
     assert any(text.startswith("clamp =") for text in json.loads(capsys.readouterr().out)["unverified"])
     assert call(*tries) == 0
     again = json.loads(capsys.readouterr().out)
-    assert [item["belief"] for item in again["beliefs"]] == ["deflected", "rotary"]
+    assert [item["belief"] for item in again["beliefs"]] == ["deflected", "rotary", "feed"]

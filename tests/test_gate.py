@@ -19,9 +19,8 @@ from support.readback import renumbered
 
 from postprocessors._base import companions, load, program, unverified
 from postprocessors._base import settings as settings_of
-from sim_controller.world import nominal_machine, tip_in_table
 from tango_cnc import readback
-from tango_cnc.gate import ALIVE_TIME, BEHIND, PROVING, TOUCH, gate, proving_touch
+from tango_cnc.gate import ALIVE_TIME, BENT, PROVING, TOUCH, gate, proving_touch
 from tango_cnc.plan import plan_hash
 from tango_cnc.records import InputError, Plan
 
@@ -111,26 +110,12 @@ def test_it_goes_where_there_is_room(room: float) -> None:
 
 
 FACET = {"gate": "facet"}
-ROUNDED = 0.001  # mm and deg: coordinates of a program have three decimals at least
-APART = 0.006  # deg: the driver of grbl keeps an angle that far from what would be a code behind another letter
 WAYS_IT_FAILS = ("dead", "other", "inverted")
 
 
 def bent(found: Ran) -> float:
     """→ mm by which the stylus was bent without anybody noticing it."""
     return max((data["depth"] for event, data in found.events if event == "bent"), default=0.0)
-
-
-def bends(name: str, made: Plan) -> float:
-    """dialect, plan → mm that the stylus may be bent: 0.5 mm and what rounded coordinates make, on grbl angles beside the plan."""
-    apart = APART if name == "grbl" else ROUNDED / 2
-    touch, nominal, still = proving_touch(made), nominal_machine(made.machine), np.zeros((1, len(made.machine.names)))
-    most, at = BEHIND + ROUNDED, tip_in_table(nominal, np.array([touch.end]), still)[0]
-    for axis in made.machine.rotary:
-        beside = np.array(touch.end)
-        beside[made.machine.column(axis)] += math.radians(apart)
-        most += float(np.linalg.norm(tip_in_table(nominal, beside[None], still)[0] - at))
-    return most
 
 
 @pytest.mark.parametrize("name", DIALECTS)
@@ -151,7 +136,7 @@ def test_at_the_facet_a_probe_that_says_nothing_gives_way_and_is_found(name: str
     found = ran(name, golden(), FACET, person=False, probe=probe)
     assert found.why or found.stops
     assert not set(NEAR) & set(events(found))
-    assert bent(found) <= bends(name, golden())
+    assert bent(found) <= BENT
     assert (bent(found) > 0.4) == (probe != "inverted")
     assert not [line for line in found.lines if line.strip().startswith("P")]
 
@@ -207,7 +192,7 @@ def random_plans_with_a_bad_probe(seed: int, count: int) -> int:
                 where = f"plan {i} of seed {seed}, {name}, {which}, {probe}"
                 assert found.why or found.stops, where
                 assert not set(NEAR) & set(events(found)), where
-                assert bent(found) <= (bends(name, made) if which == "facet" else 0.0), where  # a finger keeps it in the air
+                assert bent(found) <= (BENT if which == "facet" else 0.0), (bent(found), where)  # a finger keeps it in the air
                 runs += 1
     return runs
 

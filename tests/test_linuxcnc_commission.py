@@ -19,7 +19,17 @@ from support.realcontrol import Control, linuxcnc
 pytestmark = [pytest.mark.system("linuxcnc", "linuxcncrsh"), pytest.mark.xdist_group("linuxcnc"), pytest.mark.long]
 HERE = Path(__file__).parent
 SLOW = (0.02, 1.0)  # mm/s upwards: the move that asks for a finger goes 0.5 mm/s
-KNOWN = {"alive", "frames", "miss", "rotary", "records", "end"}  # of LinuxCNC 2.9: G38.3, G53, LOG, #<_abs_x>
+KNOWN = {
+    "alive",
+    "frames",
+    "miss",
+    "rotary",
+    "records",
+    "end",
+    "widths",
+    "pace",
+    "rollover",
+}  # of LinuxCNC 2.9: G38.3, G53, LOG, #<_abs_x>
 
 
 def hal(control: Control, *words: str) -> str:

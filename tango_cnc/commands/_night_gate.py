@@ -17,7 +17,7 @@ from ..records import Cell, Plan, Touch
 from ._common import dialect
 from ._proofs import proven
 
-NEAR = 0.3  # mm between where the facet was found and where the plan expects it; the search ends 0.5 mm behind the latter
+NEAR = 0.3  # mm between where the facet was found and where the plan expects it; the search ends 0.45 mm behind the latter
 TURNED = math.radians(0.1)  # of a rotary axis: the same indexation
 FAR = 30.0  # mm from the expected contact: not this touch
 

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
 from ._common import cell_option, dialect, json_option
 from ._written import written
+from .check import positioning_feed
 
 FOLDER = "commissioning"  # of the cell: program, records and journal of the last try
 WORD = re.compile(r"([A-Z]) *([+-]? *\d*\.?\d+)")
 SUMS = 0.01  # mm: coordinates of a record and their sum K, all rounded
 FAILED = 1
+BY_DIAL = ("feed", "append")  # beliefs that a second program with the feed override turned shows
+SLOW = 60.0  # s that a move may take then
+START = b"TANGO START"
 PLACE = "Measure 10"  # in the list of commands
 
 
@@ -31,6 +38,11 @@ PLACE = "Measure 10"  # in the list of commands
     "--held/--no-held",
     default=None,
     help="Try a probe that is held aside too: the program is started once more and has to stop. Default: at a terminal.",
+)
+@click.option(
+    "--dial/--no-dial",
+    default=None,
+    help="Try the feed override and the file of the records too: a second program with the dial at 25 %. Default: at a terminal.",
 )
 @click.option(
     "--touch", is_flag=True, help="Touch the table: a few facets at two angles and two feeds, for what no move in the air shows."
@@ -52,6 +64,7 @@ def command(
     port: str | None,
     only_program: bool,
     held: bool | None,
+    dial: bool | None,
     touch: bool,
     yes: bool,
     again: bool,
@@ -67,7 +80,7 @@ def command(
     again, as long as what it depends on (profile, axes of machine.yaml, port) is the same.
     """
     from .. import commission
-    from ..plan import by_stylus, plan
+    from ..plan import by_stylus
     from ._commission_touch import touched
     from ._proofs import proven, told, unproven
 
@@ -91,13 +104,20 @@ def command(
     someone = sys.stdin is not None and sys.stdin.isatty()
     if held and not someone:
         raise InputError("--held: found no terminal; allowed: a terminal with a person who holds the stylus aside when asked")
+    if dial and not someone:
+        raise InputError("--dial: found no terminal; allowed: a terminal with a person who turns the feed override when asked")
     flies = bool(wanted - {"deflected"}) or only_program  # else the program with the stylus held aside is all that is left
-    if not flies and (held is False or not someone):
-        click.echo(
-            f"only deflected is not proven, see {folder / NAME}; it needs a terminal and a person who holds the stylus aside"
-        )
+    alone = {"deflected", *BY_DIAL}  # what only a second program shows
+    if not someone and not wanted - alone and not only_program:
+        what = " and ".join(sorted(wanted))
+        do = "who holds the stylus aside" if wanted == {"deflected"} else "who does what it asks"
+        be = "is" if len(wanted) == 1 else "are"
+        click.echo(f"only {what} {be} not proven, see {folder / NAME}; it needs a terminal and a person {do}")
         return
-    made = commission.air(plan(cell), commission.MOST if wanted - {"alive", "deflected", "directions", "override"} else 1)
+    if not flies and held is False:
+        click.echo(f"only deflected is not proven, see {folder / NAME}; --no-held leaves it out")
+        return
+    made, largest = _flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted)
     options = {**cell.controller.options, "gate": "finger"}  # whatever the runs do: here it is what is tried
     if any(option.name == "misses" for option in post.options):
         options["misses"] = 20  # every move of this program is to meet nothing
@@ -125,6 +145,8 @@ def command(
     seen, control = commission.Seen(made, {}, False, not flies), ""
     if flies:
         seen, control = _tried(cell, post, made, programs, address, timeout, someone)
+    feed = positioning_feed(cell)
+    seen = replace(seen, largest=largest, stored=_file_of(address, post) is not None, feed=feed or seen.feed)
     if not seen.ended and not said and not seen.said and someone:
         said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
     if not seen.ended:
@@ -136,6 +158,16 @@ def command(
         )  # which would notice the hand by itself
         once, control = _tried(cell, post, made, ungated, address, timeout, someone)
         seen = replace(seen, held=_stopped(once))
+    turn = (
+        f"Turn the feed override of the panel to {100 * commission.DIAL:.0f} % and leave it there. Is it? (no: this is left open)"
+    )
+    if seen.ended and wanted & set(BY_DIAL) and (dial or (dial is None and someone)) and click.confirm(turn, err=True):
+        few = _flight(cell, 1, set())[0]
+        slowly = written(cell, folder / FOLDER / "program", post, few, options | {"gate": "none"})
+        patience = SLOW * len(few.touches) if timeout is None else timeout
+        once, control = _tried(cell, post, few, slowly, address, patience, someone)
+        click.echo("Turn it back to 100 %.", err=True)
+        seen = replace(seen, dialled=once.times, kept=_kept(address, post, once.begun))
     seen = replace(seen, answers=_asked(commission.answerable(questions, seen), answers if someone or answers != "ask" else "none"))
     judged = [j for j in commission.judge(seen) if j.experiment.belief in wanted or j.verdict.verdict == "FAIL"]
     failed = told(cell, post, judged, programs[0].mark, control, json_file)
@@ -143,6 +175,42 @@ def command(
         _broken_off(seen, not failed)
     if failed:
         raise click.exceptions.Exit(FAILED)
+
+
+def _flight(cell: Any, most: int, wanted: Collection[str]) -> tuple[Plan, float]:
+    """cell, indexations at most, beliefs to try → plan in the air, and the largest number (mm, deg) of a record of its own plan."""
+    from .. import commission
+    from ..plan import plan
+
+    own = len(cell.strategy.indexations)
+    try:
+        whole = plan(commission.rolling(cell) if "rollover" in wanted and most > 1 else cell)
+    except InputError:  # what was added cannot be reached here
+        whole = plan(cell)
+    linear = [whole.machine.column(name) for name in whole.machine.linear]
+    rotary = [whole.machine.column(name) for name in whole.machine.rotary]
+    places = np.abs([touch.end for touch in whole.touches if touch.indexation < own])
+    largest = max(float(places[:, linear].max()), math.degrees(float(places[:, rotary].max(initial=0.0))))
+    return commission.air(whole, most, own), largest
+
+
+def _file_of(address: str, post: Any) -> str | None:
+    """port, post → what the control writes its records into: '' where it is not on this computer, None for a line."""
+    from ..link._address import written_into
+
+    return None if post.link == "grbl" else written_into(address)
+
+
+def _kept(address: str, post: Any, begun: bool) -> bool | None:
+    """port, post, whether the second program has begun → whether its file holds what both programs have recorded; None: unknown."""
+    file = _file_of(address, post)
+    if file is None or not begun:
+        return None
+    if file:
+        return Path(file).read_bytes().count(START) >= 2
+    text = "Look into the file of the records: does it hold both programs, two lines TANGO START? y yes, n no, ? not seen"
+    answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
+    return None if answer == "?" else answer == "y"
 
 
 def _broken_off(seen: Any, alone: bool) -> None:
@@ -191,6 +259,7 @@ def _tried(
     records: dict[int, tuple[int, dict[str, float]]] = {}
     refused, control, ended, begun = [], "", False, False
     seconds: float | None = None
+    times: dict[int, float] = {}
     for entry in read_journal(journal)[0]:
         begun |= isinstance(entry, entries.Begun)
         if isinstance(entry, entries.Identity):
@@ -201,12 +270,12 @@ def _tried(
             found = record_of(entry.record, made)
             if found is not None:
                 records[found[0]] = found[1:]
-                seconds = entry.time_s
+                seconds = times[found[0]] = entry.time_s
             else:
                 refused.append(entry.record)
     speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
     said = why if speaks and (begun or "PROBE" in why.upper()) else ""
-    return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds), control
+    return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, times=times), control
 
 
 def _stopped(once: Any) -> bool | None:

@@ -4,13 +4,15 @@
 into proofs, `keys.py` says how long each of them holds.
 """
 
-from .experiment import Experiment, Question, Seen, Verdict
+from .experiment import DIAL, Experiment, Question, Seen, Verdict
 from .flight import MOST, air
 from .keys import keys
+from .rolling import rolling
 from .touching import late, pivots, quicker, touching
 from .verdicts import Judged, answerable, experiments, judge, questions, remaining, stopped_by
 
 __all__ = [
+    "DIAL",
     "MOST",
     "Experiment",
     "Judged",
@@ -27,6 +29,7 @@ __all__ = [
     "questions",
     "quicker",
     "remaining",
+    "rolling",
     "stopped_by",
     "touching",
 ]

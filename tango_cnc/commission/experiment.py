@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from ..records import Plan
 from .touching import Pivot
 
+DIAL = 0.25  # of the feed override, while a second program tries what it does to a measuring move
+
 
 @dataclass(frozen=True)
 class Seen:
@@ -25,6 +27,12 @@ class Seen:
     answers: Mapping[str, Mapping[str, bool]] = field(default_factory=dict)  # {belief: {what: what the person says of it}}
     pivots: Mapping[str, Pivot] | None = None  # of the rotary axes, where the table was touched
     late: float | None = None  # s by which positions are read late
+    times: Mapping[int, float] = field(default_factory=dict)  # s at which each record has come, by touch number
+    dialled: Mapping[int, float] | None = None  # the same with the feed override at `DIAL`; None: not tried
+    feed: float = 3000.0  # mm/min of guarded moves
+    stored: bool = True  # records come through a file that the control writes, not over a line
+    kept: bool | None = None  # whether a second program left the records of the first in their file; None: not tried
+    largest: float = 0.0  # mm or deg: the largest number of a record of the cell's own plan; 0: unknown
 
 
 @dataclass(frozen=True)

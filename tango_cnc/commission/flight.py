@@ -28,13 +28,14 @@ ENTER = 1.0  # mm above its beginning from where it is approached
 UPRIGHT = 0.9  # part of the way up that one axis makes: it needs no move of its own
 
 
-def air(whole: Plan, most: int = MOST) -> Plan:
+def air(whole: Plan, most: int = MOST, own: int | None = None) -> Plan:
     """plan of a cell, indexations at most → plan in the air: measuring moves that are misses where all is right, numbered from 1.
 
-    One up along the tool at each indexation, and at the first one along each other linear axis. Raises InputError where the
-    travels leave no room above the clear level.
+    One up along the tool at each indexation, and at the first one along each other linear axis. `own`: how many indexations are
+    those of the cell; what `rolling` has added behind them is made besides, at the end. Raises InputError where the travels leave
+    no room above the clear level.
     """
-    chosen = _chosen(whole, most)
+    chosen = _chosen(whole, most, len(whole.strategy.indexations) if own is None else own)
     few = part(whole, [touch.number for touch in chosen])
     up = _up(whole)
     touches: list[Touch] = []
@@ -75,6 +76,7 @@ def turning(made: Plan) -> dict[str, Question]:
     for axis in (axis for axis in made.machine.axes if axis.kind == "rotary"):
         column = made.machine.column(axis.name)
         turns = [(b.standoff[column] - a.standoff[column], a, b) for a, b in pairwise(made.touches)]
+        turns = [turn for turn in turns if abs(turn[0]) < math.pi] or turns  # beyond half a turn nobody can say which way it was
         turned = max(turns, key=lambda turn: abs(turn[0]), default=None)
         if turned is None or abs(turned[0]) < math.radians(0.5):
             continue
@@ -122,11 +124,12 @@ def _sideways(made: Plan, touch: Touch, up: Array) -> Iterator[Array]:
                 break
 
 
-def _chosen(whole: Plan, most: int) -> Sequence[Touch]:
-    """→ the first touch of indexations that differ in every rotary axis and the spindle, the first one among them."""
+def _chosen(whole: Plan, most: int, own: int) -> Sequence[Touch]:
+    """→ the first touch of indexations that differ in every rotary axis and the spindle, and of the added ones."""
     first: dict[int, Touch] = {}
+    added: dict[int, Touch] = {}
     for touch in whole.touches:
-        first.setdefault(touch.indexation, touch)
+        (first if touch.indexation < own else added).setdefault(touch.indexation, touch)
     turned = [whole.machine.column(name) for name in (*whole.machine.rotary, "S")]
     found: list[Touch] = []
     for touch in first.values():
@@ -135,7 +138,7 @@ def _chosen(whole: Plan, most: int) -> Sequence[Touch]:
     for touch in first.values():  # and a second look at each sense of turning, as far as there is room
         if len(found) < most and touch not in found:
             found.append(touch)
-    return sorted(found, key=lambda touch: touch.number)
+    return sorted([*found, *added.values()], key=lambda touch: touch.number)
 
 
 def _up(whole: Plan) -> Array:

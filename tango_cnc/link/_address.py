@@ -138,6 +138,14 @@ def _settings(query: str, url: str) -> list[tuple[str, str]]:
         raise InputError(f"port {url!r}: found settings {shown('?' + query)!r}; allowed: name=value&name=value") from None
 
 
+def written_into(url: str) -> str | None:
+    """URL or device → the file that the control writes its records into: '' where it is not on this computer, None for a line."""
+    scheme, target, _ = _parts(url)
+    if scheme == "file":
+        return target
+    return "" if scheme in ("rsh", *REMOTE) else None
+
+
 def _parts(url: str) -> tuple[str, str, str]:
     """URL or device → (scheme without the protocol, target, settings). Raises InputError for an unknown scheme."""
     if "://" not in url:

@@ -53,6 +53,7 @@ class Ran:
     events: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
     files: Mapping[str, str] = field(default_factory=dict)
     clock: Callable[[], float] = lambda: 0.0  # s of the machine
+    stamps: list[float] = field(default_factory=list)  # s of the machine at each record that came
 
     @property
     def why(self) -> str:

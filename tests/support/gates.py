@@ -49,10 +49,15 @@ def ran(
         if event == "m" and brake is not None and re.search(rf"\b{brake}\b", str([*data.values()]).replace("M", "M ")):
             motion.freed()
 
+    def punched(data: bytes) -> None:
+        found.out += data
+        many = sum(line.lstrip().startswith(b"P") for line in re.split(rb"[\r\n]+", found.out)[:-1])
+        found.stamps += [motion.time] * (many - len(found.stamps))
+
     control = family.Control(
         motion,
         profile,
-        lambda data: setattr(found, "out", found.out + data),
+        punched,
         note,
         spoken.library if name in ("brother", "heidenhain") else library,
     )
@@ -70,7 +75,7 @@ def ran(
                 if isinstance(event, Begun):
                     found.out += b"TANGO START \n"
                 if isinstance(event, Touched):
-                    found.out += f"{event.text}\n".encode()
+                    punched(f"{event.text}\n".encode())
                 if isinstance(event, Ended):
                     found.out += b"TANGO END \n"
                 if isinstance(event, Failed):

@@ -33,6 +33,7 @@ class Case:
     printed: Callable[[bytes], bytes] = bytes  # what the line or file makes of the records
     truly: Callable[[Machine], Machine] | None = None  # the machine that really moves
     person: bool = True  # whether the person sees what should happen
+    overwrites: bool = False  # the file of the records is begun anew by each program
 
 
 def turned_round(machine: Machine, name: str) -> Machine:
@@ -47,6 +48,16 @@ def turned_round(machine: Machine, name: str) -> Machine:
 def comma(text: bytes) -> bytes:
     """records → with decimal commas, as a control set to another country prints them."""
     return re.sub(rb"(?<=\d)\.(?=\d)", b",", text)
+
+
+def narrow(text: bytes) -> bytes:
+    """records → of coordinates and sum, only two digits are left before the point."""
+
+    def cut(match: re.Match[bytes]) -> bytes:
+        return match[1] + match[2] + match[3][-2:] + match[4]
+
+    lines = text.split(b"\n")
+    return b"\n".join(re.sub(rb"([XYZABCK])( *-? *)(\d+)(\.)", cut, line) if b"H" in line else line for line in lines)
 
 
 def unended(text: bytes) -> bytes:
@@ -77,6 +88,11 @@ def cases(name: str) -> dict[str, Case]:
         "orientation": Case("orientation", person=False, names="orient"),
         "override": Case("override", person=False, names="feed hold"),
         "end": Case("end", printed=unended, names="file"),
+        "widths": Case("widths", printed=narrow, names="digits"),
+        "pace": Case("pace", {"block_time": 4.0}, names="override"),
+        "feed": Case("feed", {"skip_obeys": True}, names="override"),
+        "append": Case("append", overwrites=True, names="append"),
+        "rollover": Case("rollover", {"short_way": ("C",)}, names="travel"),
     }
     if name in FAMILY:
         numbers = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}
@@ -112,13 +128,16 @@ def cases(name: str) -> dict[str, Case]:
         found["frames"] = Case("frames", {"habits": {"inches": True}}, names="position")
     if name == "grbl":  # its driver writes the records itself
         found["miss"] = Case("miss", {"probe": "chatter"}, names="contact")
-        found = {belief: case for belief, case in found.items() if belief not in ("frames", "records", "end")}
+        found = {belief: case for belief, case in found.items() if belief not in ("frames", "records", "end", "widths", "append")}
     return found
 
 
-def sees(plan: Plan, truly: Machine, questions: Mapping[str, Mapping[str, str]], attentive: bool) -> dict[str, dict[str, bool]]:
+def sees(
+    plan: Plan, truly: Machine, questions: Mapping[str, Mapping[str, str]], attentive: bool, farthest: float = 0.0
+) -> dict[str, dict[str, bool]]:
     """plan in the air, the machine that really moves, what is asked, whether all the rest is well → what the person says.
 
+    `farthest`: deg that C really went to, on its way over 360 or not.
     Where the probe and the table go is worked out from the machine that really moves, with the simulator's own mathematics.
     """
     said: dict[str, dict[str, bool]] = {}
@@ -128,6 +147,8 @@ def sees(plan: Plan, truly: Machine, questions: Mapping[str, Mapping[str, str]],
                 answer = _moved(plan, truly, text)
             elif belief == "sense":
                 answer = _turned(truly, what, text)
+            elif belief == "rollover":
+                answer = farthest < 355.0
             else:
                 answer = attentive
             said.setdefault(belief, {})[what] = answer
@@ -155,3 +176,20 @@ def _turned(truly: Machine, name: str, text: str) -> bool:
     seen_from = np.array([float(v) for v in pointing[1].split(",")])
     by = math.radians(float(angles[2]) - float(angles[1])) * float(np.dot(truly.axis(name).direction, seen_from))
     return (by > 0) == ("counterclockwise" in text)
+
+
+def table(dialects: list[str]) -> str:
+    """dialects → the table dialect × belief of docs/commissioning.md: what mended each belief after it had failed."""
+    every = list(dict.fromkeys(belief for name in dialects for belief in cases(name)))
+    rows = ["| dialect | " + " | ".join(every) + " |", "|---" * (len(every) + 1) + "|"]
+    return "\n".join(
+        [*rows, *(f"| {name} | " + " | ".join(_mended(cases(name).get(b)) for b in every) + " |" for name in dialects)]
+    )
+
+
+def _mended(case: Case | None) -> str:
+    if case is None:
+        return "driver"
+    if case.fails is None:
+        return "looks"
+    return ", ".join(f"`{key}`" for key in case.mended) if case.mended else "hand"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from ..digits import lost
 from ..experiment import Experiment, Seen, Verdict
 
 TOLERANCE = 0.05  # mm
@@ -11,9 +12,9 @@ TOLERANCE = 0.05  # mm
 
 def judge(seen: Seen) -> Verdict:
     """→ the largest difference between the end of a measuring move that met nothing and its record."""
-    names, worst, which = seen.plan.machine.names, 0.0, ""
+    names, worst, which, clipped = seen.plan.machine.names, 0.0, "", lost(seen)
     for touch in seen.plan.touches:
-        if touch.number in seen.records:
+        if touch.number in seen.records and touch.number not in clipped:
             place = seen.records[touch.number][1]
             for name in seen.plan.machine.linear:
                 off = abs(place[name] - touch.end[names.index(name)])

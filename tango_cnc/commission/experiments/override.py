@@ -1,4 +1,4 @@
-"""Feed hold stops a probing move; feed override does not: a person has to say so."""
+"""Feed hold stops a probing move: a person has to say so."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def asks(plan: Plan) -> dict[str, Question]:
 EXPERIMENT = Experiment(
     "override",
     3,
-    "feed hold stops a probing move; feed override need not act on it",
+    "feed hold stops a probing move",
     "press feed hold during a slow move in the air, then start again",
     "find the parameter that lets feed hold act on skip moves before anything is touched",
     answered("override", asks),

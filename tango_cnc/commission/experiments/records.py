@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 
+from ..digits import lost
 from ..experiment import Experiment, Seen, Verdict
 
 COARSE = (1.0, 0.1, 0.01)  # mm: steps of positions that are useless here; 0.0001 inch is none of them
@@ -14,7 +15,7 @@ FEW = 6  # numbers that a step has to be seen in
 
 def judge(seen: Seen) -> Verdict:
     """→ FAIL where a line came that is no record."""
-    if seen.refused:
+    if seen.refused and not lost(seen):  # else that is what has to be mended: widths
         return Verdict("FAIL", f"not a record: {seen.refused[0]!r}", float(len(seen.refused)), "lines")
     if not seen.records:
         return Verdict("OPEN", "nothing was recorded")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+from ..digits import lost
 from ..experiment import Experiment, Seen, Verdict
 
 TOLERANCE = 0.02  # deg
@@ -12,9 +13,9 @@ TOLERANCE = 0.02  # deg
 
 def judge(seen: Seen) -> Verdict:
     """→ the largest difference between a recorded angle and the commanded one, whole turns aside."""
-    machine, worst, which = seen.plan.machine, 0.0, ""
+    machine, worst, which, clipped = seen.plan.machine, 0.0, "", lost(seen)
     for touch in seen.plan.touches:
-        if touch.number in seen.records:
+        if touch.number in seen.records and touch.number not in clipped:
             place = seen.records[touch.number][1]
             for name in machine.rotary:
                 off = abs(math.remainder(place[name] - math.degrees(touch.end[machine.column(name)]), 360.0))

@@ -1,0 +1,36 @@
+"""350° to 10°: an axis with limits turns back by 340°, and not on over 360°; a person has to say so, axis by axis."""
+
+from __future__ import annotations
+
+from ...records import Plan
+from ..experiment import Experiment, Question, Seen, Verdict, answered
+from ..rolling import limited, rolled
+
+
+def asks(plan: Plan) -> dict[str, Question]:
+    """plan in the air → one question for each rotary axis that goes from 350° to 10° in it."""
+    return rolled(plan)
+
+
+def judge(seen: Seen) -> Verdict:
+    """→ what the person says of each limited axis; PASS where there is none."""
+    axes = [axis.name for axis in seen.plan.machine.axes if limited(axis)]
+    if not axes:
+        return Verdict("PASS", "no rotary axis with limits reaches 350 deg; one without may turn either way")
+    if left := [name for name in axes if name not in asks(seen.plan)]:
+        return Verdict("OPEN", f"the plan in the air has no turn of {', '.join(left)} from 350 to 10 deg")
+    return answered("rollover", asks)(seen)
+
+
+EXPERIMENT = Experiment(
+    "rollover",
+    3,
+    "a rotary axis with limits turns the way that its numbers go: from 350 to 10 deg it turns back by 340 deg",
+    "look at the turn from 350 to 10 deg: the long way",
+    "where the axis has no limits, leave its travel out of machine.yaml; else state shortest, rotary, wrapped or rollover, "
+    "so that the control goes by the numbers",
+    judge,
+    asks=asks,
+    rests=("rollover", "rotary", "shortest", "wrapped"),
+    on=("rotary",),
+)
