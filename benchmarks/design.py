@@ -5,6 +5,8 @@
 * 5000 candidates of an imaginary machine with 120 unknowns: relaxed design, bound, elimination and exchanges; s of one core.
 * One sweep over all swaps by rank-two updates against computing the criterion anew for a sample of them.
 * Exact D- and I-optimal designs against the values that the vignette of R's AlgDesign (R. E. Wheeler) prints.
+* As many trials as unknowns, of factors at two levels: the largest determinants of matrices of ±1 (sequence A003433 of the OEIS;
+  Orrick, "The maximal determinant and saturated D-optimal designs of orders 19 and 37", 2005, lists who proved them).
 
 Exit status 1 when a published value is not reached, swaps are not what recomputation gives, or updates are not 1000 times faster.
 """
@@ -19,8 +21,8 @@ import time
 import numpy as np
 
 from tango_cnc.design.criterion import Criterion, State, swaps, value
-from tango_cnc.design.exchange import whole
 from tango_cnc.design.relaxed import Costs, efficiency, relax
+from tango_cnc.design.whole import whole
 
 TIMES = 1000.0
 # Model, trials, criterion, printed value; D is |XᵀX / N| to the power 1 / p, I the mean of x (XᵀX / N)⁻¹ x over the candidates.
@@ -29,6 +31,7 @@ PRINTED = [
     ("cube, quadratic", 15, "I", 8.096772),
     ("mixture, 2 at a time", 8, "D", 0.03623366),
 ]
+LARGEST = {7: 576, 8: 4096, 9: 14336, 10: 73728, 11: 327680}  # determinant of a matrix of ±1, by its order
 
 
 def cube() -> np.ndarray:
@@ -42,6 +45,26 @@ def mixture() -> np.ndarray:
     """→ the quadratic model of Scheffé on thirds of three parts."""
     x = np.array([m for m in itertools.product(range(4), repeat=3) if sum(m) == 3]) / 3
     return np.column_stack([x, *(x[:, i] * x[:, k] for i, k in itertools.combinations(range(3), 2))])
+
+
+def signs(order: int) -> np.ndarray:
+    """number of unknowns → every trial of one factor less at two levels, and a constant."""
+    return np.array([(1.0, *row) for row in itertools.product([-1.0, 1], repeat=order - 1)])
+
+
+def saturated() -> bool:
+    """Prints the determinants that are reached beside the largest there are → whether they are the same."""
+    good = True
+    for order, largest in LARGEST.items():
+        rows = signs(order)
+        of_pose = [np.array([i]) for i in range(len(rows))]
+        costs, held = Costs(np.ones(len(rows)), np.zeros(len(rows))), 1e-9 * np.eye(order)
+        relaxed = relax(rows, of_pose, held, costs, float(order), Criterion("D"))
+        chosen = whole(rows, np.arange(len(rows)), of_pose, held, costs, float(order), relaxed)
+        reached = abs(np.linalg.det(rows[chosen]))
+        good &= reached > largest * (1 - 1e-6)
+        print(f"D-optimal, {order - 1} factors at two levels, {order} trials: determinant {reached:.0f}, largest {largest}")
+    return good
 
 
 def published() -> bool:
@@ -72,7 +95,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--candidates", type=int, default=5000)
     count = parser.parse_args().candidates
-    good = published()
+    good = published() & saturated()
     rng, p, poses = np.random.default_rng(3), 120, count // 25
     pose = np.repeat(np.arange(poses), 25)
     # Touches of one indexation resemble each other, as those of a machine do.

@@ -14,8 +14,8 @@ from scipy.spatial import ConvexHull
 from tango_cnc.cli import guarded, tango
 from tango_cnc.design import goals, order
 from tango_cnc.design.criterion import Criterion, State, swaps, value
-from tango_cnc.design.exchange import whole
 from tango_cnc.design.relaxed import Costs, efficiency, relax
+from tango_cnc.design.whole import whole
 from tango_cnc.files import read_artefact, read_cell
 from tango_cnc.plan import plan
 from tango_cnc.records import InputError

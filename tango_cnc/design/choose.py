@@ -23,10 +23,11 @@ from . import order
 from .candidates import Candidates
 from .criterion import value
 from .enough import determined
-from .exchange import SHAKES, Draft, whole
+from .exchange import Draft
 from .problem import Chosen, Problem, lighter
-from .relaxed import Costs, Relaxed, efficiency, relax
+from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
 from .sequence import FRACTIONS, sequence
+from .whole import SHAKES, whole
 
 MOST = 4  # touches in a row at each facet: each further one tells as much and takes a third of the time
 SHARE = 0.75  # of the time that goes into touches at most
@@ -113,7 +114,7 @@ def certified(found: Chosen, relaxed: Relaxed) -> Chosen:
     problem, choice = found.problem, found.problem.choice
     costs = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
     seconds = max(problem.seconds, found.seconds) - proof(found.plan, problem.gate, problem.feed)
-    bound = relax(choice.rows, choice.of_pose, problem.held, costs, seconds, problem.criterion, relaxed).bound
+    bound = relax(choice.rows, choice.of_pose, problem.held, costs, seconds, problem.criterion, relaxed, THOROUGH).bound
     return replace(found, bound=bound, efficiency=efficiency(problem.criterion, found.value, bound, len(problem.held)))
 
 

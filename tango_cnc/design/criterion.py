@@ -76,6 +76,10 @@ class State:
         """(n, p) touches → (n,) leverage x C x, (n,) x G x."""
         return np.einsum("ij,ij->i", rows @ self.covariance, rows), np.einsum("ij,ij->i", rows @ self.gain, rows)
 
+    def slope(self, rows: Array) -> Array:
+        """(n, p) touches → (n,) x G x: what φ falls by for a very small part of each."""
+        return np.asarray(np.einsum("ij,ij->i", rows @ self.gain, rows))
+
     def loss(self, leverage: Array, gain: Array) -> Array:
         """(n,), (n,) of touches that are in → how much φ grows without each."""
         left = np.maximum(1 - leverage, 1e-12)

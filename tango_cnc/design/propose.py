@@ -19,11 +19,11 @@ from . import regular as plain
 from .candidates import Candidates
 from .criterion import value
 from .enough import serves
-from .exchange import whole
 from .goals import Goal
 from .problem import Chosen, Problem, lighter
 from .region import Levers, Region
 from .relaxed import Costs, relax
+from .whole import whole
 
 CHECK = 8.0  # minutes at most of a check for which nobody states a time
 WELL = 0.004  # mm, standard deviation of the worst change: about 20 µm are seen

@@ -26,10 +26,11 @@ from ..records import Array
 from .criterion import Criterion, State, parts, value
 
 ROUNDS = 40
+THOROUGH = 120  # rounds for a bound that is printed
 STEPS = 6  # of the multiplicative algorithm between two looks at all visits
 NEW = 24  # visits added in a round
 SETTLED = 0.004  # of φ, between weights and bound
-POWER = 0.6  # of the multiplicative step; up to 1 for the determinant, 1/2 surely monotone for a trace
+POWER = 0.9  # of the multiplicative step; up to 1 for the determinant, 1/2 surely monotone for a trace
 Rows = NDArray[np.int64]
 
 
@@ -51,6 +52,7 @@ class Relaxed:
     criterion: Criterion  # with the weights of the worst of many
     made_of: tuple[tuple[int, Rows, float], ...] = ()  # visits: indexation, touches, weight
     many: Array | None = None  # weights of the directions of the worst of many
+    ratio: Array | None = None  # (m,) what a second at each indexation tells at best, beside what is chosen already
 
 
 def best_visits(gradient: Array, of_pose: Sequence[Rows], costs: Costs) -> tuple[Array, list[Rows]]:
@@ -74,6 +76,7 @@ def relax(
     seconds: float,
     criterion: Criterion,
     begin: Relaxed | None = None,
+    rounds: int = ROUNDS,
 ) -> Relaxed:
     """(n, p) touches, rows of each indexation, (p, p) known without them, costs, s, criterion → relaxed design and its bound.
 
@@ -89,12 +92,16 @@ def relax(
     if begin is not None and begin.many is not None:
         many = begin.many
     here, lowest, found = criterion, -np.inf, criterion
-    for _ in range(ROUNDS):
-        total = np.zeros(len(rows))
+    ratio = np.zeros(len(of_pose))
+    total: Array = np.zeros(len(rows))
+    for _ in range(rounds):
+        touched = np.concatenate([visits[key] for key in keys])
+        owner = np.repeat(np.arange(len(keys)), [len(visits[key]) for key in keys])
         for step in range(STEPS):
-            total = _spread(keys, visits, weight, len(rows))
+            total = np.asarray(np.bincount(touched, weights=weight[owner], minlength=len(rows)), dtype=float)
             active = np.flatnonzero(total > 0)
-            information = held + (rows[active].T * total[active]) @ rows[active]
+            some = rows[active]
+            information = held + (some.T * total[active]) @ some
             if many is not None:
                 many = many * parts(criterion, information) ** POWER
                 many /= many.sum()
@@ -102,13 +109,12 @@ def relax(
             state = State.of(here, information)
             if step == STEPS - 1:
                 break
-            _, gradient = state.seen(rows[active])
             whole = np.zeros(len(rows))
-            whole[active] = gradient
-            rate = np.array([whole[visits[key]].sum() for key in keys]) / price
+            whole[active] = state.slope(some)
+            rate = np.bincount(owner, weights=whole[touched], minlength=len(keys)) / price
             weight = weight * (rate / rate.max()) ** POWER
             weight *= seconds / (weight @ price)
-        _, gradient = state.seen(rows)
+        gradient = state.slope(rows)
         ratio, chosen = best_visits(gradient, of_pose, costs)
         excess = seconds * float(ratio.max()) - float(total @ gradient)
         now = value(Criterion(here.name, here.spread), information)
@@ -118,7 +124,7 @@ def relax(
         worst = now if many is None else value(criterion, information)
         if (worst - lowest) < (SETTLED * abs(worst) if not here.determinant else SETTLED * len(held)):
             break
-        keep = weight > 1e-5 * weight.max()
+        keep = weight > 3e-4 * weight.max()
         keys, weight = [key for key, k in zip(keys, keep, strict=True) if k], weight[keep]
         fresh = [(int(j), chosen[j].tobytes()) for j in np.argsort(-ratio)[:NEW]]
         fresh = [key for key in fresh if key not in set(keys)]
@@ -130,15 +136,7 @@ def relax(
     come = np.zeros(len(of_pose))
     np.add.at(come, [key[0] for key in keys], weight[: len(keys)])
     kept = tuple((key[0], visits[key], float(share)) for key, share in zip(keys, weight, strict=True))
-    return Relaxed(total, come, lowest, found, kept, many)
-
-
-def _spread(keys: Sequence[tuple[int, bytes]], visits: dict[tuple[int, bytes], Rows], weight: Array, count: int) -> Array:
-    """visits with weights → (n,) weight of each touch."""
-    total = np.zeros(count)
-    for key, share in zip(keys, weight, strict=True):
-        total[visits[key]] += share
-    return total
+    return Relaxed(total, come, lowest, found, kept, many, ratio)
 
 
 def efficiency(criterion: Criterion, reached: float, bound: float, unknowns: int) -> float:

@@ -1,0 +1,142 @@
+"""Whole touches: from too many to what the time allows, then exchanged until no exchange makes the plan better.
+
+Backward elimination from what the relaxed design visits; a greedy start from nothing gets stuck (Atkinson, Donev and Tobias 2007,
+chapter 12). The relaxed design visits many indexations for a fraction of a turn each, which no plan can. So elimination begins with
+all of these, and with fewer and fewer that tell most together. What follows is exchanged, and visits are given up for others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Array
+from .criterion import Criterion, parts, value
+from .exchange import Draft
+from .relaxed import Costs, Relaxed, Rows
+
+PROMISING, ENOUGH = 100, 2500  # indexations that are looked at, with as many touches, at least
+STARTS = (0.4, 0.3, 0.25, 0.2, 0.15)  # of the visits that there is time for: with how many elimination begins
+SUPPORT, SUPPORT_TOUCHES = 60, 300  # indexations that elimination begins with, with as many touches, at least
+SHAKES = 40_000  # times that some visits are given up at random, for each candidate less
+LEAST_SHAKES, MOST_SHAKES = 6, 200
+UNSTICK = 60  # times that some is given up at random for what takes most out of what is worst
+LEVELS = 12  # choices with more weight on what is worst
+
+
+def whole(
+    rows: Array,
+    pose: Rows,
+    of_pose: Sequence[Rows],
+    held: Array,
+    costs: Costs,
+    seconds: float,
+    relaxed: Relaxed,
+    shakes: int = SHAKES,
+) -> NDArray[np.bool_]:
+    """candidates, costs, s, relaxed design → (n,) mask of the touches to make; without shakes a first one, quickly.
+
+    Indexations that tell least for their time, where the relaxed design is, are left aside.
+    """
+    if relaxed.ratio is not None:
+        best_first = np.argsort(-relaxed.ratio, kind="stable")
+        enough = int(np.searchsorted(np.cumsum([len(of_pose[j]) for j in best_first]), ENOUGH)) + 1
+        near = np.sort(best_first[: max(PROMISING, enough)])
+        some = np.flatnonzero(np.isin(pose, near))
+        place = np.full(len(rows), -1)
+        place[some] = np.arange(len(some))
+        fewer = replace(relaxed, weights=relaxed.weights[some], visits=relaxed.visits[near], ratio=None)
+        few = Costs(costs.touch[some], costs.visit[near])
+        number = np.searchsorted(near, pose[some])
+        found = np.zeros(len(rows), dtype=np.bool_)
+        found[some] = whole(rows[some], number, [place[of_pose[j]] for j in near], held, few, seconds, fewer, shakes)
+        return found
+    many = relaxed.criterion if relaxed.criterion.worst is not None else None
+    draft = Draft(rows, pose, of_pose, held, costs, relaxed, np.zeros(len(rows), dtype=np.bool_))
+    best: tuple[float, NDArray[np.bool_]] | None = None
+    for begin in _beginnings(rows, pose, of_pose, held, costs, seconds, relaxed):
+        draft.chosen = begin
+        draft.renew()
+        draft.eliminate(seconds)
+        draft.fill(seconds)
+        draft.swap(seconds)
+        if best is None or draft.value < best[0]:
+            best = draft.value, draft.chosen.copy()
+    assert best is not None
+    draft.chosen = best[1]
+    draft.renew()
+    if shakes:
+        draft.revisit(seconds)
+        if len(np.unique(draft.pose[draft.chosen])) > 1:
+            draft.shake(seconds, max(LEAST_SHAKES, min(MOST_SHAKES, shakes // len(rows))))
+    if many is None:
+        return draft.chosen
+    times = min(UNSTICK * min(10.0, (150 / rows.shape[1]) ** 1.5), 5.0 * len(rows)) if shakes else 0
+    return _unstuck(draft, seconds, many, _levelled(draft, seconds, many), int(times))
+
+
+def _beginnings(
+    rows: Array, pose: Rows, of_pose: Sequence[Rows], held: Array, costs: Costs, seconds: float, relaxed: Relaxed
+) -> list[NDArray[np.bool_]]:
+    """→ (n,) masks to eliminate from: every touch at many indexations, and at fewer and fewer that tell most together."""
+    chance = np.random.default_rng(1).permutation(len(of_pose))  # between indexations that the relaxed design likes as much
+    support = np.lexsort((chance, -relaxed.visits))
+    support = support[: max(SUPPORT, int(np.searchsorted(np.cumsum([len(of_pose[j]) for j in support]), SUPPORT_TOUCHES)) + 1)]
+    visits = support[relaxed.visits[support] > 0]
+    draft = Draft(rows, pose, of_pose, held, costs, relaxed, np.isin(pose, visits))
+    found, left = [draft.chosen.copy()], len(visits)
+    # With fewer visits all the time that is not spent on turns goes into touches.
+    most = float(seconds / (costs.visit[visits].mean() + costs.touch.mean()))
+    for share in STARTS:
+        while left > max(2, share * most):
+            draft.leave(min(np.unique(pose[draft.chosen]).tolist(), key=draft.visit_rate))
+            left -= 1
+        if not (draft.chosen == found[-1]).all():
+            found.append(draft.chosen.copy())
+    return found
+
+
+def _levelled(draft: Draft, seconds: float, many: Criterion) -> NDArray[np.bool_]:
+    """draft, s, criterion of the worst of many → (n,) mask: exchanges again and again with more weight on what is worst."""
+    best, chosen = value(many, draft.information), draft.chosen.copy()
+    assert many.worst is not None
+    weights = np.full(len(many.worst), 1 / len(many.worst))
+    for level in range(LEVELS):
+        weights = weights * parts(many, draft.information)
+        weights /= weights.sum()
+        draft.criterion = many.with_weights(weights)
+        draft.renew()
+        draft.swap(seconds)
+        if level % 4 == 3:
+            draft.retouch(seconds)
+        if (now := value(many, draft.information)) < best:
+            best, chosen = now, draft.chosen.copy()
+    return chosen
+
+
+def _unstuck(draft: Draft, seconds: float, many: Criterion, chosen: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
+    """draft, s, criterion of the worst of many, (n,) mask → (n,) mask that is no worse.
+
+    Gives up visits or touches at random and fills the time with what takes most out of what is worst now.
+    """
+    rng = np.random.default_rng(len(chosen))
+    best = value(many, draft.held + draft.rows[chosen].T @ draft.rows[chosen])
+    for _ in range(times):
+        draft.chosen = chosen.copy()
+        weights = parts(many, draft.held + draft.rows[chosen].T @ draft.rows[chosen]) ** float(rng.uniform(1, 6))
+        draft.criterion = many.with_weights(weights / weights.sum())
+        visited = np.unique(draft.pose[chosen])
+        gone = rng.choice(visited, min(len(visited) - 1, int(rng.integers(0, 3))), replace=False)
+        draft.chosen[np.isin(draft.pose, gone)] = False
+        inside = np.flatnonzero(draft.chosen)
+        if not len(gone):
+            draft.chosen[rng.choice(inside, min(len(inside) - 1, int(rng.integers(2, 8))), replace=False)] = False
+        draft.renew()
+        draft.fill(seconds, frozenset(gone[:1].tolist()))
+        draft.swap(seconds)
+        if (now := value(many, draft.information)) < best * (1 - 1e-9):
+            best, chosen = now, draft.chosen.copy()
+    return chosen
