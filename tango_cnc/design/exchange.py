@@ -78,6 +78,10 @@ class Draft:
         found[self.pose[self.chosen]] = True
         return found
 
+    def offered(self) -> Rows:
+        """→ touches that are not in, at the indexations that are visited."""
+        return np.flatnonzero(self._visited()[self.pose] & ~self.chosen)
+
     @property
     def seconds(self) -> float:
         """→ s that the touches and the visits to their indexations take."""
@@ -136,7 +140,7 @@ class Draft:
         """Swaps touches at the indexations that are visited, the best swaps first, while that gains and fits into the time."""
         spare = seconds - self.seconds
         for _ in range(int(self.chosen.sum())):
-            leaving, entering = np.flatnonzero(self.chosen), np.flatnonzero(self._visited()[self.pose] & ~self.chosen)
+            leaving, entering = np.flatnonzero(self.chosen), self.offered()
             if not len(entering):
                 break
             gained = swaps(self.state, self.rows[leaving], self.rows[entering])

@@ -14,17 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array
-from .criterion import Criterion, parts, value
+from .criterion import value
 from .exchange import Draft
 from .relaxed import Costs, Relaxed, Rows
+from .worst import worst_first
 
 PROMISING, ENOUGH = 100, 2500  # indexations that are looked at, with as many touches, at least
 STARTS = (0.4, 0.3, 0.25, 0.2, 0.15)  # of the visits that there is time for: with how many elimination begins
 SUPPORT, SUPPORT_TOUCHES = 60, 300  # indexations that elimination begins with, with as many touches, at least
 SHAKES = 40_000  # times that some visits are given up at random, for each candidate less
 LEAST_SHAKES, MOST_SHAKES = 6, 200
-UNSTICK = 60  # times that some is given up at random for what takes most out of what is worst
-LEVELS = 12  # choices with more weight on what is worst
 
 
 def whole(
@@ -63,8 +62,9 @@ def whole(
         draft.eliminate(seconds)
         draft.fill(seconds)
         draft.swap(seconds)
-        if best is None or draft.value < best[0]:
-            best = draft.value, draft.chosen.copy()
+        reached = draft.value if many is None else value(many, draft.information)
+        if best is None or reached < best[0]:
+            best = reached, draft.chosen.copy()
     assert best is not None
     draft.chosen = best[1]
     draft.renew()
@@ -74,8 +74,7 @@ def whole(
             draft.shake(seconds, max(LEAST_SHAKES, min(MOST_SHAKES, shakes // len(rows))))
     if many is None:
         return draft.chosen
-    times = min(UNSTICK * min(10.0, (150 / rows.shape[1]) ** 1.5), 5.0 * len(rows)) if shakes else 0
-    return _unstuck(draft, seconds, many, _levelled(draft, seconds, many), int(times))
+    return worst_first(draft, seconds, many, bool(shakes))
 
 
 def _beginnings(
@@ -97,46 +96,3 @@ def _beginnings(
         if not (draft.chosen == found[-1]).all():
             found.append(draft.chosen.copy())
     return found
-
-
-def _levelled(draft: Draft, seconds: float, many: Criterion) -> NDArray[np.bool_]:
-    """draft, s, criterion of the worst of many → (n,) mask: exchanges again and again with more weight on what is worst."""
-    best, chosen = value(many, draft.information), draft.chosen.copy()
-    assert many.worst is not None
-    weights = np.full(len(many.worst), 1 / len(many.worst))
-    for level in range(LEVELS):
-        weights = weights * parts(many, draft.information)
-        weights /= weights.sum()
-        draft.criterion = many.with_weights(weights)
-        draft.renew()
-        draft.swap(seconds)
-        if level % 4 == 3:
-            draft.retouch(seconds)
-        if (now := value(many, draft.information)) < best:
-            best, chosen = now, draft.chosen.copy()
-    return chosen
-
-
-def _unstuck(draft: Draft, seconds: float, many: Criterion, chosen: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
-    """draft, s, criterion of the worst of many, (n,) mask → (n,) mask that is no worse.
-
-    Gives up visits or touches at random and fills the time with what takes most out of what is worst now.
-    """
-    rng = np.random.default_rng(len(chosen))
-    best = value(many, draft.held + draft.rows[chosen].T @ draft.rows[chosen])
-    for _ in range(times):
-        draft.chosen = chosen.copy()
-        weights = parts(many, draft.held + draft.rows[chosen].T @ draft.rows[chosen]) ** float(rng.uniform(1, 6))
-        draft.criterion = many.with_weights(weights / weights.sum())
-        visited = np.unique(draft.pose[chosen])
-        gone = rng.choice(visited, min(len(visited) - 1, int(rng.integers(0, 3))), replace=False)
-        draft.chosen[np.isin(draft.pose, gone)] = False
-        inside = np.flatnonzero(draft.chosen)
-        if not len(gone):
-            draft.chosen[rng.choice(inside, min(len(inside) - 1, int(rng.integers(2, 8))), replace=False)] = False
-        draft.renew()
-        draft.fill(seconds, frozenset(gone[:1].tolist()))
-        draft.swap(seconds)
-        if (now := value(many, draft.information)) < best * (1 - 1e-9):
-            best, chosen = now, draft.chosen.copy()
-    return chosen
