@@ -197,7 +197,7 @@ def change_text(found: Change) -> str:
             f"not changed: where parts are made the tool tip seems to have moved by {moved:.1f} µm at most since the full run; "
             f"more than {limit:.1f} µm would be an alarm ({rate})"
         )
-    if found.p_other < found.alarms / 2:
+    if found.other:
         said += f"\nchanged: the touches differ from what the full run predicts (p = {found.p_other:.1g}). Make a full run."
     return said
 

@@ -10,7 +10,7 @@ from scipy import linalg, special
 from ..records import InputError, Readings
 from ..touches import from_readings
 from .candidates import Candidates
-from .check import ALARMS, is_stylus, scatter, seen
+from .check import ALARMS, TIP, is_stylus, scatter, seen
 from .measured import fitted, seen_at
 from .region import Levers
 
@@ -28,7 +28,12 @@ class Change:
     @property
     def changed(self) -> bool:
         """→ whether it is an alarm."""
-        return self.moved > self.limit or self.p_other < self.alarms / 2
+        return self.moved > self.limit or self.other
+
+    @property
+    def other(self) -> bool:
+        """→ whether the touches differ from what the full run predicts, in whatever shape."""
+        return self.p_other < (1 - TIP) * self.alarms
 
 
 def changed(
@@ -70,7 +75,7 @@ def changed(
         names[label] = (float(change[i] * choice.scale[j]), float(std[i] * choice.scale[j]))
     return Change(
         float(told.most(change[None])[0]),
-        told.limit(alarms / 2) if limit is None else limit,
+        told.limit(TIP * alarms) if limit is None else limit,
         float(special.chdtrc(len(white), white @ white)),
         alarms,
         names,

@@ -4,12 +4,12 @@ Theory of operation. A full run has said what the machine is, E, with a covarian
 Its touches depend on E, on the changes δ since of locations, gains and backlashes, and on where the stylus is now, which comes
 back to the spindle within a stated repeatability. All are unknowns of one linear model whose first part the full run knows.
 
-Two tests share the false alarms. The first is in the unit of the part: the changes δ̂ that the touches make likely move the
-tool tip by T at most, anywhere in the volume; more than the limit c is an alarm. c is the quantile of T for a machine that is
-what it was, by Monte Carlo. A change that moves the tip by s in direction u at a pose moves it, in δ̂, by s + N(0, Var u·Lδ̂). So
-T exceeds c with the stated power when s is at least c + z σ, σ² the largest prediction variance in the volume, whatever else
-changes with it: the plan is G-optimal (Kiefer and Wolfowitz 1960). The second is χ² of what the touches differ from the
-prediction by, for changes of any other shape.
+Two tests share the false alarms, nine in ten for the first (`TIP`). It is in the unit of the part: the changes δ̂ that the touches
+make likely move the tool tip by T at most, anywhere in the volume; more than the limit c is an alarm. c is the quantile of T for a
+machine that is what it was, by Monte Carlo. A change that moves the tip by s in direction u at a pose moves it, in δ̂, by
+s + N(0, Var u·Lδ̂). So T exceeds c with the stated power when s is at least c + z σ, σ² the largest prediction variance in the
+volume, whatever else changes with it: the plan is G-optimal (Kiefer and Wolfowitz 1960). The second is χ² of what the touches
+differ from the prediction by, for changes of any other shape.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from .problem import Chosen
 from .region import Levers
 
 ALARMS = 1 / 730  # false alarms: one in two years of nights
+TIP = 0.9  # of them are left to the first test, by which a check is judged; the others to the second one
 POWER = 0.95
 STYLUS = 0.002  # mm: how well a stylus comes back to the spindle when nobody states it; taper and probe together
 DRAWS = 100_000  # of a machine that is what it was, for the limit
 CHUNK = 5_000
 
 
-def noncentrality(dof: int, alarms: float = ALARMS / 2, power: float = POWER) -> float:
+def noncentrality(dof: int, alarms: float = (1 - TIP) * ALARMS, power: float = POWER) -> float:
     """degrees of freedom, false alarms, power → noncentrality at which a χ² test of that level has that power."""
     limit = float(special.chdtri(dof, alarms))
     return float(optimize.brentq(lambda size: 1 - special.chndtr(limit, dof, size) - power, 1e-3, 1e5))
@@ -97,7 +98,7 @@ class Seen:
         lost = np.einsum("ki,ij,kj->k", self.lost, self.covariance, self.lost)
         return float(np.sqrt(max(np.linalg.eigvalsh(spread)[:, -1].max(), lost.max(initial=0.0))))
 
-    def limit(self, alarms: float = ALARMS / 2) -> float:
+    def limit(self, alarms: float = TIP * ALARMS) -> float:
         """false alarms → mm that the tool tip moves by so rarely when nothing has changed."""
         root = np.linalg.cholesky(self.covariance)
         draws = np.random.default_rng(730).standard_normal((DRAWS, len(root)))

@@ -21,19 +21,23 @@ from ..records import Array, Cell, Indexation, InputError, Plan, Strategy
 from ..touches import of_facets
 from . import order
 from .candidates import Candidates
-from .criterion import value
+from .criterion import parts, value
 from .enough import determined
 from .exchange import Draft
 from .problem import Chosen, Problem, lighter
 from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
 from .sequence import FRACTIONS, sequence
 from .whole import SHAKES, whole
+from .worst import FEWER, sharpened
 
 MOST = 4  # touches in a row at each facet: each further one tells as much and takes a third of the time
 SHARE = 0.75  # of the time that goes into touches at most
 ENOUGH = 1.1  # facets for each unknown; with fewer, touching them again is not looked at
 CLOSE = 0.015  # of the time
 TRIMS = 12
+WORSE = 4  # plans in a row that are no better than the best so far
+PART = 0.8  # of the time left over that is used at once
+SHARP = 3.0  # power of each variance by which the worst of many counts more
 Mask = NDArray[np.bool_]
 
 
@@ -60,7 +64,7 @@ def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, rel
     each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
     relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
     mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, shakes)
-    return _fitted(problem, mask, each, _lifted(problem, relaxed)), relaxed
+    return _fitted(problem, mask, relaxed), relaxed
 
 
 def costs_of(found: Chosen) -> tuple[float, float, float]:
@@ -123,35 +127,52 @@ def _first_costs(problem: Problem) -> float:
     return approach.standoff / (approach.feed / 60) + 2.0
 
 
-def _fitted(problem: Problem, mask: Mask, costs: Costs, relaxed: Relaxed) -> Chosen:
+def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed) -> Chosen:
     """mask of chosen touches → the plan of these, with fewer or more until it fits into the time."""
     mask = mask.copy()
-    choice = problem.choice
+    choice, light = problem.choice, lighter(problem)
     legs = order.Legs(choice.cell, problem.feed)
     best: Chosen | None = None
     visited: list[int] | None = None
+    worse = 0
     for _ in range(TRIMS):
         visits = np.unique(choice.pose[mask]).tolist()
         if visited is None or set(visited) != set(visits):
             visited = _provable(problem, mask, sequence(problem, mask, visits))
         found = _planned(problem, mask, visited, legs)
         over = found.seconds - problem.seconds
+        worse += 1
         if over <= 0 and (best is None or found.value < best.value):
-            best = found
+            best, worse = found, 0
+        if best is not None and (worse >= WORSE or -CLOSE * problem.seconds <= over <= 0):
+            break
         own = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
-        draft = Draft(choice.rows, choice.pose, choice.of_pose, problem.held, own, relaxed, mask)
-        if over > 0:
-            draft.eliminate(draft.seconds - over)
-        elif over < -CLOSE * problem.seconds and best is found:
-            draft.fill(draft.seconds - 0.8 * over)
-        else:
+        changed = _changed(light, mask, own, relaxed, over)
+        if changed.sum() < 2 or (changed == mask).all():
             break
-        if draft.chosen.sum() < 2 or (draft.chosen == mask).all():
-            break
-        mask = draft.chosen
+        mask = changed
     if best is None:
         raise InputError(f"--minutes: found {problem.seconds / 60:g}; allow more time: even the shortest plan takes longer")
     return best
+
+
+def _changed(light: Problem, mask: Mask, costs: Costs, relaxed: Relaxed, over: float) -> Mask:
+    """problem, chosen touches, costs, s by which their plan takes too long → touches that take as much less, or more."""
+    choice, many = light.choice, light.criterion
+    if many.worst is not None:
+        weights = parts(many, light.held + choice.rows[mask].T @ choice.rows[mask]) ** SHARP
+        relaxed = replace(relaxed, criterion=many.with_weights(weights / weights.sum()))
+    draft = Draft(choice.rows, choice.pose, choice.of_pose, light.held, costs, relaxed, mask)
+    aim = draft.seconds - over * (1.0 if over > 0 else PART)
+    if over > 0:
+        draft.eliminate(aim)
+    else:
+        draft.fill(aim)
+    if many.worst is None:
+        draft.swap(aim)
+    elif len(light.held) <= FEWER:
+        sharpened(draft, aim, many)
+    return draft.chosen
 
 
 def _planned(problem: Problem, mask: Mask, visited: Sequence[int], legs: order.Legs) -> Chosen:
