@@ -1,12 +1,16 @@
 """A history of ten thousand runs: listing, one machine's trend, the fleet; each beside the database's driver alone.
 
-python benchmarks/history.py [--runs 10000] [--url postgresql://…]      SQLite in a temporary folder without a URL
+python benchmarks/history.py [--runs 10000] [--url postgresql://…]
+
+Without a URL: SQLite in a temporary folder, then PostgreSQL, Debian's, with a server of its own (apt install postgresql).
+Exit status 1 when the list or the trend takes longer than is promised.
 """
 
 from __future__ import annotations
 
 import argparse
 import sqlite3
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -50,55 +54,68 @@ def seconds(call: Callable[[], Any]) -> float:
     return float(best)
 
 
-def main() -> None:
-    """Prints a table."""
+def measured(place: str | Path, runs: int) -> bool:
+    """file or URL, how many runs → prints a table; whether the promises are kept."""
+    with opened(place) as history:
+        begin = time.perf_counter()
+        fill(history, runs)
+        added = (time.perf_counter() - begin) / runs
+        name, parameter = history.machines()[0], history.parameters(history.machines()[0])[0]
+
+        def floor(sql: str) -> Callable[[], Any]:
+            if isinstance(place, Path):
+                plain = sqlite3.connect(place)
+                return lambda: plain.execute(sql).fetchall()
+            import psycopg
+
+            connection = psycopg.connect(place)
+            return lambda: connection.execute(sql).fetchall()
+
+        of_one = f"SELECT start_utc, value, std FROM night_parameter WHERE machine_id = 1 AND name = '{parameter}'"
+        rows = [
+            ("list of all runs", lambda: history.nights(), "SELECT * FROM night ORDER BY start_utc DESC", 0.3),
+            (
+                "list of the last 100",
+                lambda: history.nights(last=100),
+                "SELECT * FROM night ORDER BY start_utc DESC LIMIT 100",
+                0.3,
+            ),
+            ("trend of one parameter", lambda: history.trend(name, parameter), of_one, 0.5),
+            ("one night whole", lambda: history.night(1), "SELECT json FROM night_record WHERE entry_id = 1", np.inf),
+            (
+                *("fleet", lambda: history.fleet("2026-11-23T06:00:00+00:00")),
+                *("SELECT max(start_utc) FROM night GROUP BY machine_id", np.inf),
+            ),
+        ]
+        kind = "SQLite" if isinstance(place, Path) else "PostgreSQL"
+        print(f"{runs} runs of {MACHINES} machines, {kind}; adding one takes {added * 1e3:.1f} ms")
+        print(f"{'':24} {'ms':>8} {'driver alone':>13} {'ratio':>6}")
+        kept = True
+        for what, ours, sql, promise in rows:
+            a, b = seconds(ours), seconds(floor(sql))
+            kept &= a < promise
+            late = "" if a < promise else f"   longer than {promise * 1e3:.0f} ms"
+            print(f"{what:24} {a * 1e3:8.1f} {b * 1e3:13.1f} {a / b:6.1f}{late}", flush=True)
+    return kept
+
+
+def main() -> int:
+    """Prints a table for each database; → exit status."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--runs", type=int, default=10_000)
     parser.add_argument("--url")
     asked = parser.parse_args()
+    if asked.url:
+        return 0 if measured(asked.url, asked.runs) else 1
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+    from support.postgres import database, server
+
     with tempfile.TemporaryDirectory() as folder:
-        place: str | Path = asked.url or Path(folder) / "history.db"
-        with opened(place) as history:
-            begin = time.perf_counter()
-            fill(history, asked.runs)
-            added = (time.perf_counter() - begin) / asked.runs
-            name, parameter = history.machines()[0], history.parameters(history.machines()[0])[0]
-
-            def floor(sql: str) -> Callable[[], Any]:
-                if isinstance(place, Path):
-                    plain = sqlite3.connect(place)
-                    return lambda: plain.execute(sql).fetchall()
-                import psycopg
-
-                connection = psycopg.connect(place)
-                return lambda: connection.execute(sql).fetchall()
-
-            rows = [
-                ("list of all runs", lambda: history.nights(), floor("SELECT * FROM night ORDER BY start_utc DESC")),
-                (
-                    "list of the last 100",
-                    lambda: history.nights(last=100),
-                    floor("SELECT * FROM night ORDER BY start_utc DESC LIMIT 100"),
-                ),
-                (
-                    "trend of one parameter",
-                    lambda: history.trend(name, parameter),
-                    floor(f"SELECT start_utc, value, std FROM night_parameter WHERE machine_id = 1 AND name = '{parameter}'"),
-                ),
-                ("one night whole", lambda: history.night(1), floor("SELECT json FROM night_record WHERE entry_id = 1")),
-                (
-                    "fleet",
-                    lambda: history.fleet("2026-11-23T06:00:00+00:00"),
-                    floor("SELECT max(start_utc) FROM night GROUP BY machine_id"),
-                ),
-            ]
-            kind = "PostgreSQL" if asked.url else "SQLite"
-            print(f"{asked.runs} runs of {MACHINES} machines, {kind}; adding one takes {added * 1e3:.1f} ms")
-            print(f"{'':24} {'ms':>8} {'driver alone':>13} {'ratio':>6}")
-            for what, ours, theirs in rows:
-                a, b = seconds(ours), seconds(theirs)
-                print(f"{what:24} {a * 1e3:8.1f} {b * 1e3:13.1f} {a / b:6.1f}")
+        kept = measured(Path(folder) / "history.db", asked.runs)
+    with server() as url:
+        kept &= measured(database(url), asked.runs)
+    return 0 if kept else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

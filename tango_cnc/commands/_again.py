@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from ..files import read_cell
+from ..files import read_cell, read_readings_text
 from ..files.nightly import history_of, read_nightly
 from ..history import Stored, opened
 from ..nightly import Finding, Measured, Ports, night
 from ..plan import plan
 from ..records import InputError
-from ._cell_nights import nights_of, read_text_readings
+from ._cell_nights import nights_of
 from ._simulated_nights import Folder, Nobody, Time
 
 Mapper = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
@@ -104,7 +104,7 @@ class Again:
 
 
 def _measured(cell: Any, stored: Stored, chosen: bool) -> Measured:
-    readings, record = read_text_readings(cell, str(stored.readings)), stored.record
+    readings, record = read_readings_text(str(stored.readings), cell.machine, cell.artefact), stored.record
     numbers = tuple(int(n) for n in np.unique(readings.touch)) if chosen and stored.night.kind == "check" else ()
     why = record["why"] if stored.night.status == "partial" else ""
     return Measured(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from postprocessors import _base as posts
 
 from ..duration import duration
 from ..estimate import Estimate
-from ..files import read_readings, read_strategy
+from ..files import read_readings_text, read_strategy
 from ..files.nightly import Nightly
 from ..gate import proving_touch
 from ..iso230.signed import withheld
@@ -30,6 +30,7 @@ from ._common import dialect, json_text
 from .estimate import as_json as estimate_json
 
 CHECK = "check.yaml"
+READ = 64  # nights whose readings are kept parsed: many nights in one process learn from the same ones
 
 
 def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -> Nights:
@@ -45,7 +46,7 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         settings,
         followed,
         replace(timed(made), first=_begins(cell, made)),
-        lambda text: read_text_readings(cell, text),
+        lru_cache(READ)(lambda text: read_readings_text(text, cell.machine, cell.artefact)),
         check,
         _judged if deep else None,
         _diagnosed if deep else None,
@@ -61,16 +62,6 @@ def _begins(cell: Cell, made: Plan) -> tuple[int, ...]:
         return (proving_touch(made).number,)
     except InputError:  # no night of this cell can begin: its preflight says so
         return ()
-
-
-def read_text_readings(cell: Cell, text: str) -> Readings:
-    """cell, text of a readings.csv → readings. Raises InputError."""
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "readings.csv"
-        file.write_text(text, encoding="utf-8", newline="\n")
-        return read_readings(file, cell.machine, cell.artefact)
 
 
 def timed(made: Plan) -> Timed:

@@ -6,10 +6,9 @@ from pathlib import Path
 
 from ..compensate import propose
 from ..estimate import estimate
-from ..files import read_cell, write_text
+from ..files import read_cell, read_readings_text, write_text
 from ..history import History
 from ..records import InputError
-from ._cell_nights import read_text_readings
 
 TARGET = "etalon"
 
@@ -33,7 +32,7 @@ def write(history: History, folder: Path, file: Path, entry: int) -> None:
         raise InputError(
             f"night {stored.night.night}: it has no readings; allowed: a night that measured, see 'tango history list'"
         )
-    readings = read_text_readings(cell, stored.readings)
+    readings = read_readings_text(stored.readings, cell.machine, cell.artefact)
     proposal = propose(estimate(cell.machine, cell.artefact, readings, cell.terms), TARGET)
     (text,) = proposal.files.values()
     write_text(file, text)

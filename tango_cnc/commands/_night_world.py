@@ -6,11 +6,12 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from ..files import read_readings, write_text
 from ..files.nightly import Nightly
@@ -21,6 +22,7 @@ from ..plan import part, plan, plan_hash
 from ..records import Cell, InputError, LinkError, Plan, TangoError
 from ._common import dialect
 from ._night_gate import proves
+from ._night_warm import warm, warmth
 
 LISTEN = 5.0  # s that a control may take to say what it is
 
@@ -127,6 +129,7 @@ class RealControl:
     stamp: str
     port: str | None = None
     _points: list[Finding] = field(default_factory=list)
+    _cold: bool = False  # what the preflight found: the machine warms up first
 
     def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
         """→ commissioned, the program of these touches, what was left behind, control and probe. Nothing moves."""
@@ -135,7 +138,8 @@ class RealControl:
             there = (self.cell.folder / "commissioning.yaml").exists()
             advice = "" if there else "run 'tango commission' with a person at the machine first"
             self._points.append(Finding("commissioned", there, "commissioning.yaml" if there else "no commissioning.yaml", advice))
-        for check in (self._program, self._gate, self._left, self._control):
+        checks = (self._program, self._gate, self._left, *((self._warm,) if self.settings.temperature else ()), self._control)
+        for check in checks:
             try:
                 self._points.append(check(kind, touches))
             except TangoError as error:
@@ -159,6 +163,10 @@ class RealControl:
             return Finding("left", True, f"{journals[0].name} of a run that was not resumed is left alone")
         return Finding("left", True, "no run was left behind")
 
+    def _warm(self, kind: str, touches: Sequence[int]) -> Finding:
+        found, self._cold = warm(self.cell.folder, self.settings)
+        return found
+
     def _control(self, kind: str, touches: Sequence[int]) -> Finding:
         from ..link._measure import protocol_of
         from ..link.session import listen
@@ -181,6 +189,8 @@ class RealControl:
             return Finding("control", False, f"{address}: nothing was answered", "is the control on, and at the right port?")
         fine, sentences = client.told(data, parsed.options) or (True, [])
         said = "; ".join(sentences) or "answers"
+        if fine and (busy := client.busy(data, parsed.options)):
+            return Finding("control", False, f"{address}: {busy}", "stop what runs there and see that the stylus is free")
         return Finding("control", bool(fine), said, "" if fine else "see 'tango link-test'")
 
     def _address(self) -> str:
@@ -196,29 +206,22 @@ class RealControl:
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:
         """→ what came of the run. Moves the machine. Raises LinkError where nothing at all was measured."""
-        from ..link._measure import Wanted, measure
-        from ._live import Live
-        from .run import _posted
-
-        assert self.cell.controller is not None
-        own = self.check if kind == "check" and self.check is not None else self.cell
-        made = self._plan(kind, touches)
         folder = self.cell.folder / "nights" / self.stamp
         folder.mkdir(parents=True, exist_ok=True)
         target = folder / "readings.csv"
-        post = dialect(self.cell)
+        own = self.check if kind == "check" and self.check is not None else self.cell
+        made = self._plan(kind, touches)
         began = time.monotonic()
-        why, origin = "", {}
-        with Live(None) as live:
-            wanted = Wanted(self._address(), post.link, self.cell.controller.post, target, False, None, 60.0, None)
-            try:
-                origin = measure(
-                    own, made, wanted, lambda piece: _posted(own, post, made, piece, None, None), live, lambda piece, program: None
-                )
-            except LinkError as error:
-                why, target = str(error), target.with_suffix(".partial.csv")
-                if not target.exists():
-                    raise
+        if self._cold:
+            self._warmed(own, made, folder)
+        why = ""
+        origin: Mapping[str, Any] = {}
+        try:
+            origin = self._run(own, made, target)
+        except LinkError as error:
+            why, target = str(error), target.with_suffix(".partial.csv")
+            if not target.exists():
+                raise
         text = target.read_text(encoding="utf-8")
         read = read_readings(target, self.cell.machine, self.cell.artefact)
         hashes = (
@@ -226,3 +229,35 @@ class RealControl:
             *(("program", str(origin.get("program_hash", ""))), ("readings", hashlib.sha256(text.encode()).hexdigest())),
         )
         return Measured(read, text, len(made.touches), time.monotonic() - began, why, hashes, tuple(touches))
+
+    def _run(self, own: Cell, made: Plan, target: Path) -> Mapping[str, Any]:
+        """cell with the strategy of tonight, its plan, file → what is known of the run. Raises LinkError where it stops."""
+        from ..link._measure import Wanted, measure
+        from ._live import Live
+        from .run import _posted
+
+        assert self.cell.controller is not None
+        post = dialect(self.cell)
+        with Live(None) as live:
+            wanted = Wanted(self._address(), post.link, self.cell.controller.post, target, False, None, 60.0, None)
+            return measure(
+                own, made, wanted, lambda piece: _posted(own, post, made, piece, None, None), live, lambda piece, program: None
+            )
+
+    def _warmed(self, own: Cell, made: Plan, folder: Path) -> None:
+        """Runs the program of the night until the machine is warm: its touches are kept and judged by nobody.
+
+        Raises LinkError where it is still cold after the time there is, or where a run stops.
+        """
+        assert self.settings.temperature is not None
+        low, minutes = self.settings.temperature[0], self.settings.warm_up_minutes
+        end = time.monotonic() + 60 * minutes
+        number = 0
+        while True:
+            now = warmth(self.cell.folder, self.settings)
+            if now.value is not None and now.value >= low:
+                return
+            if time.monotonic() >= end:
+                raise LinkError(f"cold: {now.words} after {minutes:g} min of warm-up, {low:g} °C are asked for")
+            number += 1
+            self._run(own, made, folder / f"warm-up-{number}.csv")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from functools import wraps
 from pathlib import Path
@@ -18,7 +18,7 @@ from ..report.units import shown
 from ._common import json_option, table, write_json
 
 if TYPE_CHECKING:
-    from ..history import Compensation, History
+    from ..history import Compensation, History, Trend
 
 PLACE = "Keep 20"
 
@@ -69,7 +69,9 @@ def _machine(history: History, folder: Path, name: str | None) -> str:
         return own
     if len(known) == 1:
         return known[0]
-    raise InputError(f"--machine: found none; allowed: {', '.join(known) or 'none yet, no night has been added'}")
+    if not known:
+        raise InputError("history: it holds no night yet; 'tango nightly' adds one, 'tango history import' those of old cells")
+    raise InputError(f"--machine: found none; allowed: {', '.join(known)}")
 
 
 def _night(history: History, machine: str, which: str) -> int:
@@ -174,29 +176,34 @@ def compare(history: History, machine: str, one: str, other: str, json_file: str
     "-o", "output", type=click.Path(path_type=Path), metavar="FILE", help=".png, .svg or .pdf; without it: on the terminal"
 )
 @click.option("--chart", type=click.Choice(["none", "shewhart", "ewma", "cusum"]), default="none", show_default=True)
-def plot(history: History, machine: str, parameter: tuple[str, ...], output: Path | None, chart: str) -> None:
+@click.option("--smooth", is_flag=True, help="As the past is known today, from the nights before and after; no chart.")
+def plot(history: History, machine: str, parameter: tuple[str, ...], output: Path | None, chart: str, smooth: bool) -> None:
     """Parameters over the nights, with 95 % intervals; without names those that have moved most."""
+    from ..nightly.lookback import smooth as smoothed
+
     names = parameter or tuple(_moved(history, machine))
+    if chart != "none" and smooth:
+        raise InputError("--chart, --smooth: found both; allowed: one of them: a chart is of nights as they came")
+    trends = [smoothed(history, machine, name) if smooth else history.trend(machine, name) for name in names]
     if output is None:
         if chart != "none":
             raise InputError("--chart: found no -o FILE; allowed: a chart in a file")
-        click.echo(_lines(history, machine, names))
+        click.echo(_lines(trends))
         return
     from ..history.picture import picture
 
-    picture(history, machine, names, output, None if chart == "none" else chart)
+    picture(history, machine, trends, output, None if chart == "none" else chart)
     click.echo(f"{', '.join(names)} → {output}")
 
 
-def _lines(history: History, machine: str, names: tuple[str, ...]) -> str:
+def _lines(trends: Sequence[Trend]) -> str:
     """→ one line a parameter: its nights as a sparkline from lowest to highest, first and last value."""
     from ..report.terminal import sparkline, width
 
     rows = []
-    for name in names:
-        trend = history.trend(machine, name)
+    for trend in trends:
         factor, unit = shown(trend.unit)
-        rows.append((name, trend.value * factor, f"{trend.value[0] * factor:9.2f} → {trend.value[-1] * factor:.2f} {unit}"))
+        rows.append((trend.name, trend.value * factor, f"{trend.value[0] * factor:9.2f} → {trend.value[-1] * factor:.2f} {unit}"))
     head = max((len(name) for name, _, _ in rows), default=0)
     room = max(width() - head - max((len(end) for _, _, end in rows), default=0) - 4, 5)
     return "\n".join(f"{name:<{head}}  {sparkline(values.tolist(), room)}  {end}" for name, values, end in rows)
@@ -208,6 +215,34 @@ def _moved(history: History, machine: str) -> list[str]:
         trend = history.trend(machine, name)
         sizes[name] = float((trend.value.max() - trend.value.min()) / max(trend.std.min(), 1e-12))
     return sorted(sizes, key=lambda name: -sizes[name])[:6]
+
+
+@command.command()
+@_options()
+@json_option
+def causes(history: History, machine: str, json_file: str | None) -> None:
+    """What the parameters follow over many nights: the season, the temperature, wear since the last alarm, a drift."""
+    from ..nightly.lookback import RARE, looked_back
+
+    found = looked_back(history, machine)
+    if write_json(json_file, {"format": "tango-history-causes/1", "machine": machine, "causes": [vars(f) for f in found]}):
+        return
+    rows = []
+    for f in found:
+        factor, unit = shown(f.unit)
+        size = f"{f.size * factor:+.3g} ± {f.std * factor:.1g} {unit}"
+        said = {
+            "season": f"{size.lstrip('+')} over the year, largest about {f.since}",
+            "temperature": f"{size} per K",
+            "wear": f"{size} a day since the alarm of {f.since}",
+            "drift": f"{size} a day",
+        }[f.cause]
+        rows.append([f.parameter, f.cause, said, f"{f.p_value:.1g}", ", ".join(f.instead)])
+    if rows:
+        click.echo(table([["parameter", "follows", "by", "by chance", "fits nearly as well"], *rows], "<<<<<"))
+    else:
+        click.echo("no parameter follows anything: they wander, and no more")
+    click.echo(f"of {round(1 / RARE)} machines that only wander, one has a line here")
 
 
 @command.command()

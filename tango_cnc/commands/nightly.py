@@ -88,6 +88,8 @@ def command(
         made = plan(cell)
         analysis = nights_of(cell, settings, made)
         control = RealControl(cell, settings, made, analysis.check, stamp, port)
+        if dry_run:
+            place = _looked_at(place)
         with opened(place) as history:
             if dry_run:
                 return _dry(control, analysis, history, begun, disk, settings, json_file)
@@ -190,6 +192,11 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     return 0
 
 
+def _looked_at(place: str | Path) -> str | Path:
+    """history → itself; an empty one in memory where there is none yet: looking makes no file."""
+    return "sqlite://" if isinstance(place, Path) and not place.exists() else place
+
+
 def _tell(disk: Any, mail: Any) -> int:
     from ..nightly.night import delivered
 
@@ -236,10 +243,7 @@ def _status(folder: Path, settings: Nightly, wrong: TangoError | None, where: st
         name = read_cell(folder).machine.name
     except TangoError as error:
         wrong = wrong or error
-    place = history_of(folder, settings, where)
-    if isinstance(place, Path) and not place.exists():
-        place = "sqlite://"  # no night yet: looking makes no file
-    with opened(place) as history:
+    with opened(_looked_at(history_of(folder, settings, where))) as history:
         name = name or machine_of(folder, history.machines())
         nights = history.nights(name, last=7) if name in history.machines() else ()
         newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work

@@ -26,6 +26,9 @@ class Nightly:
     limits: Mapping[str, float] = field(default_factory=dict)  # volume in µm; parameters in µm, µrad, µm/m
     sensor: str | None = None  # temperature column that counts; None: the mean of all
     temperature: tuple[float, float] | None = None  # °C within which a night may begin
+    warm_up_minutes: float = (
+        0.0  # a colder machine runs the program of the night for so long at most, unjudged, before it is measured
+    )
     free_mb: float = 200.0
     late_hours: float = 36.0
     every_days: float = 1.0
@@ -57,6 +60,8 @@ def read_nightly(folder: Path) -> Nightly:
             given[key] = node.number(10, 100_000)
         elif key == "free_mb":
             given[key] = node.number(0, 1e9)
+        elif key == "warm_up_minutes":
+            given[key] = node.number(0, 600)
         elif key in ("commissioned", "diagnose", "probe"):
             given[key] = node.boolean()
         elif key == "limits":
@@ -71,6 +76,8 @@ def read_nightly(folder: Path) -> Nightly:
             for item in node.list():
                 if item.text().split(":")[0] not in SCHEMES:
                     raise item.wrong(f"a URL that begins with {', '.join(SCHEMES)}")
+    if "warm_up_minutes" in given and "temperature" not in given:
+        raise fields["warm_up_minutes"].wrong("a temperature as well, [low, high] in °C: it says when the machine is warm")
     return Nightly(**given)  # type: ignore[arg-type]
 
 

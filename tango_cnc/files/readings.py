@@ -72,7 +72,15 @@ def joined(one: Readings, two: Readings, number: int) -> Readings:
 def _read(file: Path, machine: Machine, artefact: Artefact) -> Readings:
     if file.suffix.lower() in SHEETS:
         raise complaint(file, None, "", "a spreadsheet", "text; save the sheet as CSV in UTF-8 and name that file")
-    lines = read_text(file).splitlines()
+    return read_readings_text(read_text(file), machine, artefact, file)
+
+
+def read_readings_text(text: str, machine: Machine, artefact: Artefact, file: Path = Path("readings.csv")) -> Readings:
+    """text of a readings.csv, machine, artefact, name for complaints → readings.
+
+    Raises InputError naming line and column of what is wrong.
+    """
+    lines = text.splitlines()
     if not lines:
         raise complaint(file, None, "", "the file is empty", "a header row and one row a touch")
     rows = _rows(file, lines)

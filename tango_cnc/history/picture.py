@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from ..records import InputError
+from .records import Trend
 from .store import History
 
 SCALE = {"mm": (1e3, "µm"), "rad": (1e6, "µrad"), "mm/mm": (1e6, "µm/m")}
 
 
-def picture(history: History, machine: str, names: Sequence[str], file: Path, chart: str | None = None) -> None:
-    """history, machine, parameters, file, kind of chart → written. Raises InputError without matplotlib."""
+def picture(history: History, machine: str, trends: Sequence[Trend], file: Path, chart: str | None = None) -> None:
+    """history, machine, trends of its parameters, file, kind of chart → written. Raises InputError without matplotlib."""
     try:
         import matplotlib
 
@@ -26,9 +27,9 @@ def picture(history: History, machine: str, names: Sequence[str], file: Path, ch
     from ..state import charts
 
     alarms = [datetime.fromisoformat(n.start_utc) for n in history.nights(machine) if n.alarms]
-    figure, axes = plt.subplots(len(names), 1, sharex=True, figsize=(9, 1.2 + 1.7 * len(names)), squeeze=False)
-    for axis, name in zip(axes[:, 0], names, strict=True):
-        trend = history.trend(machine, name)
+    figure, axes = plt.subplots(len(trends), 1, sharex=True, figsize=(9, 1.2 + 1.7 * len(trends)), squeeze=False)
+    for axis, trend in zip(axes[:, 0], trends, strict=True):
+        name = trend.name
         factor, unit = SCALE.get(trend.unit, (1.0, trend.unit))
         when = [datetime.fromisoformat(s) for s in trend.start_utc]
         value, std = trend.value * factor, trend.std * factor

@@ -154,3 +154,11 @@ class Client(Protocol):
         None where the protocol has no opinion: the bytes are those of any line.
         """
         return None
+
+    @classmethod
+    def busy(cls, data: bytes, options: Mapping[str, str]) -> str:
+        """what came after `hello` → why nobody may begin here unattended: a program runs, the probe is on.
+
+        Empty where it is free, or does not say.
+        """
+        return ""

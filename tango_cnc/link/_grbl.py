@@ -64,3 +64,9 @@ def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
             else f"it cannot be used as it is: {targets.CANNOT.format('it does not say a parameter that was set')}"
         )
     return fine and ready and (able or plain) and "P" not in pin, sentences
+
+
+def busy(data: bytes, options: Mapping[str, str]) -> str:
+    """what came after `hello` → why nobody may begin here unattended; empty where it stands idle."""
+    found = re.findall(r"<([A-Za-z]+)[^<>\n]*>", data.decode("latin-1"))
+    return f"its state is {found[-1]}, not Idle" if found and found[-1] != "Idle" else ""

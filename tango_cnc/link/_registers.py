@@ -75,10 +75,27 @@ def told(data: bytes, options: Mapping[str, str]) -> tuple[bool, list[str]]:
         sentences.append(identified(layout, block))
     except Stop as stop:
         return False, [*sentences, str(stop)]
+    state, probe = _state(layout, block)
+    return True, [*sentences, f"its status is {state}, the probe signal is {'on' if probe else 'off'}"]
+
+
+def busy(data: bytes, options: Mapping[str, str]) -> str:
+    """what came after `hello` → why nobody may begin here unattended; empty where it is idle and its probe off."""
+    layout = read_layout(options.get("layout", ""))
+    answers = data.decode("latin-1").split("\n")[:-1]
+    if len(answers) < 2 or answers[1][:1] in ("-", "!"):
+        return ""
+    state, probe = _state(layout, [int(word) for word in answers[1].split()[1:]])
+    if state != "idle":
+        return f"its status is {state}, not idle"
+    return "the probe signal is on" if probe else ""
+
+
+def _state(layout: Layout, block: Words) -> tuple[str, bool]:
+    """layout, registers of its block → name of the status, whether the probe signal is on."""
     status = layout.of("status", block, layout.block[0])[0]
     state = next((name for name, code in layout.statuses.items() if code == status), f"unknown state {status}")
-    probe = "on" if layout.of("probe", block, layout.block[0])[0] else "off"
-    return True, [*sentences, f"its status is {state.replace('_', ' ')}, the probe signal is {probe}"]
+    return state.replace("_", " "), bool(layout.of("probe", block, layout.block[0])[0])
 
 
 class Registers(Dialogue):

@@ -188,7 +188,7 @@ class Nights:
             what = seen(self.followed, readings, after.mean, ahead.reference, self.settings.sensor)
             tonight = judge(ahead, what)
             after = updated(ahead, what, tonight, quiet=False)
-        after, learned = self._learned(past, recent, after)
+        after, learned, since_learned = self._learned(past, recent, after)
         result = self._estimate(readings, after, tonight)
         judged = Judged("trustworthy") if self.judged is None else self.judged(*self._judgeable(kind, measured), result, kind)
         alarms = [alarm_of(known, since(past, machine, day), ahead, tonight, named)] if alarm else []
@@ -228,7 +228,7 @@ class Nights:
             "plausible": {"verdict": judged.verdict, "reasons": list(judged.reasons)},
             "temperatures": {name: parts.told(values) for name, values in warmth.items()},
             "versions": {"tango_cnc": __version__},
-            "state": as_numbers(after) | {"learned": learned},
+            "state": as_numbers(after) | {"learned": learned, "since_learned": since_learned},
             "carried": judged.believed,
         }
         told |= {"standing": waiting} if waiting else {}
@@ -277,20 +277,21 @@ class Nights:
             return {"kind": "full", "why": f"the volume will only be known to {std:.1f} µm"}
         return {"kind": "check", "why": "nothing is too uncertain"}
 
-    def _learned(self, past: Past, recent: Sequence[Mapping[str, Any]], after: State) -> tuple[State, int]:
-        """state → the same with rates learned from its history, and how many nights they were learned from."""
+    def _learned(self, past: Past, recent: Sequence[Mapping[str, Any]], after: State) -> tuple[State, int, int]:
+        """state → the same with rates learned from its history, how many nights they come from, measured nights since then."""
         machine = self.cell.machine.name
         if machine not in past.machines():
-            return after, 0
+            return after, 0, 0
+        last: Mapping[str, Any] = next((r["state"] for r in recent if "state" in r), {})
+        before, waited = last.get("learned", 0), last.get("since_learned", LEARNED_EVERY) + 1
         nights = [n for n in past.nights(machine, last=LEARNED_FROM) if n.status == "complete" and n.touches]
-        before = next((r["state"].get("learned", 0) for r in recent if "state" in r), 0)
-        if not nights or len(nights) < LEARNED_EVERY or len(nights) % LEARNED_EVERY:
-            return after, before
+        if len(nights) < LEARNED_EVERY or waited < LEARNED_EVERY:
+            return after, before, waited
         nights.reverse()
         stored = [past.night(n.entry) for n in nights]
         stored = [s for s in stored if s.readings is not None and s.knowledge is not None]
         if len(stored) < LEARNED_EVERY:
-            return after, before
+            return after, before, waited
         first = stored[0]
         begin = matched(restored(*parts.three(first.knowledge), first.record["state"]), self.followed)
         begin = replace(begin, sigma=sigma_of(after), noise=(0.0, 0.0), agreement=(0.0, 0.0), rates=self.followed.wander.copy())
@@ -301,7 +302,7 @@ class Nights:
             seen_then.append((night.record["state"]["day"], what.without(night.record.get("outliers", ()))))
             if night.night.alarms:
                 opened.append(place)
-        return replace(after, rates=learn(self.followed, begin, seen_then, opened)), len(stored)
+        return replace(after, rates=learn(self.followed, begin, seen_then, opened)), len(stored), 0
 
     def _estimate(self, readings: Readings, after: State, tonight: Tonight) -> Estimate:
         """→ what is known after tonight, as the estimate that every other stage reads."""

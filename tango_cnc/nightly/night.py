@@ -116,7 +116,8 @@ def room(disk: Disk, settings: Nightly) -> Finding:
     """disk, settings → whether there is room for a night."""
     free = disk.free_mb()
     enough = free >= settings.free_mb
-    return Finding("disk", enough, f"{free:.0f} MB free", "" if enough else f"make room: {settings.free_mb:.0f} MB are needed")
+    found = f"{free:.0f} MB free" if enough else f"only {free:.0f} MB are free on the disk of the cell"
+    return Finding("disk", enough, found, "" if enough else f"make room: {settings.free_mb:.0f} MB are needed")
 
 
 def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: datetime) -> list[str]:

@@ -186,19 +186,22 @@ def _rest(what: Seen, mean: Array, root: Array, sigma: float) -> tuple[Array, Ar
 
 def updated(state: State, what: Seen, tonight: Tonight, quiet: bool = True) -> State:
     """predicted state, what the touches say, their judgement, whether the night was no alarm → what is known after them."""
-    sigma = sigma_of(state)
-    used = what.without(tonight.outliers)
-    own, ahead = _whitened(state, used, sigma)
+    noise, agreement = state.noise, state.agreement
+    if quiet:
+        noise = (noise[0] + tonight.noise[0], noise[1] + tonight.noise[1])
+        agreement = (agreement[0] + tonight.statistic, agreement[1] + tonight.dof)
+    return replace(taken(state, what.without(tonight.outliers)), noise=noise, agreement=agreement)
+
+
+def taken(state: State, what: Seen) -> State:
+    """predicted state, what the touches say → what is known after them: mean and root."""
+    own, ahead = _whitened(state, what, sigma_of(state))
     p = len(state.names)
     stacked = np.vstack([np.column_stack([np.eye(p), np.zeros(p)]), np.column_stack([own, ahead])])
     both = triangle(stacked)
     change = linalg.solve_triangular(both[:p, :p], both[:p, p])
     root = triangle(np.asarray(linalg.solve_triangular(both[:p, :p], state.root.T, trans="T"))).T
-    noise, agreement = state.noise, state.agreement
-    if quiet:
-        noise = (noise[0] + tonight.noise[0], noise[1] + tonight.noise[1])
-        agreement = (agreement[0] + tonight.statistic, agreement[1] + tonight.dof)
-    return replace(state, mean=state.mean + state.root @ change, root=root, noise=noise, agreement=agreement)
+    return replace(state, mean=state.mean + state.root @ change, root=root)
 
 
 def reopened(state: State, followed: Frame, directions: Array | None, temperature: bool = False) -> State:

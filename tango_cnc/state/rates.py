@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..records import Array
 from ._root import widened
-from .filter import State, Tonight, judge, predicted, updated
+from .filter import State, predicted, taken
 from .frame import Frame, Seen
 from .smooth import Filtered, smoothed
 
@@ -24,7 +24,10 @@ LEAST, MOST = 1e-3, 300.0  # of the first idea of a variance
 
 
 def learn(followed: Frame, begin: State, nights: Sequence[tuple[float, Seen]], opened: Sequence[int] = ()) -> Array:
-    """frame, state before the first night, (day, what was seen) of each, places of alarms → (p,) variance a day."""
+    """frame, state before the first night, (day, what was seen) of each, places of alarms → (p,) variance a day.
+
+    Of what was seen, single touches that fit nothing have been taken out.
+    """
     rates = begin.rates.copy()
     if len(nights) - len(opened) < 3:
         return rates
@@ -51,8 +54,7 @@ def _steps(
         state = predicted(state, day)
         if place in opened:
             state = replace(state, root=widened(state.root, np.diag(300 * np.sqrt(state.rates))))
-        tonight: Tonight = judge(state, what)
-        state = updated(state, what, tonight, quiet=False)
+        state = taken(state, what)
         filtered.append(Filtered(state.mean, state.covariance, day))
     past = smoothed(filtered, begin.rates, opened)
     total, count = np.zeros(len(own)), 0.0

@@ -426,13 +426,13 @@ class Year:
         self.history.decide(self.name, Decision(record["alarms"][0]["id"], action, "Ann", "", until, utc))
 
     def _entries(self) -> int:
-        return len(self.history.nights(self.name)) if self.name in self.history.machines() else 0
+        return self.history.newest_hashes().get(self.name, (0, ""))[0]
 
     def _whole(self, before: int) -> None:
         """What was there is there, and what is new is whole. Raises Broken."""
         self.fault, fault = "", self.fault
         if self._entries() < before:
-            raise Broken("nights have gone from the history")
+            raise Broken("entries have gone from the history")
         self.fault = fault
 
     def run(self, nights: int = 365) -> dict[str, Any]:

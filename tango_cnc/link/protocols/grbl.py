@@ -89,6 +89,11 @@ class Client(Control):
         """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
         return _grbl.told(data, options)
 
+    @classmethod
+    def busy(cls, data: bytes, options: Mapping[str, str]) -> str:
+        """what came after `hello` → why nobody may begin here unattended; empty where it stands idle."""
+        return _grbl.busy(data, options)
+
     @property
     def sent(self) -> tuple[int, int]:
         """→ (moves asked for, moves in all)."""

@@ -76,6 +76,12 @@ class Client(Dialogue):
         complete = all(what.upper() in said for what in (*READY, "program_status"))
         return complete and not open_, [f"LinuxCNC: {greeting}", *said.values(), *open_]
 
+    @classmethod
+    def busy(cls, data: bytes, options: Mapping[str, str]) -> str:
+        """what came after `hello` → why nobody may begin here unattended; empty where no program runs."""
+        said = [line.strip() for line in data.decode("latin-1").splitlines() if line.strip().upper().startswith("PROGRAM_STATUS")]
+        return f"it says {said[-1]}: a program is running" if said and "IDLE" not in said[-1].upper() else ""
+
     @property
     def sent(self) -> tuple[int, int]:
         """→ (characters of the program put, characters in all)."""

@@ -75,6 +75,11 @@ class Client(Registers):
         """what came after `hello` → whether this control can be worked with, and what it says of itself, a sentence an item."""
         return _registers.told(data, options)
 
+    @classmethod
+    def busy(cls, data: bytes, options: Mapping[str, str]) -> str:
+        """what came after `hello` → why nobody may begin here unattended; empty where it is idle and its probe off."""
+        return _registers.busy(data, options)
+
     @property
     def sent(self) -> tuple[int, int]:
         """→ (commands given, commands in all)."""

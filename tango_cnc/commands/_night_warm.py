@@ -1,0 +1,76 @@
+"""Whether a machine is as warm as its nights ask for: the sensors of sensors.yaml, asked before anything moves."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from ..files.nightly import Nightly
+from ..link._sensors import FILE, read_sensors
+from ..link.transport._sensors import Watch
+from ..nightly import Finding
+from ..records import InputError
+
+LOOK = 0.1  # s between two looks at what has come
+
+
+class Warmth(NamedTuple):
+    """What the sensors say now: °C, None where nobody has said anything; and whose words these are."""
+
+    value: float | None
+    words: str
+
+
+def warmth(folder: Path, settings: Nightly) -> Warmth:
+    """folder of a cell, settings → temperature of the sensor that counts, or the mean of all. Waits as long as a value may be old.
+
+    Raises InputError for a cell that names no such sensor.
+    """
+    sensors = read_sensors(folder)
+    known = tuple(sensor.name for sensor in sensors.sensors)
+    wanted = known if settings.sensor is None else (settings.sensor,)
+    if not known:
+        raise InputError(f"temperature is asked for in nightly.yaml, and no sensor tells it: name one in {FILE} (docs/link.md)")
+    if settings.sensor is not None and settings.sensor not in known:
+        raise InputError(f"sensor {settings.sensor!r} of nightly.yaml is not in {FILE}; allowed: {', '.join(known)}")
+    watch = Watch(sensors)
+    watch.start()
+    try:
+        end = time.monotonic() + sensors.old
+        while True:
+            values = watch.values()
+            found = [value for name in wanted if (value := values[name]) is not None]
+            if len(found) == len(wanted) or time.monotonic() > end:
+                break
+            time.sleep(LOOK)
+    finally:
+        watch.close()
+    name = ", ".join(wanted)
+    if len(found) < len(wanted):
+        silent = ", ".join(n for n in wanted if values[n] is None)
+        return Warmth(None, f"{silent} said nothing for {sensors.old:g} s")
+    value = sum(found) / len(found)
+    return Warmth(value, f"{name} {value:.1f} °C" if len(found) == 1 else f"mean of {name} {value:.1f} °C")
+
+
+def warm(folder: Path, settings: Nightly) -> tuple[Finding, bool]:
+    """folder of a cell, settings with a temperature → the point of the preflight, and whether a warm-up comes first.
+
+    Raises InputError for a cell that names no such sensor.
+    """
+    assert settings.temperature is not None
+    low, high = settings.temperature
+    now = warmth(folder, settings)
+    asked = f"{low:g} … {high:g} °C are asked for"
+    if now.value is None:
+        return Finding("warm", False, now.words, f"is its agent or broker there? {FILE} says where it is asked"), False
+    if now.value > high:
+        return Finding("warm", False, f"{now.words}, {asked}", "let the machine or the shop cool down"), False
+    if now.value >= low:
+        return Finding("warm", True, f"{now.words}, {asked}"), False
+    if settings.warm_up_minutes:
+        first = f"it warms up first, {settings.warm_up_minutes:g} min at most"
+        return Finding("warm", True, f"{now.words}, {asked}: {first}"), True
+    advice = "let the machine run before the night, or state warm_up_minutes in nightly.yaml"
+    return Finding("warm", False, f"cold: {now.words}, {asked}", advice), False

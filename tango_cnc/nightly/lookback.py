@@ -1,0 +1,242 @@
+"""Many nights at once: what a parameter follows beside its own wandering, and what is known of the past today.
+
+    value of a night = level + steps at its alarms + causes + what it wanders + what the night does not know
+
+A cause is the season, the temperature, wear since the last alarm, or a drift. How fast the parameter wanders is estimated with
+and without it (maximum likelihood), so that a machine that wanders is not taken for one that drifts; the price of all tries is
+paid (Bonferroni). What a night has by itself is taken out of the state of that night first: the states of two nights share what
+both know.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from scipy import linalg, optimize, special
+
+from ..history import History, Stored, Trend
+from ..records import Array, InputError
+from ..state.filter import restored
+from ..state.smooth import Filtered, smoothed
+
+NIGHTS = 400  # looked back over
+LEAST = 12  # nights that tell anything
+YEAR = 365.25  # d
+SEASON = 240.0  # d of nights before a season is tried
+STIRRED = 0.3  # K, standard deviation of the temperature before it is tried
+AFTER = 8  # nights since an alarm before wear is tried
+RARE = 0.01  # of all tries together: how often a cause is named that is none
+TWICE = 3.0  # of the logarithm of the likelihood: what is nearer than that fits nearly as well
+FAINT = 0.02  # of the variance: a night that took out less knows nothing by itself
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What a parameter follows: its size (a day, a K, or the amplitude of a year) in its unit, how sure, and when."""
+
+    parameter: str
+    cause: str  # season, temperature, wear, drift
+    size: float
+    std: float
+    unit: str
+    p_value: float
+    since: str = ""  # wear: date of the alarm; season: date of the largest value
+    instead: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Series:
+    day: Array  # (n,)
+    value: Array  # (n,) of each night by itself
+    variance: Array  # (n,)
+    steps: Array  # (n, k) 0 before, 1 after each alarm of this parameter
+
+
+def looked_back(history: History, machine: str) -> tuple[Followed, ...]:
+    """history, machine → what its parameters follow, the surest first. Raises InputError for too few nights."""
+    records = [r for r in history.records(machine, NIGHTS) if r.get("parameters") and r.get("state")][::-1]
+    if len(records) < LEAST:
+        raise InputError(f"history: {machine} has {len(records)} measured nights; allowed: {LEAST} or more to look back over")
+    names = history.parameters(machine)
+    rates = _rates(history, machine, records[-1])
+    day = np.array([float(r["state"]["day"]) for r in records])
+    warmth = _temperature(records)
+    alarms = [day[i] for i, r in enumerate(records) if r["alarms"]]
+    found: list[Followed] = []
+    series = {name: s for name in names if (s := _series(records, day, name, rates)) is not None}
+    tries = sum(len(_causes(s.day, _at(s.day, day, warmth), alarms)) for s in series.values())
+    for name, s in series.items():
+        unit = next(r["parameters"][name]["unit"] for r in records if name in r["parameters"])
+        found += _explained(name, unit, s, _causes(s.day, _at(s.day, day, warmth), alarms), RARE / max(tries, 1), alarms)
+    return tuple(sorted(found, key=lambda f: f.p_value))
+
+
+def smooth(history: History, machine: str, name: str) -> Trend:
+    """history, machine, parameter → what is known today of its past nights. Nothing is carried back over an alarm.
+
+    Raises InputError for a parameter that no state has by this name.
+    """
+    plain = history.trend(machine, name)
+    stored = [history.night(entry) for entry in plain.entries[-NIGHTS:]]
+    stored = [s for s in stored if s.knowledge is not None and "state" in s.record]
+    if not stored:
+        raise InputError(f"history: {machine} has no state to smooth; allowed: nights of this version")
+    names = stored[-1].knowledge.names  # type: ignore[union-attr]
+    own = _raw(name, names)
+    if own is None:
+        raise InputError(f"history: {name!r} is no unknown of the state; allowed: {', '.join(names[:12])} …")
+    stored = [s for s in stored if s.knowledge is not None and s.knowledge.names == names]
+    nights = [_filtered(s) for s in stored]
+    past = smoothed(nights, np.array(stored[-1].record["state"]["rates"]), [i for i, s in enumerate(stored) if s.night.alarms])
+    place = names.index(own)
+    return Trend(
+        machine,
+        name,
+        plain.unit,
+        tuple(s.night.entry for s in stored),
+        tuple(s.night.start_utc for s in stored),
+        np.array([p.mean[place] for p in past]),
+        np.sqrt([p.covariance[place, place] for p in past]),
+    )
+
+
+def _filtered(stored: Stored) -> Filtered:
+    known = stored.knowledge
+    assert known is not None
+    state = restored(known.names, known.values, known.covariance, stored.record["state"])
+    return Filtered(state.mean, state.covariance, state.day)
+
+
+def _raw(label: str, names: Sequence[str]) -> str | None:
+    """label of a parameter (EYY1-EXX1) → its unknown in the state (EYY1), None where there is none."""
+    return next((n for n in (label, re.split(r"[-+]", label)[0]) if n in names), None)
+
+
+def _rates(history: History, machine: str, last: Mapping[str, Any]) -> dict[str, float]:
+    """→ {name of an unknown: variance a day}, as the newest night has them."""
+    newest = history.latest_knowledge(machine)
+    return {} if newest is None else dict(zip(newest[1].names, last["state"]["rates"], strict=False))
+
+
+def _temperature(records: Sequence[Mapping[str, Any]]) -> Array | None:
+    """records → (n,) °C of each night, mean of its sensors; None where a night has none."""
+    values = [[float(t["mean"]) for t in (r.get("temperatures") or {}).values()] for r in records]
+    return np.array([np.mean(v) for v in values]) if all(values) else None
+
+
+def _at(some: Array, day: Array, warmth: Array | None) -> Array | None:
+    return None if warmth is None else warmth[np.isin(day, some)]
+
+
+def _series(records: Sequence[Mapping[str, Any]], day: Array, name: str, rates: Mapping[str, float]) -> _Series | None:
+    """→ what each night by itself says of a parameter; None for one that too few nights have seen."""
+    raw = _raw(name, list(rates))
+    rate = rates.get(raw, 0.0) if raw else 0.0
+    rows: list[tuple[float, float, float]] = []
+    stepped: list[float] = []
+    before: tuple[float, float, float] | None = None
+    for when, record in zip(day, records, strict=True):
+        told = record["parameters"].get(name)
+        if told is None:
+            continue
+        value, variance = float(told["value"]), float(told["std"]) ** 2
+        moved = any(a["parameter"] == name for a in record["alarms"])
+        if moved:
+            stepped.append(when)
+        if before is None or record["alarms"]:  # a state that was opened has forgotten
+            rows.append((when, value, variance))
+        else:
+            ahead = before[2] + rate * max(when - before[0], 0.0)
+            gain = 1 - variance / ahead if ahead > 0 else 0.0
+            if gain > FAINT:
+                rows.append((when, before[1] + (value - before[1]) / gain, variance / gain))
+        before = (when, value, variance)
+    if len(rows) < LEAST:
+        return None
+    days, values, variances = (np.array(column) for column in zip(*rows, strict=True))
+    return _Series(days, values, variances, np.column_stack([np.zeros((len(days), 0)), *((days >= s) * 1.0 for s in stepped)]))
+
+
+def _causes(day: Array, warmth: Array | None, alarms: Sequence[float]) -> dict[str, Array]:
+    """→ {cause: (n, k) what it would do}, of those that these nights can tell."""
+    found = {"drift": (day - day.mean())[:, None]}
+    if np.ptp(day) >= SEASON:
+        turn = 2 * np.pi * day / YEAR
+        found["season"] = np.column_stack([np.cos(turn), np.sin(turn)])
+    if warmth is not None and float(np.std(warmth)) > STIRRED:
+        found["temperature"] = (warmth - warmth.mean())[:, None]
+    last = max(alarms, default=None)
+    if last is not None and int(np.sum(day > last)) >= AFTER and int(np.sum(day < last)) >= 3:
+        found["wear"] = np.maximum(day - last, 0.0)[:, None]
+    return found
+
+
+def _explained(
+    name: str, unit: str, s: _Series, causes: Mapping[str, Array], rare: float, alarms: Sequence[float]
+) -> list[Followed]:
+    """→ causes that the nights of a parameter need, one after the other."""
+    base = np.column_stack([np.ones(len(s.day)), s.steps])
+    left, found = dict(causes), []
+    now = _fitted(s, base)[0]
+    while left:
+        tried = {cause: _fitted(s, np.column_stack([base, columns])) for cause, columns in left.items()}
+        gains = {cause: tried[cause][0] - now - 0.5 * (left[cause].shape[1] - 1) for cause in tried}
+        best = max(gains, key=lambda cause: gains[cause])
+        p = float(special.chdtrc(left[best].shape[1], max(2 * (tried[best][0] - now), 0.0)))
+        if p >= rare:
+            break
+        width, (_, size, spread) = left[best].shape[1], tried[best]
+        own, std = size[-width:], np.sqrt(np.diag(spread)[-width:])
+        near = tuple(cause for cause in left if cause != best and gains[best] - gains[cause] < TWICE)
+        found.append(
+            Followed(
+                name,
+                best,
+                float(own[0]) if width == 1 else float(np.hypot(*own)),
+                float(std.max()),
+                unit,
+                p,
+                _since(best, own, s.day, alarms),
+                near,
+            )
+        )
+        base, now = np.column_stack([base, left.pop(best)]), tried[best][0]
+        for cause in near:  # what fits nearly as well is told with it, and not once more
+            left.pop(cause, None)
+    return found
+
+
+def _since(cause: str, own: Array, day: Array, alarms: Sequence[float]) -> str:
+    if cause == "wear":
+        return _date(max(alarms))
+    if cause == "season":
+        largest = float(np.arctan2(own[1], own[0])) / (2 * np.pi) * YEAR
+        return _date(largest + YEAR * np.floor((day[-1] - largest) / YEAR))
+    return ""
+
+
+def _date(day: float) -> str:
+    return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=float(day))).strftime("%Y-%m-%d")
+
+
+def _fitted(s: _Series, columns: Array) -> tuple[float, Array, Array]:
+    """series, (n, k) what may explain it → log likelihood at the best rate of wandering, (k,) sizes, (k, k) covariance."""
+    shared = np.minimum.outer(s.day - s.day[0], s.day - s.day[0])
+    unit = max(float(np.median(s.variance)), 1e-300) / max(float(np.ptp(s.day)), 1.0)
+
+    def at(log_rate: float) -> tuple[float, Array, Array]:
+        root = np.linalg.cholesky(unit * np.exp(log_rate) * shared + np.diag(s.variance))
+        white = linalg.solve_triangular(root, np.column_stack([columns, s.value]), lower=True)
+        rows, value = white[:, :-1], white[:, -1]
+        spread = np.linalg.pinv(rows.T @ rows)
+        size = spread @ rows.T @ value
+        rest = value - rows @ size
+        return -0.5 * float(rest @ rest) - float(np.sum(np.log(np.diag(root)))), size, spread
+
+    best = optimize.minimize_scalar(lambda x: -at(x)[0], bounds=(-9.0, 14.0), method="bounded", options={"xatol": 0.05})
+    return at(float(best.x))
