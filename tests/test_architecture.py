@@ -44,7 +44,7 @@ INTERNAL: dict[str, str | None] = {
     "nightly": f"{NUMERIC} files history state report.units report.texts report.words",
     "nc": f"{NUMERIC} files iso230 compensate",
     "instruments": f"{NUMERIC} files iso230 nearest",
-    "acceptance": f"{NUMERIC} files iso230 judgement",
+    "acceptance": f"{NUMERIC} files iso230 judgement nc compensate",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
     "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement",
     "state": f"{NUMERIC} verify iso230",

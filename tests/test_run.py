@@ -142,12 +142,12 @@ def a_process_that_has_recorded(count, folder, control):
     """`tango run` as a process of its own, at the moment when its journal has that many readings."""
     command = [sys.executable, "-c", "from tango_cnc.cli import main; main()", "run", "-C", str(folder), "--port", control.url]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        until = time.monotonic() + 20
-        while time.monotonic() < until and process.poll() is None:
+        until, recorded = time.monotonic() + 120, 0  # a busy machine may need long to start a process
+        while recorded < count and time.monotonic() < until and process.poll() is None:
             with contextlib.suppress(InputError):
-                if sum(entry.kind == "reading" for entry in read_journal(folder / "readings.journal")[0]) >= count:
-                    break
+                recorded = sum(entry.kind == "reading" for entry in read_journal(folder / "readings.journal")[0])
             time.sleep(0.02)
+        assert recorded >= count, f"{recorded} readings after two minutes"
         yield process
         process.kill()
 

@@ -54,9 +54,16 @@ def checklist(
         "7.8.6.2 c) decision rule": RULE,
         "7.8.8 replaces": p.get("replaces", ""),
         "other: reference": f"{sheet.reference.text}; scales: temperature {sheet.temperature}",
+        **_parameters(order, sheet),
         "other: readings": origin,
         "other: program and data": f"tango_cnc {version}; " + "; ".join(f"{n} {h[:16]}" for n, _, h in files),
     }
+
+
+def _parameters(order: Order, sheet: Sheet) -> dict[str, str]:
+    """order, figures → what parameters of the fit mean, where the order has limits for some."""
+    notes = dict.fromkeys(f.note for f in sheet.figures if f.kind == "parameter" and f"parameter {f.name}" in order.limits)
+    return {"other: parameters": "; ".join(notes)} if notes else {}
 
 
 def _uncertainty(sheet: Sheet) -> str:

@@ -50,8 +50,18 @@ class Certificate:
 
 
 @dataclass(frozen=True)
+class PartAsked:
+    """A part whose features have limits: their list, zero (mm, degrees), length of its tools (mm), a program if it names blocks."""
+
+    features: Path
+    zero: Mapping[str, float]
+    tool_length: float | None = None
+    program: Path | None = None
+
+
+@dataclass(frozen=True)
 class Order:
-    """acceptance.yaml: limits by figure (µm, µrad, µm/m), who and where, conditions (°C), certificates."""
+    """acceptance.yaml: limits by figure (µm, µrad, µm/m), who and where, conditions (°C), certificates, the part."""
 
     limits: Mapping[str, float]
     people: Mapping[str, str]
@@ -61,11 +71,12 @@ class Order:
     remarks: str = ""
     performed: tuple[date, date] | None = None
     temperatures: Mapping[str, float] = field(default_factory=dict)  # °C, of `conditions`
+    part: PartAsked | None = None
 
 
 def read_order(file: Path, today: date) -> Order:
     """acceptance.yaml, day of issue → order. Raises InputError for unknown keys, dates to come, values that no workshop has."""
-    fields = load(file).fields(["limits"], [*PEOPLE, "performed", "conditions", "certificates", "tool_length", "remarks"])
+    fields = load(file).fields(["limits"], [*PEOPLE, "performed", "conditions", "certificates", "tool_length", "remarks", "part"])
     limits = {name: _limit(child) for name, child in fields["limits"].items()}
     if not limits:
         raise fields["limits"].wrong("at least one figure with its limit, such as 'straightness EYX: 10'", "none")
@@ -82,6 +93,21 @@ def read_order(file: Path, today: date) -> Order:
         _said(fields["remarks"]) if "remarks" in fields else "",
         _days(fields["performed"], today) if "performed" in fields and _said(fields["performed"]) else None,
         temperatures,
+        _part(fields["part"], file.parent) if "part" in fields else None,
+    )
+
+
+def _part(node: Node, folder: Path) -> PartAsked:
+    fields = node.fields(["features", "zero"], ["tool_length", "program"])
+    files = {key: folder / fields[key].text() for key in ("features", "program") if key in fields}
+    for key, found in files.items():
+        if not found.is_file():
+            raise fields[key].wrong(f"a file beside {node.file.name}, or its path")
+    return PartAsked(
+        files["features"],
+        {axis: child.position() for axis, child in fields["zero"].items()},
+        fields["tool_length"].size() if "tool_length" in fields else None,
+        files.get("program"),
     )
 
 

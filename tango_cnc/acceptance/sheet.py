@@ -90,7 +90,8 @@ def made(
     known = {f"{f.kind} {f.name}": f for f in sheet.figures}
     unknown = [name for name in order.limits if name not in known]
     if unknown:
-        raise InputError(f"acceptance.yaml: limits: found {unknown[0]!r}; allowed: {', '.join(known)}")
+        hint = ", 'parameter NAME' of the fit, and 'part NAME' where 'part' lists features"
+        raise InputError(f"acceptance.yaml: limits: found {unknown[0]!r}; allowed: {', '.join(known)}{hint}")
     contradictions(order, cell, sheet.thermal, source.ran)
     stands = _stands(sheet, judgement, source, absent)
     rows = tuple(_row(name, known[name], limit, sheet, stands) for name, limit in order.limits.items())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,20 @@ from typing import Any
 import click
 
 from .. import __version__
-from ..acceptance import Source, made, page, read_order
+from ..acceptance import Order, Source, made, page, read_order
+from ..acceptance.further import PARAMETER, known_of, of_part, parameters
+from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import read_origin
-from ..iso230.signed import signed
-from ..records import InputError
+from ..iso230.signed import Sheet, signed
+from ..nc import features
+from ..nc.follow import Setup, zero_of
+from ..nc.predict import along, touched_of
+from ..records import Cell, InputError
 from ..report import pdf
 from ._budget import absent, budget_of
 from ._common import Output, cell_option, json_option, table, write_json
+from ._program import blamed, language_of, opened
 from ._trust import despite_option, judged, members, said_of_origin, told
 from .iso230 import thermal_of
 from .report import paper
@@ -55,11 +62,12 @@ def command(
     source = file or folder / "readings.csv"
     readings = read_readings(source, cell.machine, cell.artefact)
     result, judgement = judged(cell, readings, cell.terms if terms is None else read_terms(terms, folder), source=source)
-    origin = paper(folder, source, "", "", asked, folder / "temperature.yaml")
+    beside = () if wanted.part is None else (wanted.part.features, *([wanted.part.program] if wanted.part.program else []))
+    origin = paper(folder, source, "", "", asked, folder / "temperature.yaml", *beside)
     budget = budget_of(folder, result)
     found = made(
         wanted,
-        signed(result, wanted.tool_length, thermal_of(folder), budget=budget),
+        _with_further(wanted, signed(result, wanted.tool_length, thermal_of(folder), budget=budget), result, cell),
         judgement,
         cell,
         _source(source, origin.simulated, readings.status),
@@ -82,6 +90,23 @@ def command(
         lines.append("every figure conforms" if found.conforms else "not every figure conforms")
         click.echo("\n".join(lines))
     return int(not found.conforms or bool(found.missing))
+
+
+def _with_further(order: Order, sheet: Sheet, result: Estimate, cell: Cell) -> Sheet:
+    """order, figures, estimate, cell → the figures, and the parameters and features of the part that the order asks for."""
+    names = [name.removeprefix(f"{PARAMETER} ") for name in order.limits if name.startswith(f"{PARAMETER} ")]
+    more = parameters(result, names, sheet) if names else ()
+    part = order.part
+    if part is None:
+        return replace(sheet, figures=(*sheet.figures, *more))
+    zero = zero_of(",".join(f"{axis}={value}" for axis, value in part.zero.items()), cell.machine, "acceptance.yaml: part: zero")
+    setup = Setup(cell.machine, zero, cell.machine.probe.length if part.tool_length is None else part.tool_length)
+    known, labels = known_of(sheet, setup), {}
+    if part.program is not None:
+        language = language_of(part.program, cell, None)
+        with blamed(part.program, language), opened(part.program) as lines:
+            labels = along(lines, language, setup, known, touched_of(result.model.touches))[1]
+    return replace(sheet, figures=(*sheet.figures, *more, *of_part(features.read(part.features), setup, known, labels, sheet)))
 
 
 def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:

@@ -67,6 +67,7 @@ class Sheet:
     thermal: Thermal | None = None
     budget: Budget | None = None  # None: the intervals have the scatter of the touches alone
     expected: float | None = None  # mm, scatter of a touch that the budget allows for
+    whole: Whole | None = None  # the machine that the figures were read off, budget in it, expansion not
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
@@ -92,12 +93,13 @@ def signed(
     asks, at = _asked(used, length)
     spread = _spread(asks, used, [(w, worth / total) for w, worth in full[1:] if worth > WORTH * total], length)
     used, expected = (used, None) if budget is None else disturbed(used, budget.factors, budget.beside_scatter)
+    machine = used
     asks, used = (asks, used) if thermal is None else expanded(asks, used, scale(thermal, at_reference))
     found = [told(ask, used, spread.get((ask.kind, ask.name), ())) for ask in asks]
     state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
     tried = tuple((w.order, worth) for w, worth in compared)
     figures = (*found, *_relative(asks, found, used))
-    return Sheet(figures, at, used.sigma, used.freedom, state, tried, used.order, thermal, budget, expected)
+    return Sheet(figures, at, used.sigma, used.freedom, state, tried, used.order, thermal, budget, expected, machine)
 
 
 def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:

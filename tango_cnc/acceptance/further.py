@@ -1,0 +1,120 @@
+"""Parameters of the fit and features of a part as figures that a limit can be put on, with the whole budget."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import special
+
+from ..compensate.fit import Known
+from ..estimate import Estimate
+from ..iso230.poses import at_poses, steady
+from ..iso230.signed import UNDECIDED, OnPart, Sheet
+from ..iso230.temperature import scale
+from ..kinematics import Slot
+from ..nc import features
+from ..nc.follow import Motion, Setup
+from ..nc.predict import touched_of
+from ..records import Array, InputError, TangoError
+from ..terms import Coefficient
+from ..touches import Touches
+
+COVERAGE = 0.95
+PARAMETER, PART = "parameter", "part"
+UNITS = {"mm": ("µm", 1e3), "rad": ("µrad", 1e6), "mm/mm": ("µm/m", 1e6), "rad/rad": ("µrad/rad", 1e6)}
+
+
+def parameters(result: Estimate, names: Sequence[str], sheet: Sheet) -> tuple[OnPart, ...]:
+    """estimate, names of its parameters, figures with their budget → each in µm, µrad or µm/m with its 95 % interval.
+
+    What of the budget the scatter does not contain moves the fit linearly. Raises InputError for names that it does not hold,
+    and for those that are polynomials of an error motion: straightness and its like are figures of their own.
+    Source: JCGM 102:2011, 6.2 (linear propagation).
+    """
+    own = {c.name: i for i, c in enumerate(result.model.coefficients) if c.slot.stage not in ("stylus", "table")}
+    given = [name for name in own if result.model.coefficients[own[name]].unit in UNITS]
+    for name in names:
+        if name not in given:
+            raise InputError(
+                f"acceptance.yaml: limits: found '{PARAMETER} {name}'; allowed: {PARAMETER} and one of {', '.join(given)}"
+            )
+    covariance = result.covariance + _beside(result, sheet)
+    student = float(special.stdtrit(sheet.freedom, 0.5 + COVERAGE / 2))
+    found = []
+    for name in names:
+        i = own[name]
+        unit, factor = UNITS[result.model.coefficients[i].unit]
+        value, wide = float(result.values[i]) * factor, student * float(covariance[i, i]) ** 0.5 * factor
+        note = "of the fitted terms: what they leave out of the machine may be in it"
+        found.append(OnPart(PARAMETER, name, unit, value, (value - wide, value + wide), None, note))
+    return tuple(found)
+
+
+def _beside(result: Estimate, sheet: Sheet) -> Array:
+    """estimate, figures with their budget → (p, p) covariance that the scatter of the touches does not contain."""
+    p, n = len(result.values), len(result.residuals)
+    if sheet.budget is None:
+        return np.zeros((p, p))
+    weights = np.concatenate([np.ones(n), result.known_weights])
+    weights[result.unused] = 0.0
+    solve = np.linalg.pinv(result.jacobian * weights[:, None], rcond=1e-13) * weights
+    moved = [solve @ factor for factor in sheet.budget.beside_scatter]
+    return np.asarray(sum((m @ m.T for m in moved), np.zeros((p, p))))
+
+
+def known_of(sheet: Sheet, setup: Setup) -> Known:
+    """figures, set-up of a part → every error motion of the machine with its covariance, budget and expansion in it."""
+    whole = sheet.whole
+    if whole is None:
+        raise TangoError("accept: the figures were made without the machine behind them, so no part can be foretold")
+    machine = setup.machine
+    poses = _some(whole.touches)
+    own = [i for i, c in enumerate(whole.coefficients) if c.slot.stage not in ("stylus", "table") and steady(c, poses)]
+    coefficients = tuple(whole.coefficients[i] for i in own)
+    values, covariance = whole.values[own], whole.covariance[np.ix_(own, own)]
+    if sheet.thermal is not None and sheet.temperature != "not stated":
+        more, axes = scale(sheet.thermal, sheet.temperature == "20 °C"), machine.linear
+        p, k = len(values), len(axes)
+        wide = np.zeros((p + k, p + k))
+        wide[:p, :p], wide[p:, p:] = covariance, more.std**2  # one and the same expansion stretches every axis
+        coefficients += tuple(_stretch(name) for name in axes)
+        values, covariance = np.concatenate([values, np.full(k, more.value)]), wide
+    return Known(coefficients, values, covariance)
+
+
+def _some(touches: Touches) -> Touches:
+    """touches → the same poses without facets, in a random order: what depends on the history is different there."""
+    some = np.random.default_rng(3).permutation(len(touches))[:40]
+    return at_poses(touches.machine, touches.position[some], touches.direction[some])
+
+
+def _stretch(axis: str) -> Coefficient:
+    return Coefficient(f"expansion of {axis}", "mm/mm", Slot(axis, "motion"), lambda t: np.asarray(t.axis(axis)))
+
+
+def of_part(
+    wanted: features.Wanted, setup: Setup, known: Known, labels: Mapping[str, Sequence[Motion]], sheet: Sheet
+) -> tuple[OnPart, ...]:
+    """features, set-up, machine, motions by block, figures → each feature in µm with its 95 % interval, or withheld and why.
+
+    Raises InputError for blocks that the program does not have.
+    """
+    assert sheet.whole is not None
+    normal = float(special.ndtri(0.5 + COVERAGE / 2))
+    wider = float(special.stdtrit(sheet.freedom, 0.5 + COVERAGE / 2)) / normal
+    touched = touched_of(sheet.whole.touches)
+    found = []
+    for f in features.foretell(wanted, setup, known, labels, touched):
+        low, high = f.value - wider * (f.value - f.low), f.value + wider * (f.high - f.value)
+        figure = OnPart(PART, f.name, "µm", f.value, (low, high), None, f.kind)
+        why = ""
+        if f.extrapolated:
+            why = "an axis is beyond what was touched, so the machine was not measured there"
+        elif (std := (high - low) / 2 / normal / wider) > UNDECIDED["µm"]:
+            why = f"these touches do not decide it: its standard deviation would be {std:.0f} µm"
+        elif f.kind == "distance" and sheet.temperature == "not stated":
+            why = "the temperatures of bar and machine are not stated; write temperature.yaml"
+        found.append(replace(figure, value=None, interval=None, text=f"{f.name}: {why}") if why else figure)
+    return tuple(found)

@@ -1,0 +1,136 @@
+"""Limits on parameters of the fit and on features of a part: the intervals hold what is true, or nothing is stated."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.compensated import ROOT, example, measured
+from support.parts import LENGTH, ZERO, checks, cut_and_measured
+
+from tango_cnc.acceptance.further import known_of, of_part, parameters
+from tango_cnc.cli import guarded, tango
+from tango_cnc.estimate import Estimate
+from tango_cnc.iso230.signed import Sheet, signed
+from tango_cnc.iso230.temperature import Known, Thermal
+from tango_cnc.nc import features
+from tango_cnc.nc.follow import Setup
+from tango_cnc.records import InputError, World
+
+AT_TWENTY = Thermal(Known(20.0, 0.02), Known(20.0, 0.02), Known(11.5e-6, 0.1e-6), Known(11.5e-6, 0.1e-6))
+
+
+def machines(seeds: range) -> Iterator[tuple[World, Estimate, Sheet]]:
+    cell, world = example("trunnion")
+    for seed in seeds:
+        rng = np.random.default_rng([26, seed])
+        one = replace(world, errors={k: v * rng.normal() for k, v in world.errors.items()}, seed=seed)
+        result = measured(cell, one)
+        yield one, result, signed(result, LENGTH, AT_TWENTY)
+
+
+def covered(seeds: range, file: Path) -> tuple[int, int, int]:
+    """Seeds of machines → features within their intervals, stated features, withheld ones."""
+    cell, _ = example("trunnion")
+    file.write_text(checks(), encoding="utf-8")
+    wanted, setup = features.read(file), Setup(cell.machine, ZERO, LENGTH)
+    within = stated = withheld = 0
+    for seed, (world, _, sheet) in zip(seeds, machines(seeds), strict=True):
+        still = replace(world, errors={k: v for k, v in world.errors.items() if not k.endswith("b")})
+        truth = cut_and_measured(cell.machine, still, np.random.default_rng([27, seed]))
+        for f in of_part(wanted, setup, known_of(sheet, setup), {}, sheet):
+            if f.interval is None:
+                withheld += 1
+                assert f.text
+                continue
+            stated += 1
+            within += f.interval[0] <= truth[f.name] <= f.interval[1]
+    return within, stated, withheld
+
+
+def test_features_of_a_part_lie_within_their_intervals_or_are_withheld(tmp_path: Path) -> None:
+    within, stated, withheld = covered(range(1), tmp_path / "f.yaml")
+    assert stated + withheld == 22
+    assert stated >= 5
+    assert within >= 0.8 * stated
+
+
+@pytest.mark.long
+def test_features_of_ten_parts_lie_within_their_intervals(tmp_path: Path) -> None:
+    within, stated, withheld = covered(range(100, 110), tmp_path / "f.yaml")
+    print(f"{within} of {stated} within 95 %, {withheld} withheld")
+    assert within >= 0.93 * stated
+
+
+def test_parameters_lie_within_their_intervals() -> None:
+    within = count = 0
+    for world, result, sheet in machines(range(2)):
+        names = [n for n in ("EX0S", "EY0C", "EB0A", "EXX1", "EYYb") if n in result.model.names]
+        for f in parameters(result, names, sheet):
+            assert f.interval is not None
+            factor = {"µm": 1e3, "µrad": 1e6, "µm/m": 1e6}[f.unit]
+            within += f.interval[0] <= world.errors[f.name] * factor <= f.interval[1]
+            count += 1
+    assert count == 10
+    assert within >= 8
+
+
+def test_a_parameter_that_the_fit_does_not_hold_is_refused_with_those_that_it_does() -> None:
+    _, result, sheet = next(machines(range(1)))
+    with pytest.raises(InputError, match=r"parameter EX0Q.*EY0C"):
+        parameters(result, ["EX0Q"], sheet)
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    folder = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", folder)
+    assert CliRunner().invoke(tango, ["simulate", "-C", str(folder)]).exit_code == 0
+    (folder / "part.yaml").write_text(
+        "places:\n  P: {X: -60, Y: -60, Z: 0}\n  Q: {X: 60, Y: -60, Z: 0}\n  R: {X: 60, Y: 6000, Z: 0}\n"
+        "checks:\n  - {name: width, kind: distance, of: [P, Q]}\n  - {name: away, kind: position, of: R}\n",
+        encoding="utf-8",
+    )
+    return folder
+
+
+def accepted(folder: Path, text: str) -> int:
+    (folder / "acceptance.yaml").write_text(text, encoding="utf-8")
+    arguments = ["accept", "-C", str(folder), "--readings", str(folder / "simulated.csv"), "--json", "-"]
+    return guarded(tango.main, arguments, prog_name="tango", standalone_mode=False)
+
+
+PART = "part: {features: part.yaml, zero: {X: 0, Y: 0, Z: 60}, tool_length: 150}\n"
+
+
+def test_the_page_has_them_beside_the_other_figures(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    accepted(cell, "limits: {parameter EY0C: 20, part width: 20, part away x: 20}\n" + PART)
+    data = json.loads(capsys.readouterr().out)
+    by_name = {f["name"]: f for f in data["figures"]}
+    assert by_name["parameter EY0C"]["unit"] == "µm"
+    assert math.isclose(by_name["parameter EY0C"]["value"], 24.0, abs_tol=1.0)
+    assert by_name["part width"]["value"] is None
+    assert "fitted terms" in data["iso_17025_7_8"]["other: parameters"]
+    assert {f["verdict"] for f in data["figures"]} == {"not stated"}  # simulated readings
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("limits: {part width: 20}\n", "part NAME"),
+        ("limits: {part height: 20}\n" + PART, "part width"),
+        ("limits: {part width: 20}\npart: {features: none.yaml, zero: {X: 0, Y: 0, Z: 60}}\n", "a file beside acceptance.yaml"),
+        ("limits: {part width: 20}\npart: {features: part.yaml, zero: {X: 0, Y: 0}}\n", "found no Z"),
+        ("limits: {part width: 20}\npart: {features: part.yaml}\n", "zero"),
+    ],
+)
+def test_what_is_wrong_with_a_part_is_said(cell: Path, capsys: pytest.CaptureFixture[str], text: str, words: str) -> None:
+    assert accepted(cell, text) == 2
+    assert words in capsys.readouterr().err
