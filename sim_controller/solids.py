@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from tango_cnc.records import Array, Artefact, Facet, Id, Obstacle
 
@@ -113,6 +111,9 @@ def _patch(planes: Array, offset: Array, normal: Array, point: Array, extent: fl
 
 def _between(normal: Array, offset: Array) -> Hull | None:
     """planes → the body behind all of them; None when there is none."""
+    from scipy.optimize import linprog  # slow to load, and a control that has not touched yet needs neither
+    from scipy.spatial import HalfspaceIntersection, QhullError
+
     found = linprog([0, 0, 0, -1], np.column_stack([normal, np.ones(len(normal))]), offset, bounds=(None, None))
     if found.status != 0 or found.x[3] < 0.01:
         return None
@@ -124,6 +125,8 @@ def _between(normal: Array, offset: Array) -> Hull | None:
 
 def hull(points: Array) -> Hull:
     """(n, 3) mm → what they enclose."""
+    from scipy.spatial import ConvexHull
+
     found = ConvexHull(points)
     pairs = np.unique(np.sort(np.vstack([found.simplices[:, [i, j]] for i, j in ((0, 1), (1, 2), (0, 2))]), axis=1), axis=0)
     planes = np.unique(np.round(found.equations, 9), axis=0)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from tango_cnc.nearest import suggestion
 from tango_cnc.records import Array, Artefact, Facet, Id, InputError, Obstacle, World
@@ -133,6 +132,8 @@ def gaps(s: Surfaces, tip: Array) -> Array:
 @lru_cache(maxsize=64)
 def _planes(obstacle: Obstacle) -> Array:
     """solid with corners → (f, 4) normal and offset of its faces, normal @ x + offset <= 0 within."""
+    from scipy.spatial import ConvexHull  # slow to load, and few tables have such an obstacle
+
     return np.asarray(ConvexHull(np.array(obstacle.points)).equations)
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from .files.checked import complaint, load, suggestion
 from .records import Array, InputError
@@ -79,8 +79,8 @@ def decide(name: str, value: float, std: float, limits: Limits, probability: flo
     if std == 0:
         inside = float(limits.low <= value <= limits.high)
     else:
-        law = stats.t(dof) if math.isfinite(dof) else stats.norm()
-        inside = float(law.cdf((limits.high - value) / std) - law.cdf((limits.low - value) / std))
+        high, low = (limits.high - value) / std, (limits.low - value) / std
+        inside = float(_below(high, dof) - _below(low, dof))
     return Decision(name, value, std, limits, inside, _verdict(inside, probability))
 
 
@@ -97,12 +97,17 @@ def decide_from(name: str, values: Array, value: float, limits: Limits, probabil
 def guard_band(std: float, probability: float = 0.95, dof: float = math.inf) -> float:
     """standard uncertainty → g, by which an acceptance limit lies inside its tolerance limit (ISO 14253-1:2017; 1.65 u)."""
     _check(probability)
-    return float(std * (stats.t.isf(1 - probability, dof) if math.isfinite(dof) else stats.norm.isf(1 - probability)))
+    return float(-std * (special.stdtrit(dof, 1 - probability) if math.isfinite(dof) else special.ndtri(1 - probability)))
 
 
 def _check(probability: float) -> None:
     if not 0.5 < probability < 1:
         raise InputError(f"conformance probability: found {probability:g}; allowed: above 0.5 and below 1, 0.95 by ISO 14253-1")
+
+
+def _below(x: float, dof: float) -> float:
+    """x, degrees of freedom → probability that Student's t, or a normal number where they are infinite, is below x."""
+    return float(special.stdtr(dof, x) if math.isfinite(dof) else special.ndtr(x))
 
 
 def _verdict(inside: float, probability: float) -> Verdict:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 
-from scipy import special, stats
+from scipy import special
 
 from ..iso230.signed import OnPart, Sheet
 from ..judgement import Judgement
@@ -112,7 +112,7 @@ def _stands(sheet: Sheet, judgement: Judgement, source: Source, absent: Sequence
         return "there is no uncertainty.yaml, so U has no drift, no lobing, no form: write the budget (docs/uncertainty.md)"
     if absent:
         return f"uncertainty.yaml does not name {', '.join(absent)}: write a line of each, with 0 where it was found to be nothing"
-    most = sheet.expected * float(stats.chi2.ppf(1 - SURPRISE, sheet.freedom) / sheet.freedom) ** 0.5
+    most = sheet.expected * float(special.chdtri(sheet.freedom, SURPRISE) / sheet.freedom) ** 0.5
     if sheet.sigma > most:
         return (
             f"the touches scatter by {sheet.sigma * 1e3:.2f} µm where uncertainty.yaml allows for {sheet.expected * 1e3:.2f} µm; "

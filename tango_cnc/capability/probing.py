@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from .. import kinematics
 from ..records import Array, InputError
@@ -79,6 +78,8 @@ def _centred(points: Array) -> tuple[Array, float]:
 
 def _widest(count: int, fitted: int) -> float:
     """number of points, of fitted numbers → range of their residuals over the standard deviation of a touch, 97.5 %."""
+    from scipy import stats  # takes a third of a second to load, and few ask for it
+
     return float(stats.studentized_range.ppf(RARE, count, np.inf) * np.sqrt(1 - fitted / count))
 
 
@@ -117,6 +118,8 @@ def environment(time: Array, values: Array, temperatures: Sequence[Array], repea
 
     Raises InputError for fewer than ten touches.
     """
+    from scipy import stats
+
     if len(values) < 10:
         raise InputError(f"capability etve: found {len(values)} touches in a direction; allowed: ten or more")
     best = (0.0, 0.0, 0.0, 0.0)

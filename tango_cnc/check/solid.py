@@ -12,8 +12,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from ..records import Array, Artefact, Facet, Id, Obstacle
 
@@ -91,6 +89,9 @@ def _table(facets: list[Facet]) -> tuple[Body, NDArray[np.bool_]]:
 
 def _corners(planes: Array) -> Array:
     """(f, 4) normal and offset → (v, 3) corners of the bounded body."""
+    from scipy.optimize import linprog  # slow to load; who imports a plan's records need not wait for it
+    from scipy.spatial import HalfspaceIntersection
+
     inside = linprog([0, 0, 0, -1], np.column_stack([planes[:, :3], np.ones(len(planes))]), planes[:, 3], bounds=(None, None)).x
     half = np.column_stack([planes[:, :3], -planes[:, 3]])
     corners: Array = HalfspaceIntersection(half, inside[:3]).intersections
@@ -99,6 +100,8 @@ def _corners(planes: Array) -> Array:
 
 def _hull(points: Array) -> Body:
     """(n, 3) mm → their convex hull; of a round one a body with fewer faces around it, a little larger and never smaller."""
+    from scipy.spatial import ConvexHull, HalfspaceIntersection
+
     hull = ConvexHull(points)
     planes = np.unique(np.round(hull.equations, 9), axis=0)
     corner = points[hull.vertices]

@@ -19,7 +19,6 @@ from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, cell_option, dialect
 from ._live import Live, said
-from ._night_gate import proves
 from ._plan import obstructed_option, warnings
 from ._start import ask, gate_of, unproven_of
 from ._stylus import folder_of, left, stylus_option
@@ -139,8 +138,11 @@ def command(
     for text in warnings(made):
         click.echo(text, err=True)
     post = dialect(cell)
-    if not resume and gate_of(cell, post) == "facet" and not (alive := proves(cell, made)).passed:
-        raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
+    if not resume and gate_of(cell, post) == "facet":
+        from ._night_gate import proves  # with the nights comes their database
+
+        if not (alive := proves(cell, made)).passed:
+            raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
     someone = sys.stdin is not None and sys.stdin.isatty()
 
     def confirm(part: Plan, program: Program) -> None:

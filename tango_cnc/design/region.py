@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from .. import check, kinematics
 from ..iso230.poses import all_steady, at_poses
@@ -71,6 +70,8 @@ def turn(machine: Machine, name: str) -> tuple[float, float]:
 def poses(machine: Machine, where: Region, count: int = POSES) -> Array:
     """machine, region, how many → (m, k) mm rad, evenly within the region. Raises InputError where hardly a pose is reached."""
     names = machine.rotary
+    from scipy.stats import qmc  # takes a third of a second to load, and few ask for it
+
     unit = qmc.Halton(3 + len(names), scramble=False).random(count + 1)[1:]
     low = np.array([*where.low, *(where.spans[name][0] for name in names)])
     high = np.array([*where.high, *(where.spans[name][1] for name in names)])

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import linalg, special
 
 from ..records import Array
 from ._candidates import VISIBLE, Candidate
@@ -219,7 +219,7 @@ def rough(e: Explanation, keys: Sequence[str], weight: Array, shapes: Array | No
         if dof < 2.5:
             continue
         ratio = float(np.sum(left[label == k] ** 2)) / dof / scale
-        p = float(stats.chi2.sf(dof * ratio, dof)) * len(groups)
+        p = float(special.chdtrc(dof, dof * ratio)) * len(groups)
         if p < SUSPECT and ratio > 1.8:
             found.append(Rough(k, float(np.sqrt(scale * (ratio - 1))), p, float(max(1 / np.sqrt(ratio), LIGHTEST))))
     return found

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ..records import Array
 from ..touches import Touches
@@ -101,7 +101,7 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
             continue
         taken = float(np.sum((u.T @ left) ** 2))
         rest = max(whole - taken, 1e-30)
-        p = float(stats.f.sf(taken / k / (rest / (free - k)), k, free - k))
+        p = float(special.fdtrc(k, free - k, taken / k / (rest / (free - k))))
         share = max(0.0, 1 - rest / (free - k) / (whole / free))
         rows = [np.flatnonzero(keep & (member == b) & (weight != 0)) for b in used]
         parts = [weight[r] / float(weight[r] @ weight[r]) if len(r) else weight[r] for r in rows]

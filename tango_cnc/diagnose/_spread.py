@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from ..records import Array
 from ..touches import Touches
@@ -37,7 +37,7 @@ def findings(
     if seats and not remains and e.random[1] > max(RANDOM, unknown) and "indexation_seating" not in excluded:
         amplitude, std = _amplitude(e, 1)
         number = int(touches.indexation.max()) + 1
-        p = float(0.5 * stats.chi2.sf(e.random[1], 1))
+        p = float(0.5 * special.chdtrc(1, e.random[1]))
         result.append(
             _finding("indexation_seating", {"indexations": number}, {"frame": "machine"}, amplitude, std, p, len(touches))
         )
@@ -53,7 +53,7 @@ def findings(
     stated = touches.machine.probe.repeatability
     dof = e.place.m - columns_of(e.place, e.chosen).shape[1]
     if "noise_level" not in excluded and not remains and not rough and not unknown and stated > 0 and e.sigma > LOUDER * stated:
-        p = float(stats.chi2.sf(dof * (e.sigma / stated) ** 2, dof))
+        p = float(special.chdtrc(dof, dof * (e.sigma / stated) ** 2))
         if p < 0.001:
             extra = float(np.sqrt(e.sigma**2 - stated**2))
             told = {"stated_um": stated * 1e3, "found_um": e.sigma * 1e3}

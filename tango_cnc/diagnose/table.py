@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from ..files.checked import complaint, printable, read_text, suggestion
 from ..records import Array, InputError
@@ -332,6 +331,8 @@ def _spread(t: Table, found: _explain.Explanation) -> list[dict[str, Any]]:
     left, own = _explain.rest(found, found.chosen, np.ones(len(found.place.basis)))
     size = np.abs(left) / np.sqrt(np.maximum(own, 0.05))
     q = len(t.names)
+    from scipy import stats  # takes a third of a second to load, and few ask for it
+
     result = []
     single = {int(c.candidate.setting["touch"]) for c in found.chosen if c.candidate.cause == "outlier"}
     keep = np.tile([i not in single for i in range(len(t.response))], q)

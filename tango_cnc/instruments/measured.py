@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path as File
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from ..files.checked import complaint
 from ..iso230.signed import OnPart
@@ -114,7 +114,7 @@ def compare(told: Foretold, measured: Measured, expanded: float = 0.0) -> Compar
     difference = found.reshape(q, n) - told.value
     own = (expanded / 2) ** 2 * np.diag(told.free @ told.free.T)
     std = np.sqrt(told.std.reshape(q * n) ** 2 + own).reshape(q, n)
-    wide = float(stats.norm.ppf(0.5 + COVERAGE / 2))
+    wide = float(special.ndtri(0.5 + COVERAGE / 2))
     figures = []
     for row, figure in zip(told.rows, told.figures, strict=True):
         values = row.weights @ found

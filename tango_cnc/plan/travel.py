@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from ..check import Solid
 from ..records import Array, Probe
@@ -98,6 +97,8 @@ def parts(probe: Probe) -> Iterator[tuple[float, float]]:
 
 
 def _hull(corner: Array) -> _Hull:
+    from scipy.spatial import ConvexHull  # slow to load; who imports a plan's records need not wait for it
+
     found = ConvexHull(corner)
     pairs = np.sort(np.vstack([found.simplices[:, [i, j]] for i, j in ((0, 1), (1, 2), (0, 2))]), axis=1)
     planes = np.unique(np.round(found.equations, 9), axis=0)

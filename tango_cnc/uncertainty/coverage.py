@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ..records import Array, InputError
 from .trials import Trials, merge
@@ -49,17 +49,17 @@ def factor(probability: float, dof: Array | float = math.inf) -> Array:
     """p, (q,) degrees of freedom → (q,) coverage factors of single outputs (JCGM 100:2008, G.3)."""
     dof = np.asarray(dof, dtype=float)
     tail = (1 - probability) / 2
-    return np.asarray(np.where(np.isfinite(dof), stats.t.isf(tail, np.where(np.isfinite(dof), dof, 1.0)), stats.norm.isf(tail)))
+    return np.asarray(-np.where(np.isfinite(dof), special.stdtrit(np.where(np.isfinite(dof), dof, 1.0), tail), special.ndtri(tail)))
 
 
 def ellipsoid_factor(outputs: int, probability: float) -> float:
     """q, p → k_p of the hyper-ellipsoid (y − η)ᵀ U⁻¹ (y − η) ≤ k_p² (JCGM 102:2011, 6.5.2 and 6.5.3)."""
-    return float(math.sqrt(stats.chi2.ppf(probability, outputs)))
+    return float(math.sqrt(special.chdtri(outputs, 1 - probability)))
 
 
 def independent_factor(outputs: int, probability: float) -> float:
     """q, p → k_q of the hyper-rectangle y ± k_q u when nothing is correlated; 2.6 for five outputs and p = 0.95."""
-    return float(stats.norm.isf((1 - probability ** (1 / outputs)) / 2))
+    return float(-special.ndtri((1 - probability ** (1 / outputs)) / 2))
 
 
 def rectangle_factor(correlation: Array, probability: float, dof: float = math.inf, seed: int = 1) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ..records import Array, InputError
 from .inputs import Part
@@ -140,7 +140,7 @@ def _chi_square(difference: Array, covariance: Array) -> tuple[float, float]:
     real = size > 1e-6 * size[-1]
     along = (vectors.T @ (difference[keep] / scale[keep]))[real]
     value = float(np.sum(along**2 / size[real]))
-    return value, float(stats.chi2.sf(value, int(real.sum())))
+    return value, float(special.chdtrc(int(real.sum()), value))
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def day_and_cycle(names: Sequence[str], values: Array) -> DayAndCycle:
     safe = np.where(within > 0, within, np.inf)
     f_days = cycles * np.var(day_means, axis=0, ddof=1) / safe
     f_cycles = days * np.var(cycle_means, axis=0, ddof=1) / safe
-    p_days, p_cycles = stats.f.sf(f_days, days - 1, dof), stats.f.sf(f_cycles, cycles - 1, dof)
+    p_days, p_cycles = special.fdtrc(days - 1, dof, f_days), special.fdtrc(cycles - 1, dof, f_cycles)
     return DayAndCycle(tuple(names), mean, day_means, cycle_means, np.sqrt(within), p_days, p_cycles, holm(p_days), holm(p_cycles))
 
 
@@ -197,7 +197,7 @@ def one_way(names: Sequence[str], labels: Sequence[str], sets: Sequence[Array]) 
     overall = np.average(means, axis=0, weights=counts)
     between = np.sum(counts[:, None] * (means - overall) ** 2, axis=0) / (len(sets) - 1)
     statistic = between / np.where(within > 0, within, np.inf)
-    p = stats.f.sf(statistic, len(sets) - 1, dof)
+    p = special.fdtrc(len(sets) - 1, dof, statistic)
     pair = np.sort(1 / counts)[-2:].sum()
     method = f"F of the set means against repeated cycles ({dof} degrees of freedom)"
     return Comparison(tuple(names), tuple(labels), means, np.sqrt(within * pair), statistic, p, None, method, holm(p))
