@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,16 +112,27 @@ def _patch(planes: Array, offset: Array, normal: Array, point: Array, extent: fl
 
 def _between(normal: Array, offset: Array) -> Hull | None:
     """planes → the body behind all of them; None when there is none."""
+    return _worked_out(np.column_stack([normal, offset]).astype(float).tobytes())
+
+
+@lru_cache(maxsize=1024)
+def _worked_out(data: bytes) -> Hull | None:
+    """Planes as bytes → the body. A table has one for every facet, and each takes some milliseconds."""
     from scipy.optimize import linprog  # slow to load, and a control that has not touched yet needs neither
     from scipy.spatial import HalfspaceIntersection, QhullError
 
+    planes = np.frombuffer(data).reshape(-1, 4)
+    normal, offset = planes[:, :3], planes[:, 3]
     found = linprog([0, 0, 0, -1], np.column_stack([normal, np.ones(len(normal))]), offset, bounds=(None, None))
     if found.status != 0 or found.x[3] < 0.01:
         return None
     try:
-        return hull(HalfspaceIntersection(np.column_stack([normal, -offset]), found.x[:3]).intersections)
+        body = hull(HalfspaceIntersection(np.column_stack([normal, -offset]), found.x[:3]).intersections)
     except QhullError:
         return None
+    for array in vars(body).values():
+        array.setflags(write=False)  # it is given out again
+    return body
 
 
 def hull(points: Array) -> Hull:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.imports import modules, tree
+from support.imports import modules, statements, tree
 
 NUMERIC = "records judgement files.checked kinematics touches terms model identify estimate"
 # A module of tango_cnc → what else of tango_cnc it may import. The longest name that fits decides; its own package is allowed.
@@ -105,7 +105,7 @@ SMALL = {"compare.py", "conformity.py", "segments.py", "judgement.py", "nearest.
 def imports(name: str, file: Path, known: dict[str, Path]) -> Iterator[str]:
     """Full names of the modules that a file imports, wherever in the file, `from . import x` spelt out."""
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(tree(file)):
+    for node in statements(tree(file)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, optimize, special
+from scipy import linalg, special
 
 from .. import kinematics
 from ..model import Model, residual
@@ -176,6 +176,8 @@ def drift(time: Array, values: Array) -> Drift:
         return float(np.sum((values - columns @ fit) ** 2)), fit
 
     ends = math.log(max(t[-1] / 100, 1.0)), math.log(max(10 * t[-1], 2.0))
+    from scipy import optimize  # slow to load, and a plan of the touches needs no fit
+
     best = optimize.minimize_scalar(lambda x: rest(x)[0], bounds=ends, method="bounded")
     left, fit = rest(float(best.x))
     explained = 1 - left / spread if spread > 0 else 0.0
@@ -212,6 +214,8 @@ def _random_walk(t: Array, values: Array, known: Array | None = None) -> tuple[f
     starts = [np.array([a, b]) for a, b in ((-1.0, -1.5), (-6.0, -0.7), (-0.1, -6.0))]
     options = {"xatol": 1e-4, "fatol": 1e-8}
     bounds = [(-18.0, 2.0)] * 2
+    from scipy import optimize
+
     found = [optimize.minimize(lambda x: fitted(x)[0], x, method="Nelder-Mead", bounds=bounds, options=options) for x in starts]
     best = min(found, key=lambda f: float(f.fun)).x
     walk, white = size * np.exp(best)

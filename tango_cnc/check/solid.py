@@ -8,7 +8,7 @@ there the convex body says nothing and only the facet itself, the balls and the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,12 +89,20 @@ def _table(facets: list[Facet]) -> tuple[Body, NDArray[np.bool_]]:
 
 def _corners(planes: Array) -> Array:
     """(f, 4) normal and offset → (v, 3) corners of the bounded body."""
+    return _worked_out(np.ascontiguousarray(planes, dtype=float).tobytes())
+
+
+@lru_cache(maxsize=32)
+def _worked_out(data: bytes) -> Array:
+    """Planes as bytes → corners. One table is asked for by plan, check and read-back of every part, and takes 20 ms."""
     from scipy.optimize import linprog  # slow to load; who imports a plan's records need not wait for it
     from scipy.spatial import HalfspaceIntersection
 
+    planes = np.frombuffer(data).reshape(-1, 4)
     inside = linprog([0, 0, 0, -1], np.column_stack([planes[:, :3], np.ones(len(planes))]), planes[:, 3], bounds=(None, None)).x
     half = np.column_stack([planes[:, :3], -planes[:, 3]])
     corners: Array = HalfspaceIntersection(half, inside[:3]).intersections
+    corners.setflags(write=False)
     return corners
 
 
