@@ -25,13 +25,18 @@ from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputEr
 
 TOUCHES = 9
 FARTHEST = 20.0  # mm by which the table may stand elsewhere
-TURNED = 3.0  # deg by which it may be turned
+TURNED = 3.0  # deg by which it may be turned then
+LEAST_TURNED = 1.0  # deg, however near it is known to be
 FEED = 500.0  # mm/min: a search of centimetres at a measuring feed takes minutes
 CLEAR = 10.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
 AGREES = 0.05  # mm between a touch and the table that was found
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
 LEAST = 8  # touches that have to agree
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
+NEARER = (
+    "Measure the place of the table with a rule to 5 mm, correct it in artefact.yaml, then 'tango locate --within 5': its searches "
+    "are shorter, and the stem of the stylus meets less"
+)
 ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
 
 
@@ -46,13 +51,19 @@ class Located:
     artefact: Artefact  # in its new place
 
 
-def strategy(cell: Cell, count: int = TOUCHES) -> Plan:
-    """cell → plan of the locating cycle: facets of one indexation that together tell all six freedoms, searched from far.
+def turned(within: float) -> float:
+    """mm by which the table may stand elsewhere → deg by which it may be turned."""
+    return max(TURNED * within / FARTHEST, LEAST_TURNED)
 
-    Raises InputError where no indexation has facets that tell them.
+
+def strategy(cell: Cell, count: int = TOUCHES, within: float = FARTHEST) -> Plan:
+    """cell, touches, mm by which the table may stand elsewhere → plan of the locating cycle.
+
+    It touches facets of one indexation that together tell all six freedoms, searched from far. Raises InputError where no
+    indexation has facets that tell them.
     """
     lever = max((math.hypot(*f.point) for f in cell.artefact.facets.values()), default=0.0)
-    off = min(FARTHEST + math.radians(TURNED) * lever, 60.0)
+    off = min(within + math.radians(turned(within)) * lever, 60.0)
     approach = Approach(off + CLEAR, off, FEED)
     best: tuple[float, Indexation] | None = None
     short: list[str] = []
@@ -107,14 +118,14 @@ def locate(plan: Plan, readings: Readings) -> Located:
     if len(met) < least:
         raise InputError(
             f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed. "
-            "Correct the place in artefact.yaml by what you see at the machine, and locate again"
+            f"{NEARER}"
         )
     kept, found, residual = _agreeing(facets, tip, plan.machine.probe.tip_radius, least)
     if kept is None:
         worst = int(np.argmax(np.abs(residual)))
         raise InputError(
             f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from the table that the others tell; allowed: "
-            f"{AGREES:g} mm. Was another facet touched, or something that is not the table? Look at the machine, locate again"
+            f"{AGREES:g} mm. Was another facet touched, or something that is not the table? {NEARER}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
     artefact = moved(plan.artefact, found[:3], found[3:])

@@ -101,6 +101,13 @@ def test_where_one_touch_or_another_may_be_wrong_neither_is_believed() -> None:
         locate.locate(planned, wrong)
 
 
+def test_a_table_whose_place_is_known_better_is_searched_over_less() -> None:
+    near, far = locate.strategy(CELL, within=5.0), made()
+    assert near.strategy.approach.search < 0.6 * far.strategy.approach.search
+    assert sum(duration(near, 3000.0).values()) < sum(duration(far, 3000.0).values())
+    assert locate.turned(5.0) == locate.LEAST_TURNED and locate.turned(20.0) == locate.TURNED
+
+
 def test_it_takes_less_than_three_minutes() -> None:
     assert sum(duration(made(), 3000.0).values()) < 180
     assert 6 <= len(made().touches) <= 10

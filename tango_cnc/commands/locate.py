@@ -28,11 +28,26 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
 @click.option(
     "--readings", "file", type=click.Path(path_type=Path), metavar="FILE", help="Readings of the locating program: nothing is run."
 )
+@click.option(
+    "--within",
+    type=click.FloatRange(1, 20),
+    default=20.0,
+    show_default=True,
+    metavar="MM",
+    help="How far from its file the table may stand; less means shorter searches.",
+)
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option("-o", "--out", type=Output(), metavar="FILE", help="The artefact in its place; default: locate/artefact.yaml.")
 @json_option
 def command(
-    folder: Path, port: str | None, only_program: bool, file: Path | None, yes: bool, out: Path | None, json_file: str | None
+    folder: Path,
+    port: str | None,
+    only_program: bool,
+    file: Path | None,
+    within: float,
+    yes: bool,
+    out: Path | None,
+    json_file: str | None,
 ) -> None:
     """Finds where the table stands, when its file is right to 20 mm and 3 degrees only.
 
@@ -47,7 +62,7 @@ def command(
     from .check import positioning_feed
 
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
-    made = locate.strategy(cell)
+    made = locate.strategy(cell, within=within)
     target = folder / FOLDER / "readings.csv"
     if file is None:
         if cell.controller is None:
@@ -72,7 +87,7 @@ def command(
         def confirm(part: Plan, program: Any) -> None:
             if not yes and someone:
                 click.echo(
-                    f"The table may stand {locate.FARTHEST:g} mm and {locate.TURNED:g} deg elsewhere than its file says: each "
+                    f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each "
                     f"touch is searched over {part.strategy.approach.standoff + part.strategy.approach.search:.0f} mm. "
                     "Obstacles have to stand where they are declared.",
                     err=True,

@@ -31,7 +31,7 @@ EXPERIMENT = Experiment(
     "the feed override of the panel does not change the feed of a measuring move",
     "turn the feed override to 25 % and look at a slow move in the air: it takes as long as before",
     "keep the feed override at 100 % in every run: a touch at another feed is found in another place. A word that takes it out of "
-    "the operator's hand goes into reset (LinuxCNC: M50 P0)",
+    "the operator's hand goes into reset, where the profile has that key",
     judge,
     rests=("reset", "skip", "contact"),
 )

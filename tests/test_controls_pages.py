@@ -1,0 +1,46 @@
+"""The pages of the controls: the example of tango.yaml is one that the post, the read-back and the port accept."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from support.controls import golden
+from support.dialects import EVERY
+
+from postprocessors._base import companions, load, program, settings
+from tango_cnc import readback
+from tango_cnc.link.protocols import schemes
+from tango_cnc.plan import plan_hash
+
+PAGES = Path(__file__).parent.parent / "docs" / "controls"
+
+
+def stated(name: str) -> dict[str, object]:
+    """dialect → what its page states under controller:."""
+    text = (PAGES / f"{name}.md").read_text(encoding="utf-8")
+    block = re.search(r"(?m)^    controller:\n(?:      .*\n)+", text)
+    assert block, f"docs/controls/{name}.md: found no example of tango.yaml"
+    found: dict[str, object] = yaml.safe_load(block[0].replace("\n    ", "\n").removeprefix("    "))["controller"]
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+def test_the_example_of_a_page_is_accepted(name: str) -> None:
+    given = stated(name)
+    port = str(given.pop("port"))
+    assert given.pop("post") == name
+    assert port.partition("://")[0] in {"serial", "socket", *schemes()}
+    post, made = load(name), golden()
+    lines = program(post, made, given, plan_hash(made))[2]
+    options = settings(post, given)
+    assert not readback.check(lines, made, options, companions(post, made, given), written_in=post.language)
+
+
+def test_every_dialect_has_its_page_and_every_row_its_source() -> None:
+    assert {page.stem for page in PAGES.glob("*.md")} == set(EVERY)
+    for page in PAGES.glob("*.md"):
+        rows = re.findall(r"(?m)^\| (.*) \|$", page.read_text(encoding="utf-8"))
+        assert rows and all(len(re.split(r" \| ", row)) == 3 and re.split(r" \| ", row)[2].strip() for row in rows), page
