@@ -3,6 +3,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 # Workers share the cores only when the linear algebra of each keeps to one.
 export OPENBLAS_NUM_THREADS ?= 1
+# Without bytecode every worker compiles all tests anew (8 s each), and every process that a test starts all of tango.
+unexport PYTHONDONTWRITEBYTECODE
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 
 .PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway mutants blind nights lint format clean planted

@@ -34,11 +34,15 @@ def test_first_line_says_what_it_is_an_example_of(cell: Path) -> None:
     assert first.startswith("# ") and len(first) > 20
 
 
-@pytest.mark.parametrize(  # one with a tilting table, one with a head, one without rotary axes; the others go the same way
+# One with a tilting table, one with a head, one without rotary axes; the others go the same way.
+some_now_all_in_long = pytest.mark.parametrize(
     "cell",
     [n if n in ("trunnion", "fork_head", "three_axis") else pytest.param(n, marks=pytest.mark.long) for n in examples()],
     indirect=True,
 )
+
+
+@some_now_all_in_long
 def test_check_counts_every_touch_and_names_what_cannot_be_seen(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, found = result(capsys, "check", "-C", cell)
     assert found["touches"] == sum(len(i.facets) for i in read_cell(cell).strategy.indexations)
@@ -54,6 +58,7 @@ def test_plan_writes_a_program(cell: Path, capsys: pytest.CaptureFixture[str]) -
     assert len((cell / "program" / "plan.csv").read_text(encoding="utf-8").splitlines()) == found["touches"] + 1
 
 
+@some_now_all_in_long
 def test_estimate_finds_the_true_machine(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, _ = result(capsys, "simulate", "-C", cell)
     assert status == 0

@@ -492,7 +492,7 @@ def _said_again(lines: list[str], at: int) -> bool:
 @pytest.mark.parametrize(
     ("post", "every"),
     [
-        *(("fanuc", 4), ("linuxcnc", 4), ("siemens", 8), ("heidenhain", 8)),
+        *(("fanuc", 8), ("linuxcnc", 8), ("siemens", 16), ("heidenhain", 16)),
         *(pytest.param(post, 1, marks=pytest.mark.long) for post in ("fanuc", "linuxcnc", "siemens", "heidenhain")),
     ],
 )

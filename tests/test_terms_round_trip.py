@@ -159,6 +159,7 @@ def test_a_setting_that_makes_no_sense_is_an_input_error(cause: str, setting: di
         terms.find({"cause": cause, **setting}, bench.cell.machine)
 
 
+@pytest.mark.long
 def test_diagnosed_effects_are_taken_by_the_simulated_machine(bench: blind.Bench) -> None:
     from tango_cnc.diagnose import diagnose
     from tango_cnc.diagnose.words import effects
