@@ -10,7 +10,7 @@ setup(
             "py.typed",
             "reproduce/*.yaml",
             "link/*.yaml",
-            "report/texts/*",
+            "texts/*",
             "report/templates/*",
             "web/templates/*",
             "web/static/*",

@@ -10,19 +10,20 @@ from pathlib import Path
 import pytest
 from support.imports import modules, statements, tree
 
-NUMERIC = "records judgement files.checked kinematics touches terms model identify estimate"
+NUMERIC = "records texts judgement files.checked kinematics touches terms model identify estimate"
 # A module of tango_cnc → what else of tango_cnc it may import. The longest name that fits decides; its own package is allowed.
 # A stage without a row works on numbers alone and may import NUMERIC; None: everything but the command line.
 INTERNAL: dict[str, str | None] = {
     "judgement": "",
     "nearest": "",
+    "texts": "",
     "records": "judgement",
     "files": "records judgement nearest",
     "kinematics": "records",
     "touches": "records kinematics",
     "terms": "records kinematics touches files.checked",
     "model": "records kinematics touches terms",
-    "identify": "records kinematics touches terms model",
+    "identify": "records texts kinematics touches terms model",
     "estimate": "records kinematics touches terms model identify",
     "check": "records kinematics",
     "duration": "records gate",
@@ -40,7 +41,7 @@ INTERNAL: dict[str, str | None] = {
     "diagnose": f"{NUMERIC} files report",
     "verify": f"{NUMERIC} files iso230",
     "compensate": f"{NUMERIC} iso230 verify uncertainty files",
-    "history": "records files state",
+    "history": "records texts files state",
     "nightly": f"{NUMERIC} files history state report.units report.texts report.words",
     "nc": f"{NUMERIC} files iso230 compensate",
     "instruments": f"{NUMERIC} files iso230 nearest",
@@ -48,7 +49,7 @@ INTERNAL: dict[str, str | None] = {
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
     "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement",
     "state": f"{NUMERIC} verify iso230",
-    "web": "records files history report link.journal link.entries",
+    "web": "records texts files history report link.journal link.entries",
     "commands": None,
     "cli": "records commands nearest",
     "__main__": "cli",

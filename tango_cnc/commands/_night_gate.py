@@ -14,6 +14,7 @@ from ..files import read_readings
 from ..gate import proving_touch
 from ..nightly import Finding
 from ..records import Cell, Plan, Touch
+from ..texts import say
 from ._common import dialect
 from ._proofs import proven
 
@@ -28,26 +29,29 @@ def proves(cell: Cell, made: Plan) -> Finding:
     options = cell.controller.options if cell.controller else {}
     which = posts.settings(post, options).get("gate", "none")
     if which == "none":
-        return Finding("gate", True, "the program asks for nobody, and nothing proves the probe alive; gate: facet would")
+        return Finding("gate", True, say("preflight.gate.program_asks_for_nobody_nothing"))
     if which == "finger":
-        advice = "state gate: facet under controller: in tango.yaml: the program then proves the probe at a facet from above"
-        return Finding("gate", False, "the program waits for a finger at the probe, and nobody is there at night", advice)
+        advice = say("preflight.gate.state_gate_facet_under_controller")
+        return Finding("gate", False, say("preflight.gate.program_waits_for_finger_at"), advice)
     if not _looks(cell, post):
-        found = "nothing tells of a stylus that is deflected before the program moves: probe_state is not stated"
-        advice = (
-            "state probe_state, the variable that shows the input of the probe, under controller: in tango.yaml; or let 'tango "
-            "commission --held' prove that the control stops by itself (deflected)"
-        )
+        found = say("preflight.gate.nothing_tells_stylus_deflected_before")
+        advice = say("preflight.gate.state_probe_state_variable_shows")
         return Finding("gate", False, found, advice)
     one = proving_touch(made)
     for file in _runs(cell.folder):
         off = _found(cell, made, one, file)
         if off is not None:
-            where = f"facet {one.facet} proves the probe; {file.name} of {file.parent.name} found it {off:+.2f} mm from the plan"
-            advice = f"allowed: {NEAR:g} mm. Run 'tango locate' with a person at the machine"
+            where = say(
+                "preflight.gate.facet_proves_probe_found_mm",
+                facet=one.facet,
+                name=file.name,
+                name2=file.parent.name,
+                off=f"{off:+.2f}",
+            )
+            advice = say("preflight.gate.allowed_mm_run_tango_locate", near=f"{NEAR:g}")
             return Finding("gate", abs(off) <= NEAR, where, "" if abs(off) <= NEAR else advice)
-    advice = "measure once with a person at the machine: gate: finger in tango.yaml, then 'tango run'"
-    return Finding("gate", False, f"facet {one.facet} is to prove the probe, and no run has touched it yet", advice)
+    advice = say("preflight.gate.measure_once_with_person_at")
+    return Finding("gate", False, say("preflight.gate.facet_prove_probe_no_run", facet=one.facet), advice)
 
 
 def _looks(cell: Cell, post: Post) -> bool:

@@ -20,6 +20,7 @@ from ..nightly import Finding, Measured
 from ..nightly.ports import Busy
 from ..plan import part, plan, plan_hash
 from ..records import Cell, InputError, LinkError, Plan, TangoError
+from ..texts import say
 from ._common import dialect
 from ._night_gate import proves
 from ._night_warm import warm, warmth
@@ -136,8 +137,12 @@ class RealControl:
         self._points = []
         if self.settings.commissioned:
             there = (self.cell.folder / "commissioning.yaml").exists()
-            advice = "" if there else "run 'tango commission' with a person at the machine first"
-            self._points.append(Finding("commissioned", there, "commissioning.yaml" if there else "no commissioning.yaml", advice))
+            advice = "" if there else say("preflight.world.run_tango_commission_with_person")
+            self._points.append(
+                Finding(
+                    "commissioned", there, "commissioning.yaml" if there else say("preflight.world.no_commissioning_yaml"), advice
+                )
+            )
         checks = (self._program, self._gate, self._left, *((self._warm,) if self.settings.temperature else ()), self._control)
         for check in checks:
             try:
@@ -151,7 +156,9 @@ class RealControl:
 
         made = self._plan(kind, touches)
         _postable(self.cell if kind == "full" or self.check is None else self.check, made)
-        return Finding("program", True, f"plan {plan_hash(made)}, {len(made.touches)} touches, read back")
+        return Finding(
+            "program", True, say("preflight.world.plan_touches_read_back", plan_hash=plan_hash(made), count=len(made.touches))
+        )
 
     def _gate(self, kind: str, touches: Sequence[int]) -> Finding:
         """Nobody is there at night: a program that waits for a finger at the probe would stand still until the morning."""
@@ -160,8 +167,8 @@ class RealControl:
     def _left(self, kind: str, touches: Sequence[int]) -> Finding:
         journals = [f for f in self.cell.folder.glob("*.partial.csv")]
         if journals:
-            return Finding("left", True, f"{journals[0].name} of a run that was not resumed is left alone")
-        return Finding("left", True, "no run was left behind")
+            return Finding("left", True, say("preflight.world.run_was_not_resumed_left", name=journals[0].name))
+        return Finding("left", True, say("preflight.world.no_run_was_left_behind"))
 
     def _warm(self, kind: str, touches: Sequence[int]) -> Finding:
         found, self._cold = warm(self.cell.folder, self.settings)
@@ -180,18 +187,28 @@ class RealControl:
         if not hello:
             line.close()
             passed = not self.settings.probe
-            return Finding("control", passed, f"{address} is open; this control cannot be asked", "" if passed else "probe: false")
+            return Finding(
+                "control",
+                passed,
+                say("preflight.world.open_this_control_cannot_be", address=address),
+                "" if passed else say("preflight.world.probe_false"),
+            )
         try:
             data = listen(line, hello, LISTEN, time.monotonic, lambda got: (client.told(got, parsed.options) or (True,))[0])
         finally:
             line.close()
         if not data:
-            return Finding("control", False, f"{address}: nothing was answered", "is the control on, and at the right port?")
+            return Finding(
+                "control",
+                False,
+                say("preflight.world.nothing_was_answered", address=address),
+                say("preflight.world.control_on_at_right_port"),
+            )
         fine, sentences = client.told(data, parsed.options) or (True, [])
         said = "; ".join(sentences) or "answers"
         if fine and (busy := client.busy(data, parsed.options)):
-            return Finding("control", False, f"{address}: {busy}", "stop what runs there and see that the stylus is free")
-        return Finding("control", bool(fine), said, "" if fine else "see 'tango link-test'")
+            return Finding("control", False, f"{address}: {busy}", say("preflight.world.stop_what_runs"))
+        return Finding("control", bool(fine), said, "" if fine else say("preflight.world.see_tango_link_test"))
 
     def _address(self) -> str:
         address = self.port or (self.cell.controller.port if self.cell.controller else None)

@@ -18,6 +18,7 @@ from ..nightly.parts import part_of
 from ..plan import plan
 from ..records import Cell, Readings
 from ..records import World as Truth
+from ..texts import say
 from ._cell_nights import nights_of
 
 WANDER = {"mm": 3e-4, "rad": 6e-7, "mm/mm": 2e-7}  # what a sound machine does in a day
@@ -116,7 +117,10 @@ class _Machine:
 
     def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
         """→ all is well."""
-        return (Finding("control", True, "simulated, idle"), Finding("probe", True, "simulated, not triggered"))
+        return (
+            Finding("control", True, say("preflight.simulated.simulated_idle")),
+            Finding("probe", True, say("preflight.simulated.simulated_not_triggered")),
+        )
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:
         """→ what the true machine reads."""

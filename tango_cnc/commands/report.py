@@ -196,7 +196,8 @@ def nights(folder: Path, machine: str) -> Nights | None:
         if not newest:
             return None
         n = newest[0]
-        return Nights(n.night, n.verdict, n.headline, len(history.open_alarms(machine)))
+        said = history.night(n.entry).record.get("headline") or n.headline
+        return Nights(n.night, n.verdict, said, len(history.open_alarms(machine)))
 
 
 def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..texts import say
 from ..touches import Touches
 from ._candidates import Candidate, candidate
 from ._explain import DECISIVE, Explanation
@@ -77,7 +78,7 @@ def differing(setting: Mapping[str, Any], other: Mapping[str, Any]) -> str:
         if v is None or k in COURSE or other.get(k) == v or (isinstance(v, float) and k not in UNITS):
             continue
         parts.append(f"{k} {v:.4g} {UNITS[k]}".strip() if isinstance(v, float) else f"{k} {v}")
-    return ", ".join(parts) or "another course"
+    return ", ".join(parts) or say("diagnosis_said.another_course")
 
 
 def where(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Chosen]) -> tuple[str, ...]:
@@ -89,7 +90,9 @@ def where(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Chosen
             continue
         told = _place(e, touches, one, other, str(axis))
         if told is not None:
-            result.append(f"{told} tells it from {differing(other.candidate.setting, one.candidate.setting)}")
+            result.append(
+                say("diagnosis_said.alias_tells", told=told, other=differing(other.candidate.setting, one.candidate.setting))
+            )
     return tuple(result)
 
 
@@ -112,7 +115,7 @@ def _place(e: Explanation, touches: Touches, one: Chosen, other: Chosen, axis: s
     linear = axis in touches.machine.linear
     value = float(grid[int(np.argmax(differ))])
     told = f"{value:.0f} mm" if linear else f"{np.degrees(value):.0f}°"
-    return f"touch facet {touches.facet[row]}, or one like it, with {axis} near {told}: that"
+    return say("diagnosis_said.alias_there", facet=touches.facet[row], axis=axis, place=told)
 
 
 __all__ = ["aliases", "differing", "where"]

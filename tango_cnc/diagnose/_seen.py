@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ..records import Array
+from ..texts import joined, say
 from ..touches import Touches
 from ._candidates import candidate, covariates
 from ._explain import Explanation
@@ -196,7 +197,7 @@ def taken(touches: Touches, index: NDArray[np.int64], tail: Array, gap: float) -
 def separate(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Chosen]) -> tuple[str, ...]:
     """explanation, a cause and its alternatives → which few touches would tell them apart, in words."""
     found = extras(e, touches, one, others, 2)
-    names = " and ".join(dict.fromkeys(o.candidate.cause for o in others))
+    names = joined(say("unseen_said.and"), dict.fromkeys(o.candidate.cause for o in others))
     result = []
     for x in found:
         place = ", ".join(
@@ -204,8 +205,14 @@ def separate(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Cho
         )
         facets = ", ".join(x.facets[:6]) + (" …" if len(x.facets) > 6 else "")
         result.append(
-            f"repeat indexation {x.source + 1} ({place}) at the end with S {np.degrees(x.spindle):.0f}: facets {facets}"
-            f" tell it from {names}"
+            say(
+                "diagnosis_said.separate",
+                indexation=x.source + 1,
+                place=place,
+                spindle=f"{np.degrees(x.spindle):.0f}",
+                facets=facets,
+                names=names,
+            )
         )
     return tuple(result)
 

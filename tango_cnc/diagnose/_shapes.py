@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array
+from ..texts import say
 from ..touches import Touches
 from ._closed import closed
 from ._contest import Outcome, Picked, posterior, refinement
@@ -114,15 +115,17 @@ def confirm(p: Picked, touches: Touches, pattern: Array) -> str:
     assert p.kernel.form is not None
     names = [f.covariate for f in p.kernel.form.factors]
     if "time" in names:
-        return "repeat the first indexations at the end, and measure again on another day"
+        return say("diagnosis_said.confirm_in_time")
     axes = [n for n in names if n in touches.machine.names]
 
     def place(i: int) -> str:
         turned = [a for a in touches.machine.names if a not in touches.machine.linear]
         at = [f"{a} {touches.axis(a)[i] if a not in turned else np.degrees(touches.axis(a)[i]):.0f}" for a in axes]
-        return f"facet {touches.facet[i]} at {' '.join(at)}" if at else f"facet {touches.facet[i]} as in touch {touches.number[i]}"
+        if at:
+            return say("diagnosis_said.facet_at", facet=touches.facet[i], at=" ".join(at))
+        return say("diagnosis_said.facet_of_touch", facet=touches.facet[i], touch=touches.number[i])
 
-    return f"touch {place(row)} and {place(other)} again, where it differs most"
+    return say("diagnosis_said.confirm_there", one=place(row), other=place(other))
 
 
 def spread(y: Array, names: Array, picked: Sequence[Picked]) -> float:

@@ -2,62 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from .. import terms as families
 from ..records import Array
+from ..texts import Said, joined, say
 from ._aliases import differing
 from ._moments import Moment
 from ._records import SUBSETS, Again, Dropped, Finding, Remainder
 from ._scatter import Scatter
 
-Texts = Callable[[str], str]  # key → text, of a shop in its own language
 SETTLED = 2.3  # time constants after which a tenth is left
 UNSETTLED = 1.4  # time constants: a test shorter than that has not seen where a drift ends
 STRONG = 0.35  # component of a direction that is worth a word
 
 
-def said(f: Finding, t: Texts | None = None) -> str:
-    """finding, texts of a shop or None → what was found, how large, where and since when; without what to do."""
+def said(f: Finding) -> str:
+    """finding → what was found, how large, where and since when; without what to do."""
+    says, known = f"{f.cause}.says", _words(f)
     try:
-        return _told(f, "says", t).format_map(_words(f))
+        return Said(cause_texts()[says].format_map(known), f"diagnosed.{says}", known)
     except KeyError:  # a setting that the sentence has no word for
-        return f"{_told(f, 'text', t)}: {size(f)}"
+        return joined(": ", (_of_cause(f, "text"), size(f)))
 
 
-def meaning(f: Finding, t: Texts | None = None) -> str:
-    """finding, texts of a shop or None → what it means for parts."""
-    return _told(f, "meaning", t)
+def meaning(f: Finding) -> str:
+    """finding → what it means for parts."""
+    return _of_cause(f, "meaning")
 
 
-def _told(f: Finding, what: str, t: Texts | None) -> str:
-    return cause_texts()[f"{f.cause}.{what}"] if t is None else t(f"diagnosed.{f.cause}.{what}")
+def cause_name(cause: str) -> str:
+    """cause → its name in words; what is no cause of the catalogue stays as it is."""
+    name = cause_texts().get(f"{cause}.name")
+    return cause.replace("_", " ") if name is None else Said(name, f"diagnosed.{cause}.name", {})
+
+
+def _of_cause(f: Finding, what: str) -> Said:
+    key = f"{f.cause}.{what}"
+    return Said(cause_texts()[key], f"diagnosed.{key}", {})
 
 
 def cause_texts() -> dict[str, str]:
-    """→ text, says, meaning and advice of every cause, as its file has them: `chip.meaning` → sentence."""
+    """→ name, text, says, meaning and advice of every cause, as its file has them: `chip.meaning` → sentence."""
     found: dict[str, str] = {}
     for name, cause in families.causes().items():
         own = {"text": cause.text, "says": cause.says, "meaning": cause.meaning, "advice": cause.advice}
-        found |= {f"{name}.{what}": text for what, text in own.items()}
+        found |= {f"{name}.{what}": text for what, text in own.items()} | {f"{name}.name": name.replace("_", " ")}
     return found
 
 
-def advice(f: Finding, t: Texts | None = None) -> str:
-    """finding, texts of a shop or None → what to do about it, with the time after which a drift has settled."""
-    text = _told(f, "advice", t)
+def advice(f: Finding) -> str:
+    """finding → what to do about it, with the time after which a drift has settled."""
+    text: str = _of_cause(f, "advice")
     tau = f.detail.get("tau_s")
     if tau is not None and f.detail.get("shape") == "exponential" and not _unsettled(f.detail):
-        text += f" (a tenth of it is left after {minutes(SETTLED * float(tau))})"
+        text = joined("", (text, say("diagnosis_said.tenth_left_after", minutes=minutes(SETTLED * float(tau)))))
     return text
 
 
 def also(f: Finding) -> str:
     """finding → its other settings that this plan cannot tell from it."""
-    return "; ".join(dict.fromkeys(differing(setting, f.setting) for setting, _ in f.aliases))
+    return joined("; ", dict.fromkeys(differing(setting, f.setting) for setting, _ in f.aliases))
 
 
 def gain(f: Finding) -> str | None:
@@ -65,31 +73,38 @@ def gain(f: Finding) -> str | None:
     if f.gain is None:
         return None
     g = f.gain
-    held = {"time": "held-out blocks of time", "scattered": "held-out touches"}.get(g.scheme, f"held-out {g.scheme}")
-    return (
-        f"with the term, {held} are predicted to {g.heldout_after * 1e3:.2f} µm instead of {g.heldout_before * 1e3:.2f} µm; noise "
-        f"alone would look like this {chance(f.p_value)}"
-        + ("" if f.stability is None else f"; it came back in {f.stability} of {SUBSETS} subsets of the indexations")
+    held = {"time": say("diagnosis_said.held_out_blocks_time"), "scattered": say("diagnosis_said.held_out_touches")}.get(
+        g.scheme, say("diagnosis_said.held_out", scheme=g.scheme)
     )
+    again = (
+        "" if f.stability is None else say("diagnosis_said.came_back_subsets_indexations", stability=f.stability, subsets=SUBSETS)
+    )
+    told = say(
+        "diagnosis_said.with_term_predicted_instead_noise",
+        held=held,
+        heldout_after=f"{g.heldout_after * 1000.0:.2f}",
+        heldout_before=f"{g.heldout_before * 1000.0:.2f}",
+        chance=chance(f.p_value),
+    )
+    return joined("", (told, again))
 
 
 def dropped(d: Dropped) -> str:
     """cause that fits and is not named → why it is not."""
-    text = f"it resembles {d.finding.cause}, which is not named: "
+    text = say("diagnosis_said.resembles_which_not_named", cause=d.finding.cause)
     g = d.finding.gain
     if d.why == "no gain" and g is not None:
         without, with_it = g.schemes.get("scattered", (g.heldout_before, g.heldout_after))
-        return text + (
-            f"touches that were not fitted do not gain from it ({with_it * 1e3:.2f} µm with it, {without * 1e3:.2f} without), "
-            "or no more than from the same pattern shuffled"
-        )
+        figures = {"with_it": f"{with_it * 1e3:.2f}", "without": f"{without * 1e3:.2f}"}
+        return joined("", (text, say("diagnosis_said.touches_were_not_fitted_do", **figures)))
     if d.why == "shape":
-        return text + "a smooth shape without a name explains the touches at least as well"
+        return joined("", (text, say("diagnosis_said.smooth_shape_without_name_explains")))
     if d.why == "unstable":
-        return text + f"it comes back in {d.finding.stability} of {SUBSETS} subsets of the indexations only"
+        often = say("diagnosis_said.comes_back_subsets_indexations_only", stability=d.finding.stability, subsets=SUBSETS)
+        return joined("", (text, often))
     if d.why == "size":
-        return text + "its size is not known to half of itself, or is larger than the residuals can hold"
-    return text + "beside something larger without a name it may only follow what that leaves"
+        return joined("", (text, say("diagnosis_said.its_size_not_known_half")))
+    return joined("", (text, say("diagnosis_said.beside_something_larger_without_name")))
 
 
 def size(f: Finding) -> str:
@@ -100,17 +115,17 @@ def size(f: Finding) -> str:
 def chance(p: float) -> str:
     """probability → once in so many."""
     if p < 1e-6:
-        return "less than once in a million times"
+        return say("diagnosis_said.less_than_once_million_times")
     if p > 0.3:
-        return f"in {100 * p:.0f} % of all cases"
-    return f"once in {float(f'{1 / p:.1g}'):,.0f} times"
+        return say("diagnosis_said.all_cases", p=f"{100 * p:.0f}")
+    return say("diagnosis_said.once_times", value=f"{float(f'{1 / p:.1g}'):,.0f}")
 
 
 def minutes(seconds: float) -> str:
     """s → 40 s, 14 min or 2.5 h."""
     if seconds < 90:
         return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 2 * 3600 else f"{seconds / 3600:.1f} h"
+    return say("diagnosis_said.min", seconds=f"{seconds / 60:.0f}") if seconds < 2 * 3600 else f"{seconds / 3600:.1f} h"
 
 
 def towards(v: Array) -> str:
@@ -119,9 +134,15 @@ def towards(v: Array) -> str:
     return "towards " + " ".join(f"{'+' if x > 0 else '−'}{c}" for c, x in zip("XYZ", unit, strict=True) if abs(x) > STRONG)
 
 
+def _frame(name: str) -> str:
+    """machine, table or spindle → its word."""
+    return say(f"diagnosis_said.of_{name}") if name in ("machine", "table", "spindle") else name
+
+
 def covariate(name: str) -> str:
     """name of a covariate, or of several with × between them → what it is."""
-    return " together with ".join(_covariate(part) for part in name.split(" × "))
+    parts = [_covariate(part) for part in name.split(" × ")]
+    return joined(say("diagnosis_said.together_with"), parts) if len(parts) > 1 else parts[0]
 
 
 def _covariate(name: str) -> str:
@@ -129,98 +150,104 @@ def _covariate(name: str) -> str:
     kind, _, rest = name.partition(" ")
     if kind == "normal":
         letter, _, frame = rest.partition(", ")
-        return f"touch direction {letter.upper()}, {frame} frame"
+        return say("diagnosis_said.touch_direction_frame", upper=letter.upper(), frame=_frame(frame))
     if name == "since indexation":
-        return "time since the last indexation"
+        return say("diagnosis_said.time_since_last_indexation")
     if name == "probe direction along":
-        return "probe direction along the stylus"
+        return say("diagnosis_said.probe_direction_along_stylus")
     if kind == "way":
-        return f"length of {name[-1]}'s last move"
+        return say("diagnosis_said.length_last_move", name=name[-1])
     if kind == "shift":
         letter, _, frame = rest.partition(", ")
-        return f"time, shift along {letter.upper()}, {frame} frame"
+        return say("diagnosis_said.time_shift_along_frame", upper=letter.upper(), frame=_frame(frame))
     if len(name) == 2 and name[0] == "d":
-        return f"side from which {name[1]} came"
+        return say("diagnosis_said.side_from_which_came", name=name[1])
     if len(name) == 1:
-        return f"position of {name}"
-    return {"order": "order of the touches", "feed": "measuring feed"}.get(name, name)
+        return say("diagnosis_said.position", name=name)
+    return {
+        "order": say("diagnosis_said.order_touches"),
+        "feed": say("diagnosis_said.measuring_feed"),
+        "facet": say("table.facet"),
+        "time": say("place.time"),
+    }.get(name, name)
 
 
 def unexplained(r: Remainder) -> str:
     """remainder → a sentence."""
     where = {"": "", "none": "", f"axis {r.covariate}": ""}.get(r.frame, f", {r.frame}")
     if r.frame in ("machine", "table", "spindle"):
-        where = f" in the frame of the {r.frame}"
+        where = say("diagnosis_said.frame", frame=_frame(r.frame))
     if r.shape == "lack of fit":
-        return (
-            f"with the causes above the residuals still follow {covariate(r.covariate)}, by {spread(r.amplitude, 0.0)}: something "
-            "is missing, or a name is wrong"
+        return say(
+            "diagnosis_said.with_causes_above_residuals_still", covariate=covariate(r.covariate), spread=spread(r.amplitude, 0.0)
         )
     if r.shape == "random walk":
-        return (
-            f"the machine wanders without a pattern, by about {r.amplitude * 1e3:.1f} µm over the test. That costs accuracy and "
-            "has no name: warm up, measure faster, or repeat the first indexations at the end to see it"
-        )
-    again = "" if r.again is None else f". {known(r.again)}"
-    also = "" if r.closed is None else f". A simple formula does as well: {r.closed}"
-    return (
-        f"nothing in the catalogue explains what follows {covariate(r.covariate)}{where}: {spread(r.amplitude, r.std)} at most of "
-        f"what the model cannot absorb; it takes {100 * max(r.heldout_r2, 0.0):.0f} % of the variance of touches that were not "
-        f"fitted{also}{again}. To confirm it: {r.confirm or 'measure again on another day, in another order'}"
+        return say("diagnosis_said.machine_wanders_without_pattern_about", amplitude=f"{r.amplitude * 1000.0:.1f}")
+    again = "" if r.again is None else joined("", (". ", known(r.again)))
+    also = "" if r.closed is None else say("diagnosis_said.simple_formula_does_as_well", closed=r.closed)
+    return say(
+        "diagnosis_said.nothing_catalogue_explains_what_follows",
+        covariate=covariate(r.covariate),
+        where=where,
+        spread=spread(r.amplitude, r.std),
+        share=f"{100 * max(r.heldout_r2, 0.0):.0f}",
+        also=also,
+        again=again,
+        confirm=r.confirm or say("diagnosis_said.another_day"),
     )
 
 
 def known(again: Again) -> str:
     """shape that was learned before and is there again → a sentence."""
-    day = f" (learned on {again.learned})" if again.learned else ""
-    return (
-        f"It is most likely the shape {again.name}{day}, {again.times:.1f} times as large: these touches see "
-        f"{100 * again.agreement**2:.0f} % of the two in common"
+    day = say("diagnosis_said.learned_on", learned=again.learned) if again.learned else ""
+    return say(
+        "diagnosis_said.most_likely_shape_times_as",
+        name=again.name,
+        day=day,
+        times=f"{again.times:.1f}",
+        agreement=f"{100 * again.agreement**2:.0f}",
     )
 
 
 def moment(m: Moment) -> str:
     """what belongs to one moment or one pose → a sentence."""
-    touches = f"touch {m.first + 1}" if m.first == m.last else f"touches {m.first + 1} to {m.last + 1}"
+    touches = (
+        say("diagnosis_said.touch", first=m.first + 1)
+        if m.first == m.last
+        else say("diagnosis_said.touches", first=m.first + 1, last=m.last + 1)
+    )
     size = f"{m.amplitude * 1e3:.1f} µm"
     if m.kind == "window":
-        return f"{touches} were made while everything on the table was elsewhere, by {size} at most"
+        return say("diagnosis_said.were_made_while_everything_on", touches=touches, size=size)
     if m.axis is not None:
-        return f"{touches} (one indexation) were made at a wrong angle of {m.axis}, which moves them by {size} at most"
-    return f"{touches} (one indexation) were made with the table beside its place, by {size} at most"
+        return say("diagnosis_said.one_indexation_were_made_at", touches=touches, axis=m.axis, size=size)
+    return say("diagnosis_said.one_indexation_were_made_with", touches=touches, size=size)
 
 
 def noise(s: Scatter) -> list[str]:
     """scatter → what the noise is besides white and normal, a sentence each."""
-    told = []
-    group = {"facet": "facet", "direction": "direction of touch", "indexation": "indexation", "time": "part of the test"}
+    told: list[str] = []
+    group = {
+        "facet": say("table.facet"),
+        "direction": say("diagnosis_said.direction_touch"),
+        "indexation": say("diagnosis_said.indexation"),
+        "time": say("diagnosis_said.part_test"),
+    }
     if s.by is not None and s.rival is not None:
-        told.append(
-            f"single touches do not scatter alike: it depends on the {group[s.by]} or on the {group[s.rival]}. These touches "
-            "cannot tell which. Touch the facets that scatter most from another direction"
-        )
+        told.append(say("diagnosis_said.single_touches_do_not_scatter", group=group[s.by], group2=group[s.rival]))
     elif s.clear:
-        told.append(
-            f"single touches do not scatter alike: it depends on the {group[str(s.by)]}. Touches that scatter "
-            "more have less weight here"
-        )
+        told.append(say("diagnosis_said.single_touches_do_not_scatter_2", group=group[str(s.by)]))
     if s.tails is not None:
-        told.append(
-            f"the scatter has heavy tails (like Student's t with {s.tails:.0f} degrees of freedom): far touches are more frequent "
-            "than chance would make them. Look at chips, coolant and the battery of the probe"
-        )
+        told.append(say("diagnosis_said.scatter_has_heavy_tails_like", tails=f"{s.tails:.0f}"))
     if s.memory > 0:
-        told.append(
-            f"each touch remembers the one before (correlation {s.memory:.1f}): the noise is not new at every touch, so standard "
-            "deviations are too small. Look at the temperature of the probe and at vibrations"
-        )
+        told.append(say("diagnosis_said.each_touch_remembers_one_before", memory=f"{s.memory:.1f}"))
     return told
 
 
 def spread(value: float, std: float) -> str:
     """mm and its standard deviation → 9.1 ± 0.4 µm; about 9 µm where that is not known well."""
     if not 0 < std < value / 2:
-        return f"about {float(f'{value * 1e3:.1g}'):g} µm"
+        return say("diagnosis_said.about", value=f"{float(f'{value * 1000.0:.1g}'):g}")
     return f"{value * 1e3:.1f} ± {max(std * 1e3, 0.05):.1f} µm"
 
 
@@ -228,7 +255,7 @@ class _Known(dict[str, str]):
     """Words of one finding."""
 
 
-def _words(f: Finding) -> Mapping[str, str]:
+def _words(f: Finding) -> _Known:
     d = f.detail
     known = _Known(size=size(f), course=_course(d), toward="", where="")
     if "direction" in d and _unsettled(d):  # the size is that of the end, which nobody has seen
@@ -238,20 +265,24 @@ def _words(f: Finding) -> Mapping[str, str]:
         if key in d:
             known[key] = str(d[key])
     if "order" in d:
-        known["waves"] = "one wave a turn" if d["order"] == 1 else f"{d['order']} waves a turn"
+        known["waves"] = (
+            say("diagnosis_said.one_wave_turn") if d["order"] == 1 else say("diagnosis_said.waves_turn", order=d["order"])
+        )
     if "S" in d:
         known["where"] = f" (at S {float(d['S']):g}°)"
     if "direction" in d:
-        known["towards"] = f"{towards(np.array(d['direction']))} ({d.get('frame', 'machine')} frame)"
+        known["towards"] = say(
+            "diagnosis_said.frame_2", towards=towards(np.array(d["direction"])), frame=_frame(d.get("frame", "machine"))
+        )
         known["toward"] = " " + known["towards"]
     elif f.cause == "ambient_cycle" and f.size.values.size == 6:
-        known["towards"] = f"mostly {towards(np.linalg.svd(f.size.values.reshape(2, 3))[2][0])}"
+        known["towards"] = say("diagnosis_said.mostly", towards=towards(np.linalg.svd(f.size.values.reshape(2, 3))[2][0]))
     elif d.get("component") in ("X", "Y", "Z"):
-        known["toward"] = f" along {d['component']}"
+        known["toward"] = say("diagnosis_said.along", component=d["component"])
     if "period_s" in d:
         known["period"] = minutes(float(d["period_s"]))
     if "period_mm" in d:
-        known["period"] = f"{float(d['period_mm']):.2f} mm"
+        known["period"] = say("diagnosis_said.mm", period_mm=f"{float(d['period_mm']):.2f}")
     if "at" in d:
         known["at"] = f"{d['at']:g}" if isinstance(d["at"], float) else str(d["at"])
     if "until" in d:
@@ -283,9 +314,9 @@ def _unsettled(d: Mapping[str, Any]) -> bool:
 
 def _course(d: Mapping[str, Any]) -> str:
     if d.get("sensor"):
-        return f" with the temperature {d['sensor']}"
+        return say("diagnosis_said.with_temperature", sensor=d["sensor"])
     if d.get("shape") == "exponential" and _unsettled(d):
-        return f" within the {minutes(float(d['run_s']))} of the test and has not settled"
+        return say("diagnosis_said.within_test_has_not_settled", minutes=minutes(float(d["run_s"])))
     if d.get("shape") == "exponential" and "tau_s" in d:
-        return f" as it warms up, two thirds of it within {minutes(float(d['tau_s']))}, then it settles"
-    return " per hour, steadily" if d.get("shape") == "linear" and "tau_s" in d else ""
+        return say("diagnosis_said.as_warms_up_two_thirds", minutes=minutes(float(d["tau_s"])))
+    return say("diagnosis_said.per_hour_steadily") if d.get("shape") == "linear" and "tau_s" in d else ""

@@ -11,6 +11,7 @@ import numpy as np
 from .. import terms as families
 from ..estimate import Estimate
 from ..records import Array
+from ..texts import joined
 from . import Diagnosis, Finding, Test
 from ._richer import Richer
 from ._size import plain
@@ -40,7 +41,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "again": None
                 if r.again is None
                 else {"name": r.again.name, "times": r.again.times, "agreement": r.again.agreement, "learned": r.again.learned},
-                "text": f"{unexplained(r)}.",
+                "text": joined("", (unexplained(r), ".")),
             }
             for r in d.unexplained
         ],
@@ -50,11 +51,11 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "touches": [int(d.before.model.touches.number[i]) for i in (m.first, m.last)],
                 "axis": m.axis,
                 "amplitude_um": m.amplitude * 1e3,
-                "text": f"{moment(m)}.",
+                "text": joined("", (moment(m), ".")),
             }
             for m in d.events
         ],
-        "not_named": [{"why": x.why} | _finding(x.finding) | {"text": f"{dropped(x)}."} for x in d.dropped],
+        "not_named": [{"why": x.why} | _finding(x.finding) | {"text": joined("", (dropped(x), "."))} for x in d.dropped],
         "visibility": {name: round(value, 4) for name, value in d.visibility.items()},
         "residual_tests": [
             {"covariate": t.covariate, "variance_share": round(t.variance_share, 4), "p_value": t.p_value} for t in d.tests

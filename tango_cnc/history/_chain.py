@@ -7,7 +7,19 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from ..texts import carried, revived
+
 FIRST = "0" * 64
+
+
+def read(text: str) -> Mapping[str, Any]:
+    """JSON of a record → the record, whose texts know their keys."""
+    return revived(json.loads(text))
+
+
+def written(record: Mapping[str, Any]) -> str:
+    """record of a night → its JSON, with keys and values of its texts."""
+    return canonical(carried(record))
 
 
 def canonical(data: Any) -> str:

@@ -52,7 +52,7 @@ class History:
         if record.get("format") != FORMAT:
             raise InputError(f"history: found a record of format {record.get('format')!r}; allowed: {FORMAT}")
         try:
-            text = _chain.canonical(record)
+            text = _chain.written(record)
         except ValueError as error:
             raise InputError(f"history: the record of a night has a number that is not finite ({error})") from None
         numbers = None if knowledge is None else _packed(knowledge)
@@ -188,12 +188,12 @@ class History:
             raise InputError(f"history: found no night {entry}; 'tango history list' lists them")
         row = found[0]
         text = None if row.csv is None else zlib.decompress(row.csv).decode()
-        return Stored(_night(row), json.loads(row.json), text, None if row.names is None else _unpacked(row.names, row.numbers))
+        return Stored(_night(row), _chain.read(row.json), text, None if row.names is None else _unpacked(row.names, row.numbers))
 
     def records_of(self, entries: Sequence[int]) -> dict[int, Mapping[str, Any]]:
         """numbers of entries → {number: record of that night}, without readings and estimate; what is no night is left out."""
         rows = self._rows(select(t.night_record).where(t.night_record.c.entry_id.in_(list(entries)))) if entries else ()
-        return {row.entry_id: json.loads(row.json) for row in rows}
+        return {row.entry_id: _chain.read(row.json) for row in rows}
 
     def last(self, machine: str) -> Stored | None:
         """machine → its newest night, None when there is none."""
@@ -222,7 +222,7 @@ class History:
             .where(t.night.c.machine_id == self._machine(machine))
             .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
         )
-        return tuple(json.loads(row.json) for row in self._rows(wanted if last is None else wanted.limit(last)))
+        return tuple(_chain.read(row.json) for row in self._rows(wanted if last is None else wanted.limit(last)))
 
     def parameters(self, machine: str) -> tuple[str, ...]:
         """machine → names of the parameters that any night estimated, in the order of the alphabet."""
@@ -252,7 +252,7 @@ class History:
             .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
         )
         rows = self._rows(wanted if last is None else wanted.limit(last))
-        return tuple(Stored(_night(row), json.loads(row.json), None, None) for row in rows)
+        return tuple(Stored(_night(row), _chain.read(row.json), None, None) for row in rows)
 
     def decisions(self, machine: str) -> tuple[Decision, ...]:
         """machine → what was decided about its alarms, oldest first."""

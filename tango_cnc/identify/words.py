@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..records import Combination
+from ..texts import joined, say
 
 
 def describe(name: str, unit: str, partners: Mapping[str, tuple[float, str]]) -> Combination:
@@ -12,27 +13,25 @@ def describe(name: str, unit: str, partners: Mapping[str, tuple[float, str]]) ->
     table = [p for p in partners if p.startswith(("EZf", "EXball", "EYball", "EZball"))]
     said = [p for p in partners if p not in table]
     if name == "EXX1" and {"EYY1", "EZZ1"} <= set(said):
-        text = (
-            "the absolute scale cannot be seen, only scale mismatches against X: touch a scale bar or a calibrated facet, "
-            "or read EYY1 and EZZ1 as EYY1-EXX1 and EZZ1-EXX1 and lengths, EZt among them, in units of X"
-        )
+        text = say("unseen_said.absolute_scale_cannot_be_seen")
     elif not partners:
-        text = f"{name} moves no touch of this plan"
+        text = say("unseen_said.moves_no_touch_this_plan", name=name)
     elif not said:
-        text = (
-            f"{name} moves the touches just as a table of another shape would: only calibrated facets, or "
-            "the same facets met in more poses, could tell"
-        )
+        text = say("unseen_said.moves_touches_just_as_table", name=name)
     elif len(said) <= 3 and not table:
         sums = [_sum(name, unit, p, *partners[p]) for p in said]
         if len(said) == 1:
-            same = {f"{said[0]} + {name}": "their sum", f"{said[0]} - {name}": "their difference"}
-            text = f"{name} and {said[0]} move every touch alike: only {same.get(sums[0], sums[0])} is known"
+            same = {f"{said[0]} + {name}": say("unseen_said.their_sum"), f"{said[0]} - {name}": say("unseen_said.their_difference")}
+            text = say("unseen_said.move_every_touch_alike_only", name=name, other=said[0], known=same.get(sums[0], sums[0]))
         else:
-            text = f"{name} moves the touches just as {_list(said)} do together: only {_list(sums)} are known"
+            text = say("unseen_said.moves_touches_just_as_do", name=name, said=_list(said), sums=_list(sums))
     else:
-        listed = [*said[:5], *(["others"] if len(said) > 5 else []), *(["the facet offsets"] if table else [])]
-        text = f"{name} moves the touches just as a combination of {_list(listed)} does: it cannot be told from them"
+        listed = [
+            *said[:5],
+            *([say("unseen_said.others")] if len(said) > 5 else []),
+            *([say("unseen_said.facet_offsets")] if table else []),
+        ]
+        text = say("unseen_said.moves_touches_just_as_combination", name=name, listed=_list(listed))
     return Combination((name, *partners), (1.0, *(-factor for factor, _ in partners.values())), text)
 
 
@@ -41,11 +40,12 @@ def _sum(name: str, unit: str, partner: str, factor: float, other: str) -> str:
     alike = unit == other or {unit, other} == {"rad", "mm/mm"}
     if alike and abs(abs(factor) - 1) < 0.01:
         return f"{partner} {sign} {name}"
-    return f"{partner} {sign} {abs(factor):.4g} · {name} (in {other}, {name} in {unit})"
+    term = f"{partner} {sign} {abs(factor):.4g} · {name}"
+    return say("unseen_said.weighted", term=term, other=other, name=name, unit=unit)
 
 
 def _list(words: Sequence[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    return joined(say("unseen_said.and"), [joined(", ", words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 
 def summary(texts: Sequence[str]) -> list[str]:

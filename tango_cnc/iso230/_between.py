@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..records import Array, Axis, Machine
+from ..texts import joined, say
 from ._figure import Figure, Tell
 from ._line import Line, reference
 
@@ -48,8 +49,10 @@ def between(machine: Machine, lines: dict[str, Line], tell: Tell) -> list[Figure
                 weights = across @ (places[two] - places[one])
                 if weights.any():
                     value, std = tell.one(weights)
-                    text = f"along [{', '.join(f'{a + 0.0:.3g}' for a in across)}]"
-                    found.append(Figure("offset", f"{two} to {one}", value * 1e3, std * 1e3, "µm", None, text))
+                    text = say("iso_said.between.along", names=", ".join(f"{a + 0.0:.3g}" for a in across))
+                    found.append(
+                        Figure("offset", say("iso_said.between.to", two=two, one=one), value * 1e3, std * 1e3, "µm", None, text)
+                    )
     return found
 
 
@@ -65,8 +68,18 @@ def _pair(one: Axis, two: Axis, first: Array, second: Array, tell: Tell, sense: 
             weights = np.cross(a, np.eye(3)) @ plane @ (np.sign(cosine) * second - first)
             if weights.any():
                 value, std = tell.one(weights)
-                text = f"turn about [{', '.join(f'{c + 0.0:.3g}' for c in plane)}]"
-                found.append(Figure("parallelism", f"{two.name} to {one.name}", value * 1e6, std * 1e6, "µm/m", None, text))
+                text = say("iso_said.between.turn_about", names=", ".join(f"{c + 0.0:.3g}" for c in plane))
+                found.append(
+                    Figure(
+                        "parallelism",
+                        say("iso_said.between.to", two=two.name, one=one.name),
+                        value * 1e6,
+                        std * 1e6,
+                        "µm/m",
+                        None,
+                        text,
+                    )
+                )
         return found
     if abs(cosine) > PARALLEL and "linear" in (one.kind, two.kind):
         return []
@@ -76,6 +89,12 @@ def _pair(one: Axis, two: Axis, first: Array, second: Array, tell: Tell, sense: 
         return []
     value, std = tell.one(weights)
     kind = "squareness" if abs(cosine) < PARALLEL else "angle"
-    text = f"angle minus {np.degrees(np.arccos(cosine)):.4g}°"
-    text += ", on the part" if one.kind == two.kind == "linear" else ", between the axes' own directions"
-    return [Figure(kind, f"{two.name} to {one.name}", value * 1e6, std * 1e6, "µm/m", None, text)]
+    text = say("iso_said.between.angle_minus", degrees=f"{np.degrees(np.arccos(cosine)):.4g}")
+    text = joined(
+        "",
+        (
+            text,
+            say("iso_said.between.on_part" if one.kind == two.kind == "linear" else "iso_said.between.between_axes_own_directions"),
+        ),
+    )
+    return [Figure(kind, say("iso_said.between.to", two=two.name, one=one.name), value * 1e6, std * 1e6, "µm/m", None, text)]

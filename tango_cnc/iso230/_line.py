@@ -11,6 +11,7 @@ import numpy as np
 from ..kinematics import axis_frame
 from ..records import COMPONENTS, Array, Axis, Machine
 from ..terms import Coefficient
+from ..texts import say
 from .poses import all_steady, at_poses
 
 POINTS = 201
@@ -90,25 +91,37 @@ def motions(line: Line) -> list[Motion]:
     own = line.base + (0 if linear else 3)
     if line.along[own].any():
         unit, factor = ("µm", 1e3) if linear else ("µrad", 1e6)
-        found.append(Motion("positioning", f"E{name}{name}", "mean bidirectional range", factor, unit, line.along[own]))
+        found.append(
+            Motion("positioning", f"E{name}{name}", say("iso_said.line.mean_bidirectional_range"), factor, unit, line.along[own])
+        )
     if linear:
         for i in range(3):
             if i != line.base and line.along[i].any():
                 curve = straight(line, line.along[i])[1]
-                found.append(Motion("straightness", f"E{COMPONENTS[i]}{name}", "about the least-squares line", 1e3, "µm", curve))
+                found.append(
+                    Motion(
+                        "straightness", f"E{COMPONENTS[i]}{name}", say("iso_said.line.about_least_squares_line"), 1e3, "µm", curve
+                    )
+                )
         for i in range(3):
             if line.along[3 + i].any():
-                note = "roll" if i == line.base else f"tilt about {'XYZ'[i]}"
+                note = say("iso_said.line.roll") if i == line.base else say("iso_said.line.tilt_about", value="XYZ"[i])
                 found.append(Motion("angular", f"E{COMPONENTS[3 + i]}{name}", note, 1e6, "µrad", line.along[3 + i]))
         return found
     j, k = across(line)
     if line.along[line.base].any():
-        found.append(Motion("axial", f"E{COMPONENTS[line.base]}{name}", "along the axis", 1e3, "µm", line.along[line.base]))
+        found.append(
+            Motion("axial", f"E{COMPONENTS[line.base]}{name}", say("iso_said.line.along_axis"), 1e3, "µm", line.along[line.base])
+        )
     for first, kind, factor, unit in ((0, "radial", 1e3, "µm"), (3, "tilt", 1e6, "µrad")):
         if line.along[first + j].any() or line.along[first + k].any():
             _, rest = turned(line, (line.along[first + j], line.along[first + k]))
             for i, curve in zip((j, k), rest, strict=True):
-                found.append(Motion(kind, f"E{COMPONENTS[first + i]}{name}", "about the axis average line", factor, unit, curve))
+                found.append(
+                    Motion(
+                        kind, f"E{COMPONENTS[first + i]}{name}", say("iso_said.line.about_axis_average_line"), factor, unit, curve
+                    )
+                )
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..texts import say
 from ._figure import Figure, Tell
 from ._line import Line, motions, range_of, straight
 
@@ -16,20 +17,24 @@ def positioning(line: Line, tell: Tell) -> list[Figure]:
     found = []
     if curve.any():
         value, std = tell.spread(curve)
-        found.append(Figure("positioning", f"{name} M", value * factor, std * factor, unit, over, "mean bidirectional range"))
+        found.append(
+            Figure(
+                "positioning", f"{name} M", value * factor, std * factor, unit, over, say("iso_said.line.mean_bidirectional_range")
+            )
+        )
         slope, _ = straight(line, curve)
         gain, std = tell.one(slope)
         found.append(Figure("positioning gain", name, gain * 1e6, std * 1e6, "µm/m" if unit == "µm" else "µrad/rad", over))
     if line.reversal.any():
         b, std_b = tell.one(2 * line.reversal)
-        note = "negative: lost motion"
+        note = say("iso_said.motions.negative_lost_motion")
         found.append(Figure("reversal", f"{name} B", b * factor, std_b * factor, unit, over, note))
         if curve.any():
             whole = line.reversal * (2.0 if b > 0 else -2.0)
             y = curve @ tell.values
             both = curve[int(np.argmax(y))] - curve[int(np.argmin(y))] + whole
             value, std = tell.one(both)
-            note = "bidirectional systematic deviation; accuracy A needs repeated runs"
+            note = say("iso_said.motions.bidirectional_systematic_deviation_accuracy_needs")
             found.append(Figure("positioning", f"{name} E", value * factor, std * factor, unit, over, note))
     return found
 

@@ -16,9 +16,11 @@ from ..report.texts import texts
 from ..report.units import shown
 from ..state import Frame, Named, State, Tonight
 from ..state.filter import sigma_of
+from ..texts import instead, joined, say
 from .ports import Past
 from .words import cause_texts, changed, value
 
+LAST_NIGHT = "last night"
 NEAR = 1.5  # days within which the night before is last night
 LISTED = 60  # nights looked back over for the last one with a result
 OFFSET = re.compile(r"E[XYZ]0([ABC])")
@@ -55,14 +57,14 @@ def since(past: Past, machine: str, day: float) -> Since:
     """history, machine, day of tonight → the last night that left a result; nights in between without one are said."""
     found = past.latest_knowledge(machine)
     if found is None:
-        return Since("", "the last night")
+        return Since("", say("night.alarms.newest_night"))
     last = found[0]
     newer = [n for n in past.nights(machine, last=LISTED) if n.start_utc > last.end_utc]
     if not newer and day - datetime.fromisoformat(last.start_utc).timestamp() / 86_400 < NEAR:
-        return Since(last.night, "last night")
-    what = "not measured" if all(n.verdict == "not_measured" for n in newer) else "without a result"
-    skipped = f" ({len(newer)} night{'s' * (len(newer) > 1)} {what})" if newer else ""
-    return Since(last.night, f"{last.night}{skipped}")
+        return Since(last.night, say("night.alarms.last_night"))
+    what = "not_measured" if all(n.verdict == "not_measured" for n in newer) else "no_result"
+    skipped = say(f"night.alarms.{what}_{'many' if len(newer) > 1 else 'one'}", count=len(newer)) if newer else ""
+    return Since(last.night, joined("", (last.night, skipped)))
 
 
 def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Named | None) -> dict[str, Any]:
@@ -131,15 +133,21 @@ def _said(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
         size = named.length
         towards = ", ".join(f"{a} {v * 1e3:+.1f} µm" for a, v in zip(h.axes, named.size, strict=True))
         finite = named.std[np.isfinite(named.std)]
-        name = {"name": h.parameter} if h.cause == "ball" else {}
+        name = {"name": _place(h.parameter)} if h.cause == "ball" else {}
         told = texts()(f"changed.{h.cause}", size=f"{size * 1e3:.1f} µm", towards=towards, since=before.words, **name)
         return size, float(finite.max()) if len(finite) else 0.0, told
     size, std = float(named.size[0]), float(named.std[0])
     told = value(size, h.unit, std)
     if h.cause in ("facet", "pretravel"):
-        name = {"name": h.parameter} if h.cause == "facet" else {}
+        name = {"name": _place(h.parameter)} if h.cause == "facet" else {}
         return size, std, texts()(f"changed.{h.cause}", size=told, since=before.words, **name)
     return size, std, changed(h.parameter, told, before.words)
+
+
+def _place(parameter: str) -> str:
+    """facet 12, ball 1 → the same as a text."""
+    kind, _, name = parameter.partition(" ")
+    return say(f"followed.{kind}", name=name)
 
 
 def ignored(past: Past, machine: str, alarm: Mapping[str, Any], day: float) -> bool:
@@ -174,7 +182,7 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
             told |= {key: alarm.get(key) for key in ("rate_per_day", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
-            told["text"] = str(alarm["text"]).replace("since last night", f"since {alarm['since']}")
+            told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
             told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
             if answered and decision is not None:
                 told["owner"] = decision.owner
@@ -192,8 +200,8 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
     told = value(change, now["unit"], spread)
     slack = max(3 * spread, 0.25 * abs(alarm["size"]))
     if abs(change - alarm["size"]) < slack:
-        return f"still there: {told}" + (", confirmed by tonight's full measurement" if kind == "full" and now.get("seen") else "")
-    return f"gone again: {told} is left" if abs(change) < slack else f"it is {told} now"
+        return say(f"night.alarms.{'confirmed' if kind == 'full' and now.get('seen') else 'still_there'}", told=told)
+    return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 
 
 def _total(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any]) -> float | None:

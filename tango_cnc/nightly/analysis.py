@@ -36,6 +36,7 @@ from ..state import (
 )
 from ..state.filter import as_numbers, matched, restored, sigma_of
 from ..state.volume import levers, over_volume
+from ..texts import say
 from ..touches import from_readings
 from . import parts
 from .alarms import Known, alarm_of, ignored, since, standing
@@ -139,24 +140,28 @@ class Nights:
     def _due(self, past: Past, state: State | None, day: float) -> tuple[str, str]:
         machine = self.cell.machine.name
         if state is None:
-            return "full", "nothing is known of this machine yet"
+            return "full", say("night.analysis.nothing_known_this_machine_yet")
         nights = past.nights(machine, last=400)
         full = next((n for n in nights if n.kind == "full" and n.status == "complete"), None)
         if full is None:
-            return "full", "no full run is in the history"
+            return "full", say("night.analysis.no_full_run_history")
         age = day - datetime.fromisoformat(full.start_utc).timestamp() / 86_400
         if age > self.settings.full_every_days - 0.5:
-            return "full", f"the last full run is {age:.0f} days old, {self.settings.full_every_days:g} are allowed"
+            return "full", say(
+                "night.analysis.last_full_run_days_old", age=f"{age:.0f}", full_every_days=f"{self.settings.full_every_days:g}"
+            )
         measured = next((n for n in nights if n.status in ("complete", "partial") and n.touches), None)
         if measured is not None and measured.kind != "full" and (measured.alarms or measured.verdict == "doubtful"):
-            return "full", f"the night of {measured.night} asked for it: {measured.headline}"
+            return "full", say("night.analysis.night_asked_for", night=measured.night, headline=measured.headline)
         repaired = [d for d in past.decisions(machine) if d.action == "repaired" and d.utc > full.start_utc]
         if repaired:
-            return "full", f"repaired since the last full run: {repaired[-1].note or repaired[-1].alarm}"
+            return "full", say("night.analysis.repaired_since_last_full_run", value=repaired[-1].note or repaired[-1].alarm)
         std = over_volume(self.lever, state.mean, predicted(state, day).covariance).std * 1e3
         if std > self.settings.volume_std_um:
-            return "full", f"the volume is only known to {std:.1f} µm, {self.settings.volume_std_um:g} µm are allowed"
-        return "check", "nothing is too uncertain"
+            return "full", say(
+                "night.analysis.volume_only_known_allowed", std=f"{std:.1f}", volume_std_um=f"{self.settings.volume_std_um:g}"
+            )
+        return "check", say("night.analysis.nothing_too_uncertain")
 
     # After ----------------------------------------------------------------------------------------------------------
 
@@ -239,7 +244,7 @@ class Nights:
         if not judged.believed:  # what is not believed must not teach the state anything
             told.pop("parameters")
             told.pop("state")
-            return told | {"next": {"kind": "full", "why": "tonight's readings are in doubt"}}, None, {}
+            return told | {"next": {"kind": "full", "why": say("night.analysis.tonight_readings_doubt")}}, None, {}
         files = {} if self.written is None else dict(self.written(result))
         return told | {"next": self._next(past, after, day, bool(alarms), kind)}, parts.knowledge(after), files
 
@@ -271,11 +276,11 @@ class Nights:
 
     def _next(self, past: Past, after: State, day: float, alarmed: bool, kind: str) -> dict[str, str]:
         if alarmed and kind != "full":
-            return {"kind": "full", "why": "tonight's check found a change"}
+            return {"kind": "full", "why": say("night.analysis.tonight_check_found_change")}
         std = over_volume(self.lever, after.mean, predicted(after, day + self.settings.every_days).covariance).std * 1e3
         if std > self.settings.volume_std_um:
-            return {"kind": "full", "why": f"the volume will only be known to {std:.1f} µm"}
-        return {"kind": "check", "why": "nothing is too uncertain"}
+            return {"kind": "full", "why": say("night.analysis.volume_will_only_be_known", std=f"{std:.1f}")}
+        return {"kind": "check", "why": say("night.analysis.nothing_too_uncertain")}
 
     def _learned(self, past: Past, recent: Sequence[Mapping[str, Any]], after: State) -> tuple[State, int, int]:
         """state → the same with rates learned from its history, how many nights they come from, measured nights since then."""

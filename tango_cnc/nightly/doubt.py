@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..report.texts import texts
+from ..texts import unstopped
 
 WARM = "thermal_drift"  # cause of the diagnosis
 BLURRED = ("noise_level", "unknown")  # alarms that a machine on the move looks like
@@ -49,7 +50,7 @@ def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict
     verdict = judged.verdict
     if teaches and diagnosis.get("verdict") == "unexplained":
         left = next((u["text"] for u in diagnosis.get("unexplained", ())), t("night.unexplained"))
-        reasons.append(t("night.unexplained_by", what=left.rstrip(".")))
+        reasons.append(t("night.unexplained_by", what=unstopped(left)))
         verdict = "doubtful"
     if not teaches and verdict == "trustworthy":
         verdict = "doubtful"

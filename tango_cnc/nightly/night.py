@@ -21,6 +21,7 @@ from ..files.nightly import Nightly
 from ..history import FORMAT, Knowledge
 from ..records import InputError, LinkError, TangoError
 from ..report.texts import texts
+from ..texts import carried, say
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .words import headline, message
 
@@ -77,7 +78,11 @@ def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tup
     Two timers may begin in the same second: under the stamp of the night at work this one would take away its mark and its files.
     """
     own = f"{stamp}-refused-{world.clock.now():%f}"
-    record = base | {"status": "refused", "why": f"{error.by} is at work in this folder", "artefacts": {"folder": f"nights/{own}"}}
+    record = base | {
+        "status": "refused",
+        "why": say("night.night.at_work_this_folder", by=error.by),
+        "artefacts": {"folder": f"nights/{own}"},
+    }
     with suppress(TangoError, OSError):  # a history that cannot be read is told with what could not be kept
         record |= _before(base["machine"], world)
     return record, own
@@ -100,7 +105,7 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
         "hashes": dict(measured.hashes),
     }
     if measured.readings is None or not len(measured.readings):
-        return found | {"kind": "none", "why": measured.why or "no touch was made"}, None, {}, measured.text
+        return found | {"kind": "none", "why": measured.why or say("night.night.no_touch_was_made")}, None, {}, measured.text
     found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
     try:
         more, knowledge, files = world.analysis.analysed(world.past, day, kind, measured)
@@ -116,18 +121,20 @@ def room(disk: Disk, settings: Nightly) -> Finding:
     """disk, settings → whether there is room for a night."""
     free = disk.free_mb()
     enough = free >= settings.free_mb
-    found = f"{free:.0f} MB free" if enough else f"only {free:.0f} MB are free on the disk of the cell"
-    return Finding("disk", enough, found, "" if enough else f"make room: {settings.free_mb:.0f} MB are needed")
+    found = say("night.night.mb_free" if enough else "night.night.mb_left", free=f"{free:.0f}")
+    return Finding(
+        "disk", enough, found, "" if enough else say("night.night.make_room_mb_needed", free_mb=f"{settings.free_mb:.0f}")
+    )
 
 
 def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: datetime) -> list[str]:
     """→ sentences on nights that were begun and never ended, and on those that never began; they are on record when it returns."""
-    said = []
+    said: list[str] = []
     known = {n.start_utc for n in world.past.nights(machine, last=30)} if machine in world.past.machines() else set()
     for stamp, started in world.disk.unfinished():
         if started not in known and _added(world, stamp):
             known.add(started)
-            said.append(f"{started[:10]}: its result was kept in nights/{stamp} and is in the history now")
+            said.append(say("night.night.its_result_was_kept_nights", started=started[:10], stamp=stamp))
         if started not in known:
             why = _lost(world, stamp)
             record = _empty(machine, cell, started, started[:10], "failed", why, stamp)
@@ -142,7 +149,11 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: 
     missed = int((now - last) / period + 0.5) - 1
     for i in range(min(missed, MISSED)):
         when = now - period * (min(missed, MISSED) - i)
-        why = "no night began" if missed <= MISSED or i else f"no night began; {missed} nights are missing since {max(known)[:10]}"
+        why = (
+            say("night.night.no_night_began")
+            if missed <= MISSED or i
+            else say("night.night.no_night_began_nights_missing", missed=missed, last=max(known)[:10])
+        )
         world.past.add_night(_empty(machine, cell, stamp_of(when), when.strftime("%Y-%m-%d"), "missed", why, ""))
         said.append(f"{when:%Y-%m-%d}: {why}")
     return said
@@ -165,7 +176,7 @@ def _packed(record: dict[str, Any], readings: str | None, knowledge: Knowledge |
     state = None
     if knowledge is not None:
         state = {"names": knowledge.names, "values": knowledge.values.tolist(), "covariance": knowledge.covariance.tolist()}
-    return json.dumps({"record": record, "readings": readings, "knowledge": state}, ensure_ascii=False) + "\n"
+    return json.dumps({"record": carried(record), "readings": readings, "knowledge": state}, ensure_ascii=False) + "\n"
 
 
 def _added(world: Ports, stamp: str) -> bool:

@@ -12,6 +12,7 @@ from ..estimate import Estimate
 from ..history import Knowledge
 from ..records import Array, Indexation, Readings, Strategy
 from ..state import Frame, Named, State, Tonight, reopened
+from ..texts import say
 
 
 def part_of(strategy: Strategy, touches: Sequence[int]) -> tuple[Strategy, list[int]]:
@@ -45,7 +46,7 @@ def change(tonight: Tonight, limit: float, rate: float) -> dict[str, Any]:
     return {
         **{"p_value": tonight.p_value, "statistic": tonight.statistic / tonight.scale, "dof": tonight.dof, "limit": limit},
         **{"p_machine": tonight.p_machine, "p_noise": tonight.p_noise},
-        "text": f"one false alarm in {1 / rate:.0f} nights is expected",
+        "text": say("night.parts.one_false_alarm_nights_expected", rate=f"{1 / rate:.0f}"),
     }
 
 

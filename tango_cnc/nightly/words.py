@@ -9,6 +9,7 @@ from ..history import Decision
 from ..report.texts import texts
 from ..report.units import shown
 from ..report.words import moved
+from ..texts import joined, say
 
 SUBJECT = {
     "good": "as it should be",
@@ -44,48 +45,91 @@ def value(number: float, unit: str, std: float | None = None) -> str:
 def headline(record: Mapping[str, Any]) -> str:
     """record of a night → one sentence."""
     if record["status"] == "missed":
-        return f"no measurement: {record['why']}"
+        return say("night.words.no_measurement", why=record["why"])
     if record["status"] == "refused":
-        return f"not begun: {record['why']}; it was not disturbed"
+        return say("night.words.not_begun_was_not_disturbed", why=record["why"])
     if record["verdict"] == "not_measured":
-        return f"not measured: {record['why']}"
+        return say("night.words.not_measured", why=record["why"])
     alarms = record["alarms"]
     if record["verdict"] == "doubtful":
-        reasons = (record.get("plausible") or {}).get("reasons") or [record.get("why") or "see the report"]
-        return f"the readings are not to be relied on: {reasons[0]}"
+        reasons = (record.get("plausible") or {}).get("reasons") or [record.get("why") or say("night.words.see_report")]
+        return say("night.words.readings_not_be_relied_on", reason=reasons[0])
     beyond = [limit for limit in record["limits"] if limit["passed"] is False]
     if alarms and not beyond:
         return str(alarms[0]["text"])
-    part = f" (stopped after {record['touches']} of {record['planned']} touches)" if record["status"] == "partial" else ""
+    part = (
+        say("night.words.stopped_after_touches", touches=record["touches"], planned=record["planned"])
+        if record["status"] == "partial"
+        else ""
+    )
     gap = _gap(record.get("unmeasured") or ())
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
         stands = [x["text"] for x in record.get("behind") or () if x["what"] == b["what"]]
-        cause = next((f": {text}" for text in (*(str(a["text"]) for a in alarms), *stands)), "")
-        return f"{b['what']} is {b['value']:.1f} {b['unit']}, {b['limit']:g} {b['unit']} are allowed{cause}{part}{gap}"
+        cause = next((joined("", (": ", text)) for text in (*(str(a["text"]) for a in alarms), *stands)), "")
+        return say(
+            "night.words.allowed",
+            what=_what(b["what"]),
+            value=f"{b['value']:.1f}",
+            unit=b["unit"],
+            limit=f"{b['limit']:g}",
+            cause=cause,
+            part=part,
+            gap=gap,
+        )
     if standing := record.get("standing"):
         first = standing[0]
-        more = f"; {len(standing) - 1} more wait" if len(standing) > 1 else ""
-        now = f" ({first['now']})" if first.get("now") else ""
-        who = f"{first['owner']} has it" if first["decision"] else f"nobody has answered the alarm of {first['night']}"
-        return f"changed since the night of {first['night']}: {first['text']}{now}; {who}{more}{part}{gap}"
-    nothing = "nothing has changed"
+        more = say("night.words.more_wait", count=len(standing) - 1) if len(standing) > 1 else ""
+        now = joined("", (" (", first["now"], ")")) if first.get("now") else ""
+        who = (
+            say("night.words.has", owner=first["owner"])
+            if first["decision"]
+            else say("night.words.nobody_has_answered_alarm", night=first["night"])
+        )
+        return say(
+            "night.words.changed_since_night",
+            night=first["night"],
+            text=first["text"],
+            now=now,
+            who=who,
+            more=more,
+            part=part,
+            gap=gap,
+        )
+    nothing = say("night.words.nothing_has_changed")
     if trend := record.get("trend"):
-        nothing = f"no alarm, but {trend['text']}"
+        nothing = say("night.words.no_alarm_but", text=trend["text"])
     open_ones = [limit for limit in record["limits"] if limit["passed"] is None]
     if open_ones:
         o = open_ones[0]
-        return f"{nothing}{part}; whether {o['what']} is within {o['limit']:g} {o['unit']} is not certain{gap}"
+        return say(
+            "night.words.whether_within_not_certain",
+            nothing=nothing,
+            part=part,
+            what=_what(o["what"]),
+            limit=f"{o['limit']:g}",
+            unit=o["unit"],
+            gap=gap,
+        )
     volume = (record.get("volume") or {}).get("worst_um")
-    told = "" if volume is None else f"; the largest error over the volume is {volume:.1f} µm"
+    told = "" if volume is None else say("night.words.largest_error_over_volume", volume=f"{volume:.1f}")
     first_time = (record.get("change") or {}).get("p_value") is None
-    return f"{'measured for the first time' if first_time else nothing}{part}{told}{gap}"
+    return joined("", (say("night.words.first_time") if first_time else nothing, part, told, gap))
+
+
+def _what(name: str) -> str:
+    """name of a limit → its word; a symbol stays as it is."""
+    return say("followed.volume") if name == "volume" else name
 
 
 def _gap(unmeasured: Sequence[str]) -> str:
     if not unmeasured:
         return ""
-    return "; the night before was not measured" if len(unmeasured) == 1 else f"; {len(unmeasured)} nights before were not measured"
+    return (
+        say("night.words.night_before_was_not_measured")
+        if len(unmeasured) == 1
+        else say("night.words.nights_before_were_not_measured", count=len(unmeasured))
+    )
 
 
 def message(

@@ -13,6 +13,7 @@ import numpy as np
 from ..estimate import Estimate
 from ..judgement import Judgement, Suspicion, Verdict
 from ..records import Cell, Readings
+from ..texts import joined, say
 from ..touches import FAR, from_readings, misnamed
 from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
@@ -49,7 +50,7 @@ def judge(
     found = [*remarks(cell, readings, left_out), *approaches(cell, readings)]
     untrusted: list[str] = []
     if result is None:
-        found.append(Remark("implausible", "there is no fit"))
+        found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
     else:
         told = list(bounds(result))
         found += _fit(cell, result, told)
@@ -103,25 +104,33 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
     beyond = sorted((b for b in told if b.beyond), key=lambda b: -abs(b.value) / b.tolerance)
     found += [Remark("implausible", beyond_text(b)) for b in beyond[:NAMED]]
     if len(beyond) > NAMED:
-        found.append(Remark("implausible", f"{len(beyond) - NAMED} more quantities are beyond what is plausible"))
+        found.append(Remark("implausible", say("plausible.judge.more_quantities_beyond_what_plausible", count=len(beyond) - NAMED)))
     stated, allowed = cell.machine.probe.repeatability, cell.machine.tolerances.scatter
-    scatter = f"one touch scatters by {result.sigma * 1e3:.4g} µm"
+    scatter = say("plausible.judge.one_touch_scatters", sigma=f"{result.sigma * 1000.0:.4g}")
     if result.sigma > allowed:
         found.append(
-            Remark("implausible", f"{scatter}; at most {allowed * 1e3:g} µm is plausible (machine.yaml: tolerances.scatter)")
+            Remark(
+                "implausible",
+                say("plausible.judge.at_most_plausible_machine_yaml", scatter=scatter, allowed=f"{allowed * 1000.0:g}"),
+            )
         )
     elif result.sigma > NOISY * max(stated, 1e-4):
         found.append(
             Remark(
                 "doubtful",
-                f"{scatter}, machine.yaml states {stated * 1e3:.4g} µm: 'tango diagnose' looks for what the rest is made of",
+                say("plausible.judge.machine_yaml_states_tango_diagnose", scatter=scatter, stated=f"{stated * 1000.0:.4g}"),
             )
         )
     found += _noise(result)
     found += common(result)
     share = len(result.outliers) / len(result.residuals)
     if share > MANY:
-        text = f"{len(result.outliers)} of {len(result.residuals)} touches do not fit ({listed(result.outliers.tolist())})"
+        text = say(
+            "plausible.judge.touches_do_not_fit",
+            count=len(result.outliers),
+            count2=len(result.residuals),
+            numbers=listed(result.outliers.tolist()),
+        )
         found.append(Remark("implausible" if share > MOST else "doubtful", text))
     return found
 
@@ -132,20 +141,25 @@ def _noise(result: Estimate) -> list[Remark]:
         return []
     found = []
     for size, what in (
-        (noise.walk, "the machine wandered during the run (warm-up, surroundings)"),
-        (noise.seating, "every indexation sits elsewhere (clamps, or errors of the rotary axes that the terms lack)"),
+        (noise.walk, say("plausible.judge.machine_wandered_during_run_warm")),
+        (noise.seating, say("plausible.judge.every_indexation_sits_elsewhere_clamps")),
     ):
         if size:
-            text = f"{what}: {size * 1e3:.2g} µm beside {noise.white * 1e3:.2g} µm of scatter; the standard deviations contain it"
+            text = say(
+                "plausible.judge.beside_scatter_standard_deviations_contain",
+                what=what,
+                size=f"{size * 1000.0:.2g}",
+                white=f"{noise.white * 1000.0:.2g}",
+            )
             far = size > STRUCTURED * noise.white
-            hint = ". 'tango diagnose' looks for the cause" if far else ""
-            found.append(Remark("doubtful" if far else "trustworthy", text + hint))
+            hint = say("plausible.judge.tango_diagnose_looks_for_cause") if far else ""
+            found.append(Remark("doubtful" if far else "trustworthy", joined("", (text, hint))))
     if noise.undecided:
-        text = f"touches {listed(list(noise.undecided))} have no weight: others on the same facet or ball do not fit"
-        found.append(Remark("trustworthy", f"{text}, and nobody can tell which are wrong. Clean these facets and touch them again"))
+        text = say("plausible.judge.touches_have_no_weight_others", numbers=listed(list(noise.undecided)))
+        found.append(Remark("trustworthy", say("plausible.judge.nobody_can_tell_which_wrong", text=text)))
     if noise.facets:
         listed_facets = ", ".join(f"{f} ({size * 1e3:.2g} µm)" for f, size in noise.facets.items())
-        found.append(Remark("trustworthy", f"facets that scatter more than the others count for less: {listed_facets}"))
+        found.append(Remark("trustworthy", say("plausible.judge.facets_scatter_more_than_others", listed_facets=listed_facets)))
     return found
 
 
@@ -167,10 +181,15 @@ def _elsewhere(cell: Cell, readings: Readings) -> list[Remark]:
     if not away:
         return []
     m = away[0]
-    text = (
-        f"{len(away)} touch{'es were' if len(away) > 1 else ' was'} made more than {FAR:g} mm from the facet that the readings "
-        f"name: touch {m.number} is called facet {m.facet}, but was made {m.away:.0f} mm away, {m.beside:.1f} mm from where facet "
-        f"{m.near} is touched"
+    text = say(
+        f"plausible.judge.made_elsewhere_{'many' if len(away) > 1 else 'one'}",
+        count=len(away),
+        far=f"{FAR:g}",
+        number=m.number,
+        facet=m.facet,
+        away=f"{m.away:.0f}",
+        beside=f"{m.beside:.1f}",
+        near=m.near,
     )
     return [Remark("implausible", text, tuple(m.number for m in away))]
 

@@ -13,6 +13,7 @@ from ..judgement import TableTolerances, Tolerances
 from ..model import Model
 from ..records import Array, Machine
 from ..terms import GAP, Coefficient
+from ..texts import say
 
 CERTAIN = 3.0  # standard deviations that a value has to be beyond its tolerance
 
@@ -125,7 +126,7 @@ def _table(result: Estimate) -> Iterator[Bound]:
         spread = math.sqrt(max(float(one @ result.covariance[rows, rows] @ one), 0.0))
         mean = float(np.mean(result.values[rows]))
         names = tuple(f"EZf{facet}" for facet in facets)
-        yield Bound("mean of all facet offsets", names, mean, spread, table.common, "mm", f"{key}common")
+        yield Bound(say("place.facets"), names, mean, spread, table.common, "mm", f"{key}common")
     for i in range(first + len(facets), len(model.names)):
         name = model.names[i]
         yield Bound(name, (name,), float(result.values[i]), float(std[i]), table.ball, "mm", f"{key}ball")

@@ -11,6 +11,7 @@ import numpy as np
 from ..judgement import Verdict
 from ..kinematics import chain, spindle_axis, tip
 from ..records import Array, Cell, Readings
+from ..texts import joined, say
 from .copies import copied, last_digit
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
@@ -53,7 +54,8 @@ def remarks(cell: Cell, readings: Readings, left_out: Collection[int] = ()) -> I
 
 def listed(numbers: tuple[int, ...] | list[int]) -> str:
     """touch numbers → the first of them for a sentence."""
-    return ", ".join(map(str, numbers[:FEW])) + (f" and {len(numbers) - FEW} more" if len(numbers) > FEW else "")
+    first = ", ".join(map(str, numbers[:FEW]))
+    return first if len(numbers) <= FEW else say("plausible.readings.more", first=first, count=len(numbers) - FEW)
 
 
 def planned(cell: Cell) -> tuple[list[str], Array, Array]:
@@ -85,27 +87,29 @@ def _missing(cell: Cell, readings: Readings, left_out: Collection[int]) -> Itera
     if lacking:
         numbers = tuple(t for _, _, t in lacking)
         gone = len({t for t in numbers} - set(readings.touch.tolist()))
-        text = (
-            f"{len(lacking)} of {expected} planned touches are missing or made no proper contact ({listed(numbers)}"
-            f"{f'; {gone} of them are not in the file' if gone else ''})"
+        text = say(
+            "plausible.readings.planned_touches_missing_made_no",
+            count=len(lacking),
+            expected=expected,
+            numbers=listed(numbers),
+            word=say("plausible.readings.them_not_file", gone=gone) if gone else "",
         )
         if share < NEEDED:
-            hint = "go on with 'tango run --resume', or measure again" if gone else "look for what kept them from contact"
+            hint = say("plausible.readings.go_on_with_tango_run") if gone else say("plausible.readings.look_for_what_kept_them")
             verdict: Verdict = "implausible" if share < HARDLY else "doubtful"
-            there = f"{expected - len(lacking)} are there; " if share < ENOUGH else ""
-            told = f"{text}: {there}{hint}"
+            there = say("plausible.readings.there", expected=expected - len(lacking)) if share < ENOUGH else ""
+            told = joined("", (text, ": ", there, hint))
             yield Remark(verdict, told, numbers, "missing_touches", "touch", hint, incomplete=share < ENOUGH)
         else:
             yield Remark("trustworthy", text, numbers)
     if beyond := sorted({int(t) for t in readings.touch if not 1 <= t <= len(facets)}):
         yield Remark(
             "doubtful",
-            f"touches {listed(beyond)} are in the readings and not in the strategy, which has {len(facets)}: the readings are of "
-            "another program, or strategy.yaml was changed after it",
+            say("plausible.readings.touches_readings_not_strategy_which", beyond=listed(beyond), count=len(facets)),
             tuple(beyond),
             "another_program",
             "touch",
-            "take the strategy.yaml that the program was made from",
+            say("plausible.readings.take_strategy_yaml_program_was"),
         )
 
 
@@ -115,12 +119,11 @@ def _twice(readings: Readings) -> Iterator[Remark]:
     if many:
         yield Remark(
             "doubtful",
-            f"touches {listed(many)} are in the readings more than once with the same cycle and day: keep one row of each, or "
-            "number the repetitions in the column 'cycle'",
+            say("plausible.readings.touches_readings_more_than_once", many=listed(many)),
             tuple(many),
             "repeated_touches",
             "touch",
-            "keep one row of each",
+            say("plausible.readings.keep_one_row_each"),
         )
 
 
@@ -129,12 +132,11 @@ def _echoed(readings: Readings) -> Iterator[Remark]:
     if len(rows) and not coarse(readings) and count.max() > 2 and count.sum() - len(rows) > 0.05 * count.sum():
         yield Remark(
             "doubtful",
-            f"{int(count[count > 1].sum())} touches have exactly the position of another one: no machine repeats every digit; the "
-            "readings were copied, or the control reports where it was sent and not where the probe tripped",
+            say("plausible.readings.touches_have_exactly_position_another", sum=int(count[count > 1].sum())),
             (),
             "copied_positions",
             "X, Y, Z",
-            "record the position that the control latches at the trigger",
+            say("plausible.readings.record_position_control_latches_at"),
         )
 
 
@@ -144,15 +146,19 @@ def _pasted(cell: Cell, readings: Readings) -> Iterator[Remark]:
         return
     (day, cycle), (first_day, first), shifted = found[0]
     days = len({d for pair in found for d, _ in pair[:2]}) > 1
-    one = f"day {day}, cycle {cycle}," if days else f"cycle {cycle}"
-    other = f"cycle {first} of day {first_day}" if days else f"cycle {first}"
-    more = f"; so do {len(found) - 1} more" if len(found) > 1 else ""
-    how = "digit for digit but for a shift of all touches" if shifted else "digit for digit"
-    change = f"delete the rows of {one.rstrip(',')}, and measure them"
+    one = say("plausible.readings.day_cycle", day=day, cycle=cycle) if days else say("plausible.readings.cycle", cycle=cycle)
+    other = (
+        say("plausible.readings.cycle_day", first=first, first_day=first_day)
+        if days
+        else say("plausible.readings.cycle_2", first=first)
+    )
+    more = say("plausible.readings.so_do_more", count=len(found) - 1) if len(found) > 1 else ""
+    how = say("plausible.readings.digit_for_digit_but_for") if shifted else say("plausible.readings.digit_for_digit")
+    rows = one if not days else say("plausible.readings.rows_of_day", day=day, cycle=cycle)
+    change = say("plausible.readings.delete_rows_measure_them", rows=rows)
     yield Remark(
         "implausible",
-        f"{one} repeats {other} {how}{more}: no probe does, so these rows were copied and not measured. What cycles scatter by "
-        f"would come out far too small; {change}",
+        say("plausible.readings.repeats_no_probe_does_so", one=one, other=other, how=how, more=more, change=change),
         (),
         "copied_positions",
         "cycle" if not days else "day",
@@ -168,12 +174,11 @@ def _clock(readings: Readings) -> Iterator[Remark]:
     if back:
         yield Remark(
             "doubtful",
-            f"time runs backward at touch {listed(back)}: rows stand in another order than they were measured, or a clock was set; "
-            "drift and backlash are then taken for something else",
+            say("plausible.readings.time_runs_backward_at_touch", back=listed(back)),
             tuple(back),
             "time_order",
             "time_s",
-            "put the rows into the order of measurement",
+            say("plausible.readings.put_rows_into_order_measurement"),
         )
 
 
@@ -188,12 +193,11 @@ def _rounded(readings: Readings) -> Iterator[Remark]:
     if digit := coarse(readings):
         yield Remark(
             "doubtful",
-            f"every position is a whole multiple of {digit:g} mm: the readings were rounded, or come from a display; record "
-            "all digits that the control has",
+            say("plausible.readings.every_position_whole_multiple_mm", digit=f"{digit:g}"),
             (),
             "rounded_positions",
             "X, Y, Z",
-            "record all digits that the control has",
+            say("plausible.readings.record_all_digits_control_has"),
         )
 
 
@@ -203,8 +207,10 @@ def _alike(readings: Readings) -> Iterator[Remark]:
         return
     for i, name in enumerate(readings.axes):
         if name in "XYZ" and np.ptp(used[:, i]) < 1e-9:
-            text = f"{name} is the same in all touches: the column {name} of readings.csv holds no measured position"
-            yield Remark("implausible", text, (), "constant_column", name, f"see what the control writes for {name}")
+            text = say("plausible.readings.same_all_touches_column_readings", name=name)
+            yield Remark(
+                "implausible", text, (), "constant_column", name, say("plausible.readings.see_what_control_writes_for", name=name)
+            )
 
 
 def _another_strategy(cell: Cell, readings: Readings) -> Iterator[Remark]:
@@ -224,22 +230,33 @@ def _another_strategy(cell: Cell, readings: Readings) -> Iterator[Remark]:
     elsewhere = [int(readings.touch[r]) for r in rows[off.any(axis=1)]]
     columns = [name for name, wrong in zip(names, off.T, strict=True) if wrong.any()]
     counted = [n for n, wrong, other in zip(names, off.T, apart(made, -meant).T, strict=True) if wrong.any() and not other.any()]
-    backward = f". {counted[0]} has the other sign everywhere: it counts the other way" if counted else ""
+    backward = say("plausible.readings.has_other_sign_everywhere_counts", counted=counted[0]) if counted else ""
     other = [int(readings.touch[r]) for r, p in zip(rows, place, strict=True) if readings.facet[r] != facets[p]]
     for wrong, what, key, more in (
-        (other, "name another facet than strategy.yaml has", "facet", ""),
-        (elsewhere, f"have other positions of {', '.join(columns)} than strategy.yaml", ", ".join(columns), backward),
+        (other, say("plausible.readings.name_another_facet_than_strategy"), "facet", ""),
+        (
+            elsewhere,
+            say("plausible.readings.have_other_positions_than_strategy", columns=", ".join(columns)),
+            ", ".join(columns),
+            backward,
+        ),
     ):
         if wrong:
             change = (
-                "see whether the column has the sign of the control"
+                say("plausible.readings.see_whether_column_has_sign")
                 if more
-                else "take the strategy.yaml that the program was made from"
+                else say("plausible.readings.take_strategy_yaml_program_was")
             )
             yield Remark(
                 "doubtful",
-                f"{len(wrong)} of {len(readings)} touches {what} ({listed(wrong)}): the readings are of another program, or "
-                f"strategy.yaml was changed after it{more}",
+                say(
+                    "plausible.readings.touches_readings_another_program_strategy",
+                    count=len(wrong),
+                    count2=len(readings),
+                    what=what,
+                    wrong=listed(wrong),
+                    more=more,
+                ),
                 tuple(wrong),
                 "another_program",
                 key,
@@ -259,9 +276,9 @@ def _nominal(cell: Cell, readings: Readings) -> Iterator[Remark]:
     if np.median(away) < EXACT:
         yield Remark(
             "implausible",
-            "the touches were made exactly where the drawing says: the control reports where it was sent",
+            say("plausible.readings.touches_were_made_exactly_where"),
             (),
             "copied_positions",
             ", ".join(cell.machine.linear),
-            "record the position that the control latches at the trigger (docs/link.md)",
+            say("plausible.readings.record_position_control_latches_at_2"),
         )

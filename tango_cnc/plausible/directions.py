@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..records import Cell, Readings
+from ..texts import say
 from ..touches import from_readings
 from .data import FEW, Remark
 
@@ -25,12 +26,16 @@ def approaches(cell: Cell, readings: Readings) -> Iterator[Remark]:
     unsure = [n for n in against if n not in wrong and against[n] >= FEW and 3 * against[n] > towards[n]]
     if wrong:
         columns = ", ".join(f"d{name}" for name in wrong)
-        change = f"give {columns} the sign of the axis' motion before the touch"
+        change = say("plausible.directions.give_sign_axis_motion_before", columns=columns)
         yield Remark(
             "doubtful",
-            f"by {columns} the axis moved away from the facet in {sum(against[n] for n in wrong)} of "
-            f"{sum(against[n] + towards[n] for n in wrong)} touches: every backlash of {', '.join(wrong)} "
-            "has the wrong sign then",
+            say(
+                "plausible.directions.axis_moved_away_from_facet",
+                columns=columns,
+                total=sum(against[n] for n in wrong),
+                total2=sum(against[n] + towards[n] for n in wrong),
+                wrong=", ".join(wrong),
+            ),
             (),
             "directions",
             columns,
@@ -39,9 +44,12 @@ def approaches(cell: Cell, readings: Readings) -> Iterator[Remark]:
     if unsure:
         yield Remark(
             "trustworthy",
-            f"the last motion of {', '.join(unsure)} leads away from the facet in {sum(against[n] for n in unsure)} of "
-            f"{sum(against[n] + towards[n] for n in unsure)} touches: without columns dX dY dZ it is derived from "
-            "contact to contact, which leaves out the approach; record them, or do not rely on backlashes",
+            say(
+                "plausible.directions.last_motion_leads_away_from",
+                unsure=", ".join(unsure),
+                total=sum(against[n] for n in unsure),
+                total2=sum(against[n] + towards[n] for n in unsure),
+            ),
             (),
             "directions",
             ", ".join(f"d{name}" for name in unsure),

@@ -15,6 +15,7 @@ from scipy import special
 
 from ..estimate import Estimate
 from ..records import Array
+from ..texts import say
 from .data import Remark, listed
 
 CHANCE = 1e-4  # that touches dropped at random fall together as much
@@ -27,7 +28,6 @@ LENGTH = 6e-5  # mm/mm: gains that are alike and larger speak of the bar
 REACH = 400.0  # mm: what an angle does to a touch beyond its lever is half of its square times this, at most
 ALONE = 0.4  # share of all touches without weight that lie in one indexation of which the angle is blamed
 TURNED = math.radians(0.002)  # rad: smaller angles of one indexation are seating
-PLACES = {"table": "the table, or what is on it,", "machine": "the table, the work offset or the spindle", "spindle": "the stylus"}
 
 
 def common(result: Estimate) -> Iterator[Remark]:
@@ -61,14 +61,20 @@ def _step(result: Estimate) -> Iterator[Remark]:
         return
     touches = result.model.touches
     size = ", ".join(f"{c} {d * 1e3:+.1f}" for c, d in zip("XYZ", step.shift, strict=True))
-    where = {"table": "of the table", "machine": "of the machine", "spindle": "that turns with the spindle"}[step.frame]
-    change = "find out what happened then, and measure again; parts on both sides of it describe no machine"
+    change = say("plausible.groups.find_out_what_happened_then")
     at = touches.time[int(np.flatnonzero(touches.number == step.after)[0])] - touches.time.min()
     after = tuple(int(i) for i in touches.number[touches.time >= touches.time.min() + at])
     yield Remark(
         "doubtful",
-        f"something moved between touches {step.before} and {step.after} ({at:.0f} s after the start) and stayed there: "
-        f"{PLACES[step.frame]} by {size} µm (in the frame {where}). The touches before and after contradict each other",
+        say(
+            "plausible.groups.something_moved_between_touches_after",
+            before=step.before,
+            after=step.after,
+            at=f"{at:.0f}",
+            place=say(f"plausible.moved_{step.frame}"),
+            size=size,
+            where=say(f"plausible.frame_{step.frame}"),
+        ),
         after,
         "step",
         "time_s",
@@ -117,12 +123,16 @@ def _bar(result: Estimate) -> Iterator[Remark]:
     off, allowed = bar.length - length, machine.tolerances.scale * bar.length
     if abs(off) - CERTAIN * std <= allowed:
         return
-    change = "compare it with the certificate of the bar, see which bar is on the table, and what its balls are fixed to"
+    change = say("plausible.groups.compare_with_certificate_bar_see")
     yield Remark(
         "implausible",
-        f"the touches put the balls of the scale bar {length:.3f} mm apart, artefact.yaml states {bar.length:g} mm: "
-        f"{abs(off):.3f} mm too {'much' if off > 0 else 'little'}. The gains of the axes explain at most {allowed:.3g} mm of it "
-        f"(machine.yaml: tolerances.scale)",
+        say(
+            f"plausible.groups.bar_{'long' if off > 0 else 'short'}",
+            length=f"{length:.3f}",
+            length2=f"{bar.length:g}",
+            off=f"{abs(off):.3f}",
+            allowed=f"{allowed:.3g}",
+        ),
         (),
         "scale_bar",
         "scale_bar.length",
@@ -142,8 +152,10 @@ def _gains(result: Estimate) -> Iterator[Remark]:
     if abs(mean) > max(LENGTH, 8 * std) and np.ptp(values) < abs(mean) / 2:
         yield Remark(
             "trustworthy",
-            f"all three axes are {abs(mean) * 1e6:.0f} µm/m too {'long' if mean > 0 else 'short'} alike: so is a scale bar that is "
-            "not as long as stated, or not at 20 °C (10 K make some 115 µm/m of steel). Compare it with its certificate",
+            say(
+                f"plausible.groups.gains_{'long' if mean > 0 else 'short'}",
+                mean=f"{abs(mean) * 1000000.0:.0f}",
+            ),
         )
 
 
@@ -168,11 +180,16 @@ def _feed(result: Estimate) -> Iterator[Remark]:
         return
     moved = np.abs(slope * (np.linalg.pinv(weighted) @ np.concatenate([feed - feed.mean(), np.zeros(len(left) - len(feed))])))
     moves = tuple(c.name for c, off, std in zip(result.model.coefficients, moved, result.std, strict=False) if off > std)
-    change = "measure all touches at one feed, or estimate the delay: --terms S3,trigger_latency"
+    change = say("plausible.groups.measure_all_touches_at_one")
     yield Remark(
         "doubtful",
-        f"touches at a feed of {feed.max():g} mm/min read {abs(slope) * np.ptp(feed) * 1e3:.1f} µm elsewhere than those at "
-        f"{feed.min():g} mm/min: the position is latched {abs(slope) * 60e3:.2g} ms too late",
+        say(
+            "plausible.groups.touches_at_feed_mm_min",
+            max=f"{feed.max():g}",
+            slope=f"{abs(slope) * np.ptp(feed) * 1000.0:.1f}",
+            min=f"{feed.min():g}",
+            slope2=f"{abs(slope) * 60000.0:.2g}",
+        ),
         (),
         "feed",
         "feed",
@@ -209,10 +226,17 @@ def _balls(result: Estimate) -> Iterator[Remark]:
     for ball, mask, accused in zip(touches.balls, masks, _together(dropped, masks), strict=True):
         if accused:
             numbers = tuple(int(i) for i in touches.number[mask & dropped])
-            change = "compare tip radius, ball radius and the length of the bar with what was measured; look for dirt on the ball"
+            change = say("plausible.groups.compare_tip_radius_ball_radius")
             yield Remark(
                 "doubtful",
-                f"{len(numbers)} of {int(mask.sum())} touches on ball {ball} do not fit the others ({listed(numbers)}): {change}",
+                say(
+                    "plausible.groups.touches_on_ball_do_not",
+                    count=len(numbers),
+                    sum=int(mask.sum()),
+                    ball=ball,
+                    numbers=listed(numbers),
+                    change=change,
+                ),
                 numbers,
                 "",
                 "touch",
@@ -235,11 +259,17 @@ def _facets(result: Estimate) -> Iterator[Remark]:
         if not any(_together(dropped, pieces, choices=len(masks) * int(mask.sum()))):
             continue
         numbers = tuple(int(i) for i in touches.number[own])
-        change = f"look for a chip or a burr on facet {facet}, clean it, and measure again"
+        change = say("plausible.groups.look_for_chip_burr_on", facet=facet)
         yield Remark(
             "doubtful",
-            f"facet {facet} is {abs(np.median(result.residuals[own])) * 1e3:.0f} µm elsewhere between touches {numbers[0]} and "
-            f"{numbers[-1]} than in its other touches ({listed(numbers)})",
+            say(
+                "plausible.groups.facet_elsewhere_between_touches_than",
+                facet=facet,
+                median=f"{abs(np.median(result.residuals[own])) * 1000.0:.0f}",
+                numbers=numbers[0],
+                numbers2=numbers[-1],
+                numbers3=listed(numbers),
+            ),
             numbers,
             "chip",
             "touch",
@@ -271,10 +301,16 @@ def _indexations(result: Estimate) -> Iterator[Remark]:
             continue
         _, axis, angle = best
         numbers = tuple(int(i) for i in touches.number[rows])
-        change = "see whether it was clamped, and whether the program or somebody moved it there; measure these touches again"
+        change = say("plausible.groups.see_whether_was_clamped_whether")
         yield Remark(
             "doubtful",
-            f"{axis} was {abs(math.degrees(angle)):.4f}° from where the readings say at touches {numbers[0]} to {numbers[-1]}",
+            say(
+                "plausible.groups.was_from_where_readings_say",
+                axis=axis,
+                degrees=f"{abs(math.degrees(angle)):.4f}",
+                numbers=numbers[0],
+                numbers2=numbers[-1],
+            ),
             numbers,
             "indexation",
             axis,

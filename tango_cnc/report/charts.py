@@ -31,7 +31,7 @@ def touches(f: Facts, t: Texts) -> str:
     sigma = f.result.sigma * 2e3 * u.per_micron
     span = np.array([float(m.number.min()), float(m.number.max())])
     series = [
-        Series(span, np.zeros(2), "band", SOFT, "± 2 std", low=np.full(2, -sigma), high=np.full(2, sigma)),
+        Series(span, np.zeros(2), "band", SOFT, f"± 2 {t('place.std')}", low=np.full(2, -sigma), high=np.full(2, sigma)),
         Series(number[~out], value[~out], "dots", BLUE, size=1.9, tips=_some(tips, ~out)),
         Series(number[out], value[out], "crosses", RED, size=4, tips=_some(tips, out)),
     ]
@@ -143,8 +143,8 @@ def predicted(f: Facts, t: Texts) -> str:
     return chart(series, Frame(860, 230, t("predicts.picture"), axis, u.small, names=names))
 
 
-def motions(f: Facts) -> list[str]:
-    """facts → error motions of each axis over its touched range, with their intervals."""
+def motions(f: Facts, t: Texts) -> list[str]:
+    """facts, texts → error motions of each axis over its touched range, with their intervals."""
     found = []
     u = f.wishes.units
     for axis, (at, curves) in iso230.curves(f.result).items():
@@ -159,7 +159,8 @@ def motions(f: Facts) -> list[str]:
             for c, (color, dash) in zip(own, CYCLE, strict=False):
                 half = f.factor * c.std * factor
                 series.append(Series(x, c.value * factor, "band", color, low=c.value * factor - half, high=c.value * factor + half))
-                series.append(Series(x, c.value * factor, "line", color, f"{c.name} {c.kind}", dash))
+                kind = t(f"iso_kind.{c.kind}") if f"iso_kind.{c.kind}" in t else c.kind
+                series.append(Series(x, c.value * factor, "line", color, f"{c.name} {kind}", dash))
             found.append(chart(series, Frame(425, 250, axis, f"{axis}, {u.large if linear else '°'}", shown)))
     return found
 
@@ -204,7 +205,7 @@ def dependence(d: Diagnosis, t: Texts, unit: str, k: float) -> list[str]:
     after = {x.covariate: x for x in d.tests_after}
     found = []
     for test in d.tests[:FIRST]:
-        x, unit_x = shown_over(d, test)
+        x, unit_x = shown_over(d, test, t)
         order = np.argsort(x)
         x, late = x[order], after.get(test.covariate)
         series = [
@@ -217,7 +218,7 @@ def dependence(d: Diagnosis, t: Texts, unit: str, k: float) -> list[str]:
                 Series(x, k * late.mean[order], "line", BLUE, t("diagnosis.with_causes")),
                 Series(x, k * late.mean[order], "dots", BLUE, size=2.2),
             ]
-        title = f"{covariate(test.covariate)}: {100 * test.variance_share:.0f} %"
+        title = f"{t.of(covariate(test.covariate))}: {100 * test.variance_share:.0f} %"
         found.append(chart(series, Frame(425, 220, title, unit_x, unit)))
     return found
 
@@ -227,7 +228,7 @@ def finding(d: Diagnosis, f: Finding, t: Texts, unit: str, k: float) -> list[str
     if not f.pattern.any():
         return []
     m = d.before.model.touches
-    about, x, unit_x = covariate_of(d, f)
+    about, x, unit_x = covariate_of(d, f, t)
     basis = d.explanation.place.basis
     others = sum((o.pattern for o in d.findings if o is not f), np.zeros(len(m)))
     visible, rest = (basis @ (basis.T @ d.searched(x)) for x in (f.pattern, d.before.residuals - others))
@@ -237,7 +238,7 @@ def finding(d: Diagnosis, f: Finding, t: Texts, unit: str, k: float) -> list[str
         along = (m.machine_normal if f.detail["frame"] == "machine" else m.normal) @ direction
         rows = np.abs(along) > 0.4
         safe = np.where(rows, along, 1.0)
-        what, whole, left_over = f"{unit}, {towards(direction)}", f.pattern / safe, d.after.residuals / safe
+        what, whole, left_over = f"{unit}, {t.of(towards(direction))}", f.pattern / safe, d.after.residuals / safe
     left = [
         Series(x[rows], k * (whole + left_over)[rows], "rings", SOFT, t("diagnosis.measured"), size=1.8),
         Series(x[rows], k * whole[rows], "dots", RED, t("diagnosis.explained"), size=2),

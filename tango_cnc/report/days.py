@@ -40,6 +40,16 @@ def ended(utc: object, t: Texts, now: datetime | None = None) -> str:
     return f"{told}, {t(f'date.{key}', count=f'{count:.0f}')}"
 
 
+def at(utc: object, t: Texts) -> str:
+    """moment (UTC), texts → Sun 22 Nov 2026, 03:04 CET; what is no moment stays as it is."""
+    try:
+        moment = datetime.fromisoformat(str(utc))
+    except ValueError:
+        return str(utc)
+    moment = (moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment).astimezone()
+    return f"{day(moment.date(), t)}, {clock(moment)}"
+
+
 def clock(moment: datetime) -> str:
     """moment → 03:04 CET, in the zone of this computer."""
     return moment.astimezone().strftime("%H:%M %Z")

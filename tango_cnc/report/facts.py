@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from scipy import special
 
 from ..diagnose import Diagnosis, diagnose
+from ..diagnose.sentences import covariate
 from ..estimate import Estimate, fit
 from ..identify import select
 from ..iso230 import Figure, figures
@@ -18,6 +19,7 @@ from ..iso230.signed import withheld
 from ..judgement import Judgement
 from ..model import linearise
 from ..records import Array, Cell, Readings, TangoError, TermItem
+from ..texts import instead, say
 from ..uncertainty.analysis import prepare
 from ..uncertainty.inputs import Line
 from ..uncertainty.scatter import reached, with_rest
@@ -227,18 +229,19 @@ def verdict(f: Facts, t: Texts) -> Verdict:
     return worst_of([*_nights(f, t), *numbers, _limit(f, t)])
 
 
-def _plausible(f: Facts, t: Callable[..., str]) -> Check:
+def _plausible(f: Facts, t: Texts) -> Check:
     j = f.judgement
     level: Level = "good" if j.verdict == "trustworthy" else "look" if j.verdict == "doubtful" else "stop"
     todo = t("todo.plausible")
     if j.suspicions:
         s = j.suspicions[0]
-        line = f", line {s.line}" if s.line else ""
+        line = t("todo.line", line=s.line) if s.line else ""
         todo = t("todo.plausible_likely", text=s.text, where=f"{s.file}{line}", change=s.change)
-    return Check("plausible", level, str(j.verdict), t(f"check.plausible_{level}", why="; ".join(j.reasons)), todo)
+    why = "; ".join(t.of(r) for r in j.reasons)
+    return Check("plausible", level, t(f"judged.{j.verdict}"), t(f"check.plausible_{level}", why=why), todo)
 
 
-def _complete(f: Facts, t: Callable[..., str]) -> Check:
+def _complete(f: Facts, t: Texts) -> Check:
     planned = max(f.planned, f.used)
     missing = planned - f.used
     level: Level = "good" if not missing else "look" if missing <= MISSING * planned else "stop"
@@ -246,7 +249,7 @@ def _complete(f: Facts, t: Callable[..., str]) -> Check:
     return Check("complete", level, f"{f.used} / {planned}", text, t("todo.complete"))
 
 
-def _fit(f: Facts, t: Callable[..., str]) -> Check:
+def _fit(f: Facts, t: Texts) -> Check:
     u = f.wishes.units
     sigma, out = f"{f.result.sigma * 1e3 * u.per_micron:.2f}", len(f.result.outliers)
     flagged = t("check.fit_outliers", outliers=out, touches=f.used) if out else ""
@@ -268,7 +271,7 @@ def _fit(f: Facts, t: Callable[..., str]) -> Check:
     return Check("fit", level, value, "; ".join(x for x in (text, flagged) if x), todo)
 
 
-def _predicts(f: Facts, t: Callable[..., str]) -> Check:
+def _predicts(f: Facts, t: Texts) -> Check:
     if f.held is None:
         return Check("predicts", "look", "–", t("check.predicts_none", why=f.why_not_held), t("todo.predicts_none"))
     level = graded(f.held.ratio, PREDICTED)
@@ -276,25 +279,27 @@ def _predicts(f: Facts, t: Callable[..., str]) -> Check:
     return Check("predicts", level, f"{ratio} ×", t(f"check.predicts_{level}", ratio=ratio), t("todo.predicts"))
 
 
-def _diagnosis(f: Facts, t: Callable[..., str]) -> Check:
+def _diagnosis(f: Facts, t: Texts) -> Check:
     d = f.diagnosis
     if d is None:
         return Check("diagnosis", "look", "–", t("check.diagnosis_none", why=f.why_no_diagnosis), t("todo.diagnosis_none"))
     if d.verdict == "adequate":
-        return Check("diagnosis", "good", str(d.verdict), t("check.diagnosis_good"))
+        return Check("diagnosis", "good", t(f"judged.{d.verdict}"), t("check.diagnosis_good"))
     if d.findings:
-        from ..diagnose.sentences import advice
+        from ..diagnose.sentences import advice, cause_name
 
-        causes = ", ".join(dict.fromkeys(x.cause.replace("_", " ") for x in d.findings))
-        text = advice(d.findings[0], t)
+        causes = ", ".join(dict.fromkeys(t.of(cause_name(x.cause)) for x in d.findings))
+        text = t.of(advice(d.findings[0]))
         todo = t("todo.diagnosis", advice=f"{text[0].upper()}{text[1:]}.")
-        return Check("diagnosis", "look", str(d.verdict), t("check.diagnosis_look", causes=causes), todo)
-    names = ", ".join(r.covariate for r in d.unexplained)
+        return Check("diagnosis", "look", t(f"judged.{d.verdict}"), t("check.diagnosis_look", causes=causes), todo)
+    names = ", ".join(t.of(covariate(r.covariate)) for r in d.unexplained)
     todo = t("todo.diagnosis_unexplained")
-    return Check("diagnosis", "look", str(d.verdict), t("check.diagnosis_unexplained", causes=names), todo, undermines=True)
+    return Check(
+        "diagnosis", "look", t(f"judged.{d.verdict}"), t("check.diagnosis_unexplained", causes=names), todo, undermines=True
+    )
 
 
-def _limit(f: Facts, t: Callable[..., str]) -> Check:
+def _limit(f: Facts, t: Texts) -> Check:
     u, worst = f.wishes.units, f.worst
     if worst is None:
         return Check("limit", "look", "–", t("check.limit_unknown"), t("todo.limit_unknown"), trust=False)
@@ -315,7 +320,7 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
         return []
     level: Level = "look" if n.waiting or n.verdict != "good" else "good"
     word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
-    said = n.headline.replace("since last night", t("check.since_before", date=n.date))  # a report is read tomorrow, too
+    said = t.of(instead(n.headline, "last night", say("check.night_before", date=n.date)))  # a report is read tomorrow, too
     text = t(
         f"check.nights_{level}",
         date=day(n.date, t),

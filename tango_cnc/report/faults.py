@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..records import Machine
+from ..texts import instead
 from .days import day, days_between
 from .plain import amount, plain
 from .texts import Texts, texts
@@ -23,7 +24,7 @@ SAME = 0.25  # share of its size by which what stands may differ from what was f
 
 def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """alarms of earlier nights → the same, read today: "since last night" names the night instead."""
-    return [{**a, "text": str(a.get("text") or "").replace("since last night", f"since {a.get('since')}")} for a in alarms]
+    return [{**a, "text": instead(a.get("text") or "", "last night", str(a.get("since")))} for a in alarms]
 
 
 def faults(
@@ -111,7 +112,8 @@ def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Mac
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
         elif first["older"] and first.get("now"):
-            first["text"] = f"{first['text'].rstrip('.')}. {sentence(plain(str(first['now']), u, t, machine), Units())}"
+            now = plain(t.of(first["now"]), u, t, machine)
+            first["text"] = f"{first['text'].rstrip('.')}. {sentence(now, Units())}"
         unanswered = next((a for a in same if a["decision"] is None), None)
         found.append(
             first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
@@ -159,24 +161,24 @@ def alarm(
     today: str = "",
 ) -> dict[str, Any]:
     """alarm of a record, its decision, units, texts, chain of axes, record, date → what a page shows of it."""
-    raw = str(a.get("text") or "")
+    raw = a.get("text") or ""
     size, record, asked = _amount(a, u), record or {}, str(a.get("id") or "")[:10]
     owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
     return {
         **a,
         "id": str(a.get("id") or ""),
-        "text": sentence(plain(str(earlier([a])[0]["text"] if a.get("since") else raw), u, t, machine), Units()),
-        "recorded": sentence(raw, u),
+        "text": sentence(plain(t.of(earlier([a])[0]["text"] if a.get("since") else raw), u, t, machine), Units()),
+        "recorded": sentence(t.of(raw), u),
         "night": asked,
         "first": asked,  # date of the first night on which it was seen
-        "cause": str(a.get("cause") or "").replace("_", " "),
+        "cause": _named(f"cause_name.{a.get('cause')}", a.get("cause"), t),
         "cause_key": str(a.get("cause") or ""),
         "begun": str(a.get("since") or ""),
         "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
         "on_part": sentence(plain(_told(a, "on_part", u, t), u, t, machine), Units()),
         "raw_part": _told(a, "on_part", u, t),
         "todo": sentence(plain(_todo(a, u, t), u, t, machine), Units()),
-        "instead": [str(x).replace("_", " ") for x in a.get("instead") or ()],
+        "instead": [_named(f"followed.{str(x).partition(' ')[0]}", x, t) for x in a.get("instead") or ()],
         "owner": owner,
         "nobody": not owner and decision is None,
         "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t),
@@ -218,7 +220,12 @@ def _told(a: Mapping[str, Any], member: str, u: Units, t: Texts) -> str:
     """→ the shop's text where the record has the program's own; what the record says otherwise."""
     key, effect = f"cause.{a.get('cause')}.{member}", f"{float(a.get('on_part_um') or 0.0):.1f} µm"
     own = str(a.get(member) or "")
-    return t(key, effect=effect) if key in t and own == texts()(key, effect=effect) else own
+    return t(key, effect=effect) if key in t and own == texts()(key, effect=effect) else t.of(a.get(member) or "")
+
+
+def _named(key: str, name: Any, t: Texts) -> str:
+    """key of its text, name of a cause or of what is followed, texts → its word."""
+    return t(key, name=str(name).partition(" ")[2]) if key in t else t.of(name or "").replace("_", " ")
 
 
 def _amount(a: Mapping[str, Any], u: Units) -> str:

@@ -99,8 +99,8 @@ def context(
             "planned": 0,
             **record,
         },
-        "sentence": lambda text: sentence(text, u),
-        "plain": lambda text: sentence(plain(str(text or ""), u, t, machine), Units()),
+        "sentence": lambda text: sentence(t.of(text or ""), u),
+        "plain": lambda text: sentence(plain(t.of(text or ""), u, t, machine), Units()),
         "day": lambda text, year=True: day(text, t, year),
         "ended": ended(record.get("end_utc"), t, now),
         "suspect": suspect,
@@ -108,7 +108,7 @@ def context(
         "nobody": found[0]["nobody"] if found else not asked["owner"],
         "busy": busy,
         "answer": told,
-        "headline": sentence(record.get("headline"), u),
+        "headline": sentence(t.of(record.get("headline") or ""), u),
         "level": told.level,
         "word": busy or (t(f"morning.{told.state}") if f"morning.{told.state}" in t else told.state),
         "alarms": alarms,
@@ -116,18 +116,18 @@ def context(
         "also": found[1 : LISTED + 1],
         "more": max(len(found) - LISTED - 1, 0),
         "owner": asked["owner"],
-        "failed": [{"do": "", "found": "", **p} for p in record.get("preflight") or () if not p.get("passed")],
-        "preflight": record.get("preflight") or (),
-        "limits": [_limit(x, u) for x in record.get("limits") or ()],
+        "failed": [{"do": "", "found": "", **_checked(p, t)} for p in record.get("preflight") or () if not p.get("passed")],
+        "preflight": [_checked(p, t) for p in record.get("preflight") or ()],
+        "limits": [_limit(x, u, t) for x in record.get("limits") or ()],
         "parameters": _parameters(record, u),
         "volume": _volume(record, u),
-        "next": {"kind": "", **(record.get("next") or {}), "why": u.sentence(str((record.get("next") or {}).get("why") or ""))},
-        "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u)},
+        "next": {"kind": "", **(record.get("next") or {}), "why": u.sentence(t.of((record.get("next") or {}).get("why") or ""))},
+        "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u, t)},
         "diagnosis": {"verdict": "", **(record.get("diagnosis") or {})},
         "temperatures": record.get("temperatures") or {},
         "hashes": record.get("hashes") or {},
         "versions": record.get("versions") or {},
-        "change": _change(record, u),
+        "change": _change(record, u, t),
         "residual": record.get("residual") or {},
     }
 
@@ -164,20 +164,28 @@ def last_written(events: Sequence[Any]) -> str:
     return next((str(e.utc)[:10] for e in events if e.event == "written" and e.number not in back), "")
 
 
-def _limit(x: Mapping[str, Any], u: Units) -> dict[str, Any]:
+def _checked(point: Mapping[str, Any], t: Texts) -> dict[str, Any]:
+    """one check before the start, texts → the same in their language."""
+    key = f"check_name.{point.get('check')}"
+    return {**t.all(point), "check": t(key) if key in t else point.get("check")}
+
+
+def _limit(x: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
     factor, unit = u.of(str(x.get("unit") or ""))
     shown = {key: None if x.get(key) is None else f"{float(x[key]) * factor:.1f}" for key in ("value", "low", "high", "limit")}
     state = "open" if x.get("passed") is None else "good" if x["passed"] else "stop"
-    return {**x, **shown, "unit": unit, "state": state}
+    what = str(x.get("what"))
+    name = t(f"followed.{what}") if f"followed.{what}" in t else what
+    return {**x, **shown, "what": name, "unit": unit, "state": state}
 
 
-def _reasons(record: Mapping[str, Any], u: Units) -> list[str]:
-    return [sentence(r, u) for r in (record.get("plausible") or {}).get("reasons") or ()]
+def _reasons(record: Mapping[str, Any], u: Units, t: Texts) -> list[str]:
+    return [sentence(t.of(r), u) for r in (record.get("plausible") or {}).get("reasons") or ()]
 
 
-def _change(record: Mapping[str, Any], u: Units) -> dict[str, Any]:
+def _change(record: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
     found = record.get("change") or {}
-    return {**found, "text": f"{sentence(found.get('text'), u).rstrip('.')}." if found.get("text") else ""}
+    return {**found, "text": f"{sentence(t.of(found.get('text')), u).rstrip('.')}." if found.get("text") else ""}
 
 
 def _volume(record: Mapping[str, Any], u: Units) -> dict[str, str]:
@@ -208,8 +216,8 @@ def _parameters(record: Mapping[str, Any], u: Units) -> list[dict[str, Any]]:
     return rows
 
 
-def strip(nights: Sequence[tuple[str, str, str]], label: str) -> Markup:
-    """(date, verdict, address) of nights, oldest first, what it is → a row of signs, one a night, by shape and color."""
+def strip(nights: Sequence[tuple[str, str, str]], label: str, t: Texts) -> Markup:
+    """(date, verdict, address) of nights, oldest first, what it is, texts → a row of signs, one a night, by shape and color."""
     wide = 14.0
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {max(wide * len(nights), wide):g} 16" '
@@ -217,7 +225,8 @@ def strip(nights: Sequence[tuple[str, str, str]], label: str) -> Markup:
     ]
     for i, (date, verdict, _) in enumerate(nights):
         x = wide * i + wide / 2
-        tip = f"<title>{svg.escape(date)}: {svg.escape(verdict.replace('_', ' '))}</title>"
+        word = t(f"morning.{verdict}") if f"morning.{verdict}" in t else verdict.replace("_", " ")
+        tip = f"<title>{svg.escape(day(date, t))}: {svg.escape(word)}</title>"
         parts.append(f"<g>{tip}{_sign(verdict, x)}</g>")
     return Markup("".join([*parts, "</svg>"]))
 

@@ -10,7 +10,7 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from ..diagnose.sentences import advice, covariate, dropped, meaning, said, unexplained
+from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning, said, unexplained
 from ..records import Array, InputError, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
@@ -86,9 +86,9 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "volume": _volume(f, t),
         "slices": _safe(slices.picture(f.cuts, machine, u, words)) if f.cuts else "",
         "diagnosis": _diagnosis(f, t),
-        "motions": [_safe(s) for s in charts.motions(f)],
+        "motions": [_safe(s) for s in charts.motions(f, t)],
         "iso": _iso(f, t),
-        "unseen": [c.text for c in f.result.selection.unseen],
+        "unseen": [t.of(c.text) for c in f.result.selection.unseen],
         "uncertainty": _uncertainty(f, t),
         "trend": _trend(f, t),
         "compensations": [_compensation(c, u, t) for c in f.compensations],
@@ -284,6 +284,12 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def _held_out(scheme: str, t: Texts) -> str:
+    """scheme of held-out touches, texts → its name."""
+    key = f"diagnosis.held_{scheme}"
+    return t(key) if key in t else t("diagnosis.held", scheme=scheme)
+
+
 def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
     d, u = f.diagnosis, f.wishes.units
     unit, k = u.small, 1e3 * u.per_micron
@@ -291,18 +297,18 @@ def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
         return {"none": t("diagnosis.none", why=f.why_no_diagnosis)}
     findings = []
     for x in d.findings:
-        twins = ", ".join(a.replace("_", " ") for a in dict.fromkeys(a for a, _, _ in x.alternatives))
+        twins = ", ".join(t.of(cause_name(a)) for a in dict.fromkeys(a for a, _, _ in x.alternatives))
         rows = []
         if x.gain is not None:
-            pairs = [("fitted touches", x.gain.before, x.gain.after)]
-            pairs += [(f"held-out {name}", *both) for name, both in x.gain.schemes.items() if name != "facets"]
+            pairs = [(t("diagnosis.fitted"), x.gain.before, x.gain.after)]
+            pairs += [(_held_out(name, t), *both) for name, both in x.gain.schemes.items() if name != "facets"]
             rows = [(name, f"{k * a:.2f}", f"{k * b:.2f}") for name, a, b in pairs]
         findings.append(
             {
-                "cause": _capital(x.cause.replace("_", " ")),
-                "said": f"{_capital(u.sentence(said(x, t)))}.",
-                "means": t("diagnosis.means", text=u.sentence(meaning(x, t))),
-                "todo": t("diagnosis.todo", text=u.sentence(advice(x, t))),
+                "cause": _capital(t.of(cause_name(x.cause))),
+                "said": f"{_capital(u.sentence(t.of(said(x))))}.",
+                "means": t("diagnosis.means", text=u.sentence(t.of(meaning(x)))),
+                "todo": t("diagnosis.todo", text=u.sentence(t.of(advice(x)))),
                 "pictures": [_safe(s) for s in charts.finding(d, x, t, unit, k)],
                 "gain": rows,
                 "twins": t("diagnosis.twins", names=twins) if twins else "",
@@ -316,10 +322,10 @@ def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
         "course": [_safe(s) for s in charts.course(d, t, unit, k)],
         "dependence": [_safe(s) for s in charts.dependence(d, t, unit, k)],
         "note": t("diagnosis.depends_note", count=len(d.tests)),
-        "unexplained": [f"{_capital(u.sentence(unexplained(r)))}." for r in d.unexplained],
-        "dropped": [f"{_capital(u.sentence(dropped(x)))}." for x in d.dropped],
+        "unexplained": [f"{_capital(u.sentence(t.of(unexplained(r))))}." for r in d.unexplained],
+        "dropped": [f"{_capital(u.sentence(t.of(dropped(x))))}." for x in d.dropped],
         "richer": t("diagnosis.richer") if d.richer is not None else "",
-        "names": [covariate(x.covariate) for x in d.tests],
+        "names": [t.of(covariate(x.covariate)) for x in d.tests],
     }
 
 
@@ -338,7 +344,9 @@ def _iso(f: Facts, t: Texts) -> list[dict[str, Any]]:
         value, half = g.value * factor, f.factor * g.std * factor
         text = f"{value_text(value, g.std * factor)} ± {half:.{digits(g.std * factor)}f}"
         second = "" if g.arcseconds is None else f"{g.arcseconds:.2f} ″"
-        row = {"kind": g.kind, "name": g.name, "value": text, "unit": unit, "arc": second, "over": over, "note": g.note}
+        key = f"iso_kind.{g.kind.replace(' ', '_')}"
+        kind = t(key) if key in t else g.kind
+        row = {"kind": kind, "name": t.of(g.name), "value": text, "unit": unit, "arc": second, "over": over, "note": t.of(g.note)}
         symbol = g.name.removesuffix(" M").removesuffix(" B").removesuffix(" E")
         if any(w.startswith(f"{symbol} ") for w in f.withheld):
             row |= {"value": "–", "arc": "", "note": t("iso.withheld")}

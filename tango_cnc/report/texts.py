@@ -1,29 +1,33 @@
-"""Texts of the pages, all in one file a language: key → sentence with its numbers filled in."""
+"""Texts of the pages: those of the program, and over them those of a shop."""
 
 from __future__ import annotations
 
+import string
 import tomllib
 from collections.abc import Mapping
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from ..files.checked import printable, read_text
 from ..records import InputError
-
-LANGUAGE = "en"
+from ..texts import Said, english, flat, translated
 
 
 class Texts:
-    """Sentences by key, e.g. `texts("fit.counts", touches=393)`."""
+    """Sentences by key, e.g. `texts("fit.counts", touches=393)`.
 
-    def __init__(self, flat: Mapping[str, str]) -> None:
-        self._flat = flat
+    Those in English remember their key, so that a page may ask again.
+    """
+
+    def __init__(self, found: Mapping[str, str], remembers: bool = False) -> None:
+        self._flat, self._remembers = found, remembers
 
     def __call__(self, key: str, /, **values: Any) -> str:
         """key, values → sentence. Raises KeyError for a key or a value that is missing: a mistake of the program or a template."""
-        return self._flat[key].format_map(values) if values else self._flat[key]
+        given, values = values, {name: self.of(value) if isinstance(value, str) else value for name, value in values.items()}
+        text = self._flat[key].format_map(values) if values else self._flat[key]
+        return Said(text, key, {n: v if isinstance(v, str) else str(v) for n, v in given.items()}) if self._remembers else text
 
     def __contains__(self, key: str) -> bool:
         return key in self._flat
@@ -33,15 +37,17 @@ class Texts:
         """→ every key."""
         return tuple(self._flat)
 
+    def of(self, text: Any) -> str:
+        """text of a record or a result → the same in this language, where it knows its key."""
+        return translated(text, self._flat)
 
-def _flat(tree: Mapping[str, Any], before: str = "") -> dict[str, str]:
-    found: dict[str, str] = {}
-    for name, value in tree.items():
-        if isinstance(value, Mapping):
-            found |= _flat(value, f"{before}{name}.")
-        else:
-            found[f"{before}{name}"] = str(value)
-    return found
+    def all(self, found: Any) -> Any:
+        """record or list with texts in it → the same with every text in this language."""
+        if isinstance(found, str):
+            return self.of(found)
+        if isinstance(found, Mapping):
+            return {name: self.all(value) for name, value in found.items()}
+        return [self.all(value) for value in found] if isinstance(found, list | tuple) else found
 
 
 @cache
@@ -49,8 +55,7 @@ def texts() -> Texts:
     """→ the texts that come with the program; those of a cause of the diagnosis come from its file: `diagnosed.chip.meaning`."""
     from ..diagnose.sentences import cause_texts
 
-    file = resources.files(__package__) / "texts" / f"{LANGUAGE}.toml"
-    return Texts(_flat(tomllib.loads(file.read_text(encoding="utf-8"))) | {f"diagnosed.{k}": v for k, v in cause_texts().items()})
+    return Texts({**english(), **{f"diagnosed.{k}": v for k, v in cause_texts().items()}}, remembers=True)
 
 
 def texts_of(folder: Path | None) -> Texts:
@@ -59,7 +64,7 @@ def texts_of(folder: Path | None) -> Texts:
     if file is None or not file.exists():
         return texts()
     try:
-        own = _flat(tomllib.loads(read_text(file)))
+        own = flat(tomllib.loads(read_text(file)))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: {printable(str(error))}; allowed: TOML like texts/en.toml of the program") from None
     base = texts()
@@ -76,8 +81,6 @@ def texts_of(folder: Path | None) -> Texts:
 
 
 def _fields(text: str) -> set[str]:
-    import string
-
     try:
         return {name for _, name, _, _ in string.Formatter().parse(text) if name}
     except ValueError as error:

@@ -24,7 +24,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
-from ..report.days import day
+from ..report.days import at, day
 from ..report.faults import sentence
 from ..report.page import environment
 from ..report.texts import Texts, texts_of
@@ -221,8 +221,9 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     context = {
         "t": state.texts,
         "units": state.units,
-        "sentence": lambda text: sentence(text, state.units),
+        "sentence": lambda text: sentence(state.texts.of(text), state.units),
         "day": lambda text, year=True: day(text, state.texts, year),
+        "moment": lambda text: at(text, state.texts),
         "here": request.url.path,
         "signed_in": signed,
         "csrf": signed.csrf if signed else "",

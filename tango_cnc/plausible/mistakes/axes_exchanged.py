@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from ...texts import say
 from ._case import Case, Hypothesis, with_axis, with_positions
 
 
@@ -19,19 +20,19 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             swapped = np.array(position)
             swapped[:, [i, j]] = position[:, [j, i]]
             yield Hypothesis(
-                f"the readings fit if {one} and {other} are exchanged",
+                say("mistake.axes_exchanged.readings_fit_exchanged", one=one, other=other),
                 "readings",
                 f"{one}, {other}",
-                f"exchange the columns {one} and {other}, or the directions of both axes in machine.yaml",
+                say("mistake.axes_exchanged.exchange_columns_directions_both_axes", one=one, other=other),
                 readings=with_positions(case.readings, swapped),
             )
             a, b = machine.axis(one), machine.axis(other)
             changed = with_axis(machine, one, direction=b.direction)
             yield Hypothesis(
-                f"the readings fit if {one} and {other} are exchanged in machine.yaml",
+                say("mistake.axes_exchanged.readings_fit_exchanged_machine_yaml", one=one, other=other),
                 "machine",
                 f"axes.{one}.direction",
-                f"exchange the directions of {one} and {other}, or their columns in the readings",
+                say("mistake.axes_exchanged.exchange_directions_their_columns_readings", one=one, other=other),
                 machine=with_axis(changed, other, direction=a.direction),
                 price=0.5,
             )

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...texts import say
 from ._case import Case, Hypothesis, with_axis
 
 
@@ -19,7 +20,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
                 continue
             x, y, z = (float(c) + 0.0 for c in base)
             yield Hypothesis(
-                f"the readings fit if {axis.name} goes along or about [{x:g}, {y:g}, {z:g}]",
+                say("mistake.axis_direction.readings_fit_goes_along_about", name=axis.name, x=f"{x:g}", y=f"{y:g}", z=f"{z:g}"),
                 "machine",
                 f"axes.{axis.name}.direction",
                 f"write [{x:g}, {y:g}, {z:g}]",

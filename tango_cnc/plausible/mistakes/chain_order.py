@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ...records import Machine
+from ...texts import say
 from ._case import Case, Hypothesis
 
 
@@ -21,21 +22,27 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
                     other = list(branch)
                     other[i], other[j] = other[j], other[i]
                     pair = (other, tool) if branch is work else (work, other)
-                    found.append((*pair, f"{branch[i]} and {branch[j]} change places"))
+                    found.append((*pair, say("mistake.chain_order.change_places", branch=branch[i], branch2=branch[j])))
     for name in machine.rotary:
         if name in work:
             rest = [n for n in work if n != name]
-            found += [(rest, [*tool[:k], name, *tool[k:]], f"{name} carries the tool") for k in range(len(tool) + 1)]
+            found += [
+                (rest, [*tool[:k], name, *tool[k:]], say("mistake.chain_order.carries_tool", name=name))
+                for k in range(len(tool) + 1)
+            ]
         else:
             rest = [n for n in tool if n != name]
-            found += [([*work[:k], name, *work[k:]], rest, f"{name} carries the workpiece") for k in range(len(work) + 1)]
+            found += [
+                ([*work[:k], name, *work[k:]], rest, say("mistake.chain_order.carries_workpiece", name=name))
+                for k in range(len(work) + 1)
+            ]
     for workpiece, towards, what in found:
         topology = f"w{''.join(reversed(workpiece))}f{''.join(towards)}(S)t"
         yield Hypothesis(
-            f"the readings fit if the chain is {topology}: {what}",
+            say("mistake.chain_order.readings_fit_chain", topology=topology, what=what),
             "machine",
             "topology",
-            f"write {topology}",
+            say("mistake.chain_order.write", topology=topology),
             machine=_chained(machine, tuple(workpiece), (*towards, "S"), topology),
             price=1.0,
         )

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...kinematics import chain, tip
 from ...records import Artefact, Id
+from ...texts import joined, say
 from ._case import Case, Hypothesis
 
 NEAR = 5.0  # mm
@@ -34,19 +35,19 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     if len(moved) == 2 and all(moved.get(g) == f for f, g in moved.items()):
         one, other = (names[i] for i in sorted(moved))
         yield Hypothesis(
-            f"the readings fit if facets {one} and {other} are exchanged",
+            say("mistake.facet_names.readings_fit_facets_exchanged", one=one, other=other),
             "artefact",
             f"facets.{one}",
-            f"give facet {one} the place of facet {other} and the other way round, or exchange the names in the readings",
+            say("mistake.facet_names.give_facet_place_facet_other", one=one, other=other),
             artefact=_renamed(case.artefact, {one: other, other: one}),
         )
     elif len(moved) > 2:
-        said = ", ".join(f"{names[f]} is {names[g]}" for f, g in list(moved.items())[:4])
+        said = joined(", ", (say("mistake.facet_names.is", names=names[f], names2=names[g]) for f, g in list(moved.items())[:4]))
         yield Hypothesis(
-            f"the readings fit if the numbers of {len(moved)} facets are others: {said} …",
+            say("mistake.facet_names.readings_fit_numbers_facets_others", count=len(moved), said=said),
             "artefact",
             "facets",
-            "number the facets as the readings (and the program) have them",
+            say("mistake.facet_names.number_facets_as_readings_program"),
             artefact=_renamed(case.artefact, {names[f]: names[g] for f, g in moved.items()}),
             price=1.0,
         )
@@ -55,10 +56,10 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         called = tuple(names[nearest[i]] if wrong[i] else f for i, f in enumerate(case.readings.facet))
         listed = ", ".join(map(str, touches[:8])) + (" …" if len(touches) > 8 else "")
         yield Hypothesis(
-            f"the readings fit if touches {listed} were made at other facets than the readings name",
+            say("mistake.facet_names.readings_fit_touches_were_made", listed=listed),
             "readings",
             "facet",
-            f"the first is {called[int(np.flatnonzero(wrong)[0])]}; see whether strategy.yaml is that of the program",
+            say("mistake.facet_names.first_see_whether_strategy_yaml", called=called[int(np.flatnonzero(wrong)[0])]),
             readings=replace(case.readings, facet=called),
             touches=touches,
             price=2.0 + 2.0 * len(touches),

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...kinematics import chain, tip
 from ...records import Array, Artefact, Facet, Id, Vector
+from ...texts import say
 from ._case import Case, Hypothesis
 
 WORST = 4  # facets that are looked at
@@ -19,10 +20,10 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """case → the facets that fit worst, each with the slips that a line of artefact.yaml invites; then all normals at once."""
     inward = {key: replace(f, normal=_minus(f.normal)) for key, f in case.artefact.facets.items()}
     yield Hypothesis(
-        "the readings fit if all normals point into the material",
+        say("mistake.facet_place.readings_fit_all_normals_point"),
         "artefact",
         "facets",
-        "turn every normal round: they point out of the material",
+        say("mistake.facet_place.turn_every_normal_round_they"),
         artefact=replace(case.artefact, facets=inward),
     )
     place = tip(chain(case.machine), case.readings.position)
@@ -41,9 +42,9 @@ def _facet(case: Case, facet: Facet, place: Array) -> Iterator[Hypothesis]:
 
     minus = _minus(facet.normal)
     yield changed(
-        f"the readings fit if the normal of facet {facet.id} points the other way",
+        say("mistake.facet_place.readings_fit_normal_facet_points", id=facet.id),
         "normal",
-        f"write {_shown(minus)}: normals point out of the material",
+        say("mistake.facet_place.write_normals_point_out_material", minus=_shown(minus)),
         0.0,
         normal=minus,
     )
@@ -51,28 +52,34 @@ def _facet(case: Case, facet: Facet, place: Array) -> Iterator[Hypothesis]:
         other = tuple(float(c) + 0.0 for c in base)
         if abs(float(base @ np.array(facet.normal))) < 0.99:
             yield changed(
-                f"the readings fit if the normal of facet {facet.id} is {_shown(other)}",
+                say("mistake.facet_place.readings_fit_normal_facet", id=facet.id, other=_shown(other)),
                 "normal",
-                f"write {_shown(other)}",
+                say("mistake.facet_place.write", other=_shown(other)),
                 1.5,
                 normal=other,
             )
     for i, letter in enumerate("xyz"):
         if facet.point[i]:
             other = tuple(-c if k == i else c for k, c in enumerate(facet.point))
-            text = f"the readings fit if {letter} of facet {facet.id} has the other sign"
-            yield changed(text, "point", f"write {_shown(other)}", 0.5, point=other)
+            text = say("mistake.facet_place.readings_fit_facet_has_other", letter=letter, id=facet.id)
+            yield changed(text, "point", say("mistake.facet_place.write", other=_shown(other)), 0.5, point=other)
     found = np.median(place, axis=0) - case.machine.probe.tip_radius * np.array(facet.normal)
     for i, letter in enumerate("xyz"):
         value = round(float(found[i]), DECIMALS)
         other = tuple(value if k == i else c for k, c in enumerate(facet.point))
-        text = f"the readings fit if {letter} of facet {facet.id} is {value:g} and not {facet.point[i]:g}"
-        yield changed(text, "point", f"write {_shown(other)}", 3.0, point=other)
+        text = say(
+            "mistake.facet_place.readings_fit_facet_not",
+            letter=letter,
+            id=facet.id,
+            value=f"{value:g}",
+            point=f"{facet.point[i]:g}",
+        )
+        yield changed(text, "point", say("mistake.facet_place.write", other=_shown(other)), 3.0, point=other)
     x, y, z = (round(float(c), DECIMALS) for c in found)
     yield changed(
-        f"the readings fit if facet {facet.id} is at {_shown((x, y, z))}",
+        say("mistake.facet_place.readings_fit_facet_at", id=facet.id, value=_shown((x, y, z))),
         "point",
-        f"write {_shown((x, y, z))}",
+        say("mistake.facet_place.write_2", value=_shown((x, y, z))),
         6.0,
         point=(x, y, z),
     )

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ...texts import say
 from ...touches import from_readings
 from ._case import Case, Hypothesis
 
@@ -31,6 +32,8 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
 def _words(name: str, index: int, touches: tuple[int, ...], values: Mapping[str, float]) -> tuple[str, str]:
     off = math.degrees(values[f"E_zero_{name}@{index}"])
     return (
-        f"the readings fit if {name} was {off:+.4f}° from where the readings say at touches {touches[0]} to {touches[-1]}",
-        "see whether it was clamped, and whether the program or somebody moved it there; measure these touches again",
+        say(
+            "mistake.indexation.readings_fit_was_from_where", name=name, off=f"{off:+.4f}", touches=touches[0], touches2=touches[-1]
+        ),
+        say("mistake.indexation.see_whether_was_clamped_whether"),
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...kinematics import axis_frame
 from ...records import Axis
+from ...texts import say
 from ._case import Case, Hypothesis
 
 ROUND = 0.05  # mm: less than this of a coordinate is no mistake
@@ -20,7 +21,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         axis = case.machine.axis(name)
         free = [f"E_point_{name}{c}" for c in "XYZ"]
         yield Hypothesis(
-            f"the readings fit if the line of {name} is elsewhere",
+            say("mistake.pivot.readings_fit_line_elsewhere", name=name),
             "machine",
             f"axes.{name}.point",
             "",
@@ -31,7 +32,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         )
         for i, c in enumerate("XYZ"):
             yield Hypothesis(
-                f"the readings fit if the line of {name} is elsewhere in {c.lower()}",
+                say("mistake.pivot.readings_fit_line_elsewhere_2", name=name, lower=c.lower()),
                 "machine",
                 f"axes.{name}.point",
                 "",
@@ -50,6 +51,6 @@ def _words(axis: Axis, values: Mapping[str, float]) -> tuple[str, str]:
     shift = np.where(np.abs(shift) < ROUND, 0.0, shift)
     x, y, z = np.array(axis.point) + shift + 0.0
     return (
-        f"the readings fit if the line of {axis.name} is {np.linalg.norm(shift):.2f} mm from where machine.yaml has it",
-        f"the point of {axis.name} is at [{x:.2f}, {y:.2f}, {z:.2f}]; measure it, or take it from the control",
+        say("mistake.pivot.readings_fit_line_mm_from", name=axis.name, norm=f"{np.linalg.norm(shift):.2f}"),
+        say("mistake.pivot.point_at_measure_take_from", name=axis.name, x=f"{x:.2f}", y=f"{y:.2f}", z=f"{z:.2f}"),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import partial
 
+from ...texts import say
 from ._case import Case, Hypothesis
 
 
@@ -15,10 +16,10 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         touched = {case.artefact.facets[f].ball for f in case.readings.facet}
         if set(bar.balls) <= touched:
             yield Hypothesis(
-                "the readings fit if the scale bar has another length",
+                say("mistake.scale_bar.readings_fit_scale_bar_has"),
                 "artefact",
                 "scale_bar.length",
-                "compare it with the certificate of the bar, and see which bar is on the table",
+                say("mistake.scale_bar.compare_with_certificate_bar_see"),
                 free=["bar"],
             )
     for key, ball in case.artefact.balls.items():
@@ -29,4 +30,6 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
 
 def _words(key: str, radius: float, values: Mapping[str, float]) -> tuple[str, str]:
     found = radius + values[f"ballradius@{key}"]
-    return f"the readings fit if ball {key} has a radius of {found:.3f} mm", f"write radius: {found:.3f}, and measure it"
+    return say("mistake.scale_bar.readings_fit_ball_has_radius", key=key, found=f"{found:.3f}"), say(
+        "mistake.scale_bar.write_radius_measure", found=f"{found:.3f}"
+    )

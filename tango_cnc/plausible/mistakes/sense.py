@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...texts import say
 from ._case import Case, Hypothesis, with_axis
 
 
@@ -17,9 +18,9 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         x, y, z = (0.0 - c for c in axis.direction)
         goes = "runs" if axis.kind == "linear" else "turns"
         yield Hypothesis(
-            f"the readings fit if {axis.name} {goes} the other way",
+            say(f"mistake.sense.{goes}", name=axis.name),
             "machine",
             f"axes.{axis.name}.direction",
-            f"write [{x:g}, {y:g}, {z:g}], or see whether the column {axis.name} of the readings has the sign of the control",
+            say("mistake.sense.write_see_whether_column_readings", x=f"{x:g}", y=f"{y:g}", z=f"{z:g}", name=axis.name),
             machine=with_axis(case.machine, axis.name, direction=(x, y, z)),
         )

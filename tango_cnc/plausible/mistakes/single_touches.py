@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...texts import say
 from ._case import Case, Hypothesis
 
 WRONG = 0.05  # mm
@@ -18,12 +19,13 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     if not wrong.any() or wrong.mean() > 0.2:
         return
     touches = tuple(int(t) for t in case.readings.touch[wrong])
-    listed = ", ".join(map(str, touches[:8])) + (f" and {len(touches) - 8} more" if len(touches) > 8 else "")
+    first = ", ".join(map(str, touches[:8]))
+    listed = first if len(touches) <= 8 else say("mistake.single_touches.more", first=first, count=len(touches) - 8)
     yield Hypothesis(
-        f"the readings fit without touch{'es' if len(touches) > 1 else ''} {listed}",
+        say(f"mistake.single_touches.without_{'many' if len(touches) > 1 else 'one'}", listed=listed),
         "readings",
         "touch",
-        "look for chips there and for slips in these rows; give them the status 'miss', or --exclude-outliers",
+        say("mistake.single_touches.look_for_chips_there_for"),
         readings=case.readings.rows(~wrong),
         touches=touches,
         price=1.0 + PRICE * len(touches),

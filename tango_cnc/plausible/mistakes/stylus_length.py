@@ -7,6 +7,7 @@ from functools import partial
 
 from ...kinematics import axis_frame
 from ...records import Machine
+from ...texts import say
 from ._case import Case, Hypothesis
 
 NEAR = 0.1  # mm
@@ -15,7 +16,7 @@ NEAR = 0.1  # mm
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """case → a stylus of any length."""
     yield Hypothesis(
-        "the readings fit if the stylus has another length",
+        say("mistake.stylus_length.readings_fit_stylus_has_another"),
         "machine",
         "probe.length",
         "",
@@ -31,8 +32,10 @@ def _words(machine: Machine, values: Mapping[str, float]) -> tuple[str, str]:
     why = ""
     radius = machine.probe.tip_radius
     if abs(abs(length - machine.probe.length) - radius) < NEAR:
-        why = ": the length counts to the centre of its ball, not to its end"
+        why = say("mistake.stylus_length.length_counts_centre_its_ball")
     for factor, unit in ((25.4, "inch"), (1000.0, "m"), (10.0, "cm")):
         if abs(length / factor - machine.probe.length) < 0.01 * machine.probe.length:
-            why = f": the number is in {unit}"
-    return f"the readings fit if the stylus is {length:.2f} mm long{why}", f"write length: {length:.2f}, and measure it"
+            why = say("mistake.stylus_length.number", unit=unit)
+    return say("mistake.stylus_length.readings_fit_stylus_mm_long", length=f"{length:.2f}", why=why), say(
+        "mistake.stylus_length.write_length_measure", length=f"{length:.2f}"
+    )

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...records import Array, Artefact, Obstacle, Surface, Vector
+from ...texts import joined, say
 from ._case import Case, Hypothesis
 
 
@@ -17,19 +18,19 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     for i, letter in enumerate("xyz"):
         for quarters in (1, 2, 3):
             yield Hypothesis(
-                f"the readings fit if the table is turned by {90 * quarters}° about {letter}",
+                say("mistake.table_placement.readings_fit_table_turned_about", quarters=90 * quarters, letter=letter),
                 "artefact",
                 "facets",
-                f"turn every point and normal by {90 * quarters}° about {letter}, or the table on the machine",
+                say("mistake.table_placement.turn_every_point_normal_about", quarters=90 * quarters, letter=letter),
                 artefact=_mapped(artefact, _turn(i, quarters)),
                 price=0.5,
             )
         mirror = np.diag([-1.0 if k == i else 1.0 for k in range(3)])
         yield Hypothesis(
-            f"the readings fit if {letter} of every facet has the other sign",
+            say("mistake.table_placement.readings_fit_every_facet_has", letter=letter),
             "artefact",
             "facets",
-            f"change the sign of {letter} in every point and normal",
+            say("mistake.table_placement.change_sign_every_point_normal", letter=letter),
             artefact=_mapped(artefact, mirror),
             price=0.5,
         )
@@ -37,10 +38,10 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         swap = np.eye(3)
         swap[[j, k]] = swap[[k, j]]
         yield Hypothesis(
-            f"the readings fit if {'xyz'[j]} and {'xyz'[k]} of every facet are exchanged",
+            say("mistake.table_placement.readings_fit_every_facet_exchanged", value="xyz"[j], value2="xyz"[k]),
             "artefact",
             "facets",
-            f"exchange {'xyz'[j]} and {'xyz'[k]} in every point and normal",
+            say("mistake.table_placement.exchange_every_point_normal", value="xyz"[j], value2="xyz"[k]),
             artefact=_mapped(artefact, swap),
             price=1.0,
         )
@@ -51,8 +52,13 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
 
 
 def _words(values: Mapping[str, float]) -> tuple[str, str]:
-    said = ", ".join(f"{c.lower()} by {values[f'E{c}w']:.2f} mm" for c in "XYZ" if f"E{c}w" in values)
-    return f"the readings fit if the whole table is shifted: {said}", "see where the origin of artefact.yaml is meant to be"
+    said = joined(
+        ", ",
+        (say("mistake.table_placement.mm", lower=c.lower(), values=f"{values[f'E{c}w']:.2f}") for c in "XYZ" if f"E{c}w" in values),
+    )
+    return say("mistake.table_placement.readings_fit_whole_table_shifted", said=said), say(
+        "mistake.table_placement.see_where_origin_artefact_yaml"
+    )
 
 
 def _turn(axis: int, quarters: int) -> Array:

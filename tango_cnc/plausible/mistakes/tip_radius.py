@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 
 from ...records import Machine
+from ...texts import say
 from ._case import Case, Hypothesis
 
 NEAR = 0.05  # mm
@@ -14,7 +15,7 @@ NEAR = 0.05  # mm
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """case → a tip of any radius."""
     yield Hypothesis(
-        "the readings fit if the tip has another radius",
+        say("mistake.tip_radius.readings_fit_tip_has_another"),
         "machine",
         "probe.tip_radius",
         "",
@@ -30,9 +31,11 @@ def _words(machine: Machine, values: Mapping[str, float]) -> tuple[str, str]:
     radius = given + values["radius"]
     if abs(radius) < NEAR:
         return (
-            "the readings fit if they are contact points: the tip radius has been taken off already",
-            "record the tip centre, without radius compensation",
+            say("mistake.tip_radius.readings_fit_they_contact_points"),
+            say("mistake.tip_radius.record_tip_centre_without_radius"),
         )
-    why = ": the diameter is given for the radius" if abs(2 * radius - given) < NEAR else ""
-    why = ": the radius is given as a part of it" if abs(radius - 2 * given) < NEAR else why
-    return f"the readings fit if the tip has a radius of {radius:.2f} mm{why}", f"write tip_radius: {radius:.2f}, and measure it"
+    why = say("mistake.tip_radius.diameter_given_for_radius") if abs(2 * radius - given) < NEAR else ""
+    why = say("mistake.tip_radius.radius_given_as_part") if abs(radius - 2 * given) < NEAR else why
+    return say("mistake.tip_radius.readings_fit_tip_has_radius", radius=f"{radius:.2f}", why=why), say(
+        "mistake.tip_radius.write_tip_radius_measure", radius=f"{radius:.2f}"
+    )

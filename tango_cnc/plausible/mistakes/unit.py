@@ -9,14 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from ...records import Artefact, Machine, Vector
+from ...texts import joined, say
 from ._case import Case, Hypothesis, with_positions, with_probe
 
-LENGTHS = {25.4: "inch", 1000.0: "m", 10.0: "cm", 1 / 25.4: "mm, and are taken for inch", 1e-3: "µm"}
+LENGTHS = {25.4: "inch", 1000.0: "m", 10.0: "cm", 1 / 25.4: "mm", 1e-3: "um"}  # mm: what is taken for inch
 ANGLES = {
     180 / math.pi: "radian",
-    math.pi / 180: "degrees twice over",
+    math.pi / 180: "degrees",
     360.0: "turns",
-    1 / 3600: "seconds of arc",
+    1 / 3600: "seconds",
     1e-3: "thousandths",
 }
 
@@ -28,34 +29,34 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     turning = [name for name in machine.rotary if np.ptp(readings.position[:, machine.column(name)])]
     for factor, unit in LENGTHS.items():
         yield Hypothesis(
-            f"the readings fit if the numbers of artefact.yaml are in {unit}",
+            say("mistake.unit.readings_fit_numbers_artefact_yaml", unit=say(f"mistake.unit.unit_{unit}")),
             "artefact",
             "facets",
-            f"multiply every length by {factor:g}",
+            say("mistake.unit.multiply_every_length", factor=f"{factor:g}"),
             artefact=scaled(case.artefact, factor),
         )
         yield Hypothesis(
-            f"the readings fit if X, Y and Z of the readings are in {unit}",
+            say("mistake.unit.readings_fit_readings", unit=say(f"mistake.unit.unit_{unit}")),
             "readings",
             ", ".join(machine.linear),
-            f"multiply them by {factor:g}",
+            say("mistake.unit.multiply_them", factor=f"{factor:g}"),
             readings=with_positions(readings, _times(readings.position, linear, factor)),
         )
         yield Hypothesis(
-            f"the readings fit if the lengths of machine.yaml are in {unit}",
+            say("mistake.unit.readings_fit_lengths_machine_yaml", unit=say(f"mistake.unit.unit_{unit}")),
             "machine",
             "axes",
-            f"multiply every length by {factor:g}",
+            say("mistake.unit.multiply_every_length", factor=f"{factor:g}"),
             machine=_machine(machine, factor),
             price=0.5,
         )
     for name in machine.linear:
         for factor in (2.0, 0.5, 10.0, 0.1, 25.4, 1 / 25.4, 1000.0, 1e-3):
             yield Hypothesis(
-                f"the readings fit if {name} counts {1 / factor:g} for 1 mm",
+                say("mistake.unit.readings_fit_counts_for_mm", name=name, factor=f"{1 / factor:g}"),
                 "readings",
                 name,
-                f"multiply the column {name} by {factor:g} (diameter programming, another unit?)",
+                say("mistake.unit.multiply_column_diameter_programming_another", name=name, factor=f"{factor:g}"),
                 readings=with_positions(readings, _times(readings.position, [machine.column(name)], factor)),
                 price=1.0,
             )
@@ -63,10 +64,14 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         for names in ([turning] if len(turning) > 1 else []) + [[name] for name in turning]:
             columns = [machine.column(name) for name in names]
             yield Hypothesis(
-                f"the readings fit if {' and '.join(names)} of the readings {'is' if len(names) == 1 else 'are'} in {unit}",
+                say(
+                    f"mistake.unit.angle_{'one' if len(names) == 1 else 'many'}",
+                    names=names[0] if len(names) == 1 else joined(say("mistake.unit.and"), names),
+                    unit=say(f"mistake.unit.unit_{unit}"),
+                ),
                 "readings",
                 ", ".join(names),
-                f"multiply {'it' if len(names) == 1 else 'them'} by {factor:g}",
+                say(f"mistake.unit.multiply_{'it' if len(names) == 1 else 'them'}", factor=f"{factor:g}"),
                 readings=with_positions(readings, _times(readings.position, columns, factor)),
                 price=0.0 if unit == "radian" else 1.0,
             )

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 
 from ...records import Machine
+from ...texts import joined, say
 from ._case import Case, Hypothesis, moved_column
 
 NEAR = 1.0  # mm
@@ -41,18 +42,18 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
 
 def _linear(machine: Machine, values: Mapping[str, float]) -> tuple[str, str]:
     own = {name: values[f"E_zero_{name}"] for name in machine.linear if f"E_zero_{name}" in values}
-    said = ", ".join(f"{name} by {value:.2f} mm" for name, value in own.items())
+    said = joined(", ", (say("mistake.zero_offset.mm", name=name, value=f"{value:.2f}") for name, value in own.items()))
     length = machine.probe.length
     if any(abs(abs(value) - length) < NEAR for value in own.values()):
-        why = "the tool length is still active: record machine coordinates (G53, tool length off)"
+        why = say("mistake.zero_offset.tool_length_still_active_record")
     else:
-        why = "record machine coordinates: no work offset, no tool offset; then see what the zero of the axis is"
-    return f"the readings fit if they count from another zero: {said} more", why
+        why = say("mistake.zero_offset.record_machine_coordinates_no_work")
+    return say("mistake.zero_offset.readings_fit_they_count_from", said=said), why
 
 
 def _rotary(name: str, turn: float, values: Mapping[str, float]) -> tuple[str, str]:
     value = (turn + math.degrees(values[f"E_zero_{name}"]) + 180) % 360 - 180
     return (
-        f"the readings fit if {name} counts from another zero: by {value:.3f}° more",
-        f"record {name} in machine coordinates, and see whether its reference has been set anew or the table was turned",
+        say("mistake.zero_offset.readings_fit_counts_from_another", name=name, value=f"{value:.3f}"),
+        say("mistake.zero_offset.record_machine_coordinates_see_whether", name=name),
     )

@@ -51,7 +51,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     if busy and told is not None:
         told = measuring(told, t)
     verdict = "" if told is None else f"morning.{told.state}"
-    headline = "" if row.record is None else sentence(plain(str(row.record.get("headline") or ""), u, t, axes), Units())
+    headline = "" if row.record is None else sentence(plain(t.of(row.record.get("headline") or ""), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
     signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
     return {
@@ -72,7 +72,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "open": s.alarms_open if s else 0,
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
-        "strip": strip(signs, t("web.nights", count=len(signs))) if signs else "",
+        "strip": strip(signs, t("web.nights", count=len(signs)), t) if signs else "",
     }
 
 

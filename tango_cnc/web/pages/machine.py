@@ -14,8 +14,10 @@ from starlette.routing import Route
 
 from ...history import Night, compensations
 from ...report.charts import tip
-from ...report.faults import earlier
+from ...report.faults import earlier, sentence
 from ...report.morning import LEVELS, context, last_within, last_written, strip
+from ...report.plain import plain
+from ...report.units import Units
 from ..app import machine_of, needs, page, state_of
 from ..live import Run, journals, minutes_left, quiet
 from ..places import STRIP, Machine, told
@@ -54,8 +56,9 @@ def machine(request: Request) -> Response:
         )
         values["known"] = True
         values["entry"] = entry
-        values["strip"] = strip([(d, v, "") for d, v in reversed(signs)], state.texts("web.nights", count=len(nights)))
+        values["strip"] = strip([(d, v, "") for d, v in reversed(signs)], state.texts("web.nights", count=len(nights)), state.texts)
         values["listed"] = len(nights)
+        values["headlines"] = headlines(request, found, nights[:10])
         values["curves"] = _curves(request, found)
     return page(request, "machine.html", **values)
 
@@ -131,6 +134,22 @@ def _curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
     return Markup(wide), Markup(narrow)
 
 
+def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Mapping[int, str]:
+    """request, machine, nights → {entry: what the night said, in the words of the shop}."""
+    state, history = state_of(request), machine.history
+    if history is None or not nights:
+        return {}
+    key = f"headlines {machine.slug} {nights[0].entry} {nights[-1].entry}"
+    t, u, axes = state.texts, state.units, state.places.geometry(machine)
+
+    def made() -> dict[int, str]:
+        records = history.records_of([n.entry for n in nights])
+        said = {n.entry: records.get(n.entry, {}).get("headline") or n.headline for n in nights}
+        return {entry: sentence(plain(t.of(text), u, t, axes), Units()) for entry, text in said.items()}
+
+    return state.places.kept(key, made, 600)
+
+
 def nights(request: Request) -> Response:
     """request → the list of all nights, a page at a time."""
     needs(request, "view")
@@ -140,7 +159,8 @@ def nights(request: Request) -> Response:
     every = state.places.nights(found, ANOTHER)
     shown = every[number * PAGE : (number + 1) * PAGE]
     more = (number + 1) * PAGE < len(every)
-    return page(request, "nights.html", machine=found, nights=shown, count=len(every), number=number, more=more)
+    said = headlines(request, found, shown)
+    return page(request, "nights.html", machine=found, nights=shown, headlines=said, count=len(every), number=number, more=more)
 
 
 ROUTES = [Route("/machine/{slug}", machine, name="machine"), Route("/machine/{slug}/nights", nights, name="nights")]

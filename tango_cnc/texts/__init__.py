@@ -1,0 +1,144 @@
+"""Every text for people in one file a language: key → sentence with its numbers filled in.
+
+A sentence remembers how it was made (`Said`): the command line prints it, a page looks its key up in the language of the shop, and
+the record of a night carries keys and numbers beside the English text, so that yesterday's night can be read in any language.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from importlib import resources
+from typing import Any
+
+LANGUAGE = "en"
+LIST = "list"  # key of several texts with something between them
+MEMBER = "said"  # of a record: {text: [key, {name: value}]}
+
+
+class Said(str):
+    """A text of the catalogue in English, with its key and what was filled in; a `str` like any other for who does not ask."""
+
+    key: str
+    values: Mapping[str, Any]
+
+    def __new__(cls, text: str, key: str, values: Mapping[str, Any]) -> Said:
+        """text, its key, what was filled in → the text that remembers them."""
+        made = super().__new__(cls, text)
+        made.key, made.values = key, dict(values)
+        return made
+
+    def __str__(self) -> str:
+        """→ itself: what it is made of is not lost by str()."""
+        return self
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, Mapping[str, Any]]]:
+        """→ how to make it again in another process."""
+        return Said, (self[:], self.key, self.values)
+
+    def but(self, **values: Any) -> Said:
+        """other values → the same text with these."""
+        found = {**self.values, **values}
+        return joined(found.pop("between"), found.values()) if self.key == LIST else say(self.key, **found)
+
+
+def flat(tree: Mapping[str, Any], before: str = "") -> dict[str, str]:
+    """tables of TOML → {"table.key": text}."""
+    found: dict[str, str] = {}
+    for name, value in tree.items():
+        if isinstance(value, Mapping):
+            found |= flat(value, f"{before}{name}.")
+        else:
+            found[f"{before}{name}"] = str(value)
+    return found
+
+
+@cache
+def english() -> Mapping[str, str]:
+    """→ the texts of the program."""
+    file = resources.files(__package__) / f"{LANGUAGE}.toml"
+    return flat(tomllib.loads(file.read_text(encoding="utf-8")))
+
+
+def say(key: str, /, **values: Any) -> Said:
+    """key, values → the sentence in English. Raises KeyError for a key or a value that is missing: a mistake of the program."""
+    text = english()[key]
+    values = {name: value if isinstance(value, str) else str(value) for name, value in values.items()}
+    return Said(text.format_map(values) if values else text, key, values)
+
+
+def joined(between: str, texts: Iterable[Any]) -> Said:
+    """what stands between, texts → all of them in one; a page translates each. Empty ones are left out."""
+    parts = [x for x in texts if x]
+    return Said(between.join(parts), LIST, {"between": between, **{f"{i}": x for i, x in enumerate(parts)}})
+
+
+def unstopped(text: str) -> str:
+    """text → the same without a full stop at its end."""
+    if isinstance(text, Said) and text.key == LIST:
+        values = dict(text.values)
+        between, parts = values.pop("between"), list(values.values())
+        return joined(between, parts[:-1] if parts[-1] == "." else parts)
+    return text.rstrip(".") if text.endswith(".") else text
+
+
+def instead(text: str, old: str, new: str) -> str:
+    """text, a value that was filled in, another → the text with that; of a text without a key, what follows the word since."""
+    if not isinstance(text, Said):
+        return text.replace(f"since {old}", f"since {new}")
+    return text.but(**{name: new if v == old else instead(v, old, new) for name, v in text.values.items() if isinstance(v, str)})
+
+
+def translated(text: Any, texts: Mapping[str, str]) -> str:
+    """text, texts of a language by key → the same in that language; what has no key stays as it is."""
+    if not isinstance(text, Said):
+        return f"{text}"
+    values = {name: translated(x, texts) if isinstance(x, Said) else x for name, x in text.values.items()}
+    if text.key == LIST:
+        return str(values.pop("between")).join(str(x) for x in values.values())
+    if text.key not in texts:
+        return text[:]
+    return texts[text.key].format_map(values) if values else texts[text.key]
+
+
+def _texts(found: Any) -> Iterator[Said]:
+    if isinstance(found, Said):
+        yield found
+        for value in found.values.values():
+            yield from _texts(value)
+    elif isinstance(found, Mapping):
+        for value in found.values():
+            yield from _texts(value)
+    elif isinstance(found, list | tuple):
+        for value in found:
+            yield from _texts(value)
+
+
+def carried(record: Mapping[str, Any]) -> dict[str, Any]:
+    """record with texts in it → the same with the keys and values of its texts as one more member, plain enough for JSON."""
+    said = {text[:]: [text.key, {n: v[:] for n, v in text.values.items()}] for text in _texts(record)}
+    return {**record, MEMBER: said} if said else dict(record)
+
+
+def revived(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """record that was read → its texts know their keys and values again; a record without them is left as it is."""
+    said = record.get(MEMBER)
+    if not isinstance(said, Mapping) or not said:
+        return record
+    made: dict[str, Any] = {}
+
+    def again(found: Any) -> Any:
+        if isinstance(found, str):
+            if found not in said:
+                return found
+            if found not in made:
+                made[found] = found  # what contains itself is no text of this program
+                key, values = said[found]
+                made[found] = Said(found, str(key), {n: again(v) for n, v in values.items()})
+            return made[found]
+        if isinstance(found, Mapping):
+            return {name: again(value) for name, value in found.items()}
+        return [again(value) for value in found] if isinstance(found, list) else found
+
+    return {name: value if name == MEMBER else again(value) for name, value in record.items()}

@@ -1,0 +1,161 @@
+"""A shop reads everything in its own language: with the catalogue in other letters, no English is left on a page."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import string
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from starlette.testclient import TestClient
+
+from sim_controller.simulate import simulate
+from tango_cnc.cli import tango
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.history import opened
+from tango_cnc.plausible import judge
+from tango_cnc.records import Cell, Readings
+from tango_cnc.report.facts import Paper, Wishes, gather
+from tango_cnc.report.morning import render as morning
+from tango_cnc.report.page import render
+from tango_cnc.report.texts import texts, texts_of
+from tango_cnc.texts import Said, carried, instead, joined, revived, say
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+
+ROOT = Path(__file__).parents[1]
+LETTERS = {ord(a): chr(0x430 + i) for i, a in enumerate(string.ascii_lowercase)}
+LETTERS |= {ord(a): chr(0x410 + i) for i, a in enumerate(string.ascii_uppercase)}
+NO_WORD = re.compile(
+    r"'tango [^']*'"  # commands
+    r"|\b[\w./-]+\.(?:yaml|csv|toml|html|pdf|db|md|json)\b"  # files
+    r"|\btolerances\.\w+|\bEZf\d+\b|µrad|\bE[XYZABC]\w*(?:-E\w+)?\b|\b[0-9a-f]{32,}\b"  # symbols of ISO 230-1, hashes
+    r"|\b(?:UTC|CET|ISO|rms|min|mm|deg|rad|tango|tango_cnc|numpy|scipy|Python|Linux|x86_64)\b"
+)
+
+
+def other(text: str) -> str:
+    """Text of the catalogue → the same in other letters; {names} stay."""
+    return "".join(part if part.startswith("{") else part.translate(LETTERS) for part in re.split(r"(\{[^{}]*\})", text))
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("shop")
+    lines = (f"{key} = {json.dumps(other(texts()(key)), ensure_ascii=False)}" for key in texts().keys if key != "language")
+    (folder / "texts.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def english(page: str, *names: str) -> list[str]:
+    """HTML, names that belong to the machine → the words in Latin letters that a person reads or hears."""
+    text = re.sub(r"<(style|script|code)\b.*?</\1>", " ", page, flags=re.DOTALL)
+    heard = " ".join(re.findall(r'(?:aria-label|title|alt|data-more|placeholder)="([^"]*)"', text))
+    seen = html.unescape(re.sub(r"<[^>]*>", " ", text) + " " + heard)
+    for name in sorted(names, key=len, reverse=True):
+        seen = seen.replace(name, " ")
+    return sorted(set(re.findall(r"[A-Za-z]{3,}(?: [a-z]{2,})*", NO_WORD.sub(" ", seen))))
+
+
+def cell_of(name: str) -> tuple[Cell, Readings]:
+    cell = read_cell(ROOT / "examples" / name)
+    world = read_world(ROOT / "examples" / name / "world.yaml")
+    return cell, simulate(cell.machine, cell.artefact, cell.strategy, world)
+
+
+def report(cell: Cell, readings: Readings, shop: Path, diagnosis: bool) -> str:
+    result = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    paper = Paper(datetime(2026, 11, 22, tzinfo=UTC), "0.1", simulated=True)
+    facts = gather(cell, readings, Wishes(cell.terms, diagnosis=diagnosis), paper, result, judge(cell, readings, result))
+    return render(facts, shop)
+
+
+def names_of(cell: Cell) -> tuple[str, ...]:
+    return cell.machine.name, cell.machine.topology, cell.artefact.name, cell.strategy.name, "bed", *map(str, cell.terms)
+
+
+@pytest.mark.long
+def test_a_report_with_its_diagnosis(shop: Path) -> None:
+    cell, readings = cell_of("hu40t")
+    assert english(report(cell, readings, shop, diagnosis=True), *names_of(cell)) == []
+
+
+def turned(cell: Cell, readings: Readings) -> Readings:
+    position = readings.position.copy()
+    position[:, cell.machine.column("C")] *= -1
+    return replace(readings, position=position)
+
+
+def half(cell: Cell, readings: Readings) -> Readings:
+    return readings.rows(readings.touch % 2 == 0)
+
+
+def chip(cell: Cell, readings: Readings) -> Readings:
+    position = readings.position.copy()
+    position[40:46, cell.machine.column("X")] += 0.4
+    return replace(readings, position=position)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("spoilt", [turned, half, chip])
+def test_a_report_of_readings_in_doubt(spoilt: Callable[[Cell, Readings], Readings], shop: Path) -> None:
+    cell, readings = cell_of("hu40t")
+    assert english(report(cell, spoilt(cell, readings), shop, diagnosis=False), *names_of(cell)) == []
+
+
+@pytest.fixture(scope="module")
+def nights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("nights")
+    done = CliRunner().invoke(
+        tango, ["history", "simulate", str(folder / "h.db"), "-C", str(ROOT / "examples" / "hu40t"), "--nights", "22"]
+    )
+    assert done.exit_code == 0, done.output
+    return folder / "h.db"
+
+
+@pytest.mark.long
+def test_every_night_and_every_page_of_the_server(nights: Path, shop: Path) -> None:
+    cell = read_cell(ROOT / "examples" / "hu40t")
+    names = names_of(cell)
+    with opened(str(nights), create=False) as history:
+        for night in history.nights(cell.machine.name):
+            record = history.night(night.entry).record
+            assert english(morning(record, folder=shop), *names, night.night) == [], night.headline
+    settings = Settings((), history=str(nights), templates=shop)
+    with TestClient(create(settings), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        machine = re.findall(r'href="(/machine/[^"/]+)"', site.get("/").text)[0]
+        first = re.findall(rf'href="({machine}/night/\d+)"', site.get(f"{machine}/nights").text)[0]
+        for path in (
+            "/",
+            "/alarms",
+            "/sign-in",
+            "/nothing",
+            machine,
+            first,
+            *(f"{machine}/{p}" for p in ("run", "trend", "nights")),
+        ):
+            assert english(site.get(path).text, *names) == [], path
+
+
+def test_a_text_remembers_how_it_was_made(shop: Path) -> None:
+    text = joined("; ", (say("night.alarms.still_there", told="5 µm"), "", say("judged.doubtful")))
+    assert text == "still there: 5 µm; doubtful"
+    assert texts_of(shop).of(text) == f"{other('still there')}: 5 µm; {other('doubtful')}"
+    read = revived(json.loads(json.dumps(carried({"alarms": [{"text": text}], "night": "2026-11-22"}))))
+    again = read["alarms"][0]["text"]
+    assert isinstance(again, Said) and texts_of(shop).of(again) == texts_of(shop).of(text)
+    assert read["night"] == "2026-11-22" and not isinstance(read["night"], Said)
+
+
+def test_last_night_becomes_its_date_in_every_language(shop: Path) -> None:
+    text = texts()("changed.unnamed", name="EX0C", size="9 µm", since=say("night.alarms.last_night"))
+    assert isinstance(text, Said) and instead(text, "last night", "2026-11-21") == "EX0C has changed by 9 µm since 2026-11-21"
+    assert "2026-11-21" in texts_of(shop).of(instead(text, "last night", "2026-11-21"))
+    assert instead("It moved since last night", "last night", "2026-11-21") == "It moved since 2026-11-21"
