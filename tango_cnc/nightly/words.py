@@ -25,7 +25,7 @@ SHOWN = 3  # alarms that wait, in full
 
 
 def cause_texts(cause: str, effect_um: float) -> tuple[str, str]:
-    """cause, µm that it does at most → what it means for a part, what to do (texts of tango_cnc/report/texts/en.toml)."""
+    """cause, µm that it does at most → what it means for a part, what to do (tango_cnc/texts/en.toml)."""
     t = texts()
     return t(f"cause.{cause}.on_part", effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
 
