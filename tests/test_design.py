@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,17 @@ from scipy.spatial import ConvexHull
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.design import goals, order
+from tango_cnc.design.candidates import candidates
+from tango_cnc.design.choose import rows_of
 from tango_cnc.design.criterion import Criterion, State, swaps, value
-from tango_cnc.design.relaxed import Costs, efficiency, relax
+from tango_cnc.design.exchange import Draft
+from tango_cnc.design.relaxed import Costs, Relaxed, efficiency, relax
+from tango_cnc.design.senses import ordered, senses_of
 from tango_cnc.design.whole import whole
+from tango_cnc.design.worst import sharpened
 from tango_cnc.files import read_artefact, read_cell
 from tango_cnc.plan import plan
-from tango_cnc.records import InputError
+from tango_cnc.records import Indexation, InputError
 
 RNG = np.random.default_rng(5)
 P = 9
@@ -94,6 +100,35 @@ def test_no_plan_there_is_gets_below_the_bound_and_the_chosen_one_is_near_the_be
     assert costs.touch[chosen].sum() + costs.visit[np.unique(pose[chosen])].sum() <= seconds
     assert relaxed.bound <= best + 1e-9
     assert efficiency(criterion, value(criterion, information(rows[chosen])), best, P) > 0.9
+
+
+def test_after_exchanges_by_the_worst_no_swap_makes_the_worst_better() -> None:
+    many, pose = Criterion("worst", None, SPREAD[:4]), np.zeros(40, dtype=int)
+    costs, of_pose = Costs(np.ones(40), np.ones(1)), [np.arange(40)]
+    relaxed = Relaxed(np.ones(40), np.ones(1), 0.0, many.with_weights(np.full(4, 0.25)))
+    draft = Draft(TOUCHES, pose, of_pose, HELD, costs, relaxed, np.arange(40) < 14)
+    before = value(many, draft.information)
+    sharpened(draft, 15.0, many)
+    after = value(many, draft.information)
+    assert after < before and draft.chosen.sum() == 14
+    inside, outside = np.flatnonzero(draft.chosen), np.flatnonzero(~draft.chosen)
+    for i, k in itertools.product(inside, outside):
+        other = np.append(inside[inside != i], k)
+        assert value(many, information(TOUCHES[other])) > after * (1 - 1e-3)
+
+
+def test_rows_of_an_order_are_those_of_its_plan_where_backlash_of_rotary_axes_is_concerned() -> None:
+    cell = read_cell(Path(__file__).parents[1] / "examples" / "trunnion")
+    choice = candidates(cell, ("S3",), cell.strategy.approach)
+    visits = [40, 90, 12]
+    picked = [choice.of_pose[j][:3] for j in visits]
+    stations = [choice.cell.strategy.indexations[j].position for j in visits]
+    own = tuple(Indexation(p, tuple(choice.facet[i] for i in some)) for p, some in zip(stations, picked, strict=True))
+    made = plan(replace(cell, strategy=replace(cell.strategy, indexations=own)), "leave-out")
+    columns = [j for j, name in enumerate(choice.selection.model.names) if name in ("EAAb", "ECCb")]
+    came = ordered(choice, senses_of(choice), visits).rows[np.concatenate(picked)][:, columns]
+    assert len(columns) == 2 and not np.allclose(came, choice.rows[np.concatenate(picked)][:, columns])
+    assert np.allclose(came, rows_of(choice, made)[:, columns], rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.long

@@ -26,6 +26,7 @@ from .enough import determined
 from .exchange import Draft
 from .problem import Chosen, Problem, lighter
 from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
+from .senses import senses_of
 from .sequence import FRACTIONS, sequence
 from .whole import SHAKES, whole
 from .worst import FEWER, sharpened
@@ -43,6 +44,7 @@ Mask = NDArray[np.bool_]
 
 def chosen(problem: Problem) -> Chosen:
     """problem → plan. Raises InputError when the time is too short for any plan that tells something."""
+    problem = replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem
     again = order.again(problem.choice.cell, problem.feed)
     # The first choice, a quick one, says what touches and turns cost.
     first, relaxed = _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)
@@ -52,7 +54,8 @@ def chosen(problem: Problem) -> Chosen:
     best = min((found, last), (first, relaxed), key=lambda each: each[0].value)
     if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
         best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
-    return certified(best[0], _lifted(best[0].problem, best[1]))
+    finer = _at_the_same_visits(best[0], best[1])
+    return certified(finer if finer.value < best[0].value else best[0], _lifted(best[0].problem, best[1]))
 
 
 def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:
@@ -65,6 +68,23 @@ def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, rel
     relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
     mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, shakes)
     return _fitted(problem, mask, relaxed), relaxed
+
+
+def _at_the_same_visits(found: Chosen, relaxed: Relaxed) -> Chosen:
+    """plan, relaxed design → plan of the same visits in their order, its touches chosen by how axes really come there."""
+    problem, (touch, visit, spare) = found.problem, costs_of(found)
+    number = {tuple(sorted(i.position.items())): j for j, i in enumerate(problem.choice.cell.strategy.indexations)}
+    visits = list(dict.fromkeys(number[tuple(sorted(i.position.items()))] for i in found.cell.strategy.indexations))
+    light = lighter(problem.ordered(visits))
+    some = np.flatnonzero(np.isin(light.choice.pose, visits))
+    rows, pose = light.choice.rows[some], np.searchsorted(np.sort(visits), light.choice.pose[some])
+    of_pose = [np.flatnonzero(pose == j) for j in range(len(visits))]
+    costs = Costs(np.full(len(rows), touch), np.full(len(visits), visit))
+    seconds = problem.seconds - spare
+    here = relax(rows, of_pose, light.held, costs, seconds, light.criterion)
+    mask = np.zeros(len(light.choice.pose), dtype=np.bool_)
+    mask[some[whole(rows, pose, of_pose, light.held, costs, seconds, here, SHAKES)]] = True
+    return _fitted(problem, mask, _lifted(problem, relaxed), [j for j in visits if mask[light.choice.pose == j].any()])
 
 
 def costs_of(found: Chosen) -> tuple[float, float, float]:
@@ -127,13 +147,12 @@ def _first_costs(problem: Problem) -> float:
     return approach.standoff / (approach.feed / 60) + 2.0
 
 
-def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed) -> Chosen:
-    """mask of chosen touches → the plan of these, with fewer or more until it fits into the time."""
+def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] | None = None) -> Chosen:
+    """chosen touches, order of visits if it is known → the plan of these, with fewer or more until it fits into the time."""
     mask = mask.copy()
-    choice, light = problem.choice, lighter(problem)
+    choice = problem.choice
     legs = order.Legs(choice.cell, problem.feed)
     best: Chosen | None = None
-    visited: list[int] | None = None
     worse = 0
     for _ in range(TRIMS):
         visits = np.unique(choice.pose[mask]).tolist()
@@ -147,7 +166,7 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed) -> Chosen:
         if best is not None and (worse >= WORSE or -CLOSE * problem.seconds <= over <= 0):
             break
         own = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
-        changed = _changed(light, mask, own, relaxed, over)
+        changed = _changed(lighter(problem.ordered(visited)), mask, own, relaxed, over)
         if changed.sum() < 2 or (changed == mask).all():
             break
         mask = changed

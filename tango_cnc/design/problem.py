@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..records import Array, Cell, Plan
 from .candidates import Candidates
 from .criterion import Criterion
+from .senses import Senses, ordered
 
 SHORT = 200.0  # s; a check that is no longer is over before anything has drifted
 AGAIN = 4  # facets of the first indexation that are touched once more at the end
@@ -25,6 +27,7 @@ class Problem:
     begin: Array  # (p, p) what is known of a machine whose errors are as usual: it decides the order
     repeats: int = AGAIN
     times: int = 1  # touches in a row at each facet
+    senses: Senses | None = None  # how the rows depend on from where rotary axes came
     gate: str = "none"  # what proves the probe alive before the first touch: as the profile says
 
     @property
@@ -39,8 +42,13 @@ class Problem:
 
     def in_a_row(self, times: int) -> Problem:
         """how often each facet is touched before the next one → the same problem; a row stands for all of them."""
-        rows = self.choice.rows * (times / self.times) ** 0.5
-        return replace(self, choice=replace(self.choice, rows=rows), times=times)
+        more = (times / self.times) ** 0.5
+        senses = None if self.senses is None else replace(self.senses, by=self.senses.by * more)
+        return replace(self, choice=replace(self.choice, rows=self.choice.rows * more), senses=senses, times=times)
+
+    def ordered(self, visits: Sequence[int]) -> Problem:
+        """indexations in their order → the same problem with rows there as that order makes them."""
+        return self if self.senses is None else replace(self, choice=ordered(self.choice, self.senses, visits))
 
 
 @dataclass(frozen=True)
@@ -74,4 +82,7 @@ def lighter(problem: Problem) -> Problem:
     few = replace(choice, rows=new / np.sqrt(spread)[:, None], scale=choice.scale[p:], held=problem.held[p:, p:], twice=())
     assert problem.criterion.worst is not None
     criterion = replace(problem.criterion, worst=problem.criterion.worst[:, p:])
-    return replace(problem, choice=few, criterion=criterion, begin=problem.begin[p:, p:])
+    senses = problem.senses
+    if senses is not None:
+        senses = replace(senses, by=senses.by[:, :, p:] / np.sqrt(spread)[:, None])
+    return replace(problem, choice=few, criterion=criterion, begin=problem.begin[p:, p:], senses=senses)

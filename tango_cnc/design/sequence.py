@@ -5,7 +5,7 @@ A run that is broken off should have told nearly as much as its time allows, and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from ..records import Array, Indexation
 from . import order
 from .criterion import Criterion, State, value
-from .problem import Problem
+from .problem import Problem, lighter
+from .senses import of_order
 
+SIDES = 0.5  # part of φ that an order may save by from where axes come, at most
 EARLY = 0.15  # of the time that an order may cost in which a part of the run is worth e times as much
 DRIFT = 0.3  # correlation of time with the position of an axis that is taken without asking for another order
 FRACTIONS = (0.25, 0.5, 0.75)
@@ -32,11 +34,16 @@ def sequence(problem: Problem, mask: Mask, visits: list[int]) -> list[int]:
     own = [choice.rows[mask & (choice.pose == j)] for j in visits]
     ways = [_greedy(problem, own, times), order.path(times)]
 
-    best_worth, least = _worth(problem, ways[0], own), np.inf
+    best_worth, least, whole = _worth(problem, ways[0], own), np.inf, _whole(problem, mask, visits)
+    usual = whole(ways[0])
+    rest = problem.seconds - order.length(ways[1], times)
 
     def cost(way: list[int]) -> float:
         nonlocal least
         long = order.length(way, times) * (1 + _late(problem, way, own, indexations))
+        if long < least * (1 + SIDES):
+            # What all of it tells goes by from where axes come; twice the variance is worth twice the time of the run.
+            long += max(rest, 0.0) * float(np.clip(whole(way) / usual - 1, -SIDES, 1 / SIDES)) if usual > 0 else 0.0
         if long < least:  # what a part of it is worth takes longer to find out than how long it takes
             lost = float(np.maximum(np.log(_worth(problem, way, own) / best_worth) / 2, 0.0).mean())
             least = min(least, long := long * (1 + EARLY * lost))
@@ -44,6 +51,23 @@ def sequence(problem: Problem, mask: Mask, visits: list[int]) -> list[int]:
 
     way = order.improved(min(ways, key=cost), cost, rounds=3)
     return [visits[i] for i in way]
+
+
+def _whole(problem: Problem, mask: Mask, visits: list[int]) -> Callable[[Sequence[int]], float]:
+    """chosen touches, visits → an order of these → φ when axes come as it makes them; of the determinant, its p-th root."""
+    light = lighter(problem)
+    choice, senses = light.choice, light.senses
+    own = [np.flatnonzero(mask & (choice.pose == j)) for j in visits]
+
+    def found(way: Sequence[int]) -> float:
+        if senses is None or not len(senses.axes):
+            return 1.0
+        came = of_order(choice, senses, [visits[i] for i in way])
+        rows = np.vstack([senses.rows(choice.rows, own[i], sense) for i, sense in zip(way, came, strict=True)])
+        phi = value(light.criterion, light.held + rows.T @ rows)
+        return float(np.exp(phi / len(light.held))) if light.criterion.determinant else phi
+
+    return found
 
 
 def _worth(problem: Problem, way: Sequence[int], own: Sequence[Array]) -> Array:
