@@ -66,6 +66,21 @@ def test_a_plan_that_turns_the_spindle_needs_a_word_for_it(cell):
     assert "orient=m19" in result.err
 
 
+@pytest.mark.parametrize(("port", "why"), [("?orient=m19&feed=90000", "at most 24000"), ("", "orient=m19")])
+def test_what_the_driver_refuses_is_refused_before_anything_is_written(cell, port, why):
+    before = sorted(cell.rglob("*"))
+    result = Result("run", "-C", cell, "--port", f"grbl+socket://127.0.0.1:1{port}")
+    assert result.code == 2 and why in result.err
+    assert sorted(cell.rglob("*")) == before
+
+
+def test_programs_that_each_have_one_angle_of_the_spindle_are_refused_where_the_run_has_two(cell):
+    """--split 3: the third program is to be run with the spindle turned, and nobody would turn it."""
+    result = Result("run", "-C", cell, "--port", "grbl+socket://127.0.0.1:1", "--split", "3")
+    assert result.code == 2 and "orient=m19" in result.err
+    assert not (cell / "program").exists()
+
+
 def test_options_that_mean_nothing_are_refused():
     with pytest.raises(InputError, match="feed"):
         Client(job(), {"feed": "fast"})
@@ -247,6 +262,25 @@ def test_cr_lf_is_one_end_of_a_line_for_grblhal_only(control, firmware, wanted):
     with pytest.raises(Closed):
         serve(line, session, True)
     assert line.said.partition(b"[VER")[0].count(b"ok") == wanted
+
+
+def test_an_alarm_is_said_before_a_question_is_answered_with_its_state(control):
+    """Whoever asks while the line that ends in an alarm is executed would otherwise never hear which alarm it is."""
+    line = Typed(b"G38.2 X1 F100\n")
+    session = SimpleNamespace(device=control(), received=lambda count: None)
+    executed = session.device.line
+
+    def slow(text):
+        answers = executed(text)
+        if text.startswith("G38"):  # the alarm stands, and has not been said
+            line.typed.extend(bytes([byte]) for byte in b"\nI$?")  # taken from the end
+            time.sleep(0.2)
+        return answers
+
+    session.device.line = slow
+    with pytest.raises(Closed):
+        serve(line, session, True)
+    assert line.said.startswith(b"ALARM:5") and line.said.count(b"<Alarm") == 1
 
 
 @pytest.mark.parametrize(("firmware", "axes"), [("grbl", "X Y Z"), ("FluidNC", None)])

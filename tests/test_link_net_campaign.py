@@ -1,6 +1,6 @@
 """Sessions of twelve touches over real servers of FTP, FTPS, SFTP, SMB, LSV2 and OPC UA behind a network that breaks.
 
-python -m pytest -m long -s tests/test_link_net_campaign.py                              200 sessions each, opcua 100
+python -m pytest -m long -s tests/test_link_net_campaign.py                              200 sessions each
 TANGO_SESSIONS=3000 python -m pytest -m campaign -s tests/test_link_net_campaign.py      as many as you like, each
 """
 
@@ -24,7 +24,6 @@ from support.remote import KINDS, NEEDED, free_port, ftp_server, place
 LINKS = (*KINDS, "lsv2", "opcua")
 CAMPAIGN = int(os.environ.get("TANGO_SESSIONS", "3000"))
 PARTS = 4  # of the long test
-SLOWER = ("opcua",)  # half as many in the long test: a session takes three times the computing of the others
 
 
 def marked(kind, *more):
@@ -123,7 +122,7 @@ def test_a_few_sessions_over_a_real_server(kind, tmp_path, monkeypatch):
 @pytest.mark.parametrize("part", range(PARTS))
 @pytest.mark.parametrize("kind", [marked(kind) for kind in LINKS])
 def test_two_hundred_sessions_over_a_real_server(kind, part, tmp_path, monkeypatch):
-    many = (100 if kind in SLOWER else 200) // PARTS
+    many = 200 // PARTS
     injected = sessions(kind, range(1000 + many * part, 1000 + many * (part + 1)), tmp_path, monkeypatch)
     assert injected.total() > many // 5
 

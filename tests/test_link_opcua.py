@@ -6,12 +6,13 @@ import threading
 
 import pytest
 from support.linkparts import job
-from support.opcua import FOLDER, MARK, R, control
+from support.opcua import FOLDER, MARK, Gone, R, control
 from support.parameters import SIGMAS, estimate
 from support.remote import PROGRAM, free_port
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
 
+from postprocessors._base import mark_of
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._nodes import STANDARD, read_nodes
 from tango_cnc.link.protocols import opcua
@@ -117,6 +118,39 @@ def test_another_program_is_not_taken(server, cell):
     result = Result("run", "-C", cell, "--port", server.url, "--timeout", "20")
     assert result.code == 3 and "the control runs program 000A000B000C with 7 touches" in result.err
     assert server.read(R["taken"]) == 0
+
+
+def test_a_start_mark_that_a_reset_control_has_left_is_none_of_this_start(server, cell):
+    """The control was reset while it waited with its start mark, and is started again with the same program."""
+    assert Result("plan", "-C", cell).code == 0
+    mark = mark_of(next((cell / "program").glob("O*")).read_text())
+    for place, number in enumerate(MARK):
+        server.put(number, int(mark[4 * place : 4 * place + 4], 16))
+    server.put(R["count"], 7)
+    server.put(R["record"], 5)
+    server.put(R["taken"], 4)
+    with server.attended(cell):
+        result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
+    assert result.code == 0, result.err
+    assert agree(cell)
+    assert server.read(R["record"]) == server.read(R["taken"]) == 5 + 9
+
+
+def test_a_program_that_is_begun_again_after_a_touch_ends_the_run(server, cell):
+    def person():
+        mark = mark_of(bytes(server.files["TANGO.MPF"]).decode())
+        place = "X- 70.0000 Y 0.0000 Z 70.0000 B 0.0000 C 0.0000 S 0.0000"
+        try:
+            for line in (f"TANGO START {mark} 7", f"P1 H1 {place} K 0.0000", f"TANGO START {mark} 7"):
+                server.printed(line.encode())
+        except Gone:
+            pass
+
+    threading.Timer(1.5, person).start()
+    server.left.clear()
+    result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
+    server.left.set()
+    assert result.code == 3 and "the control began the program a second time" in result.err
 
 
 def test_an_alarm_ends_the_run_in_the_words_of_the_control(server, cell):

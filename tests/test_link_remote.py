@@ -1,6 +1,7 @@
 """The disk of a control over the network: real servers of FTP, FTPS, SFTP and SMB; program put and compared, records followed."""
 
 import contextlib
+import os
 import re
 import subprocess
 import sys
@@ -27,7 +28,7 @@ from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.link._client import Failed
 from tango_cnc.link.protocols import remote
-from tango_cnc.link.transport import Lost, open_port, parse
+from tango_cnc.link.transport import Lost, foreseen, open_port, parse
 from tango_cnc.records import InputError, LinkError
 
 
@@ -190,3 +191,17 @@ def test_a_program_that_comes_back_otherwise_is_not_started():
 def test_a_url_without_host_or_file_is_refused(url):
     with pytest.raises(InputError, match="no host, or no file"):
         parse(url, remote.OPTIONS)
+
+
+@pytest.mark.parametrize("scheme", ["ftp", "sftp", "smb"])
+def test_nobody_there_is_said_in_the_same_words_whatever_the_library(scheme):
+    with pytest.raises(LinkError, match=rf"^port {scheme}://anna@127.0.0.1:1/S/TANGO.TXT does not open: Connection refused\. Is"):
+        open_port(parse(f"{scheme}://anna@127.0.0.1:1/S/TANGO.TXT", remote.OPTIONS))
+
+
+def test_a_pipe_is_no_key_and_has_no_password(tmp_path):
+    os.mkfifo(pipe := tmp_path / "pipe")
+    with pytest.raises(InputError, match=r"key: found .*pipe; allowed: the file of a private key"):
+        foreseen(parse(f"sftp://anna@127.0.0.1:1/x?key={pipe}", remote.OPTIONS))
+    with pytest.raises(InputError, match=r"password: found .*pipe; allowed: a file with one word"):
+        parse(f"sftp://anna@127.0.0.1:1/x?password=file:{pipe}", remote.OPTIONS)

@@ -182,6 +182,14 @@ def test_a_file_of_sensors_that_is_wrong_is_named_with_its_line(tmp_path, text, 
         read_sensors(tmp_path)
 
 
+def test_a_file_of_sensors_that_is_wrong_ends_a_run_before_anything_is_written(cell):
+    (cell / "sensors.yaml").write_text("sensors: {bed: {mqtt: 'mqtt://x'}}")
+    before = sorted(cell.rglob("*"))
+    result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:1")
+    assert result.code == 2 and "sensors.yaml:1" in result.err
+    assert sorted(cell.rglob("*")) == before
+
+
 def test_diagnose_says_which_sensor_has_gaps(cell):
     made = Result("simulate", "-C", cell, "-o", cell / "simulated.csv")
     assert made.code == 0, made.err

@@ -277,6 +277,7 @@ def test_a_password_is_not_in_a_transcript():
     [
         ("ftp://anna:geheim@host/x", "ftp://anna:***@host/x"),
         ("linuxcnc://h:1?password=a&log=b", "linuxcnc://h:1?password=***&log=b"),
+        ("ftp://h/x?passwort=a&from=now", "ftp://h/x?passwort=***&from=now"),  # spelt otherwise
         ("linuxcnc://h:1?Password=a", "linuxcnc://h:1?Password=***"),
         ("linuxcnc://h:1?password=env:PW", "linuxcnc://h:1?password=env:PW"),
         ("/dev/ttyUSB0", "/dev/ttyUSB0"),

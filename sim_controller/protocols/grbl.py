@@ -1,5 +1,7 @@
 """How grbl talks: a line ends with LF (or CR), ? is answered at once, everything else when it has been executed.
 
+An alarm is said before any ? is answered with its state, as in grbl, whose main loop writes both.
+
 What the lines mean is `languages/grbl.py`; `--language grbl` gives it settings, without it the control is a grblHAL of all axes.
 """
 
@@ -24,15 +26,21 @@ def serve(line: Line, session: Session, once: bool) -> None:
     control: Control = session.device
     lines: queue.Queue[str] = queue.Queue()
     lock = threading.Lock()
+    working, waiting = threading.Event(), list[str]()  # a line is executed; states of an alarm that has not been said yet
 
     def say(texts: list[str]) -> None:
-        with lock:
-            line.send("".join(f"{text}\r\n" for text in texts).encode("ascii"))
+        line.send("".join(f"{text}\r\n" for text in texts).encode("ascii"))
 
     def work() -> None:
         with contextlib.suppress(Closed):
             while True:
-                say(control.line(lines.get()))
+                text = lines.get()
+                working.set()
+                answers = control.line(text)
+                with lock:
+                    say([*answers, *waiting])
+                    waiting.clear()
+                    working.clear()
 
     threading.Thread(target=work, daemon=True).start()
     into = Input(control.kind.one_line_end)
@@ -42,7 +50,12 @@ def serve(line: Line, session: Session, once: bool) -> None:
         for byte in data:
             taken = into.take(byte)
             if isinstance(taken, int):
-                say(control.realtime(taken))
+                with lock:
+                    answers = control.realtime(taken)
+                    if working.is_set() and any(text.startswith("<Alarm") for text in answers):
+                        waiting += answers
+                    else:
+                        say(answers)
             elif taken is not None:
                 lines.put(taken)
 

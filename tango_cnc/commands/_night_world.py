@@ -251,14 +251,20 @@ class RealControl:
         """cell with the strategy of tonight, its plan, file → what is known of the run. Raises LinkError where it stops."""
         from ..link._measure import Wanted, measure
         from ._live import Live
-        from .run import _posted
+        from .run import keep, written_for
 
         assert self.cell.controller is not None
         post = dialect(self.cell)
         with Live(None) as live:
             wanted = Wanted(self._address(), post.link, self.cell.controller.post, target, False, None, 60.0, None)
             return measure(
-                own, made, wanted, lambda piece: _posted(own, post, made, piece, None, None), live, lambda piece, program: None
+                own,
+                made,
+                wanted,
+                lambda piece: written_for(own, post, made, piece, None, None),
+                live,
+                lambda piece, program: None,
+                keep=lambda piece, programs: keep(own, post, made, piece, programs),
             )
 
     def _warmed(self, own: Cell, made: Plan, folder: Path) -> None:

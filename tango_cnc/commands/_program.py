@@ -19,6 +19,7 @@ import numpy as np
 from ..compensate.fit import Known, known
 from ..compensate.space import limits_of, sample
 from ..estimate import Estimate
+from ..files.checked import plain
 from ..nc import blocks
 from ..nc.follow import Setup, zero_of
 from ..nc.program import HEAD, Account, Settings, compensated, mark_text
@@ -79,7 +80,11 @@ def language_of(file: Path, cell: Cell, given: str | None) -> ModuleType:
 
 @contextmanager
 def opened(file: Path) -> Iterator[TextIO]:
-    """program → its text, line by line; comments in the characters of another age come out as they went in."""
+    """program → its text, line by line; comments in the characters of another age come out as they went in.
+
+    Raises InputError for a device or a pipe.
+    """
+    plain(file)
     with file.open(encoding="utf-8", errors="surrogateescape", newline="") as text:
         yield text
 

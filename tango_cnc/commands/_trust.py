@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -15,6 +14,7 @@ import numpy as np
 
 from ..estimate import Estimate, estimate
 from ..files.origin import FEW, changed_keys, edited_rows, hurried, read_origin
+from ..files.readjson import read_json
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
 from ..plausible import judge
@@ -64,8 +64,8 @@ def judged(
 
 def left_out(source: Path) -> tuple[int, ...]:
     """readings.csv → touches of the strategy that their plan left out, by what lies beside it."""
-    with suppress(OSError, ValueError, AttributeError):
-        said = json.loads(source.with_suffix(".json").read_text(encoding="utf-8")).get("left_out", ())
+    with suppress(InputError, TypeError):
+        said = read_json(source.with_suffix(".json"), "what 'tango run' wrote").get("left_out", ())
         return tuple(int(found[1]) for text in said if (found := LEFT_OUT.match(str(text))))
     return ()
 
@@ -73,9 +73,9 @@ def left_out(source: Path) -> tuple[int, ...]:
 def as_run(cell: Cell, source: Path) -> Cell:
     """cell, readings.csv → the cell with the touches that a run to a goal meant to make, where `run --until` made the readings."""
     try:
-        meant = json.loads(source.with_suffix(".json").read_text(encoding="utf-8"))["until"]["strategy"]
+        meant = read_json(source.with_suffix(".json"), "what 'tango run' wrote")["until"]["strategy"]
         indexations = tuple(Indexation(dict(i["position"]), tuple(i["facets"])) for i in meant)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (InputError, ValueError, KeyError, TypeError):
         return cell
     if not all(facet in cell.artefact.facets for i in indexations for facet in i.facets):
         return cell

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -154,7 +154,13 @@ def command(
         wanted = Wanted(address, post.link, controller.post, target, resume, timeout, 600.0 if someone else 60.0, heard)
 
         def run(own: Wanted, count: int | None = None) -> dict[str, Any]:
-            return measure(cell, made, own, lambda part: _posted(cell, post, made, part, program_file, most), live, confirm, count)
+            def posted(part: Plan) -> list[Program]:
+                return written_for(cell, post, made, part, program_file, most)
+
+            def kept(part: Plan, programs: Sequence[Program]) -> list[Program]:
+                return keep(cell, post, made, part, programs)
+
+            return measure(cell, made, own, posted, live, confirm, count, kept)
 
         origin = run(wanted) if goal is None else run_until(cell, goal, wanted, run, said)
         result = {"readings": str(target), **origin}
@@ -185,27 +191,43 @@ def _transcript(file: str | None) -> Iterator[Any]:
                 said(f"--transcript: {file} is not complete: {error}")
 
 
-def _posted(cell: Cell, post: Post, whole: Plan, part: Plan, program_file: Path | None, most: int | None) -> list[Program]:
-    """cell, its post and plan, the part of it that is run now, a file or touches a program → what is sent, and is in program/."""
+def written_for(cell: Cell, post: Post, whole: Plan, part: Plan, file: Path | None, most: int | None) -> list[Program]:
+    """cell, its post and plan, the part of it that is run now, a file or touches a program → what is sent; nothing is on disk yet.
+
+    Raises InputError for a file that is not a program of this plan, and for what the post cannot write.
+    """
+    from ..program import from_file, programs
+
+    assert cell.controller is not None
+    options = cell.controller.options
+    if file is not None:
+        program = from_file(file, post, whole, options)
+        for doubt in program.unread:
+            click.echo(f"{file}: {doubt}", err=True)
+        return [program]
+    with blamed_on(cell.folder / "tango.yaml"):
+        return programs(post, part, options, most)
+
+
+def keep(cell: Cell, post: Post, whole: Plan, part: Plan, programs: Sequence[Program]) -> list[Program]:
+    """cell, its post and plan, the part of it that is run now, its programs → the same, in program/; one of a file stays there.
+
+    Raises OSError when they cannot be written.
+    """
     from postprocessors import _base as posts
 
     from ..files.plan import Content, plan_lines, write_together
     from ..plan import plan_hash
-    from ..program import REST, from_file, programs, stale
+    from ..program import REST, stale
 
     assert cell.controller is not None
-    options = cell.controller.options
-    if program_file is not None:
-        program = from_file(program_file, post, whole, options)
-        for doubt in program.unread:
-            click.echo(f"{program_file}: {doubt}", err=True)
-        return [program]
-    with blamed_on(cell.folder / "tango.yaml"):
-        written = programs(post, part, options, most)
+    if all(program.file for program in programs):
+        return list(programs)
     target = folder_of(cell.folder / "program", cell) / ("" if part is whole else REST)
-    files: dict[Path, Content] = {target / p.name: p.lines for p in written}
-    files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, part, options).items()}
+    files: dict[Path, Content] = {target / p.name: p.lines for p in programs}
+    companions = posts.companions(post, part, cell.controller.options)
+    files |= {target / name: partial(iter, lines) for name, lines in companions.items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
     for sentence in stale(target, set(files), plan_hash(part)):
         click.echo(sentence, err=True)
-    return [replace(p, file=str(target / p.name)) for p in written]
+    return [replace(p, file=str(target / p.name)) for p in programs]

@@ -6,14 +6,15 @@ candidates to say; here only faces that look down along the spindle are left out
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
-from ..files.checked import suggestion
+from ..files.checked import FURTHEST, read_bytes, suggestion
 from ..records import Array, Artefact, Facet, InputError, Surface
 
 EDGE = 15.0  # mm from every edge
@@ -58,9 +59,9 @@ def of_text(text: str, up: Sequence[float] = (0.0, 0.0, 1.0)) -> Artefact:
 def mesh(file: Path) -> Array:
     """STL file, text or binary → (v, 3) mm corners of its convex hull that count. Raises InputError for what is no such file."""
     try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise InputError(f"--facets: found mesh:{file}, which cannot be read ({error.strerror}); allowed: a file .stl") from None
+        data = read_bytes(file)
+    except InputError as error:
+        raise InputError(f"--facets: mesh:{error}") from None
     count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
     if len(data) == 84 + 50 * count:
         kind = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("more", "<u2")])
@@ -72,9 +73,10 @@ def mesh(file: Path) -> Array:
         except ValueError:
             points = np.empty((0, 3))
     points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
-    if len(points) < 4 or np.linalg.matrix_rank(points - points.mean(axis=0), tol=FLAT * float(np.abs(points).max())) < 3:
-        raise InputError(f"--facets: found mesh:{file}, which has no body; allowed: an STL file in mm, text or binary, of a body")
-    return points[ConvexHull(points).vertices]
+    if len(points) >= 4 and float(np.abs(points).max()) <= FURTHEST:
+        with contextlib.suppress(QhullError):  # of points in a plane
+            return points[ConvexHull(points).vertices]
+    raise InputError(f"--facets: found mesh:{file}, which has no body; allowed: an STL file in mm, text or binary, of a body")
 
 
 def of_hull(points: Array, up: Sequence[float], name: str = "proposed facets") -> Artefact:

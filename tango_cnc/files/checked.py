@@ -360,24 +360,35 @@ def _limited(file: Path, raw: Raw | None) -> None:
         size(raw, 0)
 
 
-def read_text(file: Path) -> str:
-    """file → text. Raises InputError when there is no such file, it is not UTF-8, or no text that anybody has written."""
+def read_bytes(file: Path) -> bytes:
+    """file → all of it. Raises InputError when there is no such file, or it is none that anybody has written to be read."""
     try:
-        if file.exists() and not file.is_file() and not file.is_dir():
-            raise complaint(file, None, "", "a device or a pipe", "a file is read from the disk")
+        plain(file)
         with file.open("rb") as opened:
             size = os.fstat(opened.fileno()).st_size
             if size > LARGEST:
                 raise complaint(file, None, "", f"{size} bytes", f"at most {LARGEST} are read; is it another kind of file?")
-            text = opened.read(max(size, SMALL)).decode("utf-8-sig")
-        return text.replace("\r\n", "\n").replace("\r", "\n")
+            return opened.read(max(size, SMALL))
     except FileNotFoundError:
         raise complaint(file, None, "", "no such file", MISSING.get(file.name, "check the path; it starts from here")) from None
-    except UnicodeDecodeError:
-        raise complaint(file, None, "", "not UTF-8 text", "save the file as UTF-8") from None
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error)
         raise complaint(file, None, "", f"cannot be read ({why})", "check the path and its permissions") from None
+
+
+def plain(file: Path) -> None:
+    """file → nothing. Raises InputError for a device or a pipe: opening it may wait for ever, and reading it may never end."""
+    if file.exists() and not file.is_file() and not file.is_dir():
+        raise complaint(file, None, "", "a device or a pipe", "a file is read from the disk")
+
+
+def read_text(file: Path) -> str:
+    """file → text. Raises InputError when there is no such file, it is not UTF-8, or no text that anybody has written."""
+    try:
+        text = read_bytes(file).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise complaint(file, None, "", "not UTF-8 text", "save the file as UTF-8") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def load(file: Path) -> Node:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Array, Artefact, InputError, Vector
-from .checked import FURTHEST, printable
+from .checked import FURTHEST, printable, read_bytes
 
 KINDS = (".stl", ".obj", ".ply")
 LARGEST = 20_000.0  # mm: no fixture is larger; a drawing in other units often is
@@ -62,10 +62,7 @@ def _plain(file: Path) -> tuple[bytes, str, int | None]:
 
     Raises InputError when it cannot be read, or for an STL that is cut off: what is missing of it would be run into.
     """
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror}); check its permissions") from None
+    data = read_bytes(file)
     kind = file.suffix[1:].lower()
     if kind == "ply":  # a text, then numbers that may be binary
         head, mark, body = data.partition(b"end_header")

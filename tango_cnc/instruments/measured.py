@@ -11,7 +11,7 @@ from pathlib import Path as File
 import numpy as np
 from scipy import special
 
-from ..files.checked import complaint
+from ..files.checked import complaint, read_text
 from ..iso230.signed import OnPart
 from ..records import Array
 from .foretell import Foretold
@@ -65,8 +65,7 @@ def read_measured(file: File, channels: tuple[str, ...], turns: bool) -> Measure
     """
     first = "angle_deg" if turns else "position_mm"
     wanted = (first, "direction", *(f"{c}_um" for c in channels))
-    text = file.read_text(encoding="utf-8-sig")
-    lines = [line for line in enumerate(text.splitlines(), 1) if line[1].strip() and not line[1].startswith("#")]
+    lines = [line for line in enumerate(read_text(file).splitlines(), 1) if line[1].strip() and not line[1].startswith("#")]
     if not lines:
         raise complaint(file, None, "", "no line", f"write the columns {', '.join(wanted)}")
     comma = ";" if ";" in lines[0][1] else ","

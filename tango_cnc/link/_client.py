@@ -40,6 +40,7 @@ class Job:
     nonce: int = 1  # of 31 bits, which no other run has, where commands of two programs have to be distinguished
     summed: bool = True  # whether every record ends with K, the sum of its coordinates
     misses: int = 3  # touches in a row without contact after which a driver that counts them stops: a dead probe guards nothing
+    run: Plan | None = None  # the plan of all programs of the run; None when this is the only one
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:

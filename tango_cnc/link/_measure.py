@@ -72,10 +72,12 @@ def measure(
     watch: Callable[[Step], None],
     confirm: Callable[[Plan, Program], None],
     most: int | None = None,
+    keep: Callable[[Plan, Sequence[Program]], Sequence[Program]] = lambda part, programs: programs,
 ) -> dict[str, Any]:
     """cell, its plan, what is wanted, how to post a plan → provenance of the readings that are on disk now.
 
-    `most` touches are made, the next ones of the plan; the others can be made by resuming.
+    `most` touches are made, the next ones of the plan; the others can be made by resuming. `keep` writes the programs, and says
+    where; before that the protocol has looked at each, and the sensors have been read.
 
     A plan that is posted as several programs is run one after the other, over the same port, into the same readings.
     `confirm` is asked before the first byte of each is sent; it raises what stops the run. Raises InputError before anything is
@@ -96,8 +98,11 @@ def measure(
     part = rest_of(cell, plan, again, left) if before or len(left) < len(plan.touches) else plan
     with _written("the program", "make room, or check the rights of the folder, and start again"):
         programs = post(part)
-    jobs = _jobs(programs, again, left, wanted, _quiet(before, plan, wanted))
-    client = protocol.Client(jobs[0], address.options)
+    jobs = [replace(job, run=plan) for job in _jobs(programs, again, left, wanted, _quiet(before, plan, wanted))]
+    client, *_ = [protocol.Client(job, address.options) for job in jobs]  # what it refuses leaves no files, and stops no run later
+    sensors = Watch(read_sensors(cell.folder))
+    with _written("the program", "make room, or check the rights of the folder, and start again"):
+        programs = keep(part, programs)
 
     def announced(number: int) -> None:
         count, file = len(jobs[number - 1].numbers), programs[number - 1].file
@@ -107,7 +112,6 @@ def measure(
         if said:
             watch(Step(0, count, 0.0, None, "; ".join(said)))
 
-    sensors = Watch(read_sensors(cell.folder))
     announced(1)
     confirm(jobs[0].plan, programs[0])
     transport = open_port(address)

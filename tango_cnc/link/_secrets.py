@@ -18,6 +18,7 @@ from ..files.checked import printable
 from ..records import InputError
 
 SECRET = ("password", "enable", "passphrase")  # settings of a URL
+ALIKE = re.compile(r"^\s*enable\s*$|pass|pw|word|secret|token|kenn", re.IGNORECASE)  # somebody may have spelt one otherwise
 HIDDEN = "***"
 LONGEST = 4096  # bytes of a file with one password
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
@@ -31,7 +32,7 @@ def shown(url: str) -> str:
 
     def hidden(found: re.Match[str]) -> str:
         name = unquote_plus(found[1])  # a name may be coded: %70assword
-        return f"{name}={HIDDEN}" if name.strip().lower() in SECRET else found[0]
+        return f"{name}={HIDDEN}" if ALIKE.search(name) else found[0]
 
     return USER.sub(rf"\1:{HIDDEN}@", SETTING.sub(hidden, url))
 
@@ -57,6 +58,8 @@ def secret(name: str, value: str) -> str:
 
 def _filed(name: str, file: Path) -> str:
     try:
+        if file.exists() and not file.is_file():  # a pipe would be waited for
+            raise InputError(f"{name}: found {file}; allowed: a file with one word in it")
         with file.open("rb") as opened:
             state = os.fstat(opened.fileno())
             if not stat.S_ISREG(state.st_mode) or state.st_size > LONGEST:

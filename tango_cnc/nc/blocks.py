@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Literal, NamedTuple
 
-from ..files.checked import suggestion
+from ..files.checked import SHOWN, printable, suggestion
 from ..records import InputError
 
 MARK = "TANGO COMPENSATED"
@@ -105,7 +105,7 @@ def guessed(head: Sequence[str], post: str | None) -> str:
 
 def refused(number: int, what: str, why: str) -> InputError:
     """line from 1, what it says, why it cannot be followed → the error."""
-    return InputError(f"line {number}: found {what}; {why}; nothing was written")
+    return InputError(f"line {number}: found {printable(what, SHOWN)}; {printable(why, 3 * SHOWN)}; nothing was written")
 
 
 def arc_of(

@@ -365,7 +365,8 @@ def stopped_by_the_user(protocol: str, made: Plan, motion: Motion, options: dict
 def _post(part) -> list[Program]:
     cell, _, _ = scene()
     name, mark, lines = posts.program(posts.load("fanuc"), part, {}, plan_hash(part))
-    return [Program(name, mark, lines, part, cell.machine.names)]
+    written = tuple(lines())
+    return [Program(name, mark, lambda: iter(written), part, cell.machine.names)]
 
 
 def _touched(strategy) -> tuple:

@@ -28,9 +28,12 @@ from tango_cnc import conformity
 from tango_cnc.acceptance import read_order
 from tango_cnc.commands._compensate import present_of
 from tango_cnc.commands._import import imported
+from tango_cnc.commands._program import language_of, opened
+from tango_cnc.commands._trust import as_run, left_out
 from tango_cnc.commands._trusted import known
 from tango_cnc.commands.report import paper
 from tango_cnc.compensate import loop
+from tango_cnc.design.facets import mesh, of_hull
 from tango_cnc.diagnose.table import read_table
 from tango_cnc.files import origin, read_cell, read_readings, read_world
 from tango_cnc.files.commissioning import Proof, add_proofs, read_commissioning
@@ -39,6 +42,7 @@ from tango_cnc.files.learned import learned
 from tango_cnc.files.nightly import read_nightly
 from tango_cnc.files.plan import plan_lines, read_plan
 from tango_cnc.files.targets import sources, spared
+from tango_cnc.instruments import read_measured
 from tango_cnc.iso230.temperature import read_thermal
 from tango_cnc.link._layout import STANDARD, read_layout
 from tango_cnc.link._measure import protocol_of
@@ -49,7 +53,9 @@ from tango_cnc.link.entries import Begun, End, Reading, Segment
 from tango_cnc.link.journal import Journal, digest_of, look_at, read_journal, salvaged
 from tango_cnc.link.transport._sensors import current, payload
 from tango_cnc.nc import features
+from tango_cnc.nc.follow import Setup, follow
 from tango_cnc.plan import plan
+from tango_cnc.program import from_file
 from tango_cnc.records import InputError
 from tango_cnc.report.texts import texts_of
 from tango_cnc.uncertainty.inputs import read_budget
@@ -402,6 +408,24 @@ def _profile(folder: Path) -> Any:
     return posts.settings(post, cell.controller.options)
 
 
+def _sent(folder: Path) -> Any:
+    made = plan(read_cell(folder))
+    return [from_file(folder / "O8700.nc", posts.load("fanuc"), made, {}).unread]
+
+
+def _followed(folder: Path) -> Any:
+    """The motions of a shop's program."""
+    file, cell = folder / "part.nc", read_cell(folder)
+    language = language_of(file, cell, None)
+    with opened(file) as text:
+        return list(follow(text, language, Setup(cell.machine, dict.fromkeys(cell.machine.names, 0.0), 100.0)))
+
+
+def _as_run(folder: Path) -> Any:
+    cell = as_run(read_cell(folder), folder / "readings.csv")
+    return [left_out(folder / "readings.csv"), cell.strategy]
+
+
 def _cell(folder: Path) -> Any:
     file = folder / "other.yaml"
     file.touch()
@@ -474,6 +498,11 @@ def _text(name: str) -> Callable[[Path], bytes]:
     return lambda folder: TEXTS[name].encode()
 
 
+RUN = {"format": "tango-run/1", "left_out": ["touch 3 on facet 4: too far"], "until": {"strategy": [
+    {"position": {"S": 0.0, "B": 0.5, "C": 0.0}, "facets": ["1", "top"]}]}}  # fmt: skip
+BAR = "angle_deg;direction;radial_um\n" + "".join(f"{30 * i},5;{'+-'[i % 2]};{1.5 * i:g}\n".replace(".", ",") for i in range(12))
+PART = "%\nO17 (PART)\nG21 G90 G17 G54\nT1 M6\nG0 X0. Y0. Z50. S2000 M3\nG1 Z-2. F300.\nX40.5 Y10.\nG2 X50.5 Y20. I0. J10.\n"
+PART += "G3 X40. Y30. R10.\nG0 Z50.\nX1.\nZ50.\nM30\n%\n"
 TODAY = date(2026, 11, 23)
 
 READERS = {
@@ -519,6 +548,15 @@ READERS = {
     "compensation history": Reader("compensation/history.jsonl", _text("compensation/history.jsonl"), loop.history),
     "compensation of the simulated control": Reader(
         "compensation.json", _record, lambda f: compensation.read(f, read_cell(f).machine) and None
+    ),
+    "readings.json of a run": Reader("readings.json", lambda f: json.dumps(RUN).encode(), _as_run),
+    "ballbar.csv": Reader("ballbar.csv", lambda f: BAR.encode(), lambda f: read_measured(f / "ballbar.csv", ("radial",), True)),
+    "program": Reader("O8700.nc", _program, _sent),
+    "part.nc": Reader("part.nc", lambda f: PART.encode(), _followed),
+    "facets.stl": Reader(
+        "facets.stl",
+        lambda f: re.sub(r"\b(10|12|3\.5)\b", r"\g<1>0", STL).replace("3.50", "35").encode(),
+        lambda f: of_hull(mesh(f / "facets.stl"), (0.0, 0.0, 1.0)),
     ),
     "plate.obj": Reader("plate.obj", _text("plate.obj"), lambda f: read_hull(f / "plate.obj")),
     "plate.ply": Reader("plate.ply", lambda f: PLY.encode(), lambda f: read_hull(f / "plate.ply")),

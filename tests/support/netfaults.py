@@ -39,6 +39,7 @@ PAUSE = 0.05  # s until the person tries again
 SILENT = 2.0  # s for which a connection that is gone looks open
 PRESSED = 4  # times that the person at the computer presses Enter in one attempt
 LONGEST = 120.0  # s of a session: one that hangs passes it
+LONG = 200_000  # bytes of a run over one connection
 WHOLE_SCENE = linkfaults.scene
 
 
@@ -65,6 +66,7 @@ class Way:
             "data cut": chance.choice([0.01, 0.03, 0.1]),
             "silent": 0.15,
         }
+        self.reach = 40_000  # bytes, both ways, before which a connection is cut that is to be cut
         self.whole = False  # nothing more goes wrong
 
     def happens(self, kind: str) -> bool:
@@ -108,7 +110,7 @@ class Proxy:
         except OSError:
             _reset(line)
             return
-        left = [way.chance.randrange(1, 40_000) if way.happens("cut") else 1 << 40]
+        left = [way.chance.randrange(1, way.reach) if way.happens("cut") else 1 << 40]
         pieces, slow = way.happens("pieces"), way.happens("slow")
         for one in (line, there):
             one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -316,6 +318,7 @@ def net_session(seed: int, url: str, way: Callable[[Way], None], disk: Disk, fol
 
     if isinstance(disk, Variables):  # one connection for the whole run
         bad.rates |= {"cut": chance.choice([0.5, 0.8, 0.95]), "silent": 0.03}
+        bad.reach = LONG  # cut while the program is put there, and while its records come
     silence = 2 * SILENCE if isinstance(disk, Variables) else SILENCE
     begun, resumed = time.monotonic(), 0
     for attempt in range(ATTEMPTS):

@@ -136,8 +136,7 @@ class Control:
 
     def anew(self) -> None:
         """Variables are 0, files empty, the alarm gone."""
-        for number in self._nodes:
-            self.put(number, 0.0)
+        self._put(dict.fromkeys(self._nodes, 0.0))
         self.alarm.write_value(0)
         self.spoil = lambda data: data
         for content in self.files.values():
@@ -145,11 +144,21 @@ class Control:
 
     def put(self, number: int, value: float) -> None:
         """R parameter, value → written."""
-        self._nodes[number].write_value(float(value))
+        self._put({number: value})
+
+    def _put(self, values: dict[int, float]) -> None:
+        """{R parameter: value} → written one after the other; the server's loop is asked once."""
+
+        async def written() -> None:
+            for number, value in values.items():
+                await self._nodes[number].aio_obj.write_value(float(value))
+
+        self.server.tloop.post(written())
 
     def read(self, number: int) -> float:
-        """R parameter → its value."""
-        return float(self._nodes[number].read_value())
+        """R parameter → its value, as it stands in the server."""
+        space = self.server.aio_obj.iserver.aspace
+        return float(space.read_attribute_value(self._nodes[number].nodeid, ua.AttributeIds.Value).Value.Value)
 
     def printed(self, data: bytes) -> None:
         """A line that a program prints → its variables; returns when it has been taken."""
@@ -158,19 +167,14 @@ class Control:
             return
         if text.startswith("TANGO START"):
             _, _, mark, count = text.split()
-            for place, number in enumerate(MARK):
-                self.put(number, int(mark.rjust(12, "0")[4 * place : 4 * place + 4], 16))
-            self.put(R["count"], int(count))
-            self.put(R["point"], 0)
+            words = [int(mark.rjust(12, "0")[4 * place : 4 * place + 4], 16) for place in range(len(MARK))]
+            self._put({**dict(zip(MARK, words, strict=True)), R["count"]: int(count), R["point"]: 0})
         elif text.startswith("TANGO END"):
             self.put(R["point"], 65535)
         else:
-            words = {letter: float(sign + digits) for letter, sign, digits in NUMBER.findall(text)}
-            self.put(R["point"], words["P"])
-            self.put(R["flag"], words["H"])
-            self.put(R["sum"], words["K"])
-            for letter, number in PLACE.items():
-                self.put(number, words.get(letter, 0.0))
+            said = {letter: float(sign + digits) for letter, sign, digits in NUMBER.findall(text)}
+            place = {number: said.get(letter, 0.0) for letter, number in PLACE.items()}
+            self._put({R["point"]: said["P"], R["flag"]: said["H"], R["sum"]: said["K"], **place})
         self.given()
 
     def given(self) -> None:
@@ -180,7 +184,7 @@ class Control:
         while self.read(R["taken"]) != number:
             if not self.on or self.left.is_set():
                 raise Gone
-            time.sleep(0.005)
+            time.sleep(0.001)
 
     @contextlib.contextmanager
     def attended(self, cell: Path, file: str = "TANGO.MPF", family: str = "macro_b") -> Iterator[None]:

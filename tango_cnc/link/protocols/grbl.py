@@ -52,7 +52,8 @@ class Client(Control):
         self._moves = [move for move, _ in self._served]
         self._plain = options.get("targets", "confirmed") == "plain"
         self._orient = options.get("orient", "refuse") == "m19"
-        if not self._orient and len({touch.standoff[job.plan.machine.column("S")] for touch in job.plan.touches}) > 1:
+        run = job.run or job.plan  # a part may have one angle, and another than the part before
+        if not self._orient and len({touch.standoff[run.machine.column("S")] for touch in run.touches}) > 1:
             raise InputError("grbl: found a plan that turns the spindle; allowed: one angle S, or orient=m19 in the port's URL")
         try:
             self._feed = float(options.get("feed", FEED))

@@ -66,7 +66,7 @@ class Client(Dialogue):
         self._program = job.program.encode() if options.get("program") else b""
         self.brought = not self._program
         self.advice = "start the program at the control" + ("; it was compared by reading it back" if self._program else "")
-        self._put = self._begun = False
+        self._put = self._begun = self._left = False
         self._count = 0  # records taken
         super().__init__(job.start_patience)
 
@@ -122,23 +122,28 @@ class Client(Dialogue):
             self._put = True
         taken, last = int(values["taken"]), int(values["record"])
         if last != taken and values["point"] == 0 and self._ours(values):
-            last = (last - 1) % WORD  # the control was started first and waits with the start mark
+            # the control was started first and waits with the start mark; or it was reset, and the mark is of the start before
+            last, self._left = (last - 1) % WORD, True
         while True:
             values = yield from self._look()
-            if int(values["taken"]) != taken:
-                raise Stop(f"{values['taken']:.0f} stands in taken where {taken} was: another program takes the records")
+            self._untaken(values, taken)
             number, due = int(values["record"]), (last + 1) % WORD
             if number == last:
                 continue
-            if number != due:
+            if number == due:
+                values = yield from self._steady(values)
+                self._untaken(values, taken)
+                number = int(values["record"])
+            if number != due and not (self._again(values) and number == (due + 1) % WORD):
                 raise Stop(
                     f"record {number} came where record {due} was due: another program takes them, or the control began anew"
                 )
-            values = yield from self._steady(values, number)
             ended = self._handed_over(values)
             self._done()
-            self._count += self._begun
+            self._count += self._begun and not (values["point"] == 0 and self._count > 0)
             self._allowed = self._job.patience[min(self._count - 1, len(self._job.patience) - 1)]
+            if self._left:  # the person may have to start the program yet
+                self._allowed, self._left = max(self._allowed, self._job.start_patience), False
             yield from self._take(number)  # goes out when what the record said is on disk
             if ended is not None:
                 self._events.append(Ended(ended, self._job.mark))
@@ -177,14 +182,24 @@ class Client(Dialogue):
         if self._doubted >= READS:
             raise Stop(f"the variables cannot be read: {unquote(line.removeprefix('! '))}")
 
-    def _steady(self, values: Values, number: int) -> Generator[str, str, Values]:
+    def _steady(self, values: Values) -> Generator[str, str, Values]:
         """a first reading of a record → two that agree. Raises Stop when none do."""
+        number = values["record"]
         for _ in range(READS):
             again = yield from self._look()
-            if again == values and again["record"] == number:
+            if again == values:
                 return again
             values = again
-        raise Stop(f"the variables keep changing although record {number} has not been taken")
+        raise Stop(f"the variables keep changing although record {number:.0f} has not been taken")
+
+    def _untaken(self, values: Values, taken: int) -> None:
+        """values, what stood in taken → nothing. Raises Stop where it is another number."""
+        if int(values["taken"]) != taken:
+            raise Stop(f"{values['taken']:.0f} stands in taken where {taken} was: another program takes the records")
+
+    def _again(self, values: Values) -> bool:
+        """values → whether it is a start mark, and no touch has come since the one before: nothing has moved."""
+        return values["point"] == 0 and self._count <= 1 and self._ours(values)
 
     def _take(self, number: int) -> Generator[str, str, None]:
         """Writes that a record has been taken, until it stands there."""
@@ -204,8 +219,12 @@ class Client(Dialogue):
             ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
             found = f"{_mark(values, self._nodes)} with {count} touches"
             raise Stop(f"the control runs program {found}, this run is {ours}: bring the new program to the control")
-        if (point == 0) is self._begun:
-            raise Stop("the control began the program a second time" if point == 0 else "a record came before the start mark")
+        if point == 0 and self._begun and self._count > 1:
+            raise Stop("the control began the program a second time")
+        if point != 0 and not self._begun:
+            raise Stop("a record came before the start mark")
+        if point == 0 and self._begun:
+            return None
         if point == 0:
             self._begun = True
             self._events.append(Begun(self._job.mark, count))

@@ -27,7 +27,7 @@ from ...records import LinkError
 from .._address import REMOTE, Address
 from .._address import parse as parse
 from .._wire import Paced, Parity
-from . import _file, _linuxcnc
+from . import _file, _linuxcnc, _opcua, _remote
 from ._file import File
 from ._line import Lost as Lost
 from ._line import Transport as Transport
@@ -41,7 +41,8 @@ from ._remote import Remote
 from ._tcp import Tcp
 
 OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc, "file": File}
-FORESEEN: dict[str, Callable[[Address], None]] = {"rsh": _linuxcnc.foreseen, "file": _file.foreseen}
+FORESEEN: dict[str, Callable[[Address], None]] = {"rsh": _linuxcnc.foreseen, "file": _file.foreseen, "opcua": _opcua.foreseen}
+FORESEEN |= dict.fromkeys(REMOTE, _remote.foreseen)
 OPENERS |= {"opcua": OpcUa, **dict.fromkeys(REMOTE, Remote), "lsv2": AtRest}
 
 
@@ -51,7 +52,7 @@ def ports() -> list[tuple[str, str]]:
 
 
 def foreseen(address: Address) -> None:
-    """address → nothing, and nothing is opened. Raises InputError for files named there that no run may use."""
+    """address → nothing, and nothing is opened. Raises InputError for what is named there and no run may or can use."""
     if address.scheme in FORESEEN:
         FORESEEN[address.scheme](address)
 

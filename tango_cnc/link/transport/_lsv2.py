@@ -279,7 +279,8 @@ class AtRest(Remote):
             try:
                 return self._done(verb, value)
             except OSError as error:
-                why = reason(error)
+                away = isinstance(error, ConnectionError | TimeoutError)
+                why = f"the control cannot be reached: {reason(error)}" if away else reason(error)
             except (Lost, LinkError) as error:
                 why = str(error)
                 break

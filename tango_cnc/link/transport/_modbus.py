@@ -88,8 +88,8 @@ class Modbus:
         }
         try:
             reply = calls[code]()
-        except ConnectionException as error:
-            raise Lost(f"the connection broke: {error}") from None
+        except ConnectionException:
+            raise Lost("the serial port is gone" if self._serial else "the device has closed the connection") from None
         except (ModbusException, OSError):
             self._drain()
             return "- no answer"

@@ -15,6 +15,7 @@ from .._address import Address
 from .._nodes import read_nodes
 from ._line import Lost, reason
 from ._remote import HEAD, OURS
+from ._stores import needed
 
 ANSWER = 4.0  # s that a server may take to answer
 LOOK = 0.05  # s between two looks at the same
@@ -26,35 +27,37 @@ TEXT = 300  # characters of an alarm
 NAME = "TANGO.MPF"
 
 
+def foreseen(address: Address) -> None:
+    """port → nothing. Raises InputError where the library is missing, or a name is no NodeId."""
+    _parsed(address)
+
+
+def _parsed(address: Address) -> dict[str, Any]:
+    """port → {what: NodeId as the library has it, or None}. Raises InputError."""
+    ua, nodes = needed("asyncua.ua", "opcua"), read_nodes(address.options.get("nodes", ""))
+    found = {}
+    for what, name in {**nodes.looked_at, "text": nodes.text, "program": address.options.get("program", "")}.items():
+        try:
+            found[what] = ua.NodeId.from_string(name) if name else None
+        except ua.UaError:
+            raise InputError(f'{what}: found {name!r}; allowed: a NodeId, e.g. "ns=2;s=/Channel/Parameter/R[u1,700]"') from None
+    return found
+
+
 class OpcUa:
     """A session with a server; one that breaks is opened again for a minute."""
 
     chunk = 1 << 16
 
     def __init__(self, address: Address) -> None:
-        try:
-            import asyncua.sync
-            from asyncua import ua
-        except ImportError:
-            raise InputError("opcua:// needs the library asyncua: pip install 'tango-cnc[opcua]'") from None
+        self._ua, self._sync, self._options = needed("asyncua.ua", "opcua"), needed("asyncua.sync", "opcua"), address.options
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
-        self._ua, self._sync, self._options = ua, asyncua.sync, address.options
         self._url = f"opc.tcp://{address.target}/{address.options.get('path', '').lstrip('/')}"
         self._nodes = read_nodes(address.options.get("nodes", ""))
-        self._ids = self._parsed({**self._nodes.looked_at, "text": self._nodes.text, "program": address.options.get("program", "")})
+        self._ids = _parsed(address)
         self._request, self._before = b"", b""
         self._client: Any = None
         self._open()
-
-    def _parsed(self, names: dict[str, str]) -> dict[str, Any]:
-        """{what: NodeId as text} → the same as the library has them. Raises InputError."""
-        found = {}
-        for what, name in names.items():
-            try:
-                found[what] = self._ua.NodeId.from_string(name) if name else None
-            except self._ua.UaError:
-                raise InputError(f'{what}: found {name!r}; allowed: a NodeId, e.g. "ns=2;s=/Channel/Parameter/R[u1,700]"') from None
-        return found
 
     def _open(self) -> None:
         """Raises OSError when nobody answers, LinkError when the server refuses."""

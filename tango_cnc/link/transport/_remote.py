@@ -6,12 +6,13 @@ import hashlib
 import posixpath
 import re
 import time
+from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from ...records import LinkError
+from ...records import InputError, LinkError
 from .._address import Address
 from ._line import Lost, reason
-from ._stores import Store, store
+from ._stores import Store, needed, store
 
 LOOK = 1.0  # s between two looks
 MOST = 1 << 20  # bytes in one look
@@ -23,6 +24,15 @@ START = b"TANGO START"
 OURS = re.compile(rb"PROGRAM [0-9A-F]{12} PLAN [0-9A-F]{12}")
 HEAD = 4000  # bytes within which a program of ours names itself
 BROKEN = (OSError, EOFError, LinkError)
+
+
+def foreseen(address: Address) -> None:
+    """port → nothing. Raises InputError where the library is missing, or the key is no file."""
+    if address.scheme in ("sftp", "smb"):
+        needed({"sftp": "paramiko", "smb": "smbclient"}[address.scheme], address.scheme)
+    key = Path(address.options.get("key") or __file__)
+    if not key.is_file():
+        raise InputError(f"port {address.url}: key: found {key}; allowed: the file of a private key")
 
 
 class Remote:

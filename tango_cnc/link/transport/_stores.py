@@ -136,9 +136,9 @@ class Sftp:
                 )
                 self._sftp = self._client.open_sftp()
                 self._sftp.get_channel().settimeout(PATIENCE)
-        except (OSError, EOFError, LinkError):
+        except (OSError, EOFError, LinkError) as error:
             self.close()
-            raise
+            raise next(iter(getattr(error, "errors", {}).values()), error) from None  # paramiko has one for each address
 
     @contextlib.contextmanager
     def _asked(self) -> Iterator[None]:
@@ -205,7 +205,8 @@ class Smb:
         except (self._errors.LogonFailure, self._errors.AccessDenied) as error:
             raise LinkError(f"the control refuses: {error.message}") from None
         except (self._errors.SMBException, ValueError) as error:  # ValueError: what it could not connect to
-            raise OSError(str(error)) from None
+            why = error.__cause__
+            raise why if isinstance(why, OSError) else OSError(str(error)) from None
 
     def _cut(self) -> None:
         for connection in list(self._connections.values()):
