@@ -124,6 +124,17 @@ def test_what_comes_and_is_no_record_is_shown_where_its_characters_look_right():
     assert "silent for longer than 5 s" in client.elapsed(6.0)[0].why
 
 
+def test_how_many_characters_were_strange_is_said_up_to_what_is_remembered():
+    for count, said in (
+        (4095, "4095 characters that"),
+        (4096, "4096 characters and more that"),
+        (5000, "4096 characters and more that"),
+    ):
+        client = dnc.Client(job(start_patience=5.0), {})
+        client.receive(b"\x11" + b"A" * count)
+        assert f"but {said} are none" in client.elapsed(6.0)[0].why
+
+
 def test_a_silent_line_is_exit_status_1(cell):
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"socket://127.0.0.1:{server.getsockname()[1]}"

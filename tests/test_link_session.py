@@ -159,3 +159,12 @@ def test_a_percent_sign_within_a_program_would_end_the_tape_and_is_refused():
 def test_blocks_have_an_even_number_of_characters_where_the_control_counts_them():
     assert dnc.tape("%\nO0001\nG31 X25.\nM30\n%\n", even=True) == b"%\nO0001\nG31 X25. \nM30\n%\n"
     assert all(len(line) % 2 for line in dnc.tape(job().program, even=True).decode().splitlines()[1:-1])
+
+
+@pytest.mark.parametrize("text", ["O1\nM30", "%\nO1\nM30", "O1\nM30\n%", "%\nO1\nM30\n%\n\n"])
+def test_a_tape_begins_and_ends_with_one_percent_line_whatever_the_program_has(text):
+    assert dnc.tape(text) == b"%\nO1\nM30\n%\n"
+
+
+def test_a_percent_alone_begins_a_tape_and_does_not_end_it():
+    assert dnc.tape("%") == b"%\n%\n"
