@@ -159,3 +159,10 @@ def test_last_night_becomes_its_date_in_every_language(shop: Path) -> None:
     assert isinstance(text, Said) and instead(text, "last night", "2026-11-21") == "EX0C has changed by 9 µm since 2026-11-21"
     assert "2026-11-21" in texts_of(shop).of(instead(text, "last night", "2026-11-21"))
     assert instead("It moved since last night", "last night", "2026-11-21") == "It moved since 2026-11-21"
+
+
+@pytest.mark.long
+def test_nights_of_no_machine_say_so(nights: Path) -> None:
+    with opened(str(nights), create=False) as history:
+        record = history.night(history.nights()[0].entry).record
+    assert "SIMULATED" in morning(record) and "SIMULATED" not in morning({**record, "simulated": False})

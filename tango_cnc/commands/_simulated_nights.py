@@ -132,9 +132,8 @@ class _Machine:
         warm = self.temperature + 0.2 * np.linspace(0, 1, len(read)) + self.rng.normal(0, 0.05)
         read = replace(read, touch=np.array(numbers), temperatures={"bed": np.round(warm, 3)})
         read = _decimals(read)
-        return Measured(
-            read, readings_text(read), len(read), self.seconds(len(read), len(strategy.indexations)), asked=tuple(touches)
-        )
+        seconds = self.seconds(len(read), len(strategy.indexations))
+        return Measured(read, readings_text(read), len(read), seconds, simulated=True, asked=tuple(touches))
 
 
 def _decimals(read: Readings) -> Readings:

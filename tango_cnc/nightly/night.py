@@ -104,6 +104,8 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
         **{"kind": kind, "planned": measured.planned, "machine_time_s": round(measured.seconds, 1)},
         "hashes": dict(measured.hashes),
     }
+    if measured.simulated:
+        found["simulated"] = True
     if measured.readings is None or not len(measured.readings):
         return found | {"kind": "none", "why": measured.why or say("night.night.no_touch_was_made")}, None, {}, measured.text
     found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
