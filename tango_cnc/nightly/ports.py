@@ -43,8 +43,8 @@ class Measured:
     seconds: float
     why: str = ""  # empty: every touch was made
     hashes: tuple[tuple[str, str], ...] = ()
-    simulated: bool = False  # by no machine
     asked: tuple[int, ...] = ()  # numbers of the touches that were asked for; empty: the whole strategy
+    simulated: bool = False  # by no machine
 
 
 @dataclass(frozen=True)
