@@ -162,9 +162,25 @@ def _agreeing(facets: Sequence[Facet], tip: Array, radius: float, least: int) ->
             contradicted = any(
                 np.abs(other[3] - best[3]).max() > AGREES for other in agreeing
             )  # two answers, and nobody knows which
+            contradicted |= out > 0 and _two_against(facets, tip, radius, best)
             return None if contradicted else best[1], best[2], best[3]
     assert first is not None  # nothing left out
     return None, *first
+
+
+def _two_against(facets: Sequence[Facet], tip: Array, radius: float, best: tuple[float, tuple[int, ...], Array, Array]) -> bool:
+    """facets, tips, the fit that leaves one touch out → whether that one is right where two others are wrong.
+
+    The stem of the stylus may meet one wall at two facets, and both are wrong by the same.
+    """
+    kept, residual = best[1], best[3]
+    (out,) = set(range(len(facets))) - set(kept)
+    for pair in combinations(kept, 2):
+        rows = tuple(sorted({*kept, out} - set(pair)))
+        other = _solved(facets, tip, radius, rows)[1]
+        if np.abs(other[list(rows)]).max() <= AGREES < np.abs(other - residual).max():
+            return True
+    return False
 
 
 def _solved(facets: Sequence[Facet], tip: Array, radius: float, kept: Sequence[int]) -> tuple[Array, Array]:

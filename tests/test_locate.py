@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -152,3 +153,18 @@ def test_a_table_that_its_touches_would_tell_badly_is_refused_before_anything_mo
     few = tuple(Indexation(i.position, tuple(close), i.stylus) for i in small.strategy.indexations[:1])
     with pytest.raises(InputError, match=r"(?s)allowed: 8 flat facets .* Nothing was moved"):
         locate.strategy(replace(small, strategy=replace(small.strategy, indexations=few)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [14, 25])
+def test_two_touches_that_met_the_same_wall_are_not_believed_against_one_that_is_right(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stem of the stylus meets a wall at facets 3 and 4, both too early by the same 0.5 or 1 mm; facet 11 is right."""
+    cell = read_cell(Path(__file__).parent.parent / "examples" / "three_axis_calibrated")
+    near = locate.strategy(cell, within=10.0)
+    monkeypatch.setattr(sys.modules[__name__], "CELL", cell)
+    monkeypatch.setattr(sys.modules[__name__], "made", lambda: near)
+    monkeypatch.setattr(locate, "FARTHEST", 10.0)
+    monkeypatch.setattr(locate, "TURNED", 1.5)
+    assert found_to(seed) is None
