@@ -67,7 +67,8 @@ def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, rel
     each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
     relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
     mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, shakes)
-    return _fitted(problem, mask, relaxed), relaxed
+    found = [_fitted(problem, mask, relaxed, None, sides) for sides in ((True, False) if shakes else (False,))]
+    return min(found, key=lambda each: each.value), relaxed
 
 
 def _at_the_same_visits(found: Chosen, relaxed: Relaxed) -> Chosen:
@@ -147,8 +148,11 @@ def _first_costs(problem: Problem) -> float:
     return approach.standoff / (approach.feed / 60) + 2.0
 
 
-def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] | None = None) -> Chosen:
-    """chosen touches, order of visits if it is known → the plan of these, with fewer or more until it fits into the time."""
+def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] | None = None, sides: bool = False) -> Chosen:
+    """chosen touches, order of visits if it is known → the plan of these, with fewer or more until it fits into the time.
+
+    `sides`: whether the order of the visits takes longer where axes then come from sides that tell more.
+    """
     mask = mask.copy()
     choice = problem.choice
     legs = order.Legs(choice.cell, problem.feed)
@@ -157,7 +161,7 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
     for _ in range(TRIMS):
         visits = np.unique(choice.pose[mask]).tolist()
         if visited is None or set(visited) != set(visits):
-            visited = _provable(problem, mask, sequence(problem, mask, visits))
+            visited = _provable(problem, mask, sequence(problem, mask, visits, sides))
         found = _planned(problem, mask, visited, legs)
         over = found.seconds - problem.seconds
         worse += 1

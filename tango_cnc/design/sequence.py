@@ -24,8 +24,11 @@ FRACTIONS = (0.25, 0.5, 0.75)
 Mask = NDArray[np.bool_]
 
 
-def sequence(problem: Problem, mask: Mask, visits: list[int]) -> list[int]:
-    """chosen touches → indexations in the order in which they are visited."""
+def sequence(problem: Problem, mask: Mask, visits: list[int], sides: bool = False) -> list[int]:
+    """chosen touches → indexations in the order in which they are visited.
+
+    `sides`: it may take longer where rotary axes then come from sides that tell more.
+    """
     choice = problem.choice
     indexations = [choice.cell.strategy.indexations[j] for j in visits]
     facets = [choice.facet[int(np.flatnonzero(mask & (choice.pose == j))[0])] for j in visits]
@@ -35,15 +38,15 @@ def sequence(problem: Problem, mask: Mask, visits: list[int]) -> list[int]:
     ways = [_greedy(problem, own, times), order.path(times)]
 
     best_worth, least, whole = _worth(problem, ways[0], own), np.inf, _whole(problem, mask, visits)
-    usual = whole(ways[0])
+    usual = whole(ways[0]) if sides else 0.0
     rest = problem.seconds - order.length(ways[1], times)
 
     def cost(way: list[int]) -> float:
         nonlocal least
         long = order.length(way, times) * (1 + _late(problem, way, own, indexations))
-        if long < least * (1 + SIDES):
+        if sides and usual > 0 and long < least * (1 + SIDES):
             # What all of it tells goes by from where axes come; twice the variance is worth twice the time of the run.
-            long += max(rest, 0.0) * float(np.clip(whole(way) / usual - 1, -SIDES, 1 / SIDES)) if usual > 0 else 0.0
+            long += max(rest, 0.0) * float(np.clip(whole(way) / usual - 1, -SIDES, 1 / SIDES))
         if long < least:  # what a part of it is worth takes longer to find out than how long it takes
             lost = float(np.maximum(np.log(_worth(problem, way, own) / best_worth) / 2, 0.0).mean())
             least = min(least, long := long * (1 + EARLY * lost))
