@@ -44,7 +44,7 @@ class Suspicion:
     """A single mistake that would explain the readings: where it is and what to change."""
 
     kind: str  # the file of `plausible/mistakes/` that thought of it
-    text: str  # a sentence: the readings fit if …
+    text: str  # a sentence: the readings fit if …; less is left if … where they do not fit
     file: str  # name of the file in the cell that would have to change
     key: str  # of that file; a column of readings.csv
     change: str  # what to write instead
@@ -52,6 +52,7 @@ class Suspicion:
     touches: tuple[int, ...] = ()  # numbers, where single touches are meant; empty: all
     before: float = 0.0  # mm, root mean square of what is left of the touches as the cell states it
     after: float = 0.0  # mm, the same with this mistake put right
+    fits: bool | None = None  # whether `after` is what the stated scatter leaves; None: seen in the readings, nothing was tried
     odds: float = 0.0  # natural logarithm: how much better than the best other mistake, or than none; 0 is undecided
     equally: tuple[str, ...] = ()  # other mistakes that move every touch in the same way, in words
 

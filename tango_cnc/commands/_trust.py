@@ -158,10 +158,15 @@ def suspected(judgement: Judgement) -> list[str]:
     first, *others = judgement.suspicions[:SHOWN]
     if first.kind == "missing_touches":  # the reason above says it already
         return [f"less likely: {s.text} ({_where(s)})" for s in others]
-    lines = [f"most likely: {first.text} ({_where(first)}: {first.change})"]
+    if first.fits is False:
+        most = first.text.removeprefix("less is left ")
+        lines = [f"no single mistake explains the readings; the one that explains most: {most} ({_where(first)}: {first.change})"]
+    else:
+        lines = [f"most likely: {first.text} ({_where(first)}: {first.change})"]
     if first.before > 0:
         lines += [f"  this leaves {first.after * 1e3:.4g} µm of {first.before * 1e3:.4g} µm (root mean square of all touches)"]
-    lines += [f"  {text} would explain it as well" for text in first.equally]
+    as_well = "would leave as little" if first.fits is False else "would explain it as well"
+    lines += [f"  {text} {as_well}" for text in first.equally]
     return lines + [f"less likely: {s.text} ({_where(s)})" for s in others]
 
 
@@ -191,6 +196,6 @@ def _suspicion(s: Suspicion) -> dict[str, Any]:
         "key": s.key,
         "change": s.change,
         "touches": list(s.touches),
-        "evidence": {"rms_before_um": s.before * 1e3, "rms_after_um": s.after * 1e3, "odds": s.odds},
+        "evidence": {"rms_before_um": s.before * 1e3, "rms_after_um": s.after * 1e3, "fits": s.fits, "odds": s.odds},
         "equally": list(s.equally),
     }

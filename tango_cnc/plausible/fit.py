@@ -22,9 +22,11 @@ from ..records import Array, Artefact, Machine, Readings
 from ..touches import Touches, from_readings
 
 STAGES = (0.5, 0.1, 0.03)  # mm: scales of the loss on the way to the final one
-ROUNDING = 1e-13  # of the largest element: touches that are all alike leave a matrix that rounding makes indefinite
+ROUNDING = 1e-12  # of each element of the diagonal: touches that are all alike leave a matrix that rounding makes indefinite
 BESIDE = 2.0  # mm: scale of the loss for touches beside their nominal contact
 FREE = 1e4  # mm or rad: prior of an unknown that is given up
+MOST = 0.9  # of the touches, that have to fit
+WITHIN = 1.645  # standard deviations within which nine of ten are
 PRIOR = 4.0  # standard deviations of the prior that make a tolerance
 
 
@@ -50,6 +52,16 @@ class Explained:
     def size(self) -> float:
         """→ mm, root mean square of gap and way beside it, each at most 1000 mm."""
         return float(np.sqrt(np.mean(np.clip(self.gaps**2, 0, 1e6))))
+
+    @cached_property
+    def scatter(self) -> float:
+        """→ mm, one standard deviation of nine touches in ten: single wrong touches are no reason to doubt the rest."""
+        return float(np.quantile(np.abs(self.gaps), MOST) / WITHIN)
+
+    @cached_property
+    def away(self) -> float:
+        """→ mm, nine touches in ten are nearer to their nominal contact than this, beside the gap."""
+        return float(np.quantile(self.beside, MOST))
 
 
 def unknowns(machine: Machine, touches: Touches, free: Sequence[str]) -> list[Unknown]:
@@ -127,7 +139,7 @@ def explain(
 
 
 def _turns(name: str, machine: Machine) -> bool:
-    return name.startswith("E_zero_") and name[7] in machine.rotary
+    return (name.startswith("E_zero_") and name[7] in machine.rotary) or name in {f"E{axis}{axis}1" for axis in machine.rotary}
 
 
 def _acting(columns: Sequence[Unknown], values: Array, touches: Touches) -> dict[Slot, Array]:
@@ -221,7 +233,9 @@ def _robust(gaps: Array, jacobian: Array, start: Array, prior: Array, stages: Se
     for scale in stages:
         weight = 1 / (1 + (left / scale) ** 2) * 2 / scale**2
         normal = (scaled.T * weight) @ scaled
-        normal[np.diag_indices_from(normal)] += 1.0 + ROUNDING * float(normal.diagonal().max())
+        normal[np.diag_indices_from(normal)] += (
+            1.0 + ROUNDING * normal.diagonal()
+        )  # of each its own: a free angle is no prior of the others
         right = scaled.T @ (weight * left) + values / prior
         change = linalg.cho_solve(linalg.cho_factor(normal, check_finite=False), right, check_finite=False) * prior
         values = values - change

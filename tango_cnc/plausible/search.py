@@ -18,15 +18,19 @@ from ..files.checked import Node, load
 from ..judgement import Suspicion
 from ..model import gap
 from ..records import Array, Artefact, Cell, InputError, Machine, Readings
-from ..touches import from_readings
+from ..touches import FAR, from_readings
 from .fit import BESIDE, Explained, explain
 from .mistakes import kinds
 from .mistakes._case import Case, Hypothesis
 
 FITTED = 28  # hypotheses of those without freed unknowns that are fitted
+SAID = "the readings fit "  # how every hypothesis begins
 ROUGH = 0.5  # mm: scale of the loss of the first look
 SURE = 3.0  # by how much the logarithm of the likelihood has to grow before a mistake is suspected
 EQUAL = 2.0  # difference of that below which two mistakes explain the readings equally well
+NEAR = 4.0  # times the stated repeatability that touches may scatter and still fit: as much as leaves a result beyond doubt
+TINY = 0.01  # of what was left before: with that a gross mistake is found, though the machine wanders, or has errors of its own
+WORTH = 0.9  # of what was left before: who leaves more, and fits not, explains nothing
 TOLD = 6  # suspicions that are handed back
 
 
@@ -55,10 +59,13 @@ def suspects(cell: Cell, readings: Readings) -> tuple[Suspicion, ...]:
                 plain.append((cost + h.price, kind, h))
     plain.sort(key=lambda item: item[0])
     tried = [_tried(case, kind, h) for kind, h in [*((k, h) for _, k, h in plain[:FITTED]), *freed]]
-    good = sorted((t for t in tried if t.cost < case.stated.cost - SURE and _is_one(t)), key=lambda t: t.cost)
+    better = [t for t in tried if t.cost < case.stated.cost - SURE and t.explained.size < case.stated.size and _is_one(t)]
+    fitting = sorted((t for t in better if _fits(t, case)), key=lambda t: t.cost)
+    part = sorted((t for t in better if t not in fitting and t.explained.size < WORTH * case.stated.size), key=_size)
+    good = [*fitting, *part]
     if not good:
         return ()
-    floor = good[0].cost
+    floor = min(t.cost for t in good)
     near = [t for t in good if t.cost < floor + 0.5 * (case.stated.cost - floor)]
     return _told(cell, case, near)
 
@@ -84,6 +91,18 @@ def _is_one(tried: _Tried) -> bool:
     return not least or any(abs(tried.explained.values[name]) > size for name, size in least.items())
 
 
+def _size(tried: _Tried) -> float:
+    return tried.explained.size
+
+
+def _fits(tried: _Tried, case: Case) -> bool:
+    """→ whether what is left is near the stated scatter, or next to nothing of what was left before."""
+    left, known = tried.explained, case.machine
+    near = left.scatter <= NEAR * max(known.probe.repeatability, 1e-4)
+    gross = left.scatter <= min(TINY * case.stated.size, known.tolerances.scatter)
+    return (near or gross) and left.away <= FAR
+
+
 def _told(cell: Cell, case: Case, tried: Sequence[_Tried]) -> tuple[Suspicion, ...]:
     found: list[Suspicion] = []
     groups: list[list[_Tried]] = []
@@ -103,17 +122,20 @@ def _told(cell: Cell, case: Case, tried: Sequence[_Tried]) -> tuple[Suspicion, .
         odds = (others[0][0].cost if others else case.stated.cost) - t.cost
         h = t.hypothesis
         text, change = h.words(t.explained.values) if h.words else (h.text, h.change)
+        fits = _fits(t, case)
+        if not fits:
+            text = f"less is left {text.removeprefix(SAID)}"
         equally = tuple(_text(o) for o in group if o is not t) if t is group[0] else ()
         file, line = place(cell.folder, h.file, h.key)
         found.append(
-            Suspicion(t.kind, text, file, h.key, change, line, h.touches, case.stated.size, t.explained.size, odds, equally)
+            Suspicion(t.kind, text, file, h.key, change, line, h.touches, case.stated.size, t.explained.size, fits, odds, equally)
         )
     return tuple(found)
 
 
 def _text(tried: _Tried) -> str:
     h = tried.hypothesis
-    return (h.words(tried.explained.values)[0] if h.words else h.text).removeprefix("the readings fit ")
+    return (h.words(tried.explained.values)[0] if h.words else h.text).removeprefix(SAID)
 
 
 def _alike(one: Explained, other: Explained) -> bool:

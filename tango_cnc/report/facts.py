@@ -236,7 +236,8 @@ def _plausible(f: Facts, t: Texts) -> Check:
     if j.suspicions:
         s = j.suspicions[0]
         line = t("todo.line", line=s.line) if s.line else ""
-        todo = t("todo.plausible_likely", text=s.text, where=f"{s.file}{line}", change=s.change)
+        likely = "todo.plausible_part" if s.fits is False else "todo.plausible_likely"
+        todo = t(likely, text=s.text.removeprefix("less is left "), where=f"{s.file}{line}", change=s.change)
     why = "; ".join(t.of(r) for r in j.reasons)
     return Check("plausible", level, t(f"judged.{j.verdict}"), t(f"check.plausible_{level}", why=why), todo)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy import optimize
 
 from ...kinematics import chain, tip
 from ...records import Artefact, Id
@@ -30,8 +30,10 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     wrong = (nearest != named) & (own > NEAR) & (away.min(axis=1) < NEAR)
     if not wrong.any():
         return
-    votes = {f: Counter(nearest[named == f].tolist()).most_common(1)[0][0] for f in set(named.tolist())}
-    moved = {f: g for f, g in votes.items() if f != g}
+    votes = np.zeros((len(names), len(names)))
+    np.add.at(votes, (named, nearest), 1.0)
+    np.fill_diagonal(votes, votes.diagonal() + 0.5)  # what was never touched keeps its number
+    moved = {int(f): int(g) for f, g in zip(*optimize.linear_sum_assignment(votes, maximize=True), strict=True) if f != g}
     if len(moved) == 2 and all(moved.get(g) == f for f, g in moved.items()):
         one, other = (names[i] for i in sorted(moved))
         yield Hypothesis(

@@ -34,6 +34,17 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             artefact=_mapped(artefact, mirror),
             price=0.5,
         )
+        for name in case.machine.rotary:
+            middle = case.machine.axis(name).point[i]
+            if middle and not case.machine.axis(name).direction[i]:
+                yield Hypothesis(
+                    f"the readings fit if {letter} of every facet is mirrored about the line of {name}",
+                    "artefact",
+                    "facets",
+                    f"write {2 * middle:g} - {letter} for {letter} of every point, and change the sign of {letter} in every normal",
+                    artefact=_mapped(artefact, mirror, np.eye(3)[i] * 2 * middle),
+                    price=1.0,
+                )
         j, k = (i + 1) % 3, (i + 2) % 3
         swap = np.eye(3)
         swap[[j, k]] = swap[[k, j]]
@@ -81,11 +92,15 @@ def _surface(matrix: Array, surface: Surface | None) -> Surface | None:
     return replace(surface, axis=_vector(matrix, surface.axis))
 
 
-def _mapped(artefact: Artefact, matrix: Array) -> Artefact:
+def _mapped(artefact: Artefact, matrix: Array, shift: Array | None = None) -> Artefact:
+    def point(v: Vector) -> Vector:
+        x, y, z = _vector(matrix, v)
+        return (x, y, z) if shift is None else (x + float(shift[0]), y + float(shift[1]), z + float(shift[2]))
+
     facets = {
-        key: replace(f, point=_vector(matrix, f.point), normal=_vector(matrix, f.normal), surface=_surface(matrix, f.surface))
+        key: replace(f, point=point(f.point), normal=_vector(matrix, f.normal), surface=_surface(matrix, f.surface))
         for key, f in artefact.facets.items()
     }
-    balls = {key: replace(b, centre=_vector(matrix, b.centre)) for key, b in artefact.balls.items()}
+    balls = {key: replace(b, centre=point(b.centre)) for key, b in artefact.balls.items()}
     none: tuple[Obstacle, ...] = ()
     return replace(artefact, facets=facets, balls=balls, obstacles=none)

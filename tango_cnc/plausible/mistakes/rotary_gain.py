@@ -1,0 +1,46 @@
+"""A rotary axis turns further than its readings say, in proportion: a gear ratio, an encoder with another count, another unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
+
+import numpy as np
+
+from ._case import Case, Hypothesis, moved_column
+
+RATIOS = (2.0, 0.5, 0.9, 1 / 0.9, 10.0, 0.1)  # 0.9: 400 gon are a turn
+GON = 0.9
+
+
+def hypotheses(case: Case) -> Iterator[Hypothesis]:
+    """case → each rotary axis that turned, in the ratios that people mix up, then in any ratio near 1."""
+    machine, readings = case.machine, case.readings
+    for name in machine.rotary:
+        column = machine.column(name)
+        angle = readings.position[:, column]
+        if np.ptp(angle) == 0:
+            continue
+        for ratio in RATIOS:
+            unit = ": its numbers are in gon" if ratio == GON else ""
+            yield Hypothesis(
+                f"the readings fit if {name} turns {ratio:g}° where they say 1°{unit}",
+                "readings",
+                name,
+                f"see the gear ratio and the unit of {name} in the control, or multiply the column {name} by {ratio:g}",
+                readings=moved_column(readings, column, angle * ratio),
+                price=1.5,
+            )
+        least = machine.tolerances.motion_angle / 2 / float(np.abs(angle).max())
+        yield Hypothesis("", "readings", name, "", free=[f"E{name}{name}1"], words=partial(_words, name), price=3.0,
+                         least={f"E{name}{name}1": least})  # fmt: skip
+
+
+def _words(name: str, values: Mapping[str, float]) -> tuple[str, str]:
+    gain = values[f"E{name}{name}1"]
+    turn = math.tau * gain
+    return (
+        f"the readings fit if {name} turns {1 + gain:.6g}° where they say 1°: {math.degrees(turn):+.4f}° in a turn",
+        f"see the gear ratio and the encoder of {name} in the control; {name} then turns a full turn where it says 360",
+    )
