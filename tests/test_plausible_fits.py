@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_plausible_mistakes import measured
+from test_plausible_mistakes import judged, measured
 
 from sim_controller.simulate import simulate
 from tango_cnc.commands._trust import members, suspected
@@ -15,7 +15,7 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.judgement import Judgement, Suspicion
 from tango_cnc.plausible.fit import explain
 from tango_cnc.plausible.mistakes import facet_names
-from tango_cnc.plausible.mistakes._case import Case, with_axis
+from tango_cnc.plausible.mistakes._case import Case, with_axis, with_probe
 from tango_cnc.plausible.search import suspects
 from tango_cnc.records import Cell, Readings
 
@@ -109,3 +109,12 @@ def test_a_renumbering_gives_no_number_twice(sound: tuple[Cell, Readings]) -> No
     for artefact in tried:
         places = [f.point for f in artefact.facets.values()]
         assert len(places) == len(set(places))
+
+
+def test_a_stylus_that_is_clearly_not_as_long_as_stated_gets_one_remark(sound: tuple[Cell, Readings]) -> None:
+    cell, readings = sound
+    assert not any("length of the stylus" in text for text in judged(cell, readings).remarks)
+    longer = replace(cell, machine=with_probe(cell.machine, length=cell.machine.probe.length + 0.7))
+    found = judged(longer, readings)
+    (said,) = (text for text in found.remarks if "length of the stylus" in text)
+    assert found.verdict == "trustworthy" and "height of a pivot (axes.A.point), is off by 0.7" in said

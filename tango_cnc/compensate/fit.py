@@ -112,7 +112,7 @@ class Fit:
     rms_holdable: float  # rms of the part of the error that the control can hold
     direction_before: float  # µrad rms, direction of the tool
     direction_after: float
-    rms_program: Figure  # after program compensation on top: what nobody knows, and rounding
+    rms_program: Figure  # with program compensation on top: reversal that the target does not hold, what nobody knows, and rounding
     rounding: float  # µm rms that rounding to the increment costs
 
 
@@ -136,6 +136,8 @@ def fit(found: Known, held: Sequence[Held], poses: Poses, present: Mapping[str, 
     nothing = np.zeros_like(taken)
     before = _sizes(_likely(found, levers, nothing))
     after = _sizes(_likely(found, levers - taken, taken) + (space @ (exact - change))[:, None])
+    # Programs correct everything but what depends on the last motion; of that the target may have taken its part.
+    reversing = np.where(found.reversal(poses).any(axis=0), levers - taken, 0.0)
     turned, left = _directions(found, held, poses, change)
     return Fit(
         tuple(held),
@@ -148,10 +150,7 @@ def fit(found: Known, held: Sequence[Held], poses: Poses, present: Mapping[str, 
         float(rms((space @ exact)[:, None])[0]),
         turned,
         left,
-        _program(
-            _sizes(_likely(found, poses.free(found.reversal(poses)), poses.free(found.levers(poses, still=True)))),
-            program_increment,
-        ),
+        _program(_sizes(_likely(found, reversing, levers - reversing)), program_increment),
         rounding,
     )
 

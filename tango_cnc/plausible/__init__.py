@@ -20,6 +20,7 @@ from .data import Remark, coarse, listed, remarks
 from .directions import approaches
 from .groups import common
 from .search import place, suspects
+from .setup import stylus
 from .words import beyond_text
 
 ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
@@ -123,6 +124,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
         )
     found += _noise(result)
     found += common(result)
+    found += stylus(cell, told)
     share = len(result.outliers) / len(result.residuals)
     if share > MANY:
         text = say(

@@ -18,6 +18,7 @@ from ..files.checked import Node, load
 from ..judgement import Suspicion
 from ..model import gap
 from ..records import Array, Artefact, Cell, InputError, Machine, Readings
+from ..texts import say
 from ..touches import FAR, from_readings
 from .fit import BESIDE, Explained, explain
 from .mistakes import kinds
@@ -61,7 +62,7 @@ def suspects(cell: Cell, readings: Readings) -> tuple[Suspicion, ...]:
     tried = [_tried(case, kind, h) for kind, h in [*((k, h) for _, k, h in plain[:FITTED]), *freed]]
     better = [t for t in tried if t.cost < case.stated.cost - SURE and t.explained.size < case.stated.size and _is_one(t)]
     fitting = sorted((t for t in better if _fits(t, case)), key=lambda t: t.cost)
-    part = sorted((t for t in better if t not in fitting and t.explained.size < WORTH * case.stated.size), key=_size)
+    part = sorted((t for t in better if not _fits(t, case) and t.explained.size < WORTH * case.stated.size), key=_size)
     good = [*fitting, *part]
     if not good:
         return ()
@@ -124,7 +125,7 @@ def _told(cell: Cell, case: Case, tried: Sequence[_Tried]) -> tuple[Suspicion, .
         text, change = h.words(t.explained.values) if h.words else (h.text, h.change)
         fits = _fits(t, case)
         if not fits:
-            text = f"less is left {text.removeprefix(SAID)}"
+            text = say("mistake.search.less_left", what=text.removeprefix(SAID))
         equally = tuple(_text(o) for o in group if o is not t) if t is group[0] else ()
         file, line = place(cell.folder, h.file, h.key)
         found.append(

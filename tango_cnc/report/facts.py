@@ -237,7 +237,7 @@ def _plausible(f: Facts, t: Texts) -> Check:
         s = j.suspicions[0]
         line = t("todo.line", line=s.line) if s.line else ""
         likely = "todo.plausible_part" if s.fits is False else "todo.plausible_likely"
-        todo = t(likely, text=s.text.removeprefix("less is left "), where=f"{s.file}{line}", change=s.change)
+        todo = t(likely, text=s.text, where=f"{s.file}{line}", change=s.change)
     why = "; ".join(t.of(r) for r in j.reasons)
     return Check("plausible", level, t(f"judged.{j.verdict}"), t(f"check.plausible_{level}", why=why), todo)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from ...records import Vector
+from ...texts import say
 from ._case import Case, Hypothesis, with_axis
 
 
@@ -17,11 +18,12 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         if a.point == b.point:
             continue
         yield Hypothesis(
-            f"the readings fit if the points of {one} and {other} are exchanged in machine.yaml",
+            say("mistake.points_exchanged.fit", one=one, other=other),
             "machine",
             f"axes.{one}.point",
-            f"write point: {_shown(b.point)} for {one} and point: {_shown(a.point)} for {other}",
+            say("mistake.points_exchanged.write", one=one, other=other, point=_shown(b.point), point2=_shown(a.point)),
             machine=with_axis(with_axis(machine, one, point=b.point), other, point=a.point),
+            price=6.0,  # a single point that is elsewhere may move every touch alike, and is commoner
         )
 
 

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ...texts import say
 from ._case import Case, Hypothesis, moved_column
 
 RATIOS = (2.0, 0.5, 0.9, 1 / 0.9, 10.0, 0.1)  # 0.9: 400 gon are a turn
@@ -23,12 +24,12 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         if np.ptp(angle) == 0:
             continue
         for ratio in RATIOS:
-            unit = ": its numbers are in gon" if ratio == GON else ""
+            key = "mistake.rotary_gain.gon" if ratio == GON else "mistake.rotary_gain.ratio"
             yield Hypothesis(
-                f"the readings fit if {name} turns {ratio:g}° where they say 1°{unit}",
+                say(key, name=name, ratio=f"{ratio:g}"),
                 "readings",
                 name,
-                f"see the gear ratio and the unit of {name} in the control, or multiply the column {name} by {ratio:g}",
+                say("mistake.rotary_gain.see_unit", name=name, ratio=f"{ratio:g}"),
                 readings=moved_column(readings, column, angle * ratio),
                 price=1.5,
             )
@@ -41,6 +42,6 @@ def _words(name: str, values: Mapping[str, float]) -> tuple[str, str]:
     gain = values[f"E{name}{name}1"]
     turn = math.tau * gain
     return (
-        f"the readings fit if {name} turns {1 + gain:.6g}° where they say 1°: {math.degrees(turn):+.4f}° in a turn",
-        f"see the gear ratio and the encoder of {name} in the control; {name} then turns a full turn where it says 360",
+        say("mistake.rotary_gain.gain", name=name, ratio=f"{1 + gain:.6g}", turn=f"{math.degrees(turn):+.4f}"),
+        say("mistake.rotary_gain.see_gear", name=name),
     )

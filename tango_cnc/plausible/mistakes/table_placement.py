@@ -38,10 +38,10 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             middle = case.machine.axis(name).point[i]
             if middle and not case.machine.axis(name).direction[i]:
                 yield Hypothesis(
-                    f"the readings fit if {letter} of every facet is mirrored about the line of {name}",
+                    say("mistake.table_placement.mirrored_about", letter=letter, name=name),
                     "artefact",
                     "facets",
-                    f"write {2 * middle:g} - {letter} for {letter} of every point, and change the sign of {letter} in every normal",
+                    say("mistake.table_placement.mirror_about", letter=letter, twice=f"{2 * middle:g}"),
                     artefact=_mapped(artefact, mirror, np.eye(3)[i] * 2 * middle),
                     price=1.0,
                 )
