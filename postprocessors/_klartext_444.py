@@ -64,7 +64,7 @@ DOUBTS = (
     "ID270 NR1 is where the tool length ends, in the frame of cycle 444",
     "cycle 444 stays where it stands when the ball is SET UP and its radius from the point, and watches the probe all the time",
     "cycle 444 is allowed with rotary axes that stand at an angle and no tilted plane (chkTiltingAxes of the machine)",
-    "a tool call before has told the control that the probe is along Z: the program calls no tool",
+    "a tool call before has set the probe along Z as tool: the program calls no tool",
     "Q115 Q116 Q117 hold the contact of TCH PROBE 4 and of cycle 444, neither with the radius nor with the calibration",
     "Q164 is above 0 where the contact comes before its nominal place",
 )

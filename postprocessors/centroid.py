@@ -61,7 +61,7 @@ DOUBTS = (
     "no scaling or mirror image (G51) is on: nothing here cancels it",
     "#9011 is the input of the probe with the sign that P of M115 wants",
     "M125 cancels the job when the probe is on or comes on",
-    "M115 with L1 goes on when nothing is met and #25022 tells",
+    "M115 with L1 goes on when nothing is met and #25022 shows it",
     "#24301 holds the machine coordinates of the contact",
     "#5021 #5041 #24301 come in millimetres after G21",
     "G53 turns a rotary axis in machine coordinates",

@@ -39,7 +39,7 @@ OPTIONS = (
     Option("trafoof", True, "TRAFOOF switches a five-axis transformation off; false where the control has none"),
     Option("cycle800", True, "CYCLE800() leaves a swivelled plane; false where the control has no swivelling"),
     Option("probe_input", 1, "input of the probe: MEAS=1 or MEAS=2", choices=(1, 2)),
-    Option("probe_state", True, "$A_PROBE tells whether the probe is deflected; false: the control's own alarm is trusted"),
+    Option("probe_state", True, "$A_PROBE shows whether the probe is deflected; false: the control's own alarm is trusted"),
     Option("output", "/dev/ext/1", OUTPUT),
     Option(
         "handshake",

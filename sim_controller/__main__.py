@@ -29,7 +29,7 @@ from .session import Ledger, Session, Setup
     "--start",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Run this program as soon as it is there; with --tcp or --pty: when told to.",
+    help="Run this program as soon as it is there; with --tcp or --pty: on its command.",
 )
 @click.option("--records", type=click.Path(path_type=Path), metavar="FILE", help="With --start: where the records go.")
 @click.option("--language", default="macro_b", show_default=True, help="What the control understands.")

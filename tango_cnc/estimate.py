@@ -67,7 +67,8 @@ class Estimate:
     jacobian: Array  # (n + m, p) at the solution: gaps of the touches, then calibrated facets and scale bar; mm, rad
     known_residuals: Array  # (m,) mm, calibrated facets and scale bar
     known_weights: Array  # (m,) sigma over their uncertainties
-    rejected: NDArray[np.int64] | None = None  # numbers of touches without weight; None: all have the same
+    rejected: NDArray[np.bool_] | None = None  # (n,) touches that do not fit and have no weight; None: all have the same
+    unsure: NDArray[np.bool_] | None = None  # (n,) touches without weight: they or their neighbours are wrong
     noise: Noise | None = None  # None: taken as white
 
     @cached_property
@@ -81,15 +82,19 @@ class Estimate:
         return scaled_condition_number(self.jacobian)
 
     @cached_property
-    def outliers(self) -> NDArray[np.int64]:
-        """→ numbers of the touches that a robust fit cannot reach: flagged, not removed."""
+    def out(self) -> NDArray[np.bool_]:
+        """→ (n,) touches that a robust fit cannot reach: flagged, not removed. One of several cycles, not its number in all."""
         return _outliers(self) if self.rejected is None else self.rejected
 
     @property
-    def unused(self) -> NDArray[np.int64]:
-        """→ numbers of the touches that have no weight: outliers, and those of which nobody knows whether they are."""
-        undecided = () if self.noise is None else self.noise.undecided
-        return np.union1d(self.outliers, np.array(undecided, dtype=np.int64))
+    def outliers(self) -> NDArray[np.int64]:
+        """→ numbers of the touches that a robust fit cannot reach."""
+        return self.model.touches.number[self.out]
+
+    @property
+    def unused(self) -> NDArray[np.bool_]:
+        """→ (n,) touches that have no weight: outliers, and those of which nobody knows whether they are."""
+        return self.out if self.unsure is None else self.out | self.unsure
 
     @property
     def model(self) -> Model:
@@ -199,7 +204,7 @@ def fit(selection: Selection) -> Estimate:
     full, weights, root = np.zeros((0, p)), np.zeros(0), np.zeros((p, p))
     here: tuple[Array, Array, Array] | None = None
     for iterations in range(1, ITERATIONS + 1):
-        if damping == 0 and size < SERVES and shifted < 1e-6:
+        if damping == 0 and size < SERVES and shifted < 1e-3:
             # A chord step, with the derivatives of the step before (Deuflhard 2011, Newton Methods for Nonlinear Problems, 2.1.2).
             offsets, _, uncertainty = known(model, values)
             right = np.concatenate([residual(model, values), offsets])
@@ -262,7 +267,7 @@ def _step(full: Array, right: Array, weights: Array, damping: float) -> tuple[Ar
     root = triangle[:p, :p]
     if not np.min(np.abs(np.diag(root))) > 1e-14:
         raise TangoError(
-            "estimate: the touches that were made cannot tell all unknowns apart; check that readings and artefact "
+            "estimate: the touches that were made cannot separate all unknowns; check that readings and artefact "
             "belong together, or use a smaller set of terms (--terms)"
         )
     return linalg.solve_triangular(root, triangle[:p, p], check_finite=False) / scale, root * scale
@@ -276,8 +281,8 @@ def _again(full: Array, right: Array, weights: Array, root: Array) -> Array:
     return np.asarray(linalg.blas.dtrsv(triangle, side)) / scale
 
 
-def _outliers(result: Estimate) -> NDArray[np.int64]:
-    """estimate → touch numbers that a robust fit cannot reach.
+def _outliers(result: Estimate) -> NDArray[np.bool_]:
+    """estimate → (n,) touches that a robust fit cannot reach.
 
     Bisquare weights (Beaton & Tukey 1974) around the least-squares solution, residuals divided by what their leverage leaves
     of them, scale by the median; the threshold lets one set of good readings in a thousand be accused.
@@ -302,15 +307,17 @@ def _outliers(result: Estimate) -> NDArray[np.int64]:
         standard = np.where(alone, 0.0, (gaps - correction @ seen) / np.sqrt(np.where(alone, 1.0, left)))
         size = 1.4826 * float(np.median(np.abs(standard[~alone]))) if not alone.all() else 0.0
         if size < SIGMA_FLOOR:
-            return np.array([], dtype=np.int64)
+            return np.zeros(n, dtype=np.bool_)
         standard /= size
         new = np.clip(1 - (standard / 6) ** 2, 0.05, None) ** 2
         if np.max(np.abs(new - weight)) < 0.02:
             break
         weight = new
-    return result.model.touches.number[np.abs(standard) > -float(special.ndtri(0.0005 / n))]
+    return np.asarray(np.abs(standard) > -float(special.ndtri(0.0005 / n)))
 
 
-def without(readings: Readings, touches: NDArray[np.int64]) -> Readings:
-    """readings, touch numbers → the readings of all other touches."""
-    return readings.rows(~np.isin(readings.touch, touches))
+def without(readings: Readings, touches: Touches, out: NDArray[np.bool_]) -> Readings:
+    """readings, touches (n,) of them, which of these → all other readings. A touch is meant in its cycle of its day, not in all."""
+    gone = set(zip(touches.day[out].tolist(), touches.cycle[out].tolist(), touches.number[out].tolist(), strict=True))
+    every = zip(readings.day.tolist(), readings.cycle.tolist(), readings.touch.tolist(), strict=True)
+    return readings.rows(np.array([one not in gone for one in every], dtype=np.bool_))

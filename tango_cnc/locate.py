@@ -83,7 +83,7 @@ def strategy(cell: Cell, count: int = TOUCHES, within: float = FARTHEST) -> Plan
             short.append(f"  indexation {at}: facets {', '.join(allowed) or 'none'}{weak}{why}")
     if best is None:
         raise InputError(
-            f"{cell.artefact.name}: no indexation of {cell.strategy.name} has flat facets that tell where the table stands, "
+            f"{cell.artefact.name}: no indexation of {cell.strategy.name} has flat facets that determine where the table stands, "
             f"touched from {approach.standoff:.0f} mm away:\n" + "\n".join(short) + f"\nallowed: {LEAST} flat facets that face at "
             f"least three ways and stand far apart, so that all are known to {KNOWN:g} mm, at one indexation; add them to one of "
             "strategy.yaml. Nothing was moved"
@@ -103,16 +103,16 @@ def _reached(cell: Cell, indexation: Indexation, approach: Approach) -> tuple[tu
     except InputError as error:
         return (), f" ({error})"
     here = {touch.facet for touch in made.touches}
-    why = f" ({'; '.join(made.left_out)})" if made.left_out else ""
+    why = f" ({'; '.join(made.left_out.values())})" if made.left_out else ""
     return tuple(name for name in indexation.facets if name in here), why
 
 
 def locate(plan: Plan, readings: Readings) -> Located:
-    """plan of the locating cycle, its readings → where the table stands. Raises InputError where they do not tell it."""
+    """plan of the locating cycle, its readings → where the table stands. Raises InputError where they do not determine it."""
     met = [row for row, status in enumerate(readings.status) if status in ("ok", "early")]
     facets = [plan.artefact.facets[readings.facet[row]] for row in met]
     if _weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
-        raise InputError(f"{len(met)} of {len(readings.status)} touches met something, which do not tell where the table stands")
+        raise InputError(f"{len(met)} of {len(readings.status)} touches met something, too few to find where the table stands")
     tip = kinematics.tip(kinematics.chain(plan.machine), readings.position[met])
     least = min(LEAST, len(plan.touches))
     if len(met) < least:
@@ -124,7 +124,7 @@ def locate(plan: Plan, readings: Readings) -> Located:
     if kept is None:
         worst = int(np.argmax(np.abs(residual)))
         raise InputError(
-            f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from the table that the others tell; allowed: "
+            f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from where the others place the table; allowed: "
             f"{AGREES:g} mm. Was another facet touched, or something that is not the table? {NEARER}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
@@ -239,7 +239,7 @@ def _weakest(artefact: Artefact, names: Sequence[str]) -> float:
 
 
 def known_to(artefact: Artefact, names: Sequence[str]) -> tuple[float, str]:
-    """facets that are touched → mm to which the worst facet of the table is known then, and which; inf where they do not tell it.
+    """facets that are touched → mm to which the worst facet of the table is known then, and which; inf where unknown.
 
     One standard deviation along its normal, where the facets are in their places on the table to `AGREES` and touches are exact.
     """

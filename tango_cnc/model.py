@@ -177,7 +177,7 @@ def with_levers(model: Model, values: Array) -> tuple[Array, Array, Mapping[Slot
     """(p,) unknowns → gaps (n,) mm, their exact Jacobian (n, p), how an error at each slot moves the touches (n,) mm/mm, mm/rad."""
     touches = model.touches
     machine, offsets, shifts = model.split(values)
-    acting = errors(model, machine)
+    acting = errors(model, machine) if machine.any() else {}  # the nominal machine: nothing acts, and its steps are few
     run = kinematics.trace(touches.chain, touches.position, acting)
     value, gradient = gap(touches, run.tip, offsets, shifts)
     value = _direct(value, acting)

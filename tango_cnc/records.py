@@ -324,7 +324,7 @@ class Plan:
     strategy: Strategy
     touches: Sequence[Touch]  # out of the planner: `plan.touches.Planned`
     turns: Sequence[Turn]  # out of the planner: `plan.turns.Turned`
-    left_out: tuple[str, ...] = ()  # touches of the strategy that are not in the plan, in words
+    left_out: Mapping[int, str] = field(default_factory=dict)  # touches of the strategy that it does not make: number → why not
     doubtful: tuple[str, ...] = ()  # touches of the plan that a straight stylus can hardly make, in words
 
     @property

@@ -144,6 +144,17 @@ class Touches:
         """letter → (n,) mm or rad, position of that axis."""
         return self.position[:, self.machine.column(name)]
 
+    @cached_property
+    def _powers(self) -> dict[tuple[str, int], Array]:
+        return {}
+
+    def power(self, name: str, degree: int) -> Array:
+        """letter, degree → (n,) mm or rad to that power, of the position of that axis: six error motions share each."""
+        key = name, degree
+        if key not in self._powers:
+            self._powers[key] = self.axis(name) ** degree if degree else np.ones(len(self))
+        return self._powers[key]
+
     def sign(self, name: str) -> Array:
         """letter → (n,) −1 0 1, direction of that axis' last motion."""
         return self.direction[:, self.machine.column(name)]
@@ -227,6 +238,7 @@ class Misnamed(NamedTuple):
     away: float  # mm from its nominal contact
     near: Id  # the facet whose nominal contact is nearest
     beside: float  # mm from that one
+    row: int  # of the touch among those that were asked
 
 
 def misnamed(touches: Touches) -> tuple[Misnamed, ...]:
@@ -240,7 +252,7 @@ def misnamed(touches: Touches) -> tuple[Misnamed, ...]:
         distance = np.linalg.norm(contacts - tip[i], axis=1)
         nearest = int(np.argmin(distance))
         number = int(touches.number[i])
-        found.append(Misnamed(number, touches.facet[i], float(away[i]), known[nearest].id, float(distance[nearest])))
+        found.append(Misnamed(number, touches.facet[i], float(away[i]), known[nearest].id, float(distance[nearest]), int(i)))
     return tuple(found)
 
 

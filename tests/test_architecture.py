@@ -36,7 +36,8 @@ INTERNAL: dict[str, str | None] = {
     "link": "records gate files plan duration program",
     "design": f"{NUMERIC} plan check duration gate iso230 verify report.units",
     "noise": f"{NUMERIC} plausible",
-    "plausible": NUMERIC,
+    "plausible": f"{NUMERIC} asked",
+    "asked": "records kinematics",
     "uncertainty": f"{NUMERIC} files",
     "diagnose": f"{NUMERIC} files report",
     "verify": f"{NUMERIC} files iso230",
@@ -47,7 +48,7 @@ INTERNAL: dict[str, str | None] = {
     "instruments": f"{NUMERIC} files iso230 nearest",
     "acceptance": f"{NUMERIC} files iso230 judgement nc compensate",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
-    "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement",
+    "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement asked",
     "state": f"{NUMERIC} verify iso230",
     "web": "records texts files history report link.journal link.entries",
     "commands": None,
@@ -100,7 +101,7 @@ LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_layout"
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.
-SMALL = {"compare.py", "conformity.py", "segments.py", "judgement.py", "nearest.py", "py.typed"}
+SMALL = {"asked.py", "compare.py", "conformity.py", "segments.py", "judgement.py", "nearest.py", "py.typed"}
 
 
 def imports(name: str, file: Path, known: dict[str, Path]) -> Iterator[str]:

@@ -180,7 +180,7 @@ def test_a_gross_touch_is_flagged_and_kept_until_told_otherwise(hu40t):
     assert seen and set(result.outliers.tolist()) <= {41, 42, 201}
     assert len(result.residuals) == len(readings)
     assert len(clean.outliers) == 0
-    again = estimate(hu40t.machine, hu40t.artefact, without(soiled, result.outliers), ["S3"])
+    again = estimate(hu40t.machine, hu40t.artefact, without(soiled, result.model.touches, result.out), ["S3"])
     assert len(again.residuals) == len(readings) - len(result.outliers)
     assert again.sigma < result.sigma
 
@@ -326,3 +326,29 @@ def test_a_hundred_times_nearer_than_finite_differences(hu40t):
     here, there = (np.abs(gaps(values) - gaps(exact)).max() for values in (result.values, theirs))
     assert here < 1e-11
     assert 100 * here < there < 1e-4
+
+
+def test_an_outlier_of_one_cycle_leaves_its_number_in_the_other(hu40t):
+    world = read_world(EXAMPLES / "hu40t" / "world.yaml")
+    first = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)
+    second = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, replace(world, seed=world.seed + 1))
+    two = replace(
+        first,
+        **{
+            name: np.concatenate([getattr(first, name), getattr(second, name)])
+            for name in ("touch", "position", "direction", "day")
+        },
+        time=np.concatenate([first.time, second.time + first.time[-1] + 1]),
+        cycle=np.repeat([1, 2], len(first)),
+        facet=first.facet * 2,
+        status=first.status * 2,
+        feed=None if first.feed is None else np.concatenate([first.feed, first.feed]),
+        temperatures={},
+    )
+    touches = from_readings(hu40t.machine, hu40t.artefact, first)
+    two.position[len(first) + 40, :3] += 0.05 * np.array([touches.lever(axis)[40] for axis in "XYZ"])
+    result = estimate(hu40t.machine, hu40t.artefact, two, ["S3"])
+    assert result.outliers.tolist() == [41]
+    left = without(two, result.model.touches, result.out)
+    assert len(left) == len(two) - 1
+    assert left.touch[left.cycle == 1].tolist() == first.touch.tolist()

@@ -68,7 +68,7 @@ def numbers(made: Plan) -> list[int]:
 
 def test_a_touch_that_faces_away_is_left_out_by_name_and_the_others_keep_their_numbers(folder: Path) -> None:
     made = plan(read_cell(folder))
-    assert numbers(made) == MADE and list(made.left_out) == NAMED and not made.doubtful
+    assert numbers(made) == MADE and list(made.left_out.values()) == NAMED and not made.doubtful
     assert [move.touch for move in made.moves if move.kind == "probe"] == MADE
 
 
@@ -104,7 +104,7 @@ def test_the_four_choices(choice: str, away: str, hit: str) -> None:
         except InputError as error:
             assert f"touch {touch} (" in str(error)
             return "refused"
-        told = [text for text in made.left_out if text.startswith(f"touch {touch} (")]
+        told = [text for text in made.left_out.values() if text.startswith(f"touch {touch} (")]
         assert (touch in numbers(made)) != bool(told)
         return "left out" if told else "planned"
 
@@ -114,7 +114,7 @@ def test_the_four_choices(choice: str, away: str, hit: str) -> None:
 
 def test_what_faces_away_is_left_out_whatever_else_is_in_its_way() -> None:
     cell = obstructed([{"B": -40}], ["5", "2"], BLOCKED)
-    (told,) = plan(cell).left_out
+    (told,) = plan(cell).left_out.values()
     assert "the tip would hit obstacle 1" in told and "and the facet faces 130° away" in told
     with pytest.raises(InputError, match=r"touch 2 .*the tip would hit obstacle 1"):
         plan(cell, "warn")
@@ -161,7 +161,7 @@ def test_the_head_of_a_program_says_how_many_touches_are_left_out(name: str, fol
     made, post = plan(read_cell(folder)), load(name)
     lines = list(program(post, made, {}, plan_hash(made))[2]())
     assert [line for line in lines[:12] if "3 TOUCHES OF THE STRATEGY LEFT OUT" in line]
-    whole = replace(made, left_out=())
+    whole = replace(made, left_out={})
     assert not [line for line in program(post, whole, {}, plan_hash(whole))[2]() if "LEFT OUT" in line]
 
 
@@ -229,7 +229,7 @@ def as_simulated(folder: Path) -> bool:
     assert list(whole.touch) == list(range(1, 11))
     rows = got.touch - 1
     assert [whole.facet[row] for row in rows] == list(got.facet)
-    # a tenth of a micrometre printed, and the least increment of 1 µm in which the control was told where to go sideways
+    # a tenth of a micrometre printed, and the least increment of 1 µm in which the control was sent where to go sideways
     return bool(np.abs(got.position - whole.position[rows])[:, :3].max() < 1.5e-3)
 
 

@@ -36,7 +36,7 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are
         ("  heard: 83 ", "  heard: 93 ", "side by side"),
         ("  echo: 34 ", "  echo: 344 ", "at most 120"),
         ("layout: 3 ", "layout: 1 ", "version 1 could take a command that came late for a new one"),
-        ("layout: 3 ", "layout: 2 ", "version 2 told two runs apart by 16 bits"),
+        ("layout: 3 ", "layout: 2 ", "version 2 distinguished two runs by 16 bits"),
         ("turn: 4460", "turn: 4324", "differ in 4 bits"),
         ("end: 4945", "end: 3", "nothing and end"),
         ("fresh: 2 ", "fresh: 20 ", "fresh ≤ silence"),

@@ -98,7 +98,7 @@ def test_where_one_touch_or_another_may_be_wrong_neither_is_believed() -> None:
     one, facets = np.ones(count, dtype=np.int64), tuple(touch.facet for touch in planned.touches)
     feed, motion = np.full(count, locate.FEED), last_motion(planned)
     wrong = Readings(names, np.arange(1, count + 1), np.zeros(count), facets, position, motion, ("ok",) * count, one, one, feed)
-    with pytest.raises(InputError, match=r"from the table that the others tell; allowed: 0\.05 mm"):
+    with pytest.raises(InputError, match=r"from where the others place the table; allowed: 0\.05 mm"):
         locate.locate(planned, wrong)
 
 
@@ -126,7 +126,7 @@ def test_touches_that_do_not_agree_are_refused() -> None:
     wrong = readings(ran)
     rng = np.random.default_rng(3)
     wrong.position[:, :3] += rng.normal(scale=2.0, size=(len(wrong.position), 3))
-    with pytest.raises(InputError, match=r"from the table that the others tell; allowed: 0\.05 mm"):
+    with pytest.raises(InputError, match=r"from where the others place the table; allowed: 0\.05 mm"):
         locate.locate(made(), wrong)
 
 

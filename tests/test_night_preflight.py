@@ -88,7 +88,7 @@ def test_a_temperature_that_no_sensor_tells_is_named(cell: Path) -> None:
     with pytest.raises(InputError, match=r"sensor 'head' of nightly\.yaml is not in sensors\.yaml; allowed: bed"):
         warm(cell, Nightly(sensor="head", temperature=(20.0, 24.0)))
     (cell / "sensors.yaml").unlink()
-    with pytest.raises(InputError, match=r"no sensor tells it: name one in sensors\.yaml"):
+    with pytest.raises(InputError, match=r"no sensor measures it: name one in sensors\.yaml"):
         warm(cell, ASKED)
     found = RealControl(read_cell(cell), ASKED, golden(), None, "now", "socket://127.0.0.1:9").preflight("full", ())
     assert [p.passed for p in found if p.check == "warm"] == [False]

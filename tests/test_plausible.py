@@ -202,7 +202,8 @@ def test_what_the_plan_left_out_is_not_missing(cell: Path, capsys: pytest.Captur
     kept = [line for line in lines if not (line[0].isdigit() and int(line.split(",")[0]) % 6 == 0)]
     source.write_text("".join(kept), encoding="utf-8")
     assert any("planned touches are missing" in reason for reason in estimated(capsys, cell)[1]["reasons"])
-    left = [f"touch {n} (facet 5, indexation 2: B 30, C 90): behind a clamp" for n in range(6, 394, 6)]
-    source.with_suffix(".json").write_text(json.dumps({"format": "tango-run/1", "left_out": left}), encoding="utf-8")
+    source.with_suffix(".json").write_text(
+        json.dumps({"format": "tango-run/1", "left_out_touches": list(range(6, 394, 6))}), encoding="utf-8"
+    )
     _, data = estimated(capsys, cell)
     assert not any("missing" in text for text in (*data["reasons"], *data["remarks"]))

@@ -422,7 +422,7 @@ def test_nothing_moves_before_the_spindle_has_been_told_to_stand(post: str, inst
 @pytest.mark.parametrize("new", ["", "(CLAMP C M711)\n", "(CLAMP B M710)\n"])
 def test_the_words_that_the_driver_of_grbl_takes_from_the_head_are_those_of_the_profile(new: str) -> None:
     lines = changed(bare("grbl", golden(), **SWITCHES), "(CLAMP C M710)\n", new)
-    assert "the driver is told the words" in refused(lines, "grbl", **SWITCHES)
+    assert "the driver is given the words" in refused(lines, "grbl", **SWITCHES)
 
 
 @pytest.mark.parametrize("word", ["M62", "M64 P1", "H10", "M010"])

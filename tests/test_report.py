@@ -239,7 +239,7 @@ def test_with_setup_terms_alone_it_does_not_praise_the_machine(facts: Facts) -> 
     bare = gathered(facts.cell, facts.readings, Wishes(("S1",), diagnosis=False), facts.paper)
     judged = verdict(bare, texts())
     assert judged.level == "stop"
-    assert "nothing is known of its tool tip" in " ".join(outline(page.render(bare)).text)
+    assert "its tool tip cannot be predicted" in " ".join(outline(page.render(bare)).text)
 
 
 def test_what_names_of_machine_and_facets_hold_is_text_and_no_markup(facts: Facts) -> None:

@@ -119,7 +119,7 @@ def sign(found: Verdict, flips: Sequence[str] = ()) -> str:
     touches = "1 touch" if found.touches == 1 else f"{found.touches} touches"
     if not math.isfinite(found.std):
         return (
-            f"{touches} compared, none of which the change moves: that tells nothing of the sign. Touch again the touch that "
+            f"{touches} compared, and the change moves none of them, so the sign stays unknown. Touch again the touch that "
             "--sign-trial named, with the trial in the control"
         )
     again = " and ".join(f"--set {flip}" for flip in flips)

@@ -266,7 +266,7 @@ def reasons(found: Chosen) -> list[str]:
         if number == last and found.problem.repeats:
             said.append("as the first one: drift since then, and outliers, show here")
         else:
-            said.append(f"without it {text}" if text else "repeats what others tell, so that outliers show")
+            said.append(f"without it {text}" if text else "repeats what others measure, so that outliers show")
     return said
 
 

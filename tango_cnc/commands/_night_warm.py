@@ -31,7 +31,7 @@ def warmth(folder: Path, settings: Nightly) -> Warmth:
     known = tuple(sensor.name for sensor in sensors.sensors)
     wanted = known if settings.sensor is None else (settings.sensor,)
     if not known:
-        raise InputError(f"temperature is asked for in nightly.yaml, and no sensor tells it: name one in {FILE} (docs/link.md)")
+        raise InputError(f"temperature is asked for in nightly.yaml, and no sensor measures it: name one in {FILE} (docs/link.md)")
     if settings.sensor is not None and settings.sensor not in known:
         raise InputError(f"sensor {settings.sensor!r} of nightly.yaml is not in {FILE}; allowed: {', '.join(known)}")
     watch = Watch(sensors)

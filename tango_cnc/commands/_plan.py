@@ -40,11 +40,11 @@ obstructed_option: Decorator = click.option(
 
 def warnings(plan: Plan) -> list[str]:
     """plan → what a person must know before it meets a machine: every touch that is left out, how many, and what may be hit."""
-    lines = [f"left out: {text}" for text in plan.left_out]
+    lines = [f"left out: {text}" for text in plan.left_out.values()]
     if many := len(plan.left_out):
         lines.append(
             f"WARNING: a straight stylus cannot make {many} of {many + len(plan.touches)} touches of the strategy: left out of the "
-            "program. 'tango check' says what the others tell. For a stylus that reaches facets that face away: --obstructed warn."
+            "program. 'tango check' says what is left. For a stylus that reaches facets that face away: --obstructed warn."
         )
     if many := len(plan.doubtful):
         lines.append(
@@ -121,7 +121,7 @@ def as_json(
         "touches": len(plan.touches),
         "indexations": len(plan.turns) - 1,
         "facets": len(facets),
-        "left_out": list(plan.left_out),
+        "left_out": list(plan.left_out.values()),
         "doubtful": list(plan.doubtful),
         "moves": dict(kinds),
         "travel_used": used,

@@ -1,4 +1,4 @@
-"""What the person at the machine is told and asked before anything moves."""
+"""What a run shows the person at the machine, and asks, before anything moves."""
 
 from __future__ import annotations
 

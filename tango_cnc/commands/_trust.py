@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -12,16 +11,16 @@ from typing import Any
 import click
 import numpy as np
 
+from ..asked import as_run
 from ..estimate import Estimate, estimate
 from ..files.origin import FEW, changed_keys, edited_rows, hurried, read_origin
 from ..files.readjson import read_json
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
 from ..plausible import judge
-from ..records import Cell, Indexation, InputError, Readings, TangoError, TermItem
+from ..records import Cell, InputError, Readings, TangoError, TermItem
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-LEFT_OUT = re.compile(r"touch (\d+) ")  # as the plan says it
 SHOWN = 3  # suspicions that a person reads
 
 despite_option: Decorator = click.option(
@@ -43,43 +42,30 @@ def judged(
 
     Raises TangoError where there is no fit, with the mistake that most likely is the reason.
     """
-    cell = cell if source is None else as_run(cell, source)
-    away = () if source is None else left_out(source)
+    run = None if source is None else run_of(source)
+    cell = as_run(cell, run)
     try:
         result = fit() if fit is not None else estimate(cell.machine, cell.artefact, readings, terms, degree)
     except InputError:
         raise
     except TangoError as error:
-        judgement = judge(cell, readings, None, left_out=away)
+        judgement = judge(cell, readings, None, run=run)
         raise NoFit(f"{error}{''.join(f'{chr(10)}{line}' for line in suspected(judgement))}", judgement) from None
     try:
         result = honest(result)
     except np.linalg.LinAlgError:
-        judgement = judge(cell, readings, None, left_out=away)
-        why = "the touches contradict each other so much that nothing can be said of their scatter"
+        judgement = judge(cell, readings, None, run=run)
+        why = "the touches contradict each other so much that their scatter cannot be estimated"
         raise NoFit("\n".join([f"estimate: {why}", *suspected(judgement)]), judgement) from None
-    judgement = judge(cell, readings, result, left_out=away)
+    judgement = judge(cell, readings, result, run=run)
     return result, judgement if source is None else traced(judgement, source, cell.folder)
 
 
-def left_out(source: Path) -> tuple[int, ...]:
-    """readings.csv → touches of the strategy that their plan left out, by what lies beside it."""
-    with suppress(InputError, TypeError):
-        said = read_json(source.with_suffix(".json"), "what 'tango run' wrote").get("left_out", ())
-        return tuple(int(found[1]) for text in said if (found := LEFT_OUT.match(str(text))))
-    return ()
-
-
-def as_run(cell: Cell, source: Path) -> Cell:
-    """cell, readings.csv → the cell with the touches that a run to a goal meant to make, where `run --until` made the readings."""
-    try:
-        meant = read_json(source.with_suffix(".json"), "what 'tango run' wrote")["until"]["strategy"]
-        indexations = tuple(Indexation(dict(i["position"]), tuple(i["facets"])) for i in meant)
-    except (InputError, ValueError, KeyError, TypeError):
-        return cell
-    if not all(facet in cell.artefact.facets for i in indexations for facet in i.facets):
-        return cell
-    return replace(cell, strategy=replace(cell.strategy, indexations=indexations))
+def run_of(source: Path) -> dict[str, Any] | None:
+    """readings.csv → what its run wrote beside it (readings.json), None where nothing can be read."""
+    with suppress(InputError):
+        return read_json(source.with_suffix(".json"), "what 'tango run' wrote")
+    return None
 
 
 def traced(judgement: Judgement, source: Path, folder: Path) -> Judgement:

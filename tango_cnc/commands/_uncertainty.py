@@ -217,7 +217,7 @@ def _monte_carlo(found: Analysis) -> str:
     linear = (
         "linear propagation holds"
         if off <= 3
-        else "so few trials cannot tell 3 %"
+        else "so few trials do not resolve 3 %"
         if off <= chance
         else "beyond 3 %: rely on the intervals above, which are those of the trials"
     )

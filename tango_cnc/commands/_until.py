@@ -73,7 +73,7 @@ def _meant(goal: Until, left: int) -> list[dict[str, Any]]:
 
 
 def _left(origin: dict[str, Any], goal: Until) -> str:
-    """provenance, goal → the touches that were left out, in words."""
+    """provenance, goal → how many touches the goal did not need, and the command that makes them."""
     count = len(origin["missing"])
     how = f"tango run --resume --until {goal.ready.wish.goal.text}" if goal.appended else "tango run --resume"
-    return f"{count} touches of the plan were not needed ('{how}' makes them)" if count else "every touch was needed"
+    return f"{count} touches of the plan are left; '{how}' makes them" if count else "the goal needed every touch"

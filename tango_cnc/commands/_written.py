@@ -1,4 +1,4 @@
-"""A program of a cell that is none of its runs, written into a folder of its own."""
+"""A program that a cell needs besides its measurement, written into a folder of its own."""
 
 from __future__ import annotations
 

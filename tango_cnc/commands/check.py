@@ -40,7 +40,7 @@ NAMED_FIGURES = 12
 def command(
     folder: Path, terms: str | None, degree: int, obstructed: str | None, picture: Path | None, json_file: str | None
 ) -> int:
-    """Validates the cell, plans it, and says what the touches of the program would and would not tell.
+    """Validates the cell, plans it, and says what the touches of the program would and would not determine.
 
     What 'tango plan' would refuse is refused here too: the whole program is made and read back, and nothing is written. Exit
     status 1 when something that the terms ask for cannot be seen, or 'tango plan' refuses touches of the strategy; what is said
@@ -139,7 +139,7 @@ def check(
         "strategy": cell.strategy.name,
         "touches": sum(len(one.touches) + len(one.left_out) for one in plans),
         "planned_touches": sum(len(one.touches) for one in plans),
-        "left_out": [text for one in plans for text in one.left_out],
+        "left_out": [text for one in plans for text in one.left_out.values()],
         "doubtful": [text for one in plans for text in one.doubtful],
         "indexations": sum(len({touch.indexation for touch in one.touches}) for one in plans),
         "facets": {facet: count[facet] for facet in cell.artefact.facets},
@@ -229,7 +229,7 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         lines += _some(doubtful)
     once = [facet for facet in touched if count[facet] == 1 and cell.artefact.facets[facet].ball is None]
     if once:
-        lines.append(f"touched once only, which tells nothing but their own offset: facets {', '.join(once)}")
+        lines.append(f"touched once only, which determines nothing but their own offset: facets {', '.join(once)}")
     rows = [["expected std", "", ""]]
     for name, value in data["expected_std"].items():
         factor, unit = shown(value["unit"])

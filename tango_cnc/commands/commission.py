@@ -221,9 +221,7 @@ def _broken_off(seen: Any, alone: bool) -> None:
     if seen.said:
         text += f". {stopped_by(seen.said)}" if alone else ""
     else:
-        text += (
-            ". What stands on the screen of the control? Tell it: tango commission --said 'TEXT', or at a terminal, where it asks"
-        )
+        text += ". What does the screen of the control show? Pass it on: tango commission --said 'TEXT', or answer at a terminal"
     text += ". Then commission again: what has passed is not tried twice"
     if alone:
         raise LinkError(text)

@@ -79,7 +79,7 @@ class Finite(click.FloatRange):
     metavar="BODY",
     help="artefact.yaml for box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1, table:WIDTH,DEPTH or mesh:FILE.stl.",
 )
-@click.option("--separate", nargs=2, metavar="CAUSE CAUSE", help="Which touches would tell these two causes apart.")
+@click.option("--separate", nargs=2, metavar="CAUSE CAUSE", help="Which touches would separate these two causes.")
 @click.option(
     "--terms", help="What is to be estimated, instead of S4 (volume, D, A, condition) or S3: S1 … S4 or a list, e.g. S3,EYX2."
 )
@@ -111,7 +111,7 @@ def command(
 
     The file of -o is a strategy as 'check', 'plan' and 'run' take it: name it in tango.yaml. Time is that of this machine, by its
     rapids, accelerations and clamps and the positioning feed of its post. With --separate: indexations to append to the strategy
-    that tell two causes apart. Exit status 1 when limits are not kept, and when --readings give no plausible estimate.
+    that separate two causes. Exit status 1 when limits are not kept, and when --readings give no plausible estimate.
     """
     if facets is not None:
         return _facets(facets, output)

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
 
@@ -28,6 +24,7 @@ from ..records import InputError, Readings
 from ..report.pictures import needed
 from ..terms import causes
 from ._common import Output, cell_option, json_option, write_json
+from ._progress import Progress
 from ._trust import despite_option, judged, members, status, told
 
 PLACE = "Understand 30"  # in the list of commands
@@ -83,7 +80,7 @@ def command(
     """Shows what the model gets wrong, names the cause, extends the model and measures the gain.
 
     A cause is named when noise alone would hardly ever do as well anywhere in the catalogue, and when touches that were not
-    fitted gain from it. Where nothing in the catalogue fits, the covariate is told and no name.
+    fitted gain from it. Where nothing in the catalogue fits, the covariate is named and no cause.
     """
     for option, target in (("--html", html), ("--world", world_file), ("--json", json_file)):
         if target is not None and str(target) != "-":
@@ -118,8 +115,8 @@ def command(
     if learn is not None:
         _free(folder, learn)
     known = learned(folder)
-    with _shown() as say:
-        found = diagnose(cell.machine, cell.artefact, readings, items, exclude, seed, known, say)
+    with Progress() as progress:
+        found = diagnose(cell.machine, cell.artefact, readings, items, exclude, seed, known, progress.stage)
     if learn is not None:
         _learn(folder, learn, found)
     if html is not None:
@@ -138,23 +135,6 @@ def command(
     if not write_json(json_file, data):
         click.echo("\n".join([*told(judgement), as_text(found)]))
     return status(judgement, despite)
-
-
-@contextmanager
-def _shown() -> Iterator[Callable[[str], None]]:
-    """→ what is being done and since when, on one line of stderr that is gone in the end; nothing where that is no terminal."""
-    terminal = sys.stderr is not None and sys.stderr.isatty()
-    began = time.monotonic()
-
-    def say(text: str) -> None:
-        if terminal:
-            click.echo(f"\r\x1b[K{time.monotonic() - began:3.0f} s: {text} …", nl=False, err=True)
-
-    try:
-        yield say
-    finally:
-        if terminal:
-            click.echo("\r\x1b[K", nl=False, err=True)
 
 
 def _unused(readings: Readings, source: Path) -> list[str]:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from ..estimate import Estimate, estimate, without
 from ..files import blamed_on, read_cell, read_readings, read_terms
@@ -74,12 +73,12 @@ def command(
         except NoFit as error:
             write_json(json_file, {"format": "tango-estimate/1", **members(error.judgement), "parameters": {}})
             raise
-    excluded = result.outliers
+    excluded, fewer = result.outliers, readings
     if exclude_outliers and len(excluded):
-        fewer = without(readings, excluded)
+        fewer = without(readings, result.model.touches, result.out)
         result, judgement = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
     if frame is None and judgement.verdict != "implausible":
-        judgement = _predicting(cell, without(readings, np.union1d(excluded, result.unused)), items, degree, judgement)
+        judgement = _predicting(cell, without(fewer, result.model.touches, result.unused), items, degree, judgement)
     figures = withheld(result)
     data = as_json(result, figures, judgement)
     if exclude_outliers:

@@ -80,7 +80,7 @@ def command(
     from ._proofs import proven
 
     if dry_run and json_file is not None:
-        raise InputError("--dry-run and --json: a dry run makes no program to tell of; leave one of them out")
+        raise InputError("--dry-run and --json: a dry run writes no program, so there is nothing for --json; leave one of them out")
     if indexation is not None and picture is None:
         raise InputError("--indexation: it says what --picture draws; give --picture FILE too")
     if picture is not None:

@@ -18,8 +18,9 @@ from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, cell_option, dialect
-from ._live import Live, said
+from ._live import Live
 from ._plan import obstructed_option, warnings
+from ._progress import said
 from ._start import ask, gate_of, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus

@@ -79,7 +79,7 @@ def known(result: Estimate, poses: Poses) -> Known:
     if not own:
         raise TangoError(
             "compensate: the estimate contains no error of the machine, so there is nothing to compensate; ask for more terms "
-            "(--terms S3), or see with 'tango check' why these touches tell nothing"
+            "(--terms S3), or see with 'tango check' why these touches determine nothing"
         )
     return Known(tuple(model.coefficients[i] for i in own), result.values[own], result.covariance[np.ix_(own, own)])
 

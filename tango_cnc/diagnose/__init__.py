@@ -102,15 +102,17 @@ def diagnose(
     seed: int = 0,
     learned: Sequence[Mapping[str, Any]] = (),
     say: Callable[[str], None] = lambda text: None,
+    degree: int = 3,
 ) -> Diagnosis:
     """readings and the terms of the present model → diagnosis. `excluded` causes are not tried; shapes that were `learned`
     (name, factors, weight, values) are tried as names. `say` hears what is being done, as it begins.
+    `degree`: the highest of the polynomials of S4.
 
     Raises InputError and TangoError as `estimate`, and InputError for touches without any noise.
     """
     every = len(readings)
     elsewhere, readings = _aside(machine, artefact, readings)
-    before = estimate(machine, artefact, readings, terms)
+    before = estimate(machine, artefact, readings, terms, degree)
     if (left := _gain.rms(before.residuals)) < ROUNDING:
         raise InputError(
             f"readings: found touches that the model explains to {left * 1e6:.2g} nm, less than files are written with; allowed: "
@@ -130,7 +132,8 @@ def diagnose(
         moments = (*moments, *new)
     say("asking touches that were not fitted")
     days = {str(shape["name"]): shape.get("learned") for shape in learned}
-    told = _told(before, means, readings, terms, found, weight, rough, scatter, excluded, seed, moments, field, outcome, days)
+    what = found, weight, rough, scatter, excluded, seed, moments, field, outcome, days, degree
+    told = _told(before, means, readings, terms, *what)
     return replace(told, misnamed=elsewhere, aside=len(readings) < every)
 
 
@@ -142,7 +145,7 @@ def _aside(machine: Machine, artefact: Artefact, readings: Readings) -> tuple[tu
         return found, readings
     pairs = {(m.facet, m.near) for m in found}
     slips = tuple(m for m in found if (m.near, m.facet) not in pairs)  # two facets exchanged are a cause with a name
-    return slips, without(readings, np.array([m.number for m in slips], dtype=np.int64)) if slips else readings
+    return slips, without(readings, touches, np.isin(np.arange(len(touches)), [m.row for m in slips])) if slips else readings
 
 
 def as_term(r: Remainder) -> dict[str, Any]:
@@ -167,6 +170,7 @@ def _told(
     field: Field,
     outcome: Outcome,
     days: Mapping[str, str | None],
+    degree: int,
 ) -> Diagnosis:
     touches, seen = means.whole, means.seen
     n = len(seen)
@@ -223,7 +227,8 @@ def _told(
         accepted = [c for c in accepted if any(c is o for o in outcome.named)]
     named_items = [{"cause": c.candidate.cause, **c.candidate.setting} for c in accepted]
     extended = (*terms, *(m.item for m in moments), *named_items)
-    after = estimate(before.model.touches.machine, touches.artefact, readings, extended) if len(extended) > len(terms) else before
+    machine = before.model.touches.machine
+    after = estimate(machine, touches.artefact, readings, extended, degree) if len(extended) > len(terms) else before
 
     def finding(
         c: Chosen,
@@ -283,7 +288,7 @@ def _told(
         found.sigma,
         found,
         volume(before, after, {c.name for c in before.model.coefficients}),
-        _richer(after, readings, terms, extended, remains) if verdict != "adequate" else None,
+        _richer(after, readings, terms, extended, remains, degree) if verdict != "adequate" else None,
         tuple(dropped),
         tuple(moments),
         outcome,
@@ -293,12 +298,17 @@ def _told(
 
 
 def _richer(
-    after: Estimate, readings: Readings, terms: Sequence[TermItem], extended: Sequence[TermItem], remains: Sequence[Remainder]
+    after: Estimate,
+    readings: Readings,
+    terms: Sequence[TermItem],
+    extended: Sequence[TermItem],
+    remains: Sequence[Remainder],
+    degree: int,
 ) -> Richer | None:
     """S4 where it does better than everything that was found: the shapes without a name stand beside it as terms."""
     shapes = [{"cause": "learned", "name": f"{i}", **as_term(r)} for i, r in enumerate(remains) if r.form is not None]
     if shapes:
         machine, artefact = after.model.touches.machine, after.model.touches.artefact
-        after = estimate(machine, artefact, readings, (*extended, *shapes))
-    found = richer(after, readings, (*terms, *shapes), (*extended, *shapes))
+        after = estimate(machine, artefact, readings, (*extended, *shapes), degree)
+    found = richer(after, readings, (*terms, *shapes), (*extended, *shapes), degree)
     return None if found is None else replace(found, terms=tuple(t for t in found.terms if t not in shapes))

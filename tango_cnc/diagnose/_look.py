@@ -138,7 +138,7 @@ def explained(
         # Weights that were clear once stay as long as anything speaks for them: shapes may take their place and give it back.
         scatter = _scatter.scatter(left.residual, left.own, members, left, 0.0 if rough else _scatter.CLEAR)
         spread = []
-        if scatter.by is not None and not (scatter.by == "facet" and "surface_form" in excluded):
+        if scatter.by is not None and not (scatter.by == "facet" and families.scattering("facet") in excluded):
             own = seen.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
             spread = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, weight, smooth)
         settled = {r.key for r in spread} == {r.key for r in rough}

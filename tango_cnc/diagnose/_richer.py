@@ -23,8 +23,10 @@ class Richer:
     more: int  # parameters that it has more
 
 
-def richer(after: Estimate, readings: Readings, terms: Sequence[TermItem], extended: Sequence[TermItem]) -> Richer | None:
-    """the fit with what was found, readings, present terms, extended terms → S4 where it is clearly better, or None.
+def richer(
+    after: Estimate, readings: Readings, terms: Sequence[TermItem], extended: Sequence[TermItem], degree: int = 3
+) -> Richer | None:
+    """the fit with what was found, readings, present terms, extended terms, degree of S4 → S4 where it is clearly better, or None.
 
     S4 is tried in the place of the present subset with and without what was found. It is better when the touches pay log n for
     every parameter (Schwarz 1978): noise that wanders makes an F test believe in S4 long before.
@@ -36,7 +38,7 @@ def richer(after: Estimate, readings: Readings, terms: Sequence[TermItem], exten
     for items in (terms, extended):
         whole = (LARGEST, *(t for t in items if not (isinstance(t, str) and t in SUBSETS)))
         try:
-            fit = estimate(machine, artefact, readings, whole)
+            fit = estimate(machine, artefact, readings, whole, degree)
         except TangoError:  # too few touches for it
             continue
         if _score(fit) < _score(found[1] if found else after):

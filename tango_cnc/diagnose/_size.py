@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from ..records import Array
+from ..terms import causes
 from ..touches import Touches
 from ._explain import Explanation, values
 from ._records import Size
 from ._search import Chosen, searched_range
 from ._space import orthonormal
 
-UNITS = {"tau": "tau_s", "pause": "pause_s", "length": "length_mm"}
 SIGMAS = 2.0  # standard deviations within which a size is wanted to be: as far as that its likelihood is followed
 STEP = 0.1  # of the logarithm of a time constant, along the likelihood
 Told = Callable[[Array, Array], float]  # values (k,), what they do to every touch (n,) → one number for their size
@@ -136,23 +136,21 @@ def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, t
     names = [k.name for k in c.candidate.coefficients]
     units = [k.unit for k in c.candidate.coefficients]
     kind = form(names)
-    detail: dict[str, Any] = {UNITS.get(k, k): x for k, x in c.candidate.setting.items() if x is not None}
+    cause = causes().get(c.candidate.cause)  # None: a single touch, or a shape without a name
+    unit = {} if cause is None else cause.units
+    detail: dict[str, Any] = {f"{k}_{unit[k]}" if k in unit else k: x for k, x in c.candidate.setting.items() if x is not None}
     effect: dict[str, Any] = {"cause": c.candidate.cause, **c.candidate.setting, "amplitude": _measure(kind)(v)}
     if kind.startswith("vector"):
-        detail.setdefault(
-            "frame", str(c.candidate.setting.get("frame", "table" if c.candidate.cause == "table_drift" else "machine"))
-        )
+        detail.setdefault("frame", cause.frame if cause is not None and cause.frame in ("machine", "table") else "machine")
         arrow = v if kind == "vector" else _principal(v)
         detail["direction"] = [round(float(x), 4) for x in arrow / (np.linalg.norm(arrow) or 1.0)]
         effect["direction"] = detail["direction"]
     if kind == "wave":
         detail["phase_deg"] = round(float(np.degrees(np.arctan2(-v[1], v[0]))), 2)
         effect["phase"] = detail["phase_deg"]
-    if "period" in detail:
-        detail["period_s" if c.candidate.cause == "ambient_cycle" else "period_mm"] = detail.pop("period")
     if "tau" in c.candidate.setting and len(touches):
         detail["run_s"] = round(float(touches.warm.max()), 1)
-    if "at" in detail and c.candidate.cause in ("step", "chip"):
+    if cause is not None and "at" in detail and cause.refine.get("at") == "touch":
         detail["time_s"] = float(touches.time[min(int(detail["at"]), len(touches)) - 1])
     if kind == "numbers" and len(v) == 1:
         effect["amplitude"] = float(v[0])

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from ..records import Array
+from ..terms import scattering
 from ..touches import Touches
 from ._explain import RANDOM, ROUGH, SHARE, Explanation, Rough, gain
 from ._records import Finding, Remainder, Size
@@ -34,12 +35,12 @@ def findings(
     result: list[Finding] = []
     unknown = SHARE * max((gain(e.place, e.chosen, c) for c in e.chosen if c.candidate.cause == ""), default=0.0)
     rough = [r for r in rough if r.p_value < ROUGH and -2 * np.log(max(r.p_value, 1e-300)) > unknown]
-    if seats and not remains and e.random[1] > max(RANDOM, unknown) and "indexation_seating" not in excluded:
+    if seats and not remains and e.random[1] > max(RANDOM, unknown) and scattering("indexation") not in excluded:
         amplitude, std = _amplitude(e, 1)
         number = int(touches.indexation.max()) + 1
         p = float(0.5 * special.chdtrc(1, e.random[1]))
         result.append(
-            _finding("indexation_seating", {"indexations": number}, {"frame": "machine"}, amplitude, std, p, len(touches))
+            _finding(scattering("indexation"), {"indexations": number}, {"frame": "machine"}, amplitude, std, p, len(touches))
         )
     if rough:
         facets = tuple(r.key for r in rough)
@@ -49,15 +50,15 @@ def findings(
         p = min(r.p_value for r in rough)
         std = largest.extra / np.sqrt(2 * max(count - 1, 1))
         detail = {"facets": list(facets), "spread_um": each}
-        result.append(_finding("surface_form", {"facets": facets}, detail, largest.extra, std, p, len(touches)))
+        result.append(_finding(scattering("facet"), {"facets": facets}, detail, largest.extra, std, p, len(touches)))
     stated = touches.machine.probe.repeatability
     dof = e.place.m - columns_of(e.place, e.chosen).shape[1]
-    if "noise_level" not in excluded and not remains and not rough and not unknown and stated > 0 and e.sigma > LOUDER * stated:
+    if scattering("all") not in excluded and not remains and not rough and not unknown and stated > 0 and e.sigma > LOUDER * stated:
         p = float(special.chdtrc(dof, dof * (e.sigma / stated) ** 2))
         if p < 0.001:
             extra = float(np.sqrt(e.sigma**2 - stated**2))
             told = {"stated_um": stated * 1e3, "found_um": e.sigma * 1e3}
-            result.append(_finding("noise_level", {}, told, extra, e.sigma**2 / extra / np.sqrt(2 * dof), p, len(touches)))
+            result.append(_finding(scattering("all"), {}, told, extra, e.sigma**2 / extra / np.sqrt(2 * dof), p, len(touches)))
     return result
 
 

@@ -14,6 +14,7 @@ from ._aliases import differing
 from ._moments import Moment
 from ._records import SUBSETS, Again, Dropped, Finding, Remainder
 from ._scatter import Scatter
+from ._size import form
 
 SETTLED = 2.3  # time constants after which a tenth is left
 UNSETTLED = 1.4  # time constants: a test shorter than that has not seen where a drift ends
@@ -64,7 +65,7 @@ def advice(f: Finding) -> str:
 
 
 def also(f: Finding) -> str:
-    """finding → its other settings that this plan cannot tell from it."""
+    """finding → its other settings that this plan cannot distinguish from it."""
     return joined("; ", dict.fromkeys(differing(setting, f.setting) for setting, _ in f.aliases))
 
 
@@ -251,6 +252,35 @@ def spread(value: float, std: float) -> str:
     return f"{value * 1e3:.1f} ± {max(std * 1e3, 0.05):.1f} µm"
 
 
+# What `says` of a cause may have in braces; more, from `Cause.words` of its own file.
+WORDS = frozenset(
+    [
+        "size",
+        "course",
+        "toward",
+        "where",
+        "axis",
+        "name",
+        "by",
+        "after",
+        "order",
+        "waves",
+        "towards",
+        "period",
+        "at",
+        "until",
+        "clock",
+        "facet",
+        "facets",
+        "found",
+        "stated",
+        "times",
+        "early",
+        "delay",
+    ]
+)
+
+
 class _Known(dict[str, str]):
     """Words of one finding."""
 
@@ -275,7 +305,7 @@ def _words(f: Finding) -> _Known:
             "diagnosis_said.frame_2", towards=towards(np.array(d["direction"])), frame=_frame(d.get("frame", "machine"))
         )
         known["toward"] = " " + known["towards"]
-    elif f.cause == "ambient_cycle" and f.size.values.size == 6:
+    elif form(list(d.get("coefficients", ()))) == "vector wave":
         known["towards"] = say("diagnosis_said.mostly", towards=towards(np.linalg.svd(f.size.values.reshape(2, 3))[2][0]))
     elif d.get("component") in ("X", "Y", "Z"):
         known["toward"] = say("diagnosis_said.along", component=d["component"])
@@ -289,10 +319,7 @@ def _words(f: Finding) -> _Known:
         known["until"] = str(d["until"])
     if "time_s" in d:
         known["clock"] = minutes(float(d["time_s"]))
-    if f.cause == "compensation_kink":
-        places = [d["at"]] if d.get("at") is not None else list(d.get("nodes", ()))
-        unit = "mm" if d.get("axis") in ("X", "Y", "Z") else "deg"
-        known["place"] = ", ".join(f"{float(p):.0f}" for p in places) + f" {unit}"
+    known.update(families.causes()[f.cause].words(d))
     if "facet" in d:
         known["facet"] = str(d["facet"])
     if "facets" in d:

@@ -55,7 +55,7 @@ def separation(touches: Touches, terms: Sequence[TermItem], one: str, other: str
         key=lambda found: found[0],
     )
     if not alike:
-        raise InputError(f"--separate: this plan sees nothing of {one} or {other}; it cannot tell what it cannot see")
+        raise InputError(f"--separate: this plan sees nothing of {one} or {other}; it cannot separate what it cannot see")
     apart, a, b = alike[0]
     spindle = sorted({round(float(s), 6) for s in touches.axis("S")} | {0.0, round(float(np.pi), 6)})
     column = touches.machine.column("S")

@@ -380,7 +380,7 @@ def as_text(data: Mapping[str, Any]) -> str:
                 f"held-out {g['heldout_before']:.4g} → {g['heldout_after']:.4g}"
             )
         if f["alternatives"]:
-            lines.append(f"   cannot be told from: {', '.join(f['alternatives'])}")
+            lines.append(f"   cannot be distinguished from: {', '.join(f['alternatives'])}")
     lines += [f"– {f['cause']} along {_along(f['detail'])} fits, but {WHY[f['why']]}: not named" for f in data["not_named"]]
     lines += [f"? {r['shape']} along {r['covariate']}: about {r['amplitude']:.4g}" for r in data["unexplained"]]
     if data["outliers"]:

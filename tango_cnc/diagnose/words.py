@@ -98,7 +98,7 @@ def effects(d: Diagnosis) -> list[dict[str, Any]]:
     machine = d.before.model.touches.machine
     found: list[dict[str, Any]] = []
     for f in d.findings:
-        if not f.size.values.size and f.cause == "surface_form":
+        if not f.size.values.size and f.cause == families.scattering("facet"):
             spread = np.array([float(f.detail["spread_um"][x]) / 1e3 for x in f.setting["facets"]])
             found += families.effects(f.cause, machine, f.setting, spread)
         elif not f.size.values.size:
@@ -179,11 +179,11 @@ def as_text(d: Diagnosis) -> str:
             lines += _wrapped(f"   Gain: {brought}.", "   ")
         if f.alternatives:
             lines += _wrapped(
-                f"   This plan cannot tell it from: {', '.join(dict.fromkeys(a for a, _, _ in f.alternatives))}.", "   "
+                f"   This plan cannot distinguish it from: {', '.join(dict.fromkeys(a for a, _, _ in f.alternatives))}.", "   "
             )
         if f.aliases:
             lines += _wrapped(f"   Other settings of it do as well here: {also(f)}.", "   ")
-        lines += [line for s in f.separate_with for line in _wrapped(f"   To tell: {s}.", "     ")]
+        lines += [line for s in f.separate_with for line in _wrapped(f"   To separate them: {s}.", "     ")]
         lines.append("")
     for event in d.events:
         lines += [*_wrapped(f"! {moment(event)}: set aside. Measure them again.", "  "), ""]
@@ -244,7 +244,7 @@ def _try(after: Estimate, better: Richer) -> str:
     left = float(np.sqrt(np.mean(after.residuals**2))) * 1e3
     return (
         f"! Try S4 (--terms S4): it leaves {better.rms * 1e3:.2f} µm rms instead of {left:.2f}, more than its {better.more} "
-        "further parameters would by chance. What was found above may only stand in for error motions that the present model lacks."
+        "further parameters would by chance. What was found above may only replace error motions that the present model lacks."
     )
 
 

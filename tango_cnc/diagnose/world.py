@@ -37,7 +37,7 @@ def world(d: Diagnosis) -> tuple[World, tuple[str, ...]]:
         if not same:
             missing.append(cause)
     # What has no coefficients is a spread: that of all touches is the noise.
-    spread = {f.cause for f in d.findings if not f.size.values.size} - {"noise_level"}
+    spread = {f.cause for f in d.findings if not f.size.values.size} - {families.scattering("all")}
     hidden += [effect for effect in effects(d) if effect["cause"] in spread]
     facets = {name: p.value for name, p in d.after.facets.items()}
     return World(errors, stylus, facets, d.noise, tuple(hidden), 1), tuple(dict.fromkeys(missing))

@@ -112,7 +112,7 @@ class _Composer:
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self._anchors:
                 where: Any = event.start_mark  # libyaml's own kind of mark
-                raise yaml.MarkedYAMLError(problem=f"the alias {event.anchor!r} stands for nothing", problem_mark=where)
+                raise yaml.MarkedYAMLError(problem=f"the alias {event.anchor!r} is defined nowhere", problem_mark=where)
             return self._anchors[event.anchor]
         line = event.start_mark.line
         if isinstance(event, yaml.ScalarEvent):
@@ -344,7 +344,7 @@ def _limited(file: Path, raw: Raw | None) -> None:
         if isinstance(node, Scalar):
             return 1
         if id(node) in open_:
-            raise complaint(file, node.line + 1, "", "an alias within what it stands for", "write the values out")
+            raise complaint(file, node.line + 1, "", "an alias inside its own value", "write the values out")
         if depth > DEEPEST:
             raise complaint(file, node.line + 1, "", f"nested deeper than {DEEPEST} levels", "see docs/formats.md for its keys")
         if id(node) not in sizes:

@@ -36,7 +36,7 @@ def columns(model: Model) -> tuple[Array, Array]:
     turns = [lever for slot, lever in levers.items() if slot != GAP and _turns(slot, touches.machine)]
     longest = max(float(np.max(np.abs(lever))) for lever in turns)
     could = np.full(len(model.names), math.sqrt(len(touches)))
-    size = np.linalg.norm(_own_shapes(model), axis=1)
+    size = _own_sizes(model)
     turning = np.array([_turns(slot, touches.machine) for slot in model.slots])[model.by_slot[3]]
     could[: len(model.coefficients)] = size * np.where(turning, longest, 1.0)
     return np.vstack([jacobian, rows]), np.where(could > 0, could, 1.0)
@@ -46,22 +46,24 @@ def _turns(slot: Slot, machine: Machine) -> bool:
     return slot.axis in machine.rotary if slot.stage == "motion" else slot.component >= 3
 
 
-def _own_shapes(model: Model) -> Array:
-    """→ (c, n) what the lower powers of the same axis leave of a power; any other regressor as it is."""
+def _own_sizes(model: Model) -> Array:
+    """→ (c,) length of what the lower powers of the same axis leave of a power; of any other regressor as it is.
+
+    The triangle of 1, x, x² … has these lengths on its diagonal, for x brought to a range of 1.
+    """
+    size = np.linalg.norm(model.regressors, axis=1)
     powers: dict[str, list[tuple[int, int]]] = {}
     for j, c in enumerate(model.coefficients):
         if (match := error_motion.PATTERN.fullmatch(c.name)) is not None and match[3] != "0":
             powers.setdefault(match[2], []).append((j, int(match[3])))
-    found: Array = np.array(model.regressors)
     for axis, places in powers.items():
         x = model.touches.axis(axis)
-        x = (x - x.mean()) / (np.ptp(x) or 1.0)
-        basis = np.linalg.qr(np.vander(x, max(power for _, power in places), increasing=True))[0]
-        for power in {power for _, power in places}:
-            rows = [j for j, own in places if own == power]
-            lower = basis[:, :power]
-            found[rows] -= (found[rows] @ lower) @ lower.T
-    return found
+        span = float(np.ptp(x))
+        shape = np.vander((x - x.mean()) / (span or 1.0), max(power for _, power in places) + 1, increasing=True)
+        own = np.abs(np.diag(np.linalg.qr(shape, mode="r")))
+        for j, power in places:
+            size[j] = own[power] * span**power
+    return size
 
 
 def independent(matrix: Array, could: Array, tolerance: float = TOLERANCE) -> tuple[list[int], dict[int, Array]]:
@@ -135,8 +137,12 @@ def blurred(model: Model, matrix: Array, could: Array, wanted: set[str]) -> dict
     count = len(model.touches)
     matrix[count:] *= (sigma / known(model, np.zeros(len(model.names)))[2])[:, None]
     scale = np.linalg.norm(matrix, axis=0)
-    root = np.asarray(np.linalg.qr(matrix / scale, mode="r"))
     reach = sigma * could / math.sqrt(count) / scale
+    # The normal equations square what is ill-conditioned, and cost a quarter: far from the limit they are good enough.
+    normal, failed = linalg.lapack.dpotrf((matrix / scale).T @ (matrix / scale))
+    if not failed and np.max(np.sqrt(np.diag(linalg.lapack.dpotri(normal)[0])) * reach) < BLURRED / 2:
+        return {}
+    root = np.asarray(np.linalg.qr(matrix / scale, mode="r"))
     power = [int(m[3]) if (m := error_motion.PATTERN.fullmatch(name)) else 0 for name in model.names]
     left: dict[str, Combination] = {}
     stay = list(range(len(model.names)))

@@ -113,7 +113,8 @@ def _visible(
         strong = [int(i) for i in np.argsort(-share) if share[i] > 0.02]
         partners = {names[i]: (float(weights[i]), units[order[kept[i]]]) for i in strong}
         combinations[model.names[at]] = describe(model.names[at], units[at], partners)
-    seen = [j for j, c in enumerate(model.coefficients) if c.name in set(names)]
+    visible = set(names)
+    seen = [j for j, c in enumerate(model.coefficients) if c.name in visible]
     stay = [*seen, *range(count, matrix.shape[1])]
     return [model.coefficients[j] for j in seen], combinations, matrix[:, stay], could[stay]
 

@@ -48,7 +48,7 @@ class OnPart:
     interval: tuple[float, float] | None
     range: tuple[float, float] | None
     note: str
-    mixed: tuple[str, ...] = ()  # error motions that it cannot be told from
+    mixed: tuple[str, ...] = ()  # error motions that it cannot be separated from
     text: str = ""
     positions: int = 0  # distinct positions of its axis that were touched
 
@@ -169,12 +169,12 @@ def _worst(ask: Ask, w: Whole) -> tuple[Array, float]:
 
 
 def _undecided(ask: Ask, w: Whole) -> tuple[tuple[str, ...], str] | None:
-    """figure, machine → the error motions it cannot be told from, and the sentence why it is withheld; None when it is not."""
+    """figure, machine → the error motions it cannot be separated from, and the sentence why it is withheld; None when it is not."""
     weights, std = _worst(ask, w)
     if std <= UNDECIDED[ask.unit]:
         return None
     mixed = _mixed(ask, weights, w)
-    others = f"cannot be told from {_list(mixed)}" if mixed else "is not decided by these touches"
+    others = f"cannot be separated from {_list(mixed)}" if mixed else "is not decided by these touches"
     return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
 
 

@@ -82,7 +82,7 @@ class Control(Dialogue):
             if anyway:
                 break
             anyway = True
-        raise Stop(f"the control was told {line} and says {' '.join(said)}")
+        raise Stop(f"the control was sent {line} and says {' '.join(said)}")
 
     def _add(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():

@@ -26,7 +26,7 @@ TIMES = ("fresh", "silence")
 WIDE = {"order": 2, "mark": 3}  # registers of a 32-bit value, and of the twelve digits of a mark
 OLD = {  # why a control of an older layout is refused
     1: "could take a command that came late for a new one",
-    2: "told two runs apart by 16 bits, which may be the same by chance",
+    2: "distinguished two runs by 16 bits, which may be the same by chance",
 }
 ANEW = "write its program anew by docs/link.md"
 FEWEST = 4  # bits by which two commands differ

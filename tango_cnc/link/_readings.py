@@ -79,5 +79,6 @@ def provenance(entries: Entries, plan: Plan, digest: str | None = None) -> dict[
         "segments": [
             {"start_utc": entry.utc, "program_hash": entry.program_hash, "touches": len(entry.touches)} for entry in segments
         ],
-        "left_out": list(plan.left_out),
+        "left_out": list(plan.left_out.values()),
+        "left_out_touches": list(plan.left_out),
     }

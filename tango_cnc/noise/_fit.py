@@ -54,7 +54,7 @@ def by_noise(result: Estimate) -> Estimate:
         fitted = gls(s, decided, rough)
     change = fitted.change
     if fitted.white and keep.all() and np.all(rough == 1):
-        return replace(result, rejected=np.empty(0, dtype=np.int64), noise=Noise(result.sigma))
+        return replace(result, rejected=np.zeros(len(touches), dtype=np.bool_), noise=Noise(result.sigma))
     facets = {f: float(fitted.sigma * r) for f, r in zip(touches.facet, rough, strict=True) if r > 1}
     undecided = tuple(int(i) for i in touches.number[keep & ~decided])
     noise = Noise(fitted.sigma, fitted.walk, fitted.seating, facets, undecided=undecided)
@@ -68,7 +68,8 @@ def by_noise(result: Estimate) -> Estimate:
         residuals=residuals,
         sigma=float(np.sqrt(residuals[decided] @ residuals[decided] / max(dof, 1))),
         dof=dof,
-        rejected=touches.number[~keep],
+        rejected=~keep,
+        unsure=keep & ~decided,
         noise=noise,
     )
 

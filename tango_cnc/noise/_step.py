@@ -33,7 +33,7 @@ def moved(result: Estimate, found: Estimate) -> Step | None:
     s = system(result)
     frames = {"machine": touches.machine_normal, "table": touches.normal, "spindle": touches.spindle_normal}
     every = np.ones(n, dtype=np.bool_)
-    rows = [every] if found.rejected is None or not len(found.rejected) else [every, ~np.isin(touches.number, found.rejected)]
+    rows = [every] if found.rejected is None or not found.rejected.any() else [every, ~found.rejected]
     white = max(found.noise.white, s.least)
     plane = np.cumsum(touches.ball_index < 0)
     tried = []

@@ -68,7 +68,8 @@ def plan(cell: Cell, obstructed: str | None = None) -> Plan:
     said: dict[Fate, dict[int, str]] = {"left out": {}, "planned": {}, "refused": {}}
     for touch, found in sorted(blocked.items()):
         said[_fate(found, obstructed)][touch] = f"{named(touch)}: {found.why}"
-    left_out, doubtful, refused = (tuple(texts.values()) for texts in said.values())
+    left_out = {before + touch + 1: text for touch, text in said["left out"].items()}
+    doubtful, refused = tuple(said["planned"].values()), tuple(said["refused"].values())
     if refused:
         raise InputError(
             f"{cell.strategy.name}: {len(refused)} of {len(at)} touches cannot be made with a straight probe:\n"
@@ -78,7 +79,8 @@ def plan(cell: Cell, obstructed: str | None = None) -> Plan:
     kept = np.setdiff1d(np.arange(len(at), dtype=np.int32), list(said["left out"]))
     if not len(kept):
         raise InputError(
-            f"{cell.strategy.name}: no touch is left: a straight probe can make none of {len(at)}:\n{_some(left_out)}\n"
+            f"{cell.strategy.name}: no touch is left: a straight probe can make none of {len(at)}:\n"
+            f"{_some([*left_out.values()])}\n"
             "Turn the table otherwise, or touch other facets."
         )
     touches, turns = _made(cell, shared, kept + 1 + before, facet[kept], at[kept], None)

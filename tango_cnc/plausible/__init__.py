@@ -6,7 +6,8 @@ missing, copied, rounded), touches that were made elsewhere, and outliers.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -41,14 +42,14 @@ def worst(verdicts: Sequence[Verdict]) -> Verdict:
 
 
 def judge(
-    cell: Cell, readings: Readings, result: Estimate | None, *, search: bool = True, left_out: Collection[int] = ()
+    cell: Cell, readings: Readings, result: Estimate | None, *, search: bool = True, run: Mapping[str, Any] | None = None
 ) -> Judgement:
     """cell, readings, their estimate (None: there is no fit) → whether it may be believed, and what most likely went wrong.
 
-    `search`: look for the mistake where the verdict is not trustworthy. `left_out`: touches of the strategy that the plan left
-    out, so that nobody misses them.
+    `search`: look for the mistake where the verdict is not trustworthy. `run`: readings.json, which says
+    what the plan left out, so that nobody misses it.
     """
-    found = [*remarks(cell, readings, left_out), *approaches(cell, readings)]
+    found = [*remarks(cell, readings, run), *approaches(cell, readings)]
     untrusted: list[str] = []
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..asked import Asked, asked
 from ..judgement import Verdict
-from ..kinematics import chain, spindle_axis, tip
+from ..kinematics import chain, tip
 from ..records import Array, Cell, Readings
 from ..texts import joined, say
 from .copies import copied, last_digit
@@ -17,7 +18,6 @@ from .copies import copied, last_digit
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
 ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
 HARDLY = 0.25  # share below which a machine is hardly measured
-AWAY = -0.02  # least cosine between normal and spindle: other facets face away, and plans leave them out
 TURNED = 0.1  # degrees between the rotary positions of strategy and readings that are the same position
 FEW = 8  # numbers that a sentence names
 EXACT = 2e-5  # mm from the nominal contact: nearer than any probe repeats
@@ -39,9 +39,10 @@ class Remark(NamedTuple):
     moves: tuple[str, ...] = ()  # coefficients that it makes untrusted
 
 
-def remarks(cell: Cell, readings: Readings, left_out: Collection[int] = ()) -> Iterator[Remark]:
-    """cell, readings, touches that the plan left out → what is wrong with the readings themselves."""
-    yield from _missing(cell, readings, left_out)
+def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None) -> Iterator[Remark]:
+    """cell, readings, readings.json → what is wrong with the readings themselves."""
+    touches = asked(cell, run)
+    yield from _missing(touches, readings)
     yield from _twice(readings)
     pasted = list(_pasted(cell, readings))
     yield from pasted or _echoed(readings)
@@ -49,7 +50,7 @@ def remarks(cell: Cell, readings: Readings, left_out: Collection[int] = ()) -> I
     yield from _rounded(readings)
     yield from _alike(readings)
     yield from _nominal(cell, readings)
-    yield from _another_strategy(cell, readings)
+    yield from _another_strategy(cell, touches, readings)
 
 
 def listed(numbers: tuple[int, ...] | list[int]) -> str:
@@ -58,20 +59,8 @@ def listed(numbers: tuple[int, ...] | list[int]) -> str:
     return first if len(numbers) <= FEW else say("plausible.readings.more", first=first, count=len(numbers) - FEW)
 
 
-def planned(cell: Cell) -> tuple[list[str], Array, Array]:
-    """cell → facet of every touch of its strategy, rotary positions (n, k) rad, whether a straight stylus can make it (n,)."""
-    machine = cell.machine
-    facets = [f for i in cell.strategy.indexations for f in i.facets]
-    at = [[i.position.get(name, 0.0) for name in machine.names] for i in cell.strategy.indexations for _ in i.facets]
-    position = np.array(at).reshape(-1, len(machine.names))
-    normal = np.array([cell.artefact.facets[f].normal for f in facets])
-    up = spindle_axis(chain(machine), position)
-    return facets, position, np.einsum("ij,ij->i", normal, up) >= AWAY
-
-
-def _missing(cell: Cell, readings: Readings, left_out: Collection[int]) -> Iterator[Remark]:
-    facets, _, possible = planned(cell)
-    everything = set((np.flatnonzero(possible) + 1).tolist()) - set(left_out)
+def _missing(touches: Asked, readings: Readings) -> Iterator[Remark]:
+    everything = touches.made
     passes = sorted(set(zip(readings.day.tolist(), readings.cycle.tolist(), strict=True)))
     made = set(
         zip(
@@ -102,10 +91,10 @@ def _missing(cell: Cell, readings: Readings, left_out: Collection[int]) -> Itera
             yield Remark(verdict, told, numbers, "missing_touches", "touch", hint, incomplete=share < ENOUGH)
         else:
             yield Remark("trustworthy", text, numbers)
-    if beyond := sorted({int(t) for t in readings.touch if not 1 <= t <= len(facets)}):
+    if beyond := sorted({int(t) for t in readings.touch if not 1 <= t <= len(touches)}):
         yield Remark(
             "doubtful",
-            say("plausible.readings.touches_readings_not_strategy_which", beyond=listed(beyond), count=len(facets)),
+            say("plausible.readings.touches_readings_not_strategy_which", beyond=listed(beyond), count=len(touches)),
             tuple(beyond),
             "another_program",
             "touch",
@@ -213,8 +202,8 @@ def _alike(readings: Readings) -> Iterator[Remark]:
             )
 
 
-def _another_strategy(cell: Cell, readings: Readings) -> Iterator[Remark]:
-    facets, position, _ = planned(cell)
+def _another_strategy(cell: Cell, touches: Asked, readings: Readings) -> Iterator[Remark]:
+    facets, position = touches.facet, touches.position
     machine = cell.machine
     inside = (readings.touch >= 1) & (readings.touch <= len(facets))
     rows = np.flatnonzero(inside)

@@ -46,8 +46,7 @@ def common(result: Estimate) -> Iterator[Remark]:
 
 
 def _dropped(result: Estimate) -> NDArray[np.bool_]:
-    touches = result.model.touches
-    return np.zeros(len(touches), dtype=np.bool_) if result.rejected is None else np.isin(touches.number, result.rejected)
+    return np.zeros(len(result.residuals), dtype=np.bool_) if result.rejected is None else result.rejected
 
 
 def _white(result: Estimate) -> float:
@@ -221,7 +220,7 @@ def _tail(n: int, k: int, size: int, own: int) -> float:
 
 def _balls(result: Estimate) -> Iterator[Remark]:
     touches = result.model.touches
-    dropped = np.isin(touches.number, result.unused)  # of a ball with a wrong touch nobody knows which it is
+    dropped = result.unused  # of a ball with a wrong touch nobody knows which it is
     masks = [touches.ball_index == i for i in range(len(touches.balls))]
     for ball, mask, accused in zip(touches.balls, masks, _together(dropped, masks), strict=True):
         if accused:

@@ -26,7 +26,7 @@ def touches(f: Facts, t: Texts) -> str:
     """facts → what is left of every touch, in the order of measurement; touches that do not fit are crosses."""
     u, m = f.wishes.units, f.result.model.touches
     value = f.result.residuals * 1e3 * u.per_micron
-    number, out = m.number.astype(float), np.isin(m.number, f.result.outliers)
+    number, out = m.number.astype(float), f.result.out
     tips = [f"{i}: {facet}" for i, facet in zip(m.number, m.facet, strict=True)]
     sigma = f.result.sigma * 2e3 * u.per_micron
     span = np.array([float(m.number.min()), float(m.number.max())])

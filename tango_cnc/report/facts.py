@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from ..asked import asked
 from ..diagnose import Diagnosis, diagnose
 from ..diagnose.sentences import covariate
 from ..estimate import Estimate, fit
@@ -111,10 +112,9 @@ class Facts:
 
     @property
     def planned(self) -> int:
-        """→ touches of the strategy less those that the plan left out."""
-        left = len((self.paper.origin or {}).get("left_out", ()))
+        """→ touches that the plan makes, in all cycles."""
         cycles = max(1, len({*zip(self.readings.cycle.tolist(), self.readings.day.tolist(), strict=True)}))
-        return (sum(len(i.facets) for i in self.cell.strategy.indexations) - left) * cycles
+        return len(asked(self.cell, self.paper.origin).made) * cycles
 
     @property
     def ratio(self) -> float | None:
@@ -159,7 +159,7 @@ def gather(
         why_none = texts()("diagnosis.implausible")
     elif wishes.diagnosis:
         try:
-            found, why_none = diagnose(cell.machine, cell.artefact, readings, wishes.terms), ""
+            found, why_none = diagnose(cell.machine, cell.artefact, readings, wishes.terms, degree=wishes.degree), ""
         except TangoError as error:
             why_none = f": {error}"
     std, factor = _uncertainty(cell, readings, wishes, result)

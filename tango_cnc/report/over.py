@@ -6,6 +6,7 @@ import numpy as np
 
 from ..diagnose import Diagnosis, Finding, Test
 from ..records import Array
+from ..terms import causes
 from .texts import Texts, texts
 
 
@@ -36,8 +37,9 @@ def covariate_of(d: Diagnosis, f: Finding, t: Texts | None = None) -> tuple[str,
     name = str(f.setting.get("by") or f.setting.get("axis") or "")
     if not name and "name" in f.setting:
         name = str(f.setting["name"])[2]
-    if f.cause in ("scale_drift", "move_length_memory") or name not in touches.machine.names:
-        if f.cause in ("probe_lobing", "pretravel_anisotropy", "spindle_orientation"):
+    over = causes()[f.cause].over
+    if over == "time" or name not in touches.machine.names:
+        if over == "probe":
             n = touches.spindle_normal
             return t("picture.by_probe"), np.degrees(np.arctan2(n[:, 1], n[:, 0])), "deg"
         return t("place.time"), touches.time / 60, "min"

@@ -235,10 +235,9 @@ def _pose(f: Facts, position: Array) -> str:
 def _flagged(f: Facts) -> list[dict[str, str]]:
     m, k = f.result.model.touches, 1e3 * f.wishes.units.per_micron
     rows = []
-    for number in f.result.outliers[:30]:
-        i = int(np.flatnonzero(m.number == number)[0])
+    for i in np.flatnonzero(f.result.out)[:30]:
         at = _pose(f, m.position[i])
-        rows.append({"touch": str(number), "facet": m.facet[i], "where": at, "residual": f"{f.result.residuals[i] * k:.2f}"})
+        rows.append({"touch": str(m.number[i]), "facet": m.facet[i], "where": at, "residual": f"{f.result.residuals[i] * k:.2f}"})
     return rows
 
 

@@ -97,7 +97,7 @@ def table_5_2(setting: Setting) -> Table:
         "The real ranges hold the machine's own warming up during the day, which is most of them; ours hold the geometry of "
         "the touches only. That more touches (without top + S2) scatter more than fewer (S2) cannot come from scatter: "
         f"there the machine changed between the two strategies. On a single section of the cylinder {' and '.join(unseen)} "
-        f"cannot be told from the other parameters at all, as section 5.3 found by simulation. {UNTOLD}",
+        f"cannot be separated from the other parameters at all, as section 5.3 found by simulation. {UNTOLD}",
     )
 
 

@@ -211,7 +211,7 @@ def found_words(one: Found) -> list[str]:
                 f" on facets {', '.join(map(str, f.detail['facets']))}" if "facets" in f.detail else ""
             )
         elif also:
-            said = f"called {also[0]}, with {name} as one that this plan cannot tell from it"
+            said = f"called {also[0]}, with {name} as one that this plan cannot distinguish from it"
         elif name in ("thermal_drift", "random_walk") and any(r.covariate == "time" for r in d.unexplained):
             said = "seen as a wandering over time in the machine frame, no name given"
         else:

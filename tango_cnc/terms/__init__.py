@@ -23,6 +23,7 @@ from ..records import Array, InputError, Machine, TermItem
 from ..touches import Touches
 
 GAP = Slot("", "stylus", -1)
+WAYS = ("log", "wave", "linear", "touch", "order")  # how a setting may be searched: by factors, in its unit, in whole numbers
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,8 @@ class Cause(Family):
     says: str  # the finding as a sentence; the words in braces come from tango_cnc/diagnose/sentences.py
     meaning: str  # what it does to parts, for a person at the machine
     advice: str  # what that person does about it
-    refine: Mapping[str, str] = field(default_factory=dict)  # what is searched between `variants`: name → log, linear, touch …
+    refine: Mapping[str, str] = field(default_factory=dict)  # what is searched between `variants`: name → one of `WAYS`
+    example: Setting = field(default_factory=dict)  # a setting of it, for tests on a plan of which `variants` offers none
     variants: Callable[[Touches], Iterator[dict[str, Any]]] = lambda touches: iter(())  # settings that are worth trying
     spread: Callable[[Touches], Spread] | None = None  # → settings, variances (n,) or covariances (n, n) of unit size
     fitted: Callable[[Touches], dict[str, Any]] = lambda touches: {}  # setting of a spread that the model can fit
@@ -71,6 +73,10 @@ class Cause(Family):
     plausible: Callable[[Array, Setting, Mapping[str, float]], bool] = lambda values, setting, offsets: True
     # touches, setting, settings of the same cause and axis that are chosen → whether it can be told beside them
     beside: Callable[[Touches, Setting, Sequence[Setting]], bool] = lambda touches, setting, chosen: True
+    units: Mapping[str, str] = field(default_factory=dict)  # of settings, where a reader sees them: {"period": "s"}
+    words: Callable[[Setting], Mapping[str, str]] = lambda setting: {}  # words of `says` that only this cause has
+    over: str = ""  # what its picture is drawn over: time, probe (angle around the stylus); "": the axis that its setting names
+    scatters: str = ""  # a spread: what has a scatter of its own: indexation, facet, or all (every touch alike: the noise)
     once: bool = False  # a machine has it once an axis; a second one only follows curves
     expected: bool = False  # every machine has it: it is also tested alone, not only as one of hundreds
     known: int = 0  # coefficients whose values follow from what is estimated already; `plausible` compares
@@ -88,6 +94,11 @@ def families() -> dict[str, Family]:
 def causes() -> dict[str, Cause]:
     """→ every family that `diagnose` may name as a cause, by name."""
     return {name: family for name, family in families().items() if isinstance(family, Cause)}
+
+
+def scattering(what: str) -> str:
+    """indexation, facet or all → name of the cause that scatters so. Raises KeyError when no file has one."""
+    return {record.scatters: name for name, record in causes().items()}[what]
 
 
 def patterns() -> list[str]:

@@ -58,6 +58,7 @@ TERM = Cause(
     refine={"period": "log"},
     once=True,  # of one axis: two of them together follow any curve
     variants=variants,
+    units={"period": "s"},
     make=cause,
     effects=effects,
 )

@@ -51,6 +51,13 @@ def cause(machine: Machine, axis: str, at: float | None = None, nodes: Sequence[
     return [Coefficient(label("compensation_kink", axis, p), unit, Slot(axis, "motion"), bent(float(p))) for p in places]
 
 
+def words(setting: Setting) -> dict[str, str]:
+    """setting → {place}: where the axis bends, in words."""
+    places = [setting["at"]] if setting.get("at") is not None else list(setting.get("nodes", ()))
+    unit = "mm" if setting.get("axis") in ("X", "Y", "Z") else "deg"
+    return {"place": ", ".join(f"{float(p):.0f}" for p in places) + f" {unit}"}
+
+
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
     """machine, setting, values → the table of errors at the kinks and the ends of the travel (world.yaml)."""
     axis = str(setting["axis"])
@@ -79,6 +86,7 @@ TERM = Cause(
     refine={"at": "linear"},
     once=True,  # of one axis: two of them together follow any curve
     variants=variants,
+    words=words,
     make=cause,
     beside=beside,
     effects=effects,

@@ -50,6 +50,7 @@ TERM = Cause(
     advice="check the screw's bearing and the scale's interpolation; several periods can look alike to few touches",
     refine={"period": "wave"},
     variants=variants,
+    units={"period": "mm"},
     make=cause,
     beside=beside,
 )

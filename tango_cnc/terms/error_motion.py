@@ -6,8 +6,6 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
 from ..kinematics import Slot
 from ..records import COMPONENTS, Array, InputError, Machine
 from ..touches import Touches
@@ -30,11 +28,7 @@ def coefficient(name: str, machine: Machine) -> Coefficient | None:
         own if degree == 0 else f"{own}/{'mm' if axis in machine.linear else 'rad'}{'' if degree == 1 else '²³⁴⁵⁶⁷⁸⁹'[degree - 2]}"
     )
 
-    def regressor(touches: Touches) -> Array:
-        result: Array = touches.axis(axis) ** degree if degree else np.ones(len(touches))
-        return result
-
-    return Coefficient(name, unit, slot, regressor)
+    return Coefficient(name, unit, slot, lambda touches: touches.power(axis, degree))
 
 
 def scales(machine: Machine) -> list[Coefficient]:

@@ -43,5 +43,6 @@ TERM = Cause(
     advice="make one touch that does not count after every indexation, or keep the term",
     refine={},
     variants=variants,
+    units={"pause": "s"},
     make=cause,
 )

@@ -50,6 +50,7 @@ TERM = Cause(
     refine={},
     spread=spread,
     fitted=fitted,
+    scatters="indexation",
     make=cause,
     effects=effects,
 )

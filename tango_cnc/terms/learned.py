@@ -54,6 +54,16 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     return [{"cause": "learned", **kept, "amplitude": float(values[0])}]
 
 
+EXAMPLE = {
+    "name": "leaning ram",
+    "factors": [
+        {"covariate": "Y", "kind": "polynomial", "low": -250.0, "high": 250.0, "count": 1},
+        {"covariate": "B", "kind": "waves", "low": -1.6, "high": 1.6, "count": 2},
+    ],
+    "weight": "machine z",
+    "values": [0.3, -0.2, 1.0, 0.5, 0.1],
+}
+
 TERM = Cause(
     text="a shape without a name that was learned from an earlier measurement of this machine",
     source="Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, chapter 2",
@@ -64,6 +74,7 @@ TERM = Cause(
     advice="keep the term, and look for what was the same on both occasions",
     refine={},
     variants=variants,
+    example=EXAMPLE,
     make=cause,
     effects=effects,
 )

@@ -50,5 +50,7 @@ TERM = Cause(
     advice="approach every touch from the same distance, add a dwell after long moves, or keep the term",
     refine={"length": "log"},
     variants=variants,
+    over="time",
+    units={"length": "mm"},
     make=cause,
 )

@@ -22,7 +22,7 @@ def cause(machine: Machine) -> list[Coefficient]:
 
 
 TERM = Cause(
-    text="single touches scatter more than the probe is said to",
+    text="single touches scatter more than the stated repeatability of the probe",
     source="ISO 230-10:2022, 6.2; JCGM 100:2008, 4.2",
     frame="probe",
     mistaken=("surface_form",),
@@ -31,5 +31,6 @@ TERM = Cause(
     advice="check probe, battery and mounting, and how often the control looks at it, or correct `repeatability` in machine.yaml",
     refine={},
     spread=spread,
+    scatters="all",
     make=cause,
 )

@@ -28,5 +28,6 @@ TERM = Cause(
     advice="calibrate the probe on a sphere in every direction that is used, or keep the term",
     refine={},
     variants=variants,
+    over="probe",
     make=cause,
 )

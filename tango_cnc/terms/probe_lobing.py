@@ -42,5 +42,6 @@ TERM = Cause(
     advice="orient the spindle so that the probe always touches on the same side, use a strain-gauge probe, or keep the term",
     refine={},
     variants=variants,
+    over="probe",
     make=cause,
 )

@@ -56,6 +56,7 @@ TERM = Cause(
     advice="find out what happened then, and measure these touches again",
     refine={},
     variants=variants,
+    example={"at": 100, "until": 140},
     make=cause,
     effects=effects,
 )

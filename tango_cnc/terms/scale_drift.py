@@ -37,5 +37,7 @@ TERM = Cause(
     refine={"tau": "log"},
     once=True,  # of one axis: two of them together follow any curve
     variants=variants,
+    units={"tau": "s"},
+    over="time",
     make=cause,
 )

@@ -50,15 +50,16 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
 
 
 TERM = Cause(
-    text="the spindle does not orient where it is told and swings the stylus",
+    text="the spindle does not orient where it is commanded and swings the stylus",
     source="ISO 230-7:2015; stylus offset × error of S",
     frame="spindle",
     mistaken=("probe_lobing",),
-    says="the spindle does not orient where it is told{where} and swings the stylus by {size}",
+    says="the spindle does not orient where it is commanded{where} and swings the stylus by {size}",
     meaning="a matter of the probe's stylus, not of parts, as long as nothing is bored or probed with an oriented spindle",
     advice="orient the spindle always from the same side, centre the stylus, or keep the term",
     refine={},
     variants=variants,
+    over="probe",
     make=cause,
     effects=effects,
 )

@@ -42,6 +42,7 @@ TERM = Cause(
     advice="clean or regrind these facets, touch others, or weight them less",
     refine={},
     spread=spread,
+    scatters="facet",
     make=cause,
     effects=effects,
 )

@@ -39,5 +39,6 @@ TERM = Cause(
     refine={"tau": "log"},
     once=True,  # of one axis: two of them together follow any curve
     variants=variants,
+    units={"tau": "s"},
     make=cause,
 )

@@ -39,5 +39,6 @@ TERM = Cause(
     once=True,  # of one axis: two of them together follow any curve
     expected=True,  # every machine does it (ISO 230-3 is about nothing else): it may be tested for itself
     variants=variants,
+    units={"tau": "s"},
     make=cause,
 )

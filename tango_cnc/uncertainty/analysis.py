@@ -254,7 +254,7 @@ def compare_subsets(
         missing = set(found.parameters) - set(first.parameters)
         if missing:
             raise InputError(
-                f"--subset {label}: its touches cannot tell {', '.join(sorted(missing))}; add indexations or use fewer terms"
+                f"--subset {label}: its touches cannot determine {', '.join(sorted(missing))}; add indexations or use fewer terms"
             )
         place = np.array([first.model.names.index(name) for name in _measurands(found)])
         one = process.group(label, here, place, "run")

@@ -21,9 +21,9 @@ LABEL = "scatter seen in the residuals"
 
 def reached(readings: Readings, robust: Estimate | None) -> Readings:
     """readings, the estimate that gives outliers no weight (None: all count) → the readings that it rests on."""
-    if robust is None or not len(robust.unused):
+    if robust is None or not robust.unused.any():
         return readings
-    fewer = without(readings, robust.unused)
+    fewer = without(readings, robust.model.touches, robust.unused)
     return fewer if len(fewer) >= (1 - MOST) * len(readings) else readings
 
 

@@ -98,8 +98,8 @@ def volume(result: Estimate, position: Array) -> VolumeMap:
     touches = result.model.touches
     if not any(c.slot.axis and not is_setup(c.slot) for c in result.model.coefficients):
         raise TangoError(
-            "volume: the estimate contains no error of the machine, so nothing is known of its tool tip; ask for more terms "
-            "(--terms S3), or see with 'tango check' why these touches tell nothing"
+            "volume: the estimate contains no error of the machine, so its tool tip cannot be predicted; ask for more terms "
+            "(--terms S3), or see with 'tango check' why these touches determine nothing"
         )
     poses = at_poses(touches.machine, position, np.zeros_like(position))
     nominal = kinematics.tip(poses.chain, position)

@@ -7,6 +7,7 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from support import blind
 
 from sim_controller.simulate import simulate
 from tango_cnc import terms
+from tango_cnc.diagnose import sentences
 from tango_cnc.diagnose._candidates import candidate, pattern
 from tango_cnc.estimate import estimate
 from tango_cnc.records import InputError
@@ -51,6 +53,22 @@ def test_every_cause_says_its_frame_what_it_is_mistaken_for_and_what_to_do(name:
     assert module.frame and module.advice and module.meaning and module.says
     assert set(module.mistaken) <= set(CAUSES), "mistaken for something that is not in the catalogue"
     assert (name in PATTERNS) == (module.variants is not terms.Cause.variants), "variants or a spread, never both"
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_every_cause_uses_words_and_ways_of_searching_that_exist(name: str) -> None:
+    module, file = terms.causes()[name], f"tango_cnc/terms/{name}.py"
+    own = inspect.signature(module.make).parameters
+    used = {word for _, word, _, _ in Formatter().parse(module.says) if word}
+    unknown = used - sentences.WORDS - set(module.words({"axis": "X", "at": 1.0}))
+    assert not unknown, (
+        f"{file}: says: found {{{', '.join(unknown)}}}; allowed: {', '.join(sorted(sentences.WORDS))}, and its `words`"
+    )
+    assert set(module.refine.values()) <= set(terms.WAYS), f"{file}: refine: allowed: {', '.join(terms.WAYS)}"
+    for field in ("refine", "units", "example"):
+        assert set(getattr(module, field)) <= set(own), f"{file}: {field}: `make` has no such setting"
+    assert module.over in ("", "time", "probe"), f"{file}: over: allowed: time, probe"
+    assert module.scatters in (("indexation", "facet", "all") if name in SPREADS else ("",)), f"{file}: scatters"
 
 
 @pytest.mark.parametrize("name", PATTERNS)

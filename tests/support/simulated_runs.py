@@ -58,6 +58,6 @@ def agree(folder):
     assert list(got.touch[order]) == list(expected.touch)
     assert tuple(got.facet[i] for i in order) == expected.facet
     assert set(got.status) == {"ok"}
-    # a tenth of a micrometre printed, and the least increment of 1 µm in which the control was told where to go sideways
+    # a tenth of a micrometre printed, and the least increment of 1 µm in which the control was sent where to go sideways
     assert np.abs(got.position[order] - expected.position)[:, :3].max() < 1.5e-3
     return True

@@ -15,7 +15,7 @@ def judge(seen: Seen) -> Verdict:
         return Verdict("OPEN", "the program has not begun: no start mark has come")
     if seen.said:
         return Verdict("OPEN", f"the program stopped before anything was recorded: {seen.said}")
-    return Verdict("OPEN", "the program stopped before anything was recorded, and nobody has told what stands on the screen")
+    return Verdict("OPEN", "the program stopped before anything was recorded, and nobody has passed on what the screen shows")
 
 
 EXPERIMENT = Experiment(

@@ -18,7 +18,7 @@ def judge(seen: Seen) -> Verdict:
     usual, turned = ((times[came[-1]] - times[came[0]]) / (len(came) - 1) for times in (seen.times, seen.dialled))
     alone, longer = search(seen.plan), turned - usual
     if usual < ENOUGH * alone:
-        return Verdict("OPEN", f"records come every {usual:.1f} s, faster than the moves: their times tell nothing")
+        return Verdict("OPEN", f"records come every {usual:.1f} s, faster than the moves: their times say nothing")
     if longer > ENOUGH * alone * (1 / DIAL - 1):
         text = f"at {100 * DIAL:.0f} % a move took {turned:.1f} s instead of {usual:.1f} s"
         return Verdict("FAIL", f"the feed override acts on measuring moves: {text}", longer, "s a touch")

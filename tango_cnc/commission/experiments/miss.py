@@ -20,7 +20,7 @@ def judge(seen: Seen) -> Verdict:
 EXPERIMENT = Experiment(
     "miss",
     2,
-    "a measuring move that meets nothing goes on without an alarm, and the program tells it from a contact",
+    "a measuring move that meets nothing goes on without an alarm, and the program distinguishes it from a contact",
     "look at the flag H of the records in the air: 0",
     "where the control makes an alarm of a miss, its parameter has to allow one; check contact and met",
     judge,

@@ -17,7 +17,7 @@ def asks(plan: Plan) -> dict[str, Question]:
 EXPERIMENT = Experiment(
     "orientation",
     3,
-    "the spindle stands at the angle that it was told",
+    "the spindle stands at the commanded angle",
     "look at the spindle while the program runs",
     "state orient, or leave orient empty (Siemens, Heidenhain, LinuxCNC: false) with one spindle angle in strategy.yaml",
     answered("orientation", asks),

@@ -188,7 +188,7 @@ class Client(Listener):
 
     def _stranger(self, event: Begun) -> str:
         if self._begun:
-            return "the control began the program a second time; its touches cannot be told from the first ones"
+            return "the control began the program a second time; its touches cannot be separated from the first ones"
         ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
         return f"the control runs another program: its start mark is {event.mark} with {event.count} touches, sent was {ours}"
 

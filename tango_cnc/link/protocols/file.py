@@ -82,7 +82,7 @@ class Client(Listener):
 
     def _start(self, event: Begun, text: str) -> list[Event]:
         if self._begun:
-            return self._fail("the control began the program a second time; its touches cannot be told from the first ones")
+            return self._fail("the control began the program a second time; its touches cannot be separated from the first ones")
         if (event.mark, event.count) == (self._job.mark, len(self._job.numbers)):
             self._begun, self._silence = True, 0.0
             return [Identified("a control that writes into a file"), event]

@@ -318,7 +318,7 @@ class Client(Control):
         if not targets.confirmed(list(values.values()), lines):
             meant = " ".join(f"{name}{value:.4f}" for name, value in values.items())
             raise Stop(
-                f"the control was told {meant}, and says {' '.join(lines) or 'nothing'} before it moves: the line is disturbed"
+                f"the control was sent {meant}, and says {' '.join(lines) or 'nothing'} before it moves: the line is disturbed"
             )
         self._set |= values
 

@@ -190,7 +190,7 @@ class Client(Registers):
             yield from self._write(registers["confirmed"], [self._ticket, self._heard, number])
             if (yield from self._read((registers["taken"], 1))) == [number]:
                 return
-        raise Stop("what is written as taken does not stand in the registers afterwards: does the layout fit the control?")
+        raise Stop("what was written to taken is not in the registers afterwards: does the layout fit the control?")
 
     def _make(self, move: Move) -> Generator[str, str, None]:
         """One move of the plan; a measuring move becomes a record."""

@@ -87,7 +87,7 @@ class _Program:
         stated = {(key, *pair) for key in ("clamp", "unclamp") for pair in (self._options.get(key) or {}).items()}
         if self._told != stated:
             found, wanted = (", ".join(" ".join(words) for words in sorted(some)) or "none" for some in (self._told, stated))
-            raise InputError(f"the driver is told the words {found}; the profile states {wanted}")
+            raise InputError(f"the driver is given the words {found}; the profile states {wanted}")
         self._began = True
 
     def _end(self, mark: str, count: int) -> None:

@@ -238,7 +238,7 @@ class _Program:
             try:
                 mark, count = _hash(handed.lasting), float(handed.lasting["count"])
             except (KeyError, ValueError):
-                raise InputError("hash and number of touches do not stand in their variables") from None
+                raise InputError("hash and number of touches are not in their variables") from None
             if point == "0":
                 machine.start(mark, count, self._mark)
             else:
