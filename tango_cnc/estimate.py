@@ -168,10 +168,11 @@ def _elsewhere(touches: Touches) -> str:
     if not found:
         return ""
     m = found[0]
+    near = "" if m.near == m.facet else f", {m.beside:.1f} mm from where facet {m.near} is touched"
     count = "1 touch was" if len(found) == 1 else f"{len(found)} touches were"
     return (
         f". {count} made more than {FAR:g} mm from the facet that the readings name: touch {m.number} is called facet {m.facet}, "
-        f"but was made {m.away:.0f} mm away, {m.beside:.1f} mm from where facet {m.near} is touched"
+        f"but was made {m.away:.1f} mm away{near}"
     )
 
 

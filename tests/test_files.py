@@ -190,7 +190,7 @@ BAD_READINGS = {
     "status": ("-1,0,0,0,ok", "-1,0,0,0,okay", 4, "status", "'okay'; allowed: ok, miss, early"),
     "direction": ("0,0,0,-1,0,0", "0,0,0,-2,0,0", 2, "dX", "-2.0; allowed: -1, 0 or 1"),
     "half a touch": ("\n3,", "\n3.5,", 4, "touch", "a whole number"),
-    "short row": (",1,1,180\n2", ",1\n2", 2, "", "17 values; 19 values, as many as the header names"),
+    "short row": (",1,1,180\n2", ",1\n2", 2, "", "found 17 values; allowed: 19 values, as many as the header names"),
     "no column": ("touch,time_s", "touch,time", 1, "header", "no column 'time_s'"),
     "column of nobody": (",feed\n", ",fed\n", 1, "header", "the unknown column 'fed'; allowed"),
     "column twice": (",dX,", ",X,", 1, "header", "the column 'X' twice"),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from ..estimate import Estimate, estimate, without
 from ..files import blamed_on, read_cell, read_readings, read_terms
@@ -26,6 +27,7 @@ from ._common import cell_option, json_option, table, write_json
 from ._trust import NoFit, despite_option, judged, members, status, told
 
 PLACE = "Understand 10"  # in the list of commands
+LEFT_OUT = ("single_touches", "copied_positions")  # mistakes that --exclude-outliers mends where there is no fit
 GROUPS = 8  # of indexations, each predicted from the others: a fit of S4 takes a tenth of a second
 
 
@@ -65,32 +67,46 @@ def command(
     _interrupted(source)
     readings = read_readings(source, cell.machine, cell.artefact)
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
+    blamed: tuple[int, ...] = ()
     with blamed_on(folder / "tango.yaml") if terms is None else nullcontext():
         try:
             result, judgement = judged(
                 cell, readings, items, source=source, fit=lambda: _estimated(cell, readings, items, degree, frame)
             )
         except NoFit as error:
-            write_json(json_file, {"format": "tango-estimate/1", **members(error.judgement), "parameters": {}})
-            raise
+            blamed = _blamed(error) if exclude_outliers else ()
+            if not blamed:
+                write_json(json_file, {"format": "tango-estimate/1", **members(error.judgement), "parameters": {}})
+                raise
+            readings = readings.rows(~np.isin(readings.touch, blamed))
+            result, judgement = judged(
+                cell, readings, items, source=source, fit=lambda: _estimated(cell, readings, items, degree, frame)
+            )
     excluded, fewer = result.outliers, readings
     if exclude_outliers and len(excluded):
         fewer = without(readings, result.model.touches, result.out)
         result, judgement = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
     if frame is None and judgement.verdict != "implausible":
         judgement = _predicting(cell, without(fewer, result.model.touches, result.unused), items, degree, judgement)
+    gone = sorted({*blamed, *(int(i) for i in excluded)})
     figures = withheld(result)
     data = as_json(result, figures, judgement)
     if exclude_outliers:
-        data["excluded"] = [int(i) for i in excluded]
+        data["excluded"] = gone
     if not write_json(json_file, data):
         click.echo("\n".join([*told(judgement), as_text(result, figures)]))
-    if exclude_outliers and len(excluded):
-        click.echo(f"{len(excluded)} touches excluded: {', '.join(map(str, excluded))}", err=True)
+    if exclude_outliers and gone:
+        click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
     skipped = int((~readings.ok).sum())
     if skipped:
         click.echo(f"{skipped} of {len(readings)} touches made no proper contact (miss or early) and were not used", err=True)
     return status(judgement, despite)
+
+
+def _blamed(error: NoFit) -> tuple[int, ...]:
+    """there is no fit → touch numbers without which there most likely is one; none where that is another mistake."""
+    first = next(iter(error.judgement.suspicions), None)
+    return () if first is None or not first.fits or first.kind not in LEFT_OUT else first.touches
 
 
 def _interrupted(source: Path) -> None:
@@ -185,7 +201,10 @@ def as_text(result: Estimate, figures: Sequence[str]) -> str:
     if offsets:
         lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")
     lines += [f"cannot be seen: {text}" for text in summary([c.text for c in result.selection.unseen])]
-    lines += [f"ISO figure withheld: {text}" for text in figures]
+    if figures:
+        one = len(figures) == 1
+        count = "1 ISO figure is" if one else f"{len(figures)} ISO figures are"
+        lines.append(f"{count} withheld, as these touches do not decide {'it' if one else 'them'}: 'tango iso230' says why")
     if len(result.outliers):
         worst = ", ".join(str(i) for i in result.outliers[:10]) + (" …" if len(result.outliers) > 10 else "")
         weight = "kept; leave them out with --exclude-outliers" if result.rejected is None else "they have no weight"

@@ -91,7 +91,9 @@ def read_readings_text(text: str, machine: Machine, artefact: Artefact, file: Pa
         raise complaint(file, 2, "", "no rows under the header", "one row a touch; has the run recorded anything?")
     for line, row in body:
         if len(row) != len(header):
-            raise complaint(file, line, "", f"{len(row)} values", f"{len(header)} values, as many as the header names")
+            commas = "; are these decimal commas? Save numbers with points" if len(row) > len(header) else ""
+            allowed = f"allowed: {len(header)} values, as many as the header names{commas}"
+            raise complaint(file, line, "", f"found {len(row)} values", allowed)
     cells = {name: [row[i].strip() for _, row in body] for i, name in enumerate(header)}
     at = [line for line, _ in body]
 

@@ -190,9 +190,8 @@ def _elsewhere(cell: Cell, readings: Readings) -> list[Remark]:
         far=f"{FAR:g}",
         number=m.number,
         facet=m.facet,
-        away=f"{m.away:.0f}",
-        beside=f"{m.beside:.1f}",
-        near=m.near,
+        away=f"{m.away:.1f}",
+        near="" if m.near == m.facet else say("plausible.judge.nearer", beside=f"{m.beside:.1f}", near=m.near),
     )
     return [Remark("implausible", text, tuple(m.number for m in away))]
 
