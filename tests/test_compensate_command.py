@@ -209,7 +209,7 @@ def test_a_sign_trial_decides_by_touches(cell: Path, tmp_path: Path, sign: int, 
     lines = (mill / "after.csv").read_text().splitlines(keepends=True)
     (mill / "idle.csv").write_text("".join(line for line in lines if line.startswith(("touch", "20,"))))  # does not feel it
     idle = run("compensate", "-C", mill, *rest[:-1], mill / "idle.csv")
-    assert "none of which the change moves" in idle.output and "inf" not in idle.output
+    assert "the change moves none of them" in idle.output and "inf" not in idle.output
     for place in ("CEC X to Y", "CEC Z to X"):  # one after the other, each with a folder of its own
         assert run(*common, "--sign-trial", place).exit_code == 0
     assert {f.name for f in (mill / "compensations").iterdir()} == {"sign-trial-siemens", "sign-trial-siemens-2"}

@@ -79,7 +79,7 @@ def test_residuals_of_nothing_have_no_scatter() -> None:
 def test_noise_is_told_in_plain_words() -> None:
     assert noise(Scatter(None, 0.0, 0.0, None)) == []
     (either,) = noise(Scatter("facet", 30.0, 2.0, None, rival="direction"))
-    assert "facet or on the direction of touch" in either and "cannot tell" in either
+    assert "facet or on the direction of touch" in either and "cannot separate" in either
     first, second, third = noise(Scatter("direction", 30.0, 20.0, 3.2, 0.6))
     assert "direction of touch" in first and "3 degrees of freedom" in second and "correlation 0.6" in third
 
@@ -94,12 +94,11 @@ def test_html_without_matplotlib_is_a_message_before_anything_is_computed(monkey
 
 
 def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    from tango_cnc.commands.diagnose import _shown
+    from tango_cnc.commands._progress import Progress
 
     for terminal in (False, True):
         monkeypatch.setattr(sys.stderr, "isatty", lambda known=terminal: known, raising=False)
-        with _shown() as say:
-            say("searching")
+        with Progress() as progress:
+            progress.stage("searching")
         shown = capsys.readouterr().err
         assert ("searching" in shown) is terminal
-        assert shown.endswith("\r\x1b[K") is terminal  # nothing stays

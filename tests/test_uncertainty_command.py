@@ -77,7 +77,7 @@ def test_text_for_people(cell: Path, budget: Path, capsys: pytest.CaptureFixture
         assert part in text
     assert "linear propagation holds" in text
     assert call("uncertainty", "-C", cell, "--budget", budget, "--trials", 1000, "--seed", 4) == 0  # a seed that scatters
-    assert "so few trials cannot tell" in capsys.readouterr().out
+    assert "so few trials do not resolve" in capsys.readouterr().out
 
 
 def test_without_a_budget_it_says_what_is_not_taken_into_account(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

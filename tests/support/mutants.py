@@ -26,10 +26,11 @@ from postprocessors import _base as posts
 from sim_controller import compensation
 from tango_cnc import conformity
 from tango_cnc.acceptance import read_order
+from tango_cnc.asked import as_run, asked
 from tango_cnc.commands._compensate import present_of
 from tango_cnc.commands._import import imported
 from tango_cnc.commands._program import language_of, opened
-from tango_cnc.commands._trust import as_run, left_out
+from tango_cnc.commands._trust import run_of
 from tango_cnc.commands._trusted import known
 from tango_cnc.commands.report import paper
 from tango_cnc.compensate import loop
@@ -422,8 +423,8 @@ def _followed(folder: Path) -> Any:
 
 
 def _as_run(folder: Path) -> Any:
-    cell = as_run(read_cell(folder), folder / "readings.csv")
-    return [left_out(folder / "readings.csv"), cell.strategy]
+    cell, run = read_cell(folder), run_of(folder / "readings.csv")
+    return [asked(cell, run), as_run(cell, run).strategy]
 
 
 def _cell(folder: Path) -> Any:
