@@ -171,14 +171,18 @@ def _agreeing(facets: Sequence[Facet], tip: Array, radius: float, least: int) ->
 def _two_against(facets: Sequence[Facet], tip: Array, radius: float, best: tuple[float, tuple[int, ...], Array, Array]) -> bool:
     """facets, tips, the fit that leaves one touch out → whether that one is right where two others are wrong.
 
-    The stem of the stylus may meet one wall at two facets, and both are wrong by the same.
+    The stem of the stylus may meet one wall at two facets: both are met early (+), and the one that is right looks late (-). A
+    touch that is early itself has met something; one that is late has passed its facet, beside an edge, and that happens less.
     """
     kept, residual = best[1], best[3]
     (out,) = set(range(len(facets))) - set(kept)
+    if residual[out] > 0:
+        return False
     for pair in combinations(kept, 2):
         rows = tuple(sorted({*kept, out} - set(pair)))
         other = _solved(facets, tip, radius, rows)[1]
-        if np.abs(other[list(rows)]).max() <= AGREES < np.abs(other - residual).max():
+        early = other[list(pair)].min() > 0
+        if early and np.abs(other[list(rows)]).max() <= AGREES < np.abs(other - residual).max():
             return True
     return False
 
