@@ -205,7 +205,7 @@ def fit(selection: Selection) -> Estimate:
     full, weights, root = np.zeros((0, p)), np.zeros(0), np.zeros((p, p))
     here: tuple[Array, Array, Array] | None = None
     for iterations in range(1, ITERATIONS + 1):
-        if damping == 0 and size < SERVES and shifted < 1e-3:
+        if damping == 0 and size < SERVES and shifted < 1e-6:
             # A chord step, with the derivatives of the step before (Deuflhard 2011, Newton Methods for Nonlinear Problems, 2.1.2).
             offsets, _, uncertainty = known(model, values)
             right = np.concatenate([residual(model, values), offsets])

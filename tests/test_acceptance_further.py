@@ -18,7 +18,7 @@ from support.parts import LENGTH, ZERO, checks, cut_and_measured
 from tango_cnc.acceptance.further import known_of, of_part, parameters
 from tango_cnc.cli import guarded, tango
 from tango_cnc.estimate import Estimate
-from tango_cnc.iso230.signed import Sheet, signed
+from tango_cnc.iso230.signed import Budget, Sheet, signed
 from tango_cnc.iso230.temperature import Known, Thermal
 from tango_cnc.nc import features
 from tango_cnc.nc.follow import Setup
@@ -134,3 +134,19 @@ def test_the_page_has_them_beside_the_other_figures(cell: Path, capsys: pytest.C
 def test_what_is_wrong_with_a_part_is_said(cell: Path, capsys: pytest.CaptureFixture[str], text: str, words: str) -> None:
     assert accepted(cell, text) == 2
     assert words in capsys.readouterr().err
+
+
+def test_what_the_budget_adds_counts_no_touch_without_weight() -> None:
+    _, result, sheet = next(machines(range(1)))
+    n, m = len(result.residuals), len(result.known_weights)
+    drift = np.zeros((n + m, 1))
+    drift[0] = 1.0  # mm, of the first touch alone
+    out = np.zeros(n, dtype=np.bool_)
+    out[0] = True
+    wider = replace(sheet, budget=Budget((drift,), (drift,), ("drift",), ("drift",)))
+    (counted,) = parameters(replace(result, rejected=~out & out), ["EY0C"], wider)
+    (dropped,) = parameters(replace(result, rejected=out), ["EY0C"], wider)
+    (without,) = parameters(result, ["EY0C"], sheet)
+    assert counted.interval is not None and dropped.interval is not None and without.interval is not None
+    assert counted.interval[1] > 2 * without.interval[1]
+    assert math.isclose(dropped.interval[1], without.interval[1], rel_tol=1e-9)

@@ -109,7 +109,7 @@ def test_a_machine_that_is_being_measured_says_neither_yes_nor_no(tmp_path: Path
         assert not re.findall(r"<b>Yes|>Yes[,<]", text), path
     old = time.time() - 3600  # it was cut off an hour ago: nobody waits for it
     os.utime(place / "readings.journal", (old, old))
-    assert "15 min left" not in asked(place, "/") and "told nothing for 60 min" in asked(place, "/machine/HU40T-like/run")
+    assert "15 min left" not in asked(place, "/") and "reported nothing for 60 min" in asked(place, "/machine/HU40T-like/run")
 
 
 def test_a_night_that_stopped_has_no_green_sign_and_says_what_to_do_with_parts(tmp_path: Path) -> None:

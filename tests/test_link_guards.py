@@ -225,7 +225,7 @@ def test_what_is_taken_has_to_stand_in_the_registers():
             words[MARK : MARK + 3], words[COUNT_OF], words[POINT], words[RECORD] = MARKED, 3, 0, 6
 
     events, _ = played(PROGRAM, happens, resting(record=5), keeps=(TAKEN,))
-    assert "what is written as taken does not stand" in events[-1].why
+    assert "what was written to taken is not in the registers afterwards" in events[-1].why
 
 
 def test_a_start_mark_with_another_number_of_touches_is_of_another_program():

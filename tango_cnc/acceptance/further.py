@@ -58,7 +58,7 @@ def _beside(result: Estimate, sheet: Sheet) -> Array:
     if sheet.budget is None:
         return np.zeros((p, p))
     weights = np.concatenate([np.ones(n), result.known_weights])
-    weights[result.unused] = 0.0
+    weights[:n][result.unused] = 0.0
     solve = np.linalg.pinv(result.jacobian * weights[:, None], rcond=1e-13) * weights
     moved = [solve @ factor for factor in sheet.budget.beside_scatter]
     return np.asarray(sum((m @ m.T for m in moved), np.zeros((p, p))))
