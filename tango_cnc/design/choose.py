@@ -42,6 +42,14 @@ SHARP = 3.0  # power of each variance by which the worst of many counts more
 Mask = NDArray[np.bool_]
 
 
+class TooShort(InputError):
+    """The time does not do: even the shortest plan that was found takes longer."""
+
+    def __init__(self, found: Chosen) -> None:
+        super().__init__(f"--minutes: found {found.problem.seconds / 60:.3g}; allow more time: even the shortest plan takes longer")
+        self.found = found
+
+
 def chosen(problem: Problem) -> Chosen:
     """problem → plan. Raises InputError when the time is too short for any plan that tells something."""
     problem = replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem
@@ -67,7 +75,14 @@ def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, rel
     each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
     relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
     mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, shakes)
-    found = [_fitted(problem, mask, relaxed, None, sides) for sides in ((True, False) if shakes else (False,))]
+    found, last = [], None
+    for sides in (True, False) if shakes else (False,):
+        try:
+            found.append(_fitted(problem, mask, relaxed, None, sides))
+        except TooShort as error:
+            last = error
+    if not found and last is not None:
+        raise last
     return min(found, key=lambda each: each.value), relaxed
 
 
@@ -175,7 +190,7 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
             break
         mask = changed
     if best is None:
-        raise InputError(f"--minutes: found {problem.seconds / 60:g}; allow more time: even the shortest plan takes longer")
+        raise TooShort(found)
     return best
 
 

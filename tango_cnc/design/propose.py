@@ -126,6 +126,13 @@ def propose(ready: Setting) -> Chosen:
 
     A check without a stated time: of usual times the shortest that is worth making.
     """
+    try:
+        return _proposed(ready)
+    except choose.TooShort as error:
+        raise _refused(error.found, "even the shortest plan takes longer") from None
+
+
+def _proposed(ready: Setting) -> Chosen:
     wish = ready.wish
     if wish.minutes is not None or wish.goal.word:
         if wish.goal.word == "check" and wish.minutes is None:
@@ -172,15 +179,20 @@ def _worth_making(found: Chosen) -> Chosen:
     problem = found.problem
     if serves(problem, found.information):
         return found
-    minutes = _needed(found, serves)
     why = (
         "such a check would see no change smaller than 0.1 mm"
         if problem.choice.twice
         else f"its {len(found.rows)} touches do not determine all that the goal asks for"
     )
+    raise _refused(found, why)
+
+
+def _refused(found: Chosen, why: str) -> InputError:
+    """plan, what is wrong with it → the error that names the minutes that would do."""
+    problem, minutes = found.problem, _needed(found, serves)
     said = f"about {minutes:g} minutes or more" if minutes else f"more than {LONGEST:g} minutes"
     terms = "" if problem.choice.twice else ", or fewer --terms (S3)"
-    raise InputError(f"--minutes: found {problem.seconds / 60:.3g}; {why}; allowed: {said}{terms}")
+    return InputError(f"--minutes: found {problem.seconds / 60:.3g}; {why}; allowed: {said}{terms}")
 
 
 def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | None:
