@@ -29,7 +29,7 @@ class Asked:
 
 
 def asked(cell: Cell, run: Mapping[str, Any] | None = None) -> Asked:
-    """cell, readings.json (None: there is none) → touches asked for. Without a record, those that face away are not made."""
+    """cell, readings.json (None: the file is missing) → touches asked for. Without it, a plan makes no touch that faces away."""
     strategy, machine = as_run(cell, run).strategy, cell.machine
     facet = tuple(f for i in strategy.indexations for f in i.facets)
     at = [[i.position.get(name, 0.0) for name in machine.names] for i in strategy.indexations for _ in i.facets]

@@ -268,7 +268,7 @@ class RealControl:
             )
 
     def _warmed(self, own: Cell, made: Plan, folder: Path) -> None:
-        """Runs the program of the night until the machine is warm: its touches are kept and judged by nobody.
+        """Runs the program of the night until the machine is warm. Its readings are kept, and no estimate uses them.
 
         Raises LinkError where it is still cold after the time there is, or where a run stops.
         """

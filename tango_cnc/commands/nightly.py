@@ -193,7 +193,7 @@ def _install(cell: Cell, kind: str, at: str) -> int:
 
 
 def _looked_at(place: str | Path) -> str | Path:
-    """history → itself; an empty one in memory where there is none yet: looking makes no file."""
+    """history → itself, or an empty one in memory where the file is missing, so that a mere look creates no file."""
     return "sqlite://" if isinstance(place, Path) and not place.exists() else place
 
 

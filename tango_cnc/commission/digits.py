@@ -15,7 +15,7 @@ FIELDS = (10.0, 100.0, 1000.0)  # what a field of 1, 2 or 3 digits cannot hold
 
 
 def clipped(plan: Plan, number: int, place: Mapping[str, float]) -> str:
-    """plan, touch, {axis: recorded mm or deg} → which number has lost digits, in words; empty where none has."""
+    """plan, touch, {axis: recorded mm or deg} → a sentence that names the number with lost digits; empty where all digits came."""
     touch = next((touch for touch in plan.touches if touch.number == number), None)
     if touch is None:
         return ""
@@ -30,7 +30,7 @@ def clipped(plan: Plan, number: int, place: Mapping[str, float]) -> str:
 
 
 def lost(seen: Seen) -> dict[int, str]:
-    """what came → {touch: which number has lost digits}, of records and of lines whose sum is wrong for that reason."""
+    """what came → {touch: sentence on lost digits}, for records, and for lines whose sum is wrong because of them."""
     found = {number: clipped(seen.plan, number, place) for number, (_, place) in seen.records.items()}
     found |= {number: clipped(seen.plan, number, place) for number, place in refused(seen)}
     return {number: text for number, text in found.items() if text}

@@ -36,7 +36,7 @@ def meaning(f: Finding) -> str:
 
 
 def cause_name(cause: str) -> str:
-    """cause → its name in words; what is no cause of the catalogue stays as it is."""
+    """cause → its name in words. A name that the catalogue does not contain is returned unchanged."""
     name = cause_texts().get(f"{cause}.name")
     return cause.replace("_", " ") if name is None else Said(name, f"diagnosed.{cause}.name", {})
 

@@ -361,7 +361,7 @@ def _limited(file: Path, raw: Raw | None) -> None:
 
 
 def read_bytes(file: Path) -> bytes:
-    """file → all of it. Raises InputError when there is no such file, or it is none that anybody has written to be read."""
+    """file → its bytes. Raises InputError when it is missing, is a device or a pipe, or is too large."""
     try:
         plain(file)
         with file.open("rb") as opened:

@@ -30,7 +30,7 @@ YEAR = 365.25  # d
 SEASON = 240.0  # d of nights before a season is tried
 STIRRED = 0.3  # K, standard deviation of the temperature before it is tried
 AFTER = 8  # nights since an alarm before wear is tried
-RARE = 0.01  # of all tries together: how often a cause is named that is none
+RARE = 0.01  # chance that a history without any cause gets one named, all tries together
 TWICE = 3.0  # of the logarithm of the likelihood: what is nearer than that fits nearly as well
 FAINT = 0.02  # of the variance: a night that took out less knows nothing by itself
 
@@ -113,7 +113,7 @@ def _filtered(stored: Stored) -> Filtered:
 
 
 def _raw(label: str, names: Sequence[str]) -> str | None:
-    """label of a parameter (EYY1-EXX1) → its unknown in the state (EYY1), None where there is none."""
+    """label of a parameter (EYY1-EXX1) → its unknown in the state (EYY1), or None when the state does not contain it."""
     return next((n for n in (label, re.split(r"[-+]", label)[0]) if n in names), None)
 
 
@@ -206,7 +206,7 @@ def _explained(
             )
         )
         base, now = np.column_stack([base, left.pop(best)]), tried[best][0]
-        for cause in near:  # what fits nearly as well is told with it, and not once more
+        for cause in near:  # the sentence of the best cause names those that fit nearly as well; they get no sentence of their own
             left.pop(cause, None)
     return found
 

@@ -52,7 +52,7 @@ def cause(machine: Machine, axis: str, at: float | None = None, nodes: Sequence[
 
 
 def words(setting: Setting) -> dict[str, str]:
-    """setting → {place}: where the axis bends, in words."""
+    """setting → {place}: the position at which the compensation table bends, as text."""
     places = [setting["at"]] if setting.get("at") is not None else list(setting.get("nodes", ()))
     unit = "mm" if setting.get("axis") in ("X", "Y", "Z") else "deg"
     return {"place": ", ".join(f"{float(p):.0f}" for p in places) + f" {unit}"}

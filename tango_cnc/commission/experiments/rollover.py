@@ -13,7 +13,7 @@ def asks(plan: Plan) -> dict[str, Question]:
 
 
 def judge(seen: Seen) -> Verdict:
-    """→ what the person says of each limited axis; PASS where there is none."""
+    """→ the answer of the person for each axis with limits; PASS for a machine without such an axis."""
     axes = [axis.name for axis in seen.plan.machine.axes if limited(axis)]
     if not axes:
         return Verdict("PASS", "no rotary axis with limits reaches 350 deg; one without may turn either way")
