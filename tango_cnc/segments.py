@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .records import InputError, Readings, TermItem
+from .terms import serving
 
 FEWEST = 3  # touches of a segment below which its offset is not worth three unknowns
 
@@ -13,7 +14,7 @@ def offsets(readings: Readings, frame: str) -> tuple[TermItem, ...]:
     """readings, machine or table → a term for each segment but the first: a displacement in x y z of that frame, mm.
 
     Each is measured from the segment before, and begins at the first touch used of its own. Raises InputError when the
-    readings have one segment only, or one with too few touches (the change-point model of `terms/step.py`).
+    readings have one segment only, or one with too few touches (a change-point model).
     """
     if readings.segment is None or len(set(readings.segment.tolist())) < 2:
         raise InputError(
@@ -27,4 +28,4 @@ def offsets(readings: Readings, frame: str) -> tuple[TermItem, ...]:
                 f"--segment-offset: found {end - first} usable touches in segment {used[first]}; allowed: at least {FEWEST}, "
                 "for their displacement in three directions. Estimate without its offset"
             )
-    return tuple({"cause": "step", "at": int(first) + 1, "frame": frame} for first in begins)
+    return tuple({"cause": serving("interruption"), "at": int(first) + 1, "frame": frame} for first in begins)

@@ -11,7 +11,17 @@ import pytest
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell, read_readings
-from tango_cnc.files.origin import changed_keys, current, edited_rows, hurried, read_origin, set_aside, simulated, write_origin
+from tango_cnc.files.origin import (
+    changed_keys,
+    current,
+    edited_rows,
+    hurried,
+    look_up,
+    read_origin,
+    set_aside,
+    simulated,
+    write_origin,
+)
 
 
 def called(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -36,11 +46,11 @@ def cell(fresh: Path, tmp_path: Path) -> Path:
 
 def test_a_row_edited_by_hand_is_noticed(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell / "simulated.csv"
-    assert edited_rows(file) == ([], 0)
+    assert edited_rows(look_up(file)) == ([], 0)
     lines = file.read_text(encoding="utf-8").splitlines()
     lines[4] = lines[4].replace(",ok,", ",miss,")
     file.write_text("\n".join([*lines[:-2]]) + "\n", encoding="utf-8")
-    assert edited_rows(file) == ([5], 2)
+    assert edited_rows(look_up(file)) == ([5], 2)
     code, out, _ = called(capsys, "estimate", "-C", cell, "--json", "-")
     data = json.loads(out)
     assert code == 0 and data["verdict"] == "doubtful"
@@ -50,7 +60,7 @@ def test_a_row_edited_by_hand_is_noticed(cell: Path, capsys: pytest.CaptureFixtu
 def test_what_was_changed_since_is_said_by_key(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell / "machine.yaml"
     file.write_text(file.read_text(encoding="utf-8").replace("tip_radius: 3.0", "tip_radius: 3.001"), encoding="utf-8")
-    assert changed_keys(cell / "simulated.csv", cell) == {"machine.yaml": ["probe.tip_radius"]}
+    assert changed_keys(look_up(cell / "simulated.csv"), cell) == {"machine.yaml": ["probe.tip_radius"]}
     assert "machine.yaml was changed since the readings were made: probe.tip_radius" in called(capsys, "estimate", "-C", cell)[1]
 
 
@@ -67,7 +77,7 @@ def test_a_second_simulation_keeps_the_first_and_the_index_says_which_is_current
     assert code == 0 and index is not None and index["readings"] == "simulated.csv"
     (kept,) = index["kept"]
     assert kept in err and (cell / kept).read_text(encoding="utf-8") == first != file.read_text(encoding="utf-8")
-    assert edited_rows(cell / kept) == ([], 0)  # with its own check values
+    assert edited_rows(look_up(cell / kept)) == ([], 0)  # with its own check values
 
 
 def test_the_simulator_never_writes_readings_csv(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -91,7 +101,7 @@ def test_an_exchanged_header_and_a_repeated_row_are_noticed(cell: Path) -> None:
     lines = file.read_text(encoding="utf-8").splitlines()
     exchanged = lines[0].replace("X,Y", "Y,X", 1)
     file.write_text("\n".join([exchanged, *lines[1:], lines[7]]) + "\n", encoding="utf-8")
-    assert edited_rows(file) == ([1, len(lines) + 1], 0)
+    assert edited_rows(look_up(file)) == ([1, len(lines) + 1], 0)
 
 
 def test_a_run_that_took_less_time_than_its_clock_is_said(cell: Path) -> None:
@@ -99,7 +109,9 @@ def test_a_run_that_took_less_time_than_its_clock_is_said(cell: Path) -> None:
     write_origin(cell / "simulated.csv", cell, "measured", run=run)
     known = read_origin(cell / "simulated.csv")
     assert (
-        known is not None and known["run"]["program_hash"] == "abc" and "but the run took 10 s" in hurried(cell / "simulated.csv")
+        known is not None
+        and known["run"]["program_hash"] == "abc"
+        and "but the run took 10 s" in hurried(look_up(cell / "simulated.csv"))
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..asked import as_run
 from ..estimate import Estimate, estimate
-from ..files.origin import FEW, changed_keys, edited_rows, hurried, read_origin
+from ..files.origin import FEW, Origin, changed_keys, edited_rows, hurried, look_up
 from ..files.readjson import read_json
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
@@ -37,12 +37,15 @@ def judged(
     degree: int = 3,
     fit: Callable[[], Estimate] | None = None,
     source: Path | None = None,
+    run: Mapping[str, Any] | None = None,
 ) -> tuple[Estimate, Judgement]:
     """cell, readings, terms → estimate with the noise that its residuals show, and judgement.
 
+    `source`: the file of the readings, which says where they come from. `run`: readings.json, where it was read before.
     Raises TangoError where there is no fit, with the mistake that most likely is the reason.
     """
-    run = None if source is None else run_of(source)
+    if run is None and source is not None:
+        run = run_of(source)
     cell = as_run(cell, run)
     try:
         result = fit() if fit is not None else estimate(cell.machine, cell.artefact, readings, terms, degree)
@@ -71,17 +74,18 @@ def run_of(source: Path) -> dict[str, Any] | None:
 def traced(judgement: Judgement, source: Path, folder: Path) -> Judgement:
     """judgement, readings.csv, folder of the cell → the same with what was changed since the readings were made."""
     reasons, remarks = [], []
-    lines, gone = edited_rows(source)
+    origin = look_up(source)
+    lines, gone = edited_rows(origin)
     if lines:
         listed = ", ".join(map(str, lines[:FEW])) + (" …" if len(lines) > FEW else "")
         reasons.append(f"{source.name}: {len(lines)} rows are not as they were written (lines {listed}): somebody edited them")
     if gone:
         reasons.append(f"{source.name}: {gone} rows that were written are not there any more")
-    if origin := said_of_origin(source):
-        remarks.append(origin)
-    if wall := hurried(source):
+    if made_by := said_of_origin(origin):
+        remarks.append(made_by)
+    if wall := hurried(origin):
         remarks.append(wall)
-    for name, keys in changed_keys(source, folder).items():
+    for name, keys in changed_keys(origin, folder).items():
         listed = ", ".join(keys[:FEW]) + (" …" if len(keys) > FEW else "")
         remarks.append(f"{name} was changed since the readings were made: {listed}")
     verdict = judgement.verdict if judgement.verdict == "implausible" or not reasons else "doubtful"
@@ -96,12 +100,11 @@ class NoFit(TangoError):
         self.judgement = judgement
 
 
-def said_of_origin(source: Path) -> str:
-    """readings.csv → what to say of who made them; nothing where a machine was measured."""
-    known = read_origin(source)
-    if known is None:
-        return f"origin unknown: nothing beside {source.name} says which program and cell it is of"
-    return "readings of the simulated machine" if known.get("origin") == "simulated" else ""
+def said_of_origin(origin: Origin) -> str:
+    """origin of readings → what to say of who made them; nothing where a machine was measured."""
+    if not origin.known:
+        return f"origin unknown: nothing beside {origin.readings.name} says which program and cell it is of"
+    return "readings of the simulated machine" if origin.known.get("origin") == "simulated" else ""
 
 
 def usable(judgement: Judgement, despite: bool, what: str) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -15,7 +13,7 @@ from ..acceptance import Order, Source, made, page, read_order
 from ..acceptance.further import PARAMETER, known_of, of_part, parameters
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
-from ..files.origin import read_origin
+from ..files.origin import look_up
 from ..iso230.signed import Sheet, signed
 from ..nc import features
 from ..nc.follow import Setup, zero_of
@@ -61,9 +59,10 @@ def command(
     wanted = read_order(asked, day)
     source = file or folder / "readings.csv"
     readings = read_readings(source, cell.machine, cell.artefact)
-    result, judgement = judged(cell, readings, cell.terms if terms is None else read_terms(terms, folder), source=source)
     beside = () if wanted.part is None else (wanted.part.features, *([wanted.part.program] if wanted.part.program else []))
     origin = paper(folder, source, "", "", asked, folder / "temperature.yaml", *beside)
+    items = cell.terms if terms is None else read_terms(terms, folder)
+    result, judgement = judged(cell, readings, items, source=source, run=origin.origin)
     budget = budget_of(folder, result)
     found = made(
         wanted,
@@ -111,9 +110,10 @@ def _with_further(order: Order, sheet: Sheet, result: Estimate, cell: Cell) -> S
 
 def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:
     """readings.csv, whether a simulated control made them, status of every touch → where they come from."""
-    known: Mapping[str, Any] = read_origin(readings) or {}
+    origin = look_up(readings)
+    known = origin.known
     run = known.get("run", {})
-    doubt = said_of_origin(readings) or ("readings of the simulated machine" if simulated else "")
+    doubt = said_of_origin(origin) or ("readings of the simulated machine" if simulated else "")
     days = [found for key in ("start_utc", "end_utc") if (found := _day(run.get(key))) is not None]
     text = f"{readings.name}, {known.get('origin', 'of unknown origin')}"
     text += "".join(f"; {key.replace('_', ' ')} {run[key]}" for key in ("start_utc", "end_utc", "program_hash") if run.get(key))

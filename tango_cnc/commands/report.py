@@ -102,8 +102,8 @@ def command(
         not no_diagnosis,
         not no_pictures,
     )
-    result, judgement = judged(cell, readings, items, degree, source=source)
     made = paper(folder, source, operator, owner or nightly.owner)
+    result, judgement = judged(cell, readings, items, degree, source=source, run=made.origin)
     past = trend(folder, cell.machine.name, list(effects(result)))
     found = gather(
         cell,

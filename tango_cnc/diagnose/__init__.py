@@ -31,7 +31,7 @@ from ._refused import refused, shift_of
 from ._richer import Richer, richer
 from ._rows import Rows
 from ._scatter import Scatter
-from ._search import LEARNED, Chosen
+from ._search import Chosen
 from ._seen import Test
 from ._size import size
 from ._volume import Volume, volume
@@ -263,7 +263,7 @@ def _told(
     dropped = [
         Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
         for c in whole.chosen
-        if c.candidate.named and c not in accepted and c.candidate.cause != LEARNED
+        if c.candidate.named and c not in accepted and not c.candidate.learned
     ]
     if "walk" in noises or not outcome.picked:
         remains += _spread.wandering(whole, seen)

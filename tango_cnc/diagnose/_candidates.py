@@ -15,7 +15,8 @@ import numpy as np
 from .. import terms
 from ..kinematics import Slot
 from ..records import Array
-from ..terms import GAP, Coefficient
+from ..terms import GAP, Coefficient, Shape
+from ..terms._cause import times
 from ..touches import Touches
 
 VISIBLE = 0.02  # part of a pattern outside the model below which nobody can tell
@@ -35,6 +36,11 @@ class Candidate:
     def named(self) -> bool:
         """→ whether this is a cause of the catalogue."""
         return self.cause not in ("", "outlier")
+
+    @property
+    def learned(self) -> bool:
+        """→ whether this is a shape that was learned from this machine."""
+        return self.cause == terms.serving("learned")
 
 
 def pattern(touches: Touches, coefficients: Collection[Coefficient]) -> Array:
@@ -99,20 +105,12 @@ def smooth(kind: str, values: Array, degree: int = 4) -> Array:
     return np.polynomial.legendre.legvander(scaled, degree)[:, 1:]
 
 
-def shapes(touches: Touches, causes: Collection[str], most: int | None = None) -> Iterator[Candidate]:
+def shapes(touches: Touches, causes: Collection[str], rows: int | None = None) -> Iterator[Candidate]:
     """touches, causes in the catalogue → smooth functions of every covariate, in every frame and direction, and of what happened
     before; steps and periods as well, unless the catalogue has a name for them.
     """
-    for covariate, frame, kind, columns in (*_places(touches), *_probing(touches), *_plain(touches, causes, most or len(touches))):
+    for covariate, frame, kind, columns in (*_places(touches), *_probing(touches), *_plain(touches, causes, rows or len(touches))):
         yield Candidate("", {"covariate": covariate, "frame": frame, "shape": kind}, columns)
-
-
-Shape = tuple[str, str, str, Array]  # covariate, frame, kind, columns
-
-
-def _times(function: Array, weights: Array) -> Array:
-    """(n, f), (n,) or (n, w) → (n, f·w) all products."""
-    return np.einsum("nf,nw->nfw", function, weights.reshape(len(function), -1)).reshape(len(function), -1)
 
 
 def _places(touches: Touches) -> Iterator[Shape]:
@@ -124,124 +122,60 @@ def _places(touches: Touches) -> Iterator[Shape]:
             continue
         few = smooth(kind, values, 4)[:, : 4 if kind == "angle" else 3]
         many = smooth(kind, values, 8 if kind == "angle" else 4)
-        yield name, "none", "smooth", _times(many, one)
-        yield name, "machine", "smooth", _times(few, machine)
+        yield name, "none", "smooth", times(many, one)
+        yield name, "machine", "smooth", times(few, machine)
         for i, letter in enumerate("xyz"):
-            yield name, f"machine {letter}", "smooth", _times(many, machine[:, i])
+            yield name, f"machine {letter}", "smooth", times(many, machine[:, i])
         if name == "time":
-            yield name, "table", "smooth", _times(few, table)
-            yield name, "table", "growth", _times(many, np.sum(table * touches.point, axis=1))
+            yield name, "table", "smooth", times(few, table)
+            yield name, "table", "growth", times(many, np.sum(table * touches.point, axis=1))
             for axis in touches.machine.linear:
-                yield name, f"axis {axis}", "growth", _times(few[:, :2], touches.lever(axis) * touches.axis(axis))
+                yield name, f"axis {axis}", "growth", times(few[:, :2], touches.lever(axis) * touches.axis(axis))
             for facet in dict.fromkeys(touches.facet):
                 on = (np.array(touches.facet) == facet).astype(float)
                 if on.sum() > 5:
-                    yield f"facet {facet}", "table", "changes with time", _times(few[:, :2], on)
+                    yield f"facet {facet}", "table", "changes with time", times(few[:, :2], on)
         if name in touches.machine.linear:
-            yield name, f"axis {name}", "smooth", _times(smooth("line", values, 8), touches.lever(name))
+            yield name, f"axis {name}", "smooth", times(smooth("line", values, 8), touches.lever(name))
             for other in touches.machine.linear:
                 for turn in range(3, 6):
                     if (lever := levers.get(Slot(other, "intra", turn))) is not None:
-                        yield name, f"tilt of {other}", "smooth", _times(many, lever)
+                        yield name, f"tilt of {other}", "smooth", times(many, lever)
         if name in touches.machine.rotary:
-            yield name, f"axis {name}", "smooth", _times(smooth(kind, values, 8), touches.lever(name))
+            yield name, f"axis {name}", "smooth", times(smooth(kind, values, 8), touches.lever(name))
             for stage, frame in (("intra", "body"), ("inter", "bed")):
                 for first, what in ((0, "shift"), (3, "tilt")):
                     moved = [levers[s] for i in range(first, first + 3) if (s := Slot(name, stage, i)) in levers]  # type: ignore[arg-type]
-                    yield name, f"{frame} of {name}", what, _times(few, np.column_stack(moved))
+                    yield name, f"{frame} of {name}", what, times(few, np.column_stack(moved))
                     for one_way in moved:
-                        yield name, f"{frame} of {name}", what, _times(many, one_way)
+                        yield name, f"{frame} of {name}", what, times(many, one_way)
         if name == "S":
-            yield name, "spindle", "smooth", _times(few, touches.spindle_normal[:, :2])
+            yield name, "spindle", "smooth", times(few, touches.spindle_normal[:, :2])
 
 
 def _probing(touches: Touches) -> Iterator[Shape]:
     machine, spindle = touches.machine_normal, touches.spindle_normal
     azimuth = np.arctan2(spindle[:, 1], spindle[:, 0])
     across = np.hypot(spindle[:, 0], spindle[:, 1])
-    yield "probe direction", "spindle", "smooth", _times(smooth("angle", azimuth, 8), across)
+    yield "probe direction", "spindle", "smooth", times(smooth("angle", azimuth, 8), across)
     axial = [spindle[:, 2] ** 2, spindle[:, 2] ** 3, across**2 * spindle[:, 2]]
     yield "probe direction", "spindle", "smooth", np.column_stack(axial)
     before = np.zeros_like(spindle)
     before[1:] = spindle[:-1]
-    yield "previous touch", "spindle", "memory", _times(before, spindle)
+    yield "previous touch", "spindle", "memory", times(before, spindle)
     fresh = np.concatenate([[True], np.diff(touches.indexation) > 0]).astype(float)[:, None]
     yield "first touch of an indexation", "none", "memory", fresh
-    yield "first touch of an indexation", "machine", "memory", _times(fresh, machine)
+    yield "first touch of an indexation", "machine", "memory", times(fresh, machine)
     for axis in (*touches.machine.linear, *touches.machine.rotary):
         if len(set(touches.sign(axis)) - {0.0}) == 2:
-            yield f"d{axis}", f"axis {axis}", "sign", _times(touches.sign(axis)[:, None], touches.lever(axis))
-            yield f"d{axis}", "machine", "sign", _times(touches.sign(axis)[:, None], machine)
+            yield f"d{axis}", f"axis {axis}", "sign", times(touches.sign(axis)[:, None], touches.lever(axis))
+            yield f"d{axis}", "machine", "sign", times(touches.sign(axis)[:, None], machine)
         way = np.abs(np.diff(touches.axis(axis), prepend=touches.axis(axis)[:1]))
-        yield f"way of {axis}", f"axis {axis}", "memory", _times(smooth("line", way, 3), touches.lever(axis))
+        yield f"way of {axis}", f"axis {axis}", "memory", times(smooth("line", way, 3), touches.lever(axis))
 
 
-def _plain(touches: Touches, causes: Collection[str], most: int) -> Iterator[Shape]:
+def _plain(touches: Touches, causes: Collection[str], rows: int) -> Iterator[Shape]:
     """Simple shapes with few coefficients: each only where the catalogue has no name for it."""
-    yield from _slow(touches, causes)
-    yield from _bent(touches, causes)
-    yield from _sudden(touches, causes, most)
-
-
-def _slow(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
-    """What begins with the test and settles, or goes on."""
-    moved = {
-        "thermal_drift": [("machine", "settling", touches.machine_normal)],
-        "table_drift": [("table", "settling", touches.normal)],
-        "table_growth": [("table", "growth", np.sum(touches.normal * touches.point, axis=1))],
-        "scale_drift": [(f"axis {a}", "growth", touches.lever(a) * touches.axis(a)) for a in touches.machine.linear],
-    }
-    since = _unit(touches.warm)
-    functions = [*(1 - np.exp(-since / tau) for tau in np.geomspace(1 / 15, 2.5, 6)), since]
-    for cause, places in moved.items():
-        if cause not in causes:
-            for frame, kind, weights in places:
-                for function in functions:
-                    yield "time", frame, kind, _times(function[:, None], weights)
-
-
-def _bent(touches: Touches, causes: Collection[str]) -> Iterator[Shape]:
-    """Kinks and powers of the position of an axis, in the axis and in the tilts of every other."""
-    for name in touches.machine.linear:
-        values = touches.axis(name)
-        if np.ptp(values) < 1.0:
-            continue
-        if "compensation_kink" not in causes:
-            for place in np.quantile(values, np.linspace(0.1, 0.9, 13)):
-                yield name, f"axis {name}", "kink", _times(np.maximum(values - place, 0.0)[:, None], touches.lever(name))
-        for other in (*touches.machine.linear, *touches.machine.rotary):
-            if ("error_motion" if other == name else "moving_mass") in causes:
-                continue
-            for turn in range(6) if other == name else range(3, 6):
-                if (lever := touches.seen.slots.get(Slot(other, "intra", turn))) is not None:
-                    for degree in (1, 2, 3) if other == name else (1,):
-                        yield (
-                            name,
-                            f"{'tilt' if turn > 2 else 'shift'} of {other}",
-                            "power",
-                            _times((values**degree)[:, None], lever),
-                        )
-
-
-def _sudden(touches: Touches, causes: Collection[str], most: int) -> Iterator[Shape]:
-    machine, table, time = touches.machine_normal, touches.normal, _unit(touches.time)
-    if "step" not in causes:
-        stride = 8 * -(-len(touches) // most)
-        for at in range(stride, len(touches) - stride, stride):
-            after = (np.arange(len(touches)) >= at).astype(float)[:, None]
-            yield "time", "machine", "step", _times(after, machine)
-            yield "time", "table", "step", _times(after, table)
-    if "ambient_cycle" not in causes:
-        for cycles in np.arange(0.5, 12, 0.25):
-            wave = np.column_stack([np.cos(2 * np.pi * cycles * time), np.sin(2 * np.pi * cycles * time)])
-            yield "time", "machine", "periodic", _times(wave, machine)
-    if "cyclic_error" not in causes:
-        for axis in touches.machine.linear:
-            values = touches.axis(axis)
-            for cycles in np.arange(3, np.ptp(values) / 5, 0.4):
-                angle = 2 * np.pi * cycles * _unit(values)
-                yield axis, f"axis {axis}", "periodic", _times(np.column_stack([np.cos(angle), np.sin(angle)]), touches.lever(axis))
-
-
-def _unit(values: Array) -> Array:
-    return (values - values.min()) / (np.ptp(values) or 1.0)
+    for name, record in terms.causes().items():
+        if name not in causes:
+            yield from record.unnamed(touches, rows)

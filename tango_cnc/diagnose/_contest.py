@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .. import terms as families
 from ..records import Array
 from ._rows import Rows
-from ._search import LEARNED, Chosen
+from ._search import Chosen
 from ._smooth import Kernel, groups, scaled, window
 from ._space import orthonormal
 
@@ -262,7 +262,7 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     value, state = of(kept)
     while kept:
         without = [of([c for c in kept if c is not old]) for old in kept]
-        asked = [margin if c.candidate.cause != LEARNED else 0.0 for c in kept]
+        asked = [margin if not c.candidate.learned else 0.0 for c in kept]
         above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, asked, strict=True)]
         if _patterns(shapes) and only_shapes + min(asked) > value:
             kept, state = [], shapes
@@ -275,7 +275,7 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     own = [p.columns for p in state.picked if not p.kernel.noise]
     if own and kept:
         q = orthonormal(np.hstack(own))
-        still = [c for c in kept if c.candidate.cause == LEARNED or not _inside(c.columns, q)]
+        still = [c for c in kept if c.candidate.learned or not _inside(c.columns, q)]
         if len(still) < len(kept):
             kept, state = still, of(still)[1]
     lost = tuple(c for c in names if c not in kept)
@@ -339,7 +339,7 @@ def _inside(columns: Array, q: Array) -> bool:
 def refinement(p: Picked, names: Sequence[Chosen]) -> bool:
     """a shape, names → whether it only refines one that was learned before and has come back."""
     q = orthonormal(p.columns)
-    return any(c.candidate.cause == LEARNED and _inside(c.columns, q) for c in names)
+    return any(c.candidate.learned and _inside(c.columns, q) for c in names)
 
 
 def _columns(m: int, chosen: Sequence[Chosen]) -> Array:

@@ -20,7 +20,7 @@ from ._explain import Explanation
 from ._moments import Moment
 from ._rows import Rows
 from ._scatter import Scatter
-from ._search import LEARNED, Chosen, columns_of
+from ._search import Chosen, columns_of
 from ._smooth import kernels as kernels_of
 
 ROUNDS = 3  # of weighting rough facets and searching again
@@ -32,11 +32,11 @@ BLIND = 3  # searches without what turned out to be as large as that
 def _with_learned(found: Explanation) -> Explanation:
     """Shapes of this machine always compete: a larger shape without a name may have taken the place of one in the search."""
     place, cat = found.place, found.catalogue
-    there = {str(c.candidate.setting["name"]) for c in found.chosen if c.candidate.cause == LEARNED}
+    there = {str(c.candidate.setting["name"]) for c in found.chosen if c.candidate.learned}
     more = [
         Chosen(c, place.project(c.columns), float(price))
         for c, price in zip(cat.candidates, cat.price, strict=True)
-        if c.cause == LEARNED and str(c.setting["name"]) not in there
+        if c.learned and str(c.setting["name"]) not in there
     ]
     return replace(found, chosen=(*found.chosen, *more), named=(*found.named, *more)) if more else found
 
@@ -159,10 +159,11 @@ def _known_shapes(
 ) -> list[Candidate]:
     """Shapes of this machine that are not in the model yet; what these touches have no covariate for is left out."""
     found = []
-    for shape in learned if "learned" not in excluded else ():
+    kept = families.serving("learned")
+    for shape in learned if kept not in excluded else ():
         setting = {key: shape[key] for key in ("name", "factors", "weight", "values")}
         try:
-            one = candidate(touches, "learned", setting)
+            one = candidate(touches, kept, setting)
         except InputError:
             continue
         if one.coefficients[0].name not in present:

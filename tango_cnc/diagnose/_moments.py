@@ -30,7 +30,7 @@ class Moment:
 
 def moments(means: Rows, found: Explanation, outcome: Outcome, weight: Array) -> list[Moment]:
     """rows, explanation, outcome of the contest → what it put down to one moment or pose."""
-    touches = means.whole
+    touches, name = means.whole, families.serving("moment")
     result = []
     for p in outcome.events:
         setting = p.kernel.setting
@@ -41,10 +41,10 @@ def moments(means: Rows, found: Explanation, outcome: Outcome, weight: Array) ->
             first, last = int(rows[0]), int(rows[-1])
         axis = setting.get("axis")
         detail = {"at": first + 1, "until": last + 1} | ({"axis": axis} if axis else {})
-        columns = pattern(touches, families.cause("pulse", touches.machine, detail))
+        columns = pattern(touches, families.cause(name, touches.machine, detail))
         design = found.place.basis.T @ (columns * weight[:, None])
         values = np.linalg.lstsq(design, found.place.y, rcond=1e-9)[0]
         kind = "window" if p.kernel.kind == "window" else "indexation"
         size = float(np.abs(columns @ values).max())
-        result.append(Moment(kind, first, last, axis, {"cause": "pulse", **detail}, columns, size, p.score))
+        result.append(Moment(kind, first, last, axis, {"cause": name, **detail}, columns, size, p.score))
     return result

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..estimate import Estimate
 from ._gain import Gain
 from ._records import SUBSETS, Size, Why
-from ._search import LEARNED, Chosen
+from ._search import Chosen
 
 MAJORITY = 3  # of the subsets
 
@@ -15,7 +15,7 @@ def refused(c: Chosen, s: Size, g: Gain, back: int, everywhere: bool) -> Why | N
     if not g.real or not everywhere:
         return "no gain"
     # A shape that was learned has one free number; a new one may follow a subset better, as it was not learned without noise.
-    if back < (MAJORITY if c.candidate.cause == LEARNED else SUBSETS):
+    if back < (MAJORITY if c.candidate.learned else SUBSETS):
         return "unstable"
     drifts = "tau" in c.candidate.setting  # of what has not settled, the size at the end is not known: it is not reported either
     if not drifts and s.amplitude_std > s.amplitude / 2:

@@ -27,7 +27,6 @@ TRIALS = 200
 MOST = 30  # candidates selected, single outliers included
 MOST_NAMED = 6
 FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
-LEARNED = "learned"  # the cause that stands for shapes of this machine
 TOP = 8  # variants of a cause that are looked at when the best one has an impossible size
 UNDECIDED = 3.0  # score by which a rival must beat what is expected of every machine
 STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
@@ -115,7 +114,7 @@ def cost(c: Candidate, tried: int, m: int) -> float:
     one of those that were learned, and no longer one of hundreds.
     """
     flexible = SHAPELESS if c.cause == "" else 0.0
-    among = tried if c.cause == LEARNED else max(tried, FEWEST_TRIED)
+    among = tried if c.learned else max(tried, FEWEST_TRIED)
     return float((c.columns.shape[1] - c.known) * np.log(m) + 2 * np.log(among) + flexible)
 
 

@@ -18,7 +18,7 @@ from ._explain import Explanation
 from ._gain import rms
 from ._records import Again, Remainder
 from ._rows import Rows
-from ._search import LEARNED, Chosen, columns_of
+from ._search import Chosen, columns_of
 from ._space import orthonormal
 
 ALIKE = 0.75  # correlation from which a shape is one that was learned: more than half of the variance is common
@@ -70,7 +70,7 @@ def remainders(
         )
     result.sort(key=lambda r: -float(r.pattern @ r.pattern))
     for c in e.catalogue.candidates:
-        if c.cause == LEARNED and not any(a.candidate is c for a in accepted):
+        if c.learned and not any(a.candidate is c for a in accepted):
             whole = np.concatenate([c.columns[:, 0] / weight, np.zeros(len(base) - len(weight))])
             before = (whole - basis @ (basis.T @ whole))[: len(weight)] / means.scale
             name = str(c.setting["name"])

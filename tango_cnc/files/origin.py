@@ -13,7 +13,9 @@ import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -102,17 +104,35 @@ def simulated(readings: Path) -> bool:
     return False
 
 
-def edited_rows(readings: Path) -> tuple[list[int], int]:
-    """readings.csv → lines that are not as they were written (1: the header), and how many rows are gone.
+@dataclass(frozen=True)
+class Origin:
+    """What is on record of readings, and their text as it stands on disk now: each is read once, whoever asks."""
+
+    readings: Path
+    known: Mapping[str, Any]  # of the file beside them; empty where nobody knows who made them
+
+    @cached_property
+    def lines(self) -> list[str]:
+        """→ lines of the readings as they are now. Raises OSError when they cannot be read."""
+        return self.readings.read_text(encoding="utf-8-sig").splitlines()
+
+
+def look_up(readings: Path) -> Origin:
+    """readings.csv → their origin."""
+    return Origin(readings, read_origin(readings) or {})
+
+
+def edited_rows(origin: Origin) -> tuple[list[int], int]:
+    """origin → lines that are not as they were written (1: the header), and how many rows are gone.
 
     Nothing where the origin is unknown. A row that stands there once more than it was written is not as it was written.
     """
-    known = read_origin(readings)
-    if known is None or not isinstance(known.get("rows"), list):
+    known = origin.known
+    if not isinstance(known.get("rows"), list):
         return [], 0
     left = Counter(known["rows"])
     strange = []
-    for i, line in enumerate(readings.read_text(encoding="utf-8-sig").splitlines()):
+    for i, line in enumerate(origin.lines):
         value = f"{zlib.crc32(line.encode()):08x}"
         if i == 0:
             if value != known.get("header", value):
@@ -124,26 +144,25 @@ def edited_rows(readings: Path) -> tuple[list[int], int]:
     return strange, max(left.total() - sum(line > 1 for line in strange), 0)
 
 
-def hurried(readings: Path) -> str:
-    """readings.csv → a sentence where the clock of the readings cannot be that of the run; else nothing."""
-    run = (read_origin(readings) or {}).get("run", {})
+def hurried(origin: Origin) -> str:
+    """origin → a sentence where the clock of the readings cannot be that of the run; else nothing."""
+    run = origin.known.get("run", {})
     with suppress(KeyError, TypeError, ValueError, OSError, StopIteration):
         begun, ended = (datetime.fromisoformat(run[key]) for key in ("start_utc", "end_utc"))
-        rows = list(csv.DictReader(readings.read_text(encoding="utf-8-sig").splitlines()))
+        rows = list(csv.DictReader(origin.lines))
         span, wall = float(rows[-1]["time_s"]) - float(rows[0]["time_s"]), (ended - begun).total_seconds()
         if len({row.get("day", "1") for row in rows}) == 1 and span > 2 * wall + 60:
             return f"time_s spans {span:.0f} s, but the run took {wall:.0f} s: the times are simulated"
     return ""
 
 
-def changed_keys(readings: Path, folder: Path) -> dict[str, list[str]]:
-    """readings.csv, folder of its cell → by file of the cell the keys that have changed since the readings were made."""
-    known = read_origin(readings)
+def changed_keys(origin: Origin, folder: Path) -> dict[str, list[str]]:
+    """origin, folder of the cell → by file of the cell the keys that have changed since the readings were made."""
     found: dict[str, list[str]] = {}
-    if known is None or not isinstance(known.get("cell"), dict):
+    if not isinstance(origin.known.get("cell"), dict):
         return found
     now = _texts(folder)
-    for name, text in known["cell"].items():
+    for name, text in origin.known["cell"].items():
         if name in now and now[name] != text:
             with suppress(InputError):
                 before, after = (dict(_flat(parse(Path(name), t).plain())) for t in (text, now[name]))

@@ -21,7 +21,7 @@ from ..identify import Selection
 from ..kinematics import Slot, slot_name
 from ..model import Model, known, linearise
 from ..records import COMPONENTS, Array, Machine, TangoError
-from ..terms import Coefficient, backlash, cause, error_motion, inter_axis
+from ..terms import Coefficient, backlash, cause, causes, error_motion, inter_axis
 from ..touches import Touches
 
 DEGREE, ORDER = 3, 4  # of polynomials; highest harmonic of rotary axes
@@ -175,9 +175,10 @@ def every(touches: Touches, degree: int = DEGREE, order: int = ORDER) -> Iterato
 def _candidates(machine: Machine, highest: int) -> Iterator[Coefficient]:
     yield from inter_axis.coefficients(machine, DEGREE)
     yield from backlash.coefficients(machine, DEGREE)
+    turning = [name for name, known in causes().items() if known.turning]
     for axis in machine.rotary:
         for order in range(1, highest + 1):
-            for name in ("encoder_harmonic", "rotary_radial", "rotary_axial", "rotary_tilt"):
+            for name in turning:
                 yield from cause(name, machine, {"axis": axis, "order": order})
 
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..report.texts import texts
+from ..state.changes import change
+from ..terms import serving
 from ..texts import unstopped
-
-WARM = "thermal_drift"  # cause of the diagnosis
-BLURRED = ("noise_level", "unknown")  # alarms that a machine on the move looks like
 
 
 @dataclass(frozen=True)
@@ -32,9 +31,9 @@ def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict
     a night would have said by itself is told with the reasons. An alarm that may be warm-up as well says so. What the diagnosis
     cannot explain makes a night doubtful; it is carried on, as every touch still tells the machine as it is.
     """
-    t = texts()
-    warm = next((f for f in (*diagnosis.get("findings", ()), *diagnosis.get("not_named", ())) if f.get("cause") == WARM), None)
-    blurred = bool(alarms) and alarms[0]["cause"] in BLURRED
+    t, warm_up = texts(), serving("warm-up")
+    warm = next((f for f in (*diagnosis.get("findings", ()), *diagnosis.get("not_named", ())) if f.get("cause") == warm_up), None)
+    blurred = bool(alarms) and change(alarms[0]["cause"]).blurred
     reasons = list(judged.reasons)
     warming = bool(judged.wandered) or (blurred and (warm is not None or judged.walk > 1.0))
     if warming:

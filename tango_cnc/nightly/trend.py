@@ -17,6 +17,7 @@ from scipy import special
 from ..records import Array
 from ..report.texts import texts
 from ..state import State
+from ..state.changes import change_of
 from .alarms import Known, effect_of
 from .words import changed, value
 
@@ -104,7 +105,7 @@ def _drift(
     records: Sequence[Mapping[str, Any]],
 ) -> Drift:
     name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
-    effect, on_part, do = effect_of(k, _cause(k, i), name, size, unit, _only(k, i, size))
+    effect, on_part, do = effect_of(k, change_of(name, k.followed.families[i]), name, size, unit, _only(k, i, size))
     begun = float(record["state"]["day"])
     between = [r for r in records if r.get("state") and name in (r.get("parameters") or {}) and r["state"]["day"] >= begun]
     values = [float(after.mean[i]), *(r["parameters"][name]["value"] for r in between)]
@@ -120,15 +121,12 @@ def _only(k: Known, i: int, size: float) -> Array:
     return moved
 
 
-def _cause(k: Known, i: int) -> str:
-    return {"gain": "scale", "backlash": "backlash"}.get(k.followed.families[i], "axis_location")
-
-
 def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
     """drift → the alarm of the record."""
     place = next(i for i in k.followed.machine if k.followed.selection.label(k.followed.names[i]) == found.parameter)
     return {
-        **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "instead": [], "cause": _cause(k, int(place))},
+        **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "instead": []},
+        **{"cause": change_of(found.parameter, k.followed.families[place])},
         **{"parameter": found.parameter, "text": found.text, "size": found.size, "std": found.std, "unit": found.unit},
         **{"sigmas": found.sigmas, "on_part_um": found.on_part_um, "on_part": found.on_part, "do": found.do},
     }
@@ -157,7 +155,7 @@ def behind(k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: 
     name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
     told = {"what": limit["what"], "parameter": name, "unit": unit}
     if not kept:
-        _, on_part, _ = effect_of(k, _cause(k, i), name, size, unit, _only(k, i, size))
+        _, on_part, _ = effect_of(k, change_of(name, k.followed.families[i]), name, size, unit, _only(k, i, size))
         text = texts()("changed.most", name=name, size=value(size, unit, std), share=f"{worst:.1f} µm")
         return (
             told

@@ -15,7 +15,7 @@ from ..estimate import Estimate
 from ..judgement import Judgement, Suspicion, Verdict
 from ..records import Cell, Readings
 from ..texts import joined, say
-from ..touches import FAR, from_readings, misnamed
+from ..touches import FAR, Touches, from_readings, misnamed
 from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches
@@ -49,7 +49,8 @@ def judge(
     `search`: look for the mistake where the verdict is not trustworthy. `run`: readings.json, which says
     what the plan left out, so that nobody misses it.
     """
-    found = [*remarks(cell, readings, run), *approaches(cell, readings)]
+    touches = from_readings(cell.machine, cell.artefact, readings)
+    found = [*remarks(cell, readings, run), *approaches(touches)]
     untrusted: list[str] = []
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
@@ -64,7 +65,7 @@ def judge(
         away = {axis for r in found if r.kind == "directions" for axis in r.key.replace("d", "").split(", ")}
         bad |= {c.name for c in result.model.coefficients if is_backlash(c) and c.slot.axis in away}
         untrusted = [label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in bad]
-    found += _elsewhere(cell, readings)
+    found += _elsewhere(touches)
     verdict = worst([r.verdict for r in found])
     suspicions: tuple[Suspicion, ...] = ()
     if search and verdict != "trustworthy":
@@ -179,8 +180,8 @@ def swamped(result: Estimate) -> tuple[str, ...]:
     return tuple(n for n, s, w in zip(result.model.names, result.std, white, strict=True) if s > SWAMPED * w)
 
 
-def _elsewhere(cell: Cell, readings: Readings) -> list[Remark]:
-    away = misnamed(from_readings(cell.machine, cell.artefact, readings))
+def _elsewhere(touches: Touches) -> list[Remark]:
+    away = misnamed(touches)
     if not away:
         return []
     m = away[0]

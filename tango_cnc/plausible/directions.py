@@ -6,19 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..records import Cell, Readings
 from ..texts import say
-from ..touches import from_readings
+from ..touches import Touches
 from .data import FEW, Remark
 
 ALONG = 0.7  # mm of gap that a mm of an axis makes where it carries the approach
 
 
-def approaches(cell: Cell, readings: Readings) -> Iterator[Remark]:
-    """cell, readings → remarks on directions that lead away from the facets: every backlash has the wrong sign then."""
-    touches = from_readings(cell.machine, cell.artefact, readings)
+def approaches(touches: Touches) -> Iterator[Remark]:
+    """touches → remarks on directions that lead away from the facets: every backlash has the wrong sign then."""
     against, towards = {}, {}
-    for name in cell.machine.linear:
+    for name in touches.machine.linear:
         lever, sign = touches.lever(name), touches.sign(name)
         seen = (np.abs(lever) > ALONG) & (sign != 0)
         against[name], towards[name] = int((sign * lever > 0)[seen].sum()), int((sign * lever < 0)[seen].sum())

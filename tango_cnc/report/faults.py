@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..records import Machine
+from ..state.changes import change
 from ..texts import instead
 from .days import day, days_between
 from .plain import amount, plain
@@ -16,9 +17,7 @@ from .texts import Texts, texts
 from .units import Units, shown
 from .words import moved, spoken
 
-OF_THE_PROBE = ("facet", "noise_level", "pretravel", "stylus")  # causes that are no error of a part
 CLOSED = ("accept", "repaired")  # decisions after which a cause acts no more
-ENTERED = ("axis_location", "scale", "backlash")  # causes whose cure is a number in the control
 SAME = 0.25  # share of its size by which what stands may differ from what was found, and still be one step
 
 
@@ -60,7 +59,7 @@ def faults(
         sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
         if not sizes or max(sizes) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
             found.append(alarm(a, None, u, t, machine, record, today) | {"older": False})
-    if any(x["drifts"] and x["cause_key"] not in OF_THE_PROBE and not _closed(x) for x in found):
+    if any(x["drifts"] and not change(x["cause_key"]).of_the_probe and not _closed(x) for x in found):
         found = [x | ({"todo": t("morning.after_drift", do=x["todo"])} if _entered(x) else {}) for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (a.get("decision") is not None and a.get("parameter") not in behind, *_urgency(a)))
@@ -82,7 +81,7 @@ def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]
 
 def _entered(a: Mapping[str, Any]) -> bool:
     """fault → whether its cure is a number in the control, which waits while the machine drifts."""
-    return a["cause_key"] in ENTERED and bool(a["todo"]) and not a["drifts"]
+    return change(a["cause_key"]).entered and bool(a["todo"]) and not a["drifts"]
 
 
 def _closed(a: Mapping[str, Any]) -> bool:
@@ -141,7 +140,7 @@ def _whole(
 
 
 def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
-    return str(a.get("cause")).replace(" ", "_") in OF_THE_PROBE, -size_of(a)
+    return change(a.get("cause")).of_the_probe, -size_of(a)
 
 
 def size_of(a: Mapping[str, Any]) -> float:

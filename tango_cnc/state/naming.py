@@ -13,6 +13,7 @@ import numpy as np
 from scipy import linalg, special
 
 from ..records import Array
+from .changes import change_of
 from .filter import State, Tonight
 from .frame import Frame
 
@@ -68,12 +69,7 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
     found = []
     for i in followed.machine:
         name, slot = followed.selection.label(model.names[i]), model.coefficients[i].slot
-        cause = {"location": "axis_location", "angle": "axis_location", "gain": "scale", "backlash": "backlash"}[
-            followed.families[i]
-        ]
-        if name.endswith("b"):
-            cause = "backlash"
-        found.append(Hypothesis(cause, name, unit(i), followed.units[i], (slot.axis,)))
+        found.append(Hypothesis(change_of(name, followed.families[i]), name, unit(i), followed.units[i], (slot.axis,)))
     stylus = [i for i in range(count) if model.coefficients[i].slot.axis == "t"]
     if stylus:
         found.append(Hypothesis("stylus", "stylus", np.eye(p)[:, stylus], "mm", tuple("XYZ"[: len(stylus)])))

@@ -24,6 +24,9 @@ from ..touches import Touches
 
 GAP = Slot("", "stylus", -1)
 WAYS = ("log", "wave", "linear", "touch", "order")  # how a setting may be searched: by factors, in its unit, in whole numbers
+# What `role` may be: touches of one moment or pose, which a diagnosis sets aside; shapes kept in learned/ of the cell; what a
+# machine does that is not warm yet; what an interrupted run may have left behind.
+ROLES = ("moment", "learned", "warm-up", "interruption")
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,7 @@ class Coefficient:
 
 
 Setting = Mapping[str, Any]
+Shape = tuple[str, str, str, Array]  # of what has no name: covariate, frame, kind, columns (n, k)
 Spread = Iterable[tuple[dict[str, Any], Array]]
 
 
@@ -79,6 +83,10 @@ class Cause(Family):
     scatters: str = ""  # a spread: what has a scatter of its own: indexation, facet, or all (every touch alike: the noise)
     once: bool = False  # a machine has it once an axis; a second one only follows curves
     expected: bool = False  # every machine has it: it is also tested alone, not only as one of hundreds
+    # touches, rows that are searched → plain shapes that stand for it where a diagnosis is not to name it
+    unnamed: Callable[[Touches, int], Iterator[Shape]] = lambda touches, rows: iter(())
+    turning: bool = False  # an error motion of a rotary axis, one wave an `order` (ISO 230-7): the ISO figures allow for it
+    role: str = ""  # what the program itself uses it for, one of `ROLES`; one cause has each
     known: int = 0  # coefficients whose values follow from what is estimated already; `plausible` compares
     needs: str = ""  # "tip": it has to know how far a touch missed, which a first estimate without it tells
 
@@ -99,6 +107,12 @@ def causes() -> dict[str, Cause]:
 def scattering(what: str) -> str:
     """indexation, facet or all → name of the cause that scatters so. Raises KeyError when no file has one."""
     return {record.scatters: name for name, record in causes().items()}[what]
+
+
+@cache
+def serving(role: str) -> str:
+    """one of `ROLES` → name of the cause that the program uses for it. Raises KeyError when no file has it."""
+    return {record.role: name for name, record in causes().items()}[role]
 
 
 def patterns() -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import Array, InputError
 from ..touches import Touches
-from . import GAP, Coefficient
+from . import GAP, Coefficient, Shape
 
 Pattern = Callable[[Touches], Array]
 Variants = Iterator[dict[str, Any]]
@@ -72,6 +72,23 @@ def grown(shape: str, tau: float, sensor: str | None = None) -> Pattern:
     if shape == "linear":
         return lambda t: t.warm / tau
     raise InputError(f"terms: shape: found {shape!r}; allowed: exponential, linear")
+
+
+def fraction(values: Array) -> Array:
+    """(n,) → the same from 0 to 1."""
+    return (values - values.min()) / (np.ptp(values) or 1.0)
+
+
+def times(function: Array, weights: Array) -> Array:
+    """(n, f), (n,) or (n, w) → (n, f·w) all products."""
+    return np.einsum("nf,nw->nfw", function, weights.reshape(len(function), -1)).reshape(len(function), -1)
+
+
+def settling(touches: Touches, frame: str, kind: str, weights: Array) -> Iterator[Shape]:
+    """touches, frame, kind, (n,) or (n, w) → shapes of what begins with the test and settles, or goes on."""
+    since = fraction(touches.warm)
+    for function in (*(1 - np.exp(-since / tau) for tau in np.geomspace(1 / 15, 2.5, 6)), since):
+        yield "time", frame, kind, times(function[:, None], weights)
 
 
 def slow(touches: Touches, number: int = 7) -> Variants:

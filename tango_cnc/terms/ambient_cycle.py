@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Cause, Coefficient
-from ._cause import Variants, displaced, label
+from . import Cause, Coefficient, Shape
+from ._cause import Variants, displaced, fraction, label, times
 from ._world import Effects, vector
 
 
@@ -47,6 +47,14 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     return [base | part | {"phase": turned + ahead} for part, ahead in zip(parts, (90.0, 0.0), strict=True)]
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → waves in time, without its name."""
+    time = fraction(touches.time)
+    for cycles in np.arange(0.5, 12, 0.25):
+        wave = np.column_stack([np.cos(2 * np.pi * cycles * time), np.sin(2 * np.pi * cycles * time)])
+        yield "time", "machine", "periodic", times(wave, touches.machine_normal)
+
+
 TERM = Cause(
     text="the machine breathes with a cycle of its surroundings (air conditioning, chiller, day and night)",
     source="ISO 230-3:2020 clause 5 (environmental temperature variation error)",
@@ -60,5 +68,6 @@ TERM = Cause(
     variants=variants,
     units={"period": "s"},
     make=cause,
+    unnamed=unnamed,
     effects=effects,
 )

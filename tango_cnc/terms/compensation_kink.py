@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,8 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Cause, Coefficient, Setting
-from ._cause import Pattern, Variants, label, moved_axes, need
+from . import Cause, Coefficient, Setting, Shape
+from ._cause import Pattern, Variants, label, moved_axes, need, times
 from ._world import Effects
 
 KINKS = 2  # of an axis, or one table of them
@@ -75,6 +75,14 @@ def beside(touches: Touches, setting: Setting, chosen: Sequence[Setting]) -> boo
     return not chosen or (len(chosen) < KINKS and not any(s.get("nodes") for s in (setting, *chosen)))
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → kinks of linear axes, without its name."""
+    for axis in moved_axes(touches, touches.machine.linear, 1.0):
+        values = touches.axis(axis)
+        for place in np.quantile(values, np.linspace(0.1, 0.9, 13)):
+            yield axis, f"axis {axis}", "kink", times(np.maximum(values - place, 0.0)[:, None], touches.lever(axis))
+
+
 TERM = Cause(
     text="the compensation table of an axis has a kink",
     source="piecewise linear pitch error compensation; ISO 230-2:2014, annex",
@@ -88,6 +96,7 @@ TERM = Cause(
     variants=variants,
     words=words,
     make=cause,
+    unnamed=unnamed,
     beside=beside,
     effects=effects,
 )

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Cause, Coefficient, Setting
-from ._cause import Variants, label, moved_axes, need, wave
+from . import Cause, Coefficient, Setting, Shape
+from ._cause import Variants, fraction, label, moved_axes, need, times, wave
 
 RESOLVED = 1.0  # waves over the way of an axis by which two periods differ, or they are one
 SHORTEST, LONGEST = 5.0, 80.0  # mm
@@ -40,6 +40,15 @@ def beside(touches: Touches, setting: Setting, chosen: Sequence[Setting]) -> boo
     return all(abs(way / setting["period"] - way / o["period"]) > RESOLVED for o in chosen)
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → waves along linear axes, without its name."""
+    for axis in touches.machine.linear:
+        values = touches.axis(axis)
+        for cycles in np.arange(3, np.ptp(values) / 5, 0.4):
+            angle = 2 * np.pi * cycles * fraction(values)
+            yield axis, f"axis {axis}", "periodic", times(np.column_stack([np.cos(angle), np.sin(angle)]), touches.lever(axis))
+
+
 TERM = Cause(
     text="a linear axis has a periodic error (screw pitch, scale period)",
     source="ISO 230-2:2014; ISO 230-1:2012, 3.5.4 (periodic error motion)",
@@ -52,5 +61,6 @@ TERM = Cause(
     variants=variants,
     units={"period": "mm"},
     make=cause,
+    unnamed=unnamed,
     beside=beside,
 )

@@ -42,4 +42,5 @@ TERM = Cause(
     refine={},
     variants=variants,
     make=cause,
+    turning=True,
 )

@@ -9,7 +9,8 @@ from typing import Any
 from ..kinematics import Slot
 from ..records import COMPONENTS, Array, InputError, Machine
 from ..touches import Touches
-from . import Cause, Coefficient
+from . import Cause, Coefficient, Shape
+from ._cause import moved_axes, times
 from ._world import Effects, full
 
 PATTERN = re.compile(r"E([XYZABC])([XYZABC])([0-9])")
@@ -69,6 +70,16 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     ]
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → powers of the place of linear axes, without its name."""
+    for axis in moved_axes(touches, touches.machine.linear, 1.0):
+        for turn in range(6):
+            if (lever := touches.seen.slots.get(Slot(axis, "intra", turn))) is not None:
+                for degree in (1, 2, 3):
+                    what = f"{'tilt' if turn > 2 else 'shift'} of {axis}"
+                    yield axis, what, "power", times((touches.axis(axis) ** degree)[:, None], lever)
+
+
 TERM = Cause(
     text="error motion",
     source="ISO 230-1:2012, 3.6; thesis eq. 4-6, 4-8",
@@ -82,5 +93,6 @@ TERM = Cause(
     coefficient=coefficient,
     variants=variants,
     make=cause,
+    unnamed=unnamed,
     effects=effects,
 )

@@ -76,5 +76,6 @@ TERM = Cause(
     variants=variants,
     example=EXAMPLE,
     make=cause,
+    role="learned",
     effects=effects,
 )

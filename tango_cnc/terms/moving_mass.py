@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ..kinematics import Slot
 from ..records import COMPONENTS, Array, Machine
 from ..touches import Touches
-from . import Cause, Coefficient
-from ._cause import Variants, label, moved_axes, need
+from . import Cause, Coefficient, Shape
+from ._cause import Variants, label, moved_axes, need, times
 from ._world import Effects, full
 
 
@@ -41,6 +41,16 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     ]
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → tilts of an axis that grow with the place of another, without its name."""
+    machine = touches.machine
+    for by in moved_axes(touches, machine.linear, 1.0):
+        for axis in (*machine.linear, *machine.rotary):
+            for turn in range(3, 6):
+                if axis != by and (lever := touches.seen.slots.get(Slot(axis, "intra", turn))) is not None:
+                    yield by, f"tilt of {axis}", "power", times(touches.axis(by)[:, None], lever)
+
+
 TERM = Cause(
     text="the weight of a moving axis tilts another one",
     source="ISO 230-1:2012, 3.4.3; error motion that depends on two positions",
@@ -52,5 +62,6 @@ TERM = Cause(
     refine={},
     variants=variants,
     make=cause,
+    unnamed=unnamed,
     effects=effects,
 )

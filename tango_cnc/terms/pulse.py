@@ -58,5 +58,6 @@ TERM = Cause(
     variants=variants,
     example={"at": 100, "until": 140},
     make=cause,
+    role="moment",
     effects=effects,
 )

@@ -43,5 +43,6 @@ TERM = Cause(
     refine={},
     variants=variants,
     make=cause,
+    turning=True,
     effects=effects,
 )

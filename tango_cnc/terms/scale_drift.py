@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from ..kinematics import Slot
 from ..records import Machine
 from ..touches import Touches
-from . import Cause, Coefficient
-from ._cause import HOUR, Variants, grown, label, need, slow
+from . import Cause, Coefficient, Shape
+from ._cause import HOUR, Variants, grown, label, need, settling, slow
 
 
 def variants(touches: Touches) -> Variants:
@@ -26,6 +28,12 @@ def cause(
     return [Coefficient(stem, "mm/mm/K" if sensor else "mm/mm", Slot(axis, "motion"), lambda t: t.axis(axis) * growing(t))]
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → scales that grow, without its name."""
+    for axis in touches.machine.linear:
+        yield from settling(touches, f"axis {axis}", "growth", touches.lever(axis) * touches.axis(axis))
+
+
 TERM = Cause(
     text="the scale of an axis grows as it warms up",
     source="ISO 230-3:2020 clause 7; steel and glass scales grow 8 to 12 µm/m/K",
@@ -40,4 +48,5 @@ TERM = Cause(
     units={"tau": "s"},
     over="time",
     make=cause,
+    unnamed=unnamed,
 )

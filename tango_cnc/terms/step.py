@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ..records import Machine
 from ..touches import Touches
-from . import Cause, Coefficient
-from ._cause import Variants, displaced, label, turns
+from . import Cause, Coefficient, Shape
+from ._cause import Variants, displaced, label, times, turns
 
 FEWEST = 6  # touches before and after
 
@@ -34,6 +34,15 @@ def cause(machine: Machine, at: float, frame: str = "machine", direction: Sequen
     return displaced(label("step", at, frame), frame, after, direction)
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → steps, without its name."""
+    stride = 8 * -(-len(touches) // rows)
+    for at in range(stride, len(touches) - stride, stride):
+        after = (np.arange(len(touches)) >= at).astype(float)[:, None]
+        yield "time", "machine", "step", times(after, touches.machine_normal)
+        yield "time", "table", "step", times(after, touches.normal)
+
+
 TERM = Cause(
     text="something moved at once (restart, re-seated probe, remounted table, knock)",
     source="change-point model; thesis section 7.3 (dismount and remount)",
@@ -45,4 +54,6 @@ TERM = Cause(
     refine={"at": "touch"},
     variants=variants,
     make=cause,
+    role="interruption",
+    unnamed=unnamed,
 )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ..records import Machine
 from ..touches import Touches
-from . import Cause, Coefficient
-from ._cause import HOUR, Variants, displaced, grown, label, slow, turns
+from . import Cause, Coefficient, Shape
+from ._cause import HOUR, Variants, displaced, grown, label, settling, slow, turns
 
 
 def variants(touches: Touches) -> Variants:
@@ -28,6 +28,11 @@ def cause(
     return displaced(stem, "table", grown(shape, tau, sensor), direction, "mm/K" if sensor else "mm")
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → a table that settles, without its name."""
+    yield from settling(touches, "table", "settling", touches.normal)
+
+
 TERM = Cause(
     text="the table creeps on its turntable",
     source="ISO 230-3:2020 clause 5, seen from the table",
@@ -41,4 +46,5 @@ TERM = Cause(
     variants=variants,
     units={"tau": "s"},
     make=cause,
+    unnamed=unnamed,
 )

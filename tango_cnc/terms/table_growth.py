@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..records import Machine
 from ..touches import Touches
-from . import Cause, Coefficient
-from ._cause import HOUR, Variants, early, grown, label, slow
+from . import Cause, Coefficient, Shape
+from ._cause import HOUR, Variants, early, grown, label, settling, slow
 
 
 def variants(touches: Touches) -> Variants:
@@ -20,6 +22,11 @@ def cause(machine: Machine, shape: str = "exponential", tau: float = HOUR, senso
     growing = grown(shape, tau, sensor)
     stem = label("table_growth", *((sensor,) if sensor else (shape, tau)))
     return [early(stem, lambda t: np.sum(t.normal * t.point, axis=1) * growing(t), "mm/mm/K" if sensor else "mm/mm")]
+
+
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → a table that grows, without its name."""
+    yield from settling(touches, "table", "growth", np.sum(touches.normal * touches.point, axis=1))
 
 
 TERM = Cause(
@@ -36,4 +43,5 @@ TERM = Cause(
     variants=variants,
     units={"tau": "s"},
     make=cause,
+    unnamed=unnamed,
 )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ..records import Machine
 from ..touches import Touches
-from . import Cause, Coefficient
-from ._cause import HOUR, Variants, displaced, grown, label, slow
+from . import Cause, Coefficient, Shape
+from ._cause import HOUR, Variants, displaced, grown, label, settling, slow
 
 
 def variants(touches: Touches) -> Variants:
@@ -27,6 +27,11 @@ def cause(
     return displaced(stem, "machine", grown(shape, tau, sensor), direction, "mm/K" if sensor else "mm")
 
 
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → a machine that settles, without its name."""
+    yield from settling(touches, "machine", "settling", touches.machine_normal)
+
+
 TERM = Cause(
     text="the machine drifts as it warms up",
     source="ISO 230-3:2020 clause 5; thesis section 7.3, procedure I",
@@ -41,4 +46,6 @@ TERM = Cause(
     variants=variants,
     units={"tau": "s"},
     make=cause,
+    role="warm-up",
+    unnamed=unnamed,
 )

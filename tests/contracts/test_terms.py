@@ -71,6 +71,11 @@ def test_every_cause_uses_words_and_ways_of_searching_that_exist(name: str) -> N
     assert module.scatters in (("indexation", "facet", "all") if name in SPREADS else ("",)), f"{file}: scatters"
 
 
+def test_what_the_program_uses_a_cause_for_is_said_by_one_cause_each() -> None:
+    roles = [cause.role for cause in terms.causes().values() if cause.role]
+    assert sorted(roles) == sorted(terms.ROLES), "tango_cnc/terms: one file has each of ROLES as its `role`"
+
+
 @pytest.mark.parametrize("name", PATTERNS)
 def test_every_variant_makes_coefficients_with_finite_regressors_and_names_of_their_own(
     name: str, bench: blind.Bench, touches: Touches

@@ -382,8 +382,9 @@ def _origin(folder: Path) -> bytes:
 
 def _origins(folder: Path) -> Any:
     file = folder / "readings.csv"
-    return [origin.read_origin(file) and None, origin.simulated(file), origin.edited_rows(file), origin.hurried(file),
-            origin.changed_keys(file, folder)]  # fmt: skip
+    known = origin.look_up(file)
+    return [origin.read_origin(file) and None, origin.simulated(file), origin.edited_rows(known), origin.hurried(known),
+            origin.changed_keys(known, folder)]  # fmt: skip
 
 
 def _record(folder: Path) -> bytes:
