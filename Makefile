@@ -34,9 +34,10 @@ campaign-net: .venv/test.stamp
 campaign-gateway: .venv/test.stamp
 	$(BIN)/python -m pytest -m campaign tests/test_link_gateway.py -s
 
-# Forty small mistakes in link, plan, check, read-back and posts: would the tests notice? make mutants SEED=7 draws the same ones again.
+# Forty small mistakes in link, plan, check, read-back and posts: would the tests notice? make mutants SEED=7 draws the same ones again
+# and goes on where it stopped; COUNT=100 for more; MINUTES=10 stops after that time; PART=2/4 beside parts 1, 3 and 4 shares the work.
 mutants: .venv/test.stamp
-	$(BIN)/python benchmarks/mutants.py $(if $(SEED),--seed $(SEED))
+	$(BIN)/python benchmarks/mutants.py $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) $(if $(PART),--part $(PART)) $(if $(MINUTES),--minutes $(MINUTES))
 
 # Effects hidden in simulated readings by the hundred, and the confusion matrix of what the diagnosis makes of them.
 blind: .venv/test.stamp

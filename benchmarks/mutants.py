@@ -1,12 +1,15 @@
 """Would the tests notice? A fresh random sample of small mistakes, put into the code one after the other.
 
-    python benchmarks/mutants.py [--count 40] [--seed 7] [--area check] [--tests 'test_check*.py']
+    python benchmarks/mutants.py [--count 40] [--seed 7] [--part 1/4] [--minutes 3] [--area check] [--at FILE:LINE]
 
 Each mistake changes one operator, comparison or condition of a module in which a machine can be hit or a reading lost.
 The default tests run once with coverage, which says which tests reach which line. Then every mistake meets the tests that reach
 its line and, when none of them notices, the others of the test files that reach its module. One that no test notices is printed
 with its place: a test is missing there, or it changes nothing.
 The source is changed in a copy of the repository, never in the repository itself.
+
+What has been found is kept in build/mutants as long as no file changes: the same command goes on where it stopped (by Ctrl-C,
+or after --minutes), and its last line is the score of all parts so far.
 """
 
 from __future__ import annotations
@@ -14,6 +17,8 @@ from __future__ import annotations
 import argparse
 import ast
 import compileall
+import hashlib
+import json
 import os
 import py_compile
 import random
@@ -21,10 +26,9 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -39,6 +43,9 @@ import scipy.stats  # noqa: F401
 import sqlalchemy.orm  # noqa: F401
 
 ROOT = Path(__file__).resolve().parents[1]
+KEPT = ROOT / "build" / "mutants"
+CODE = ("tango_cnc", "postprocessors", "sim_controller", "tests", "examples")  # what a verdict depends on
+AT_ONCE = 6  # files of tests that are run with coverage before what they reach is kept
 AREAS = {
     "link": ("tango_cnc/link", ("test_link_*.py", "test_segments.py")),
     "plan": ("tango_cnc/plan", ("test_plan*.py", "test_check*.py", "test_left_out.py", "test_double_touch.py")),
@@ -113,9 +120,9 @@ def _within(copy: Path) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Reached:
-    """Which tests (`tests/test_x.py::test_y`) reach which line, by a run without a mistake; how many seconds each took."""
+    """Which tests (`tests/test_x.py::test_y`) reach which line, by runs without a mistake; how many seconds each took."""
 
-    data: coverage.CoverageData
+    runs: Sequence[coverage.CoverageData]
     seconds: Mapping[str, float]
 
     def tests(self, file: Path, line: int) -> tuple[list[str], list[str]]:
@@ -123,7 +130,10 @@ class Reached:
 
         What a fixture or a cache keeps is run by one test and asserted by others: only the second list has those.
         """
-        by_line = self.data.contexts_by_lineno(str(file))
+        by_line: dict[int, list[str]] = {}
+        for run in self.runs:
+            for number, contexts in run.contexts_by_lineno(str(file)).items():
+                by_line.setdefault(number, []).extend(contexts)
         near = self._quick(by_line.get(line, []))
         anywhere = self._quick([context for contexts in by_line.values() for context in contexts])
         modules = {test.partition("::")[0] for test in anywhere}
@@ -147,22 +157,38 @@ class Reached:
         return tests
 
 
-def reached(copy: Path, files: list[str]) -> Reached:
-    """copy of the repository, test files → which tests reach which line, and how long each takes."""
-    settings, times = copy / "reached.cfg", copy / "reached.xml"
-    settings.write_text("[run]\ndynamic_context = test_function\nsource = tango_cnc,postprocessors\ndata_file = reached.db\n")
-    command = [sys.executable, "-m", "coverage", "run", "--rcfile", str(settings), "-m", "pytest", "-q", f"--junitxml={times}"]
+def reached(copy: Path, files: Sequence[str], until: float) -> Reached | None:
+    """copy of the repository, test files, when to stop → what the tests reach; None: not finished."""
+    seconds: dict[str, float] = {}
+    runs = []
+    for first in range(0, len(files), AT_ONCE):
+        some = files[first : first + AT_ONCE]
+        name = hashlib.sha256(" ".join(some).encode()).hexdigest()[:12]
+        settings, times = copy / f"reached-{name}.cfg", copy / f"reached-{name}.xml"
+        if not times.exists():
+            if time.monotonic() > until:
+                return None
+            _run_once(copy, settings, times, some)
+        data = coverage.CoverageData(str(settings.with_suffix(".db")))
+        data.read()
+        runs.append(data)
+        for case in ElementTree.parse(times).iter("testcase"):
+            test = f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name', '').partition('[')[0]}"
+            seconds[test] = seconds.get(test, 0.0) + float(case.get("time", 0.0))
+    return Reached(runs, seconds)
+
+
+def _run_once(copy: Path, settings: Path, times: Path, files: Sequence[str]) -> None:
+    """copy, files that are written, test files → they have run with coverage; exits where one fails without any mistake."""
+    database, unfinished = settings.with_suffix(".db"), times.with_suffix(".new")
+    database.unlink(missing_ok=True)
+    settings.write_text(f"[run]\ndynamic_context = test_function\nsource = tango_cnc,postprocessors\ndata_file = {database.name}\n")
+    command = [sys.executable, "-m", "coverage", "run", "--rcfile", str(settings), "-m", "pytest", "-q", f"--junitxml={unfinished}"]
     done = subprocess.run([*command, *files], cwd=copy, env=_within(copy), capture_output=True, text=True, check=False)
     print(done.stdout.strip().splitlines()[-1] if done.stdout.strip() else done.stderr[-300:], flush=True)
-    if done.returncode:
+    if done.returncode not in (0, 5):  # 5: all of them are long
         sys.exit(f"A test fails without any mistake. Mend it first.\n{done.stdout[-2000:]}")
-    data = coverage.CoverageData(str(copy / "reached.db"))
-    data.read()
-    seconds: dict[str, float] = {}
-    for case in ElementTree.parse(times).iter("testcase"):
-        test = f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name', '').partition('[')[0]}"
-        seconds[test] = seconds.get(test, 0.0) + float(case.get("time", 0.0))
-    return Reached(data, seconds)
+    unfinished.replace(times)
 
 
 def _fails(copy: Path, tests: list[str]) -> bool:
@@ -199,52 +225,122 @@ def noticed(copy: Path, mutant: Mutant, *rounds: list[str]) -> bool:
         file.write_bytes(source)
 
 
-def score_of(drawn: list[Mutant], copy: Path, data: Reached) -> dict[str, list[int]]:
-    """mistakes, copy, what tests reach → by area how many are noticed, not noticed, reached by no test. Prints the last two."""
-    score: dict[str, list[int]] = {mutant.area: [0, 0, 0] for mutant in drawn}
-    for mutant in drawn:
-        near, far = data.tests(copy / mutant.file, mutant.line)
-        which = 0 if noticed(copy, mutant, near, far) else 1 if near else 2
-        score[mutant.area][which] += 1
-        if which:
-            said = "no test of these reaches it" if which == 2 else f"{len(near)} tests run it, {len(far)} run the file"
-            print(f"{mutant.file}:{mutant.line}: {mutant.old}  →  {mutant.new}   ({said})", flush=True)
-    return score
+def copied(part: str) -> Path:
+    """name of a part → a copy of the repository for it, by the content of all files: made, or found as it was left."""
+    content = hashlib.sha256()
+    for file in sorted(file for folder in CODE for file in (ROOT / folder).rglob("*") if file.is_file() and file.suffix != ".pyc"):
+        content.update(f"{file.relative_to(ROOT)}\0".encode() + file.read_bytes())
+    home = KEPT / content.hexdigest()[:12]
+    copy = home / f"part-{part}"
+    if not (copy / "complete").exists():
+        for old in KEPT.glob("*"):
+            if old != home:
+                shutil.rmtree(old)  # of files that have changed since
+        shutil.rmtree(copy, ignore_errors=True)
+        away = (".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "demo", "campaign", "build", "*.egg-info")
+        shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(*away))
+        if not (home / "shared").is_symlink():
+            (home / "shared").symlink_to(ROOT.parent / "shared")  # what some tests compare with
+        for folder in ("tango_cnc", "postprocessors", "sim_controller", "tests/support"):
+            # Compiled once, and known again by content, not by the second in which it was written.
+            compileall.compile_dir(copy / folder, quiet=2, invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH)
+        (copy / "complete").touch()
+    for folder in ("tango_cnc", "postprocessors"):  # a mistake that was left behind when it was stopped
+        for file in (ROOT / folder).rglob("*.py"):
+            if (left := copy / file.relative_to(ROOT)).read_bytes() != file.read_bytes():
+                left.write_bytes(file.read_bytes())
+    return copy
+
+
+def drawn_of(areas: Sequence[str], count: int, seed: int) -> list[Mutant]:
+    """areas, how many mistakes, seed → as many in each area, whatever its size."""
+    chance = random.Random(seed)
+    drawn: list[Mutant] = []
+    for i, area in enumerate(areas):
+        all_of_it = [m for file in sorted((ROOT / AREAS[area][0]).rglob("*.py")) for m in mutants(area, file)]
+        share = count // len(areas) + (i < count % len(areas))
+        drawn += chance.sample(all_of_it, min(share, len(all_of_it)))
+    return drawn
+
+
+def made_at(place: str) -> list[Mutant]:
+    """file:line → every mistake that can be made there."""
+    name, _, line = place.rpartition(":")
+    area = next((area for area, (folder, _) in AREAS.items() if name.startswith(folder + "/")), None)
+    if area is None or not (ROOT / name).is_file():
+        sys.exit(f"--at {place}: FILE:LINE of a file in {', '.join(folder for folder, _ in AREAS.values())}")
+    return [mutant for mutant in mutants(area, ROOT / name) if str(mutant.line) == line]
+
+
+def judge(mutant: Mutant, copy: Path, data: Reached) -> tuple[int, str]:
+    """mistake, copy, what tests reach → 0 noticed, 1 not noticed, 2 reached by no test; and why."""
+    near, far = data.tests(copy / mutant.file, mutant.line)
+    if noticed(copy, mutant, near, far):
+        return 0, "noticed"
+    return (1, f"{len(near)} tests run it, {len(far)} run the file") if near else (2, "no test of these reaches it")
+
+
+def known(home: Path, which: str) -> dict[Mutant, int]:
+    """folder of verdicts, sample → what every part has found so far."""
+    found = {}
+    for file in sorted(home.glob(f"part-*/{which}.jsonl")):
+        for line in file.read_text(encoding="utf-8").splitlines():
+            entry = json.loads(line)
+            found[Mutant(**entry["mistake"])] = int(entry["verdict"])
+    return found
+
+
+def printed(drawn: Sequence[Mutant], found: Mapping[Mutant, int], seed: str) -> int:
+    """sample, verdicts → the score by area is printed; exit status."""
+    for area in [*dict.fromkeys(mutant.area for mutant in drawn), "all"]:
+        verdicts = [found[mutant] for mutant in drawn if mutant in found and area in ("all", mutant.area)]
+        good, bad, unreached = (verdicts.count(verdict) for verdict in range(3))
+        print(f"{area:9} {good:3} of {good + bad} noticed, {unreached} reached by no test")
+    left = sum(mutant not in found for mutant in drawn)
+    print(f"{seed}; {len(drawn)} mistakes" + (f", {left} still to be judged: the same command goes on" if left else ""))
+    good, bad = (list(found.values()).count(verdict) for verdict in range(2))
+    return 3 if left else 0 if good >= 0.9 * (good + bad) else 1
 
 
 def main() -> int:
-    """→ exit status: 1 where less than nine of ten mistakes on lines that tests reach are noticed."""
+    """→ exit status: 1 where less than nine of ten mistakes on lines that tests reach are noticed, 3 where some are left."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=40, help="how many mistakes are made")
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6), help="draws the same ones again")
+    parser.add_argument("--part", default="1/1", help="I/N: only every N-th of them, from the I-th on; parts may run side by side")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="stop after about that time; the same command goes on")
     parser.add_argument("--area", choices=AREAS, action="append", help="only there; may be given again")
+    parser.add_argument(
+        "--at", action="append", help="FILE:LINE: every mistake of that line instead of a sample; may be given again"
+    )
     parser.add_argument("--tests", action="append", help="only these files of tests, such as 'test_check*.py'; may be given again")
     wanted = parser.parse_args()
+    until = time.monotonic() + 60 * wanted.minutes
+    try:
+        part, parts = (int(number) for number in wanted.part.split("/"))
+        assert 1 <= part <= parts
+    except (ValueError, AssertionError):
+        parser.error(f"--part {wanted.part}: I/N with 1 ≤ I ≤ N, such as 2/4")
     areas = wanted.area or list(AREAS)
-    print(f"seed {wanted.seed}", flush=True)
-    chance = random.Random(wanted.seed)
-    drawn: list[Mutant] = []
-    for i, area in enumerate(areas):  # as many in each, whatever its size
-        all_of_it = [m for file in sorted((ROOT / AREAS[area][0]).rglob("*.py")) for m in mutants(area, file)]
-        share = wanted.count // len(areas) + (i < wanted.count % len(areas))
-        drawn += chance.sample(all_of_it, min(share, len(all_of_it)))
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder, "copy")
-        kept = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "demo", "campaign")
-        shutil.copytree(ROOT, copy, ignore=kept)
-        Path(folder, "shared").symlink_to(ROOT.parent / "shared")  # what some tests compare with
-        patterns = set(wanted.tests or (pattern for area in areas for pattern in AREAS[area][1]))
-        for folder_of_code in ("tango_cnc", "postprocessors", "sim_controller", "tests/support"):
-            # Compiled once, and known again by content, not by the second in which it was written.
-            compileall.compile_dir(copy / folder_of_code, quiet=2, invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH)
-        files = sorted({str(file.relative_to(copy)) for pattern in patterns for file in (copy / "tests").glob(pattern)})
-        data = reached(copy, files)
-        score = score_of(drawn, copy, data)
-    for area, (good, bad, unreached) in score.items():
-        print(f"{area:9} {good:3} of {good + bad} noticed, {unreached} reached by no test")
-    good, bad, unreached = (sum(column) for column in zip(*score.values(), strict=True))
-    print(f"{'all':9} {good:3} of {good + bad} noticed, {unreached} reached by no test; seed {wanted.seed}")
-    return 0 if good >= 0.9 * (good + bad) else 1
+    seed = "places " + " ".join(wanted.at) if wanted.at else f"seed {wanted.seed}"
+    print(seed, flush=True)
+    drawn = [m for place in wanted.at for m in made_at(place)] if wanted.at else drawn_of(areas, wanted.count, wanted.seed)
+    if not drawn:
+        sys.exit("No mistake can be made there.")
+    patterns = wanted.tests or sorted({pattern for area in {mutant.area for mutant in drawn} for pattern in AREAS[area][1]})
+    which = hashlib.sha256(repr((seed, areas, wanted.count, patterns)).encode()).hexdigest()[:12]
+    copy = copied(f"{part}of{parts}")
+    files = sorted({str(file.relative_to(copy)) for pattern in patterns for file in (copy / "tests").glob(pattern)})
+    data = reached(copy, files, until)
+    for mutant in drawn[part - 1 :: parts] if data is not None else []:
+        if mutant in known(copy.parent, which) or time.monotonic() > until:
+            continue
+        verdict, why = judge(mutant, copy, data)
+        if verdict:
+            print(f"{mutant.file}:{mutant.line}: {mutant.old}  →  {mutant.new}   ({why})", flush=True)
+        with (copy / f"{which}.jsonl").open("a", encoding="utf-8") as kept:
+            kept.write(json.dumps({"mistake": asdict(mutant), "verdict": verdict}, ensure_ascii=False) + "\n")
+    return printed(drawn, known(copy.parent, which), seed)
 
 
 if __name__ == "__main__":

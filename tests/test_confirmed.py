@@ -242,6 +242,13 @@ def test_what_is_none_is_told_so(stated: str, said: str) -> None:
         settings(load("heidenhain"), {"confirmed": yaml.safe_load(stated)})
 
 
+def test_a_beginning_is_long_enough_from_twelve_letters_and_digits_on() -> None:
+    post = load("heidenhain")
+    assert set(unverified(post, {})) - set(unverified(post, {"confirmed": ["track-OF the pr"]})) == {TRACK}
+    with pytest.raises(InputError, match="found 'track-OF the p', which says too little"):
+        settings(post, {"confirmed": ["track-OF the p"]})
+
+
 def test_the_key_is_named_where_another_is_misspelt() -> None:
     with pytest.raises(InputError, match=r"'confirm'; allowed: post, port, confirmed, .* Did you mean 'confirmed'"):
         settings(load("fanuc"), {"confirm": []})

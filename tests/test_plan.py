@@ -7,6 +7,7 @@ import math
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from support.blockcell import NORMALS, ball_distance, block, block_distance, cel
 from tango_cnc import kinematics
 from tango_cnc.files import read_cell
 from tango_cnc.plan import clearance, last_motion, part, plan, plan_hash, travel
+from tango_cnc.plan.build import planned
+from tango_cnc.plan.places import Places
 from tango_cnc.records import Array, Cell, Facet, InputError, Machine, Obstacle, Plan, Surface
 
 TABLES = ("wCBXfZY(S)t", "wCAYbXZ(S)t".replace("b", "f"), "wCXYfZ(S)t", "wXYfZ(S)t", "wCXBfZY(S)t")
@@ -167,6 +170,22 @@ def test_a_part_of_a_plan_keeps_numbers_and_finds_its_own_safe_way() -> None:
     assert part(whole, range(1, 10)) == whole
     with pytest.raises(InputError, match="found touch 12; allowed: touches 1 … 9"):
         part(whole, [12])
+
+
+@pytest.mark.parametrize("changed", ["machine", "artefact", "strategy"])
+def test_a_part_of_a_changed_plan_is_planned_for_what_it_is_now(changed: str) -> None:
+    """Contacts stay as they are stated; how high the probe goes over them is that of the cell of today."""
+    whole = plan(cell(machine("wCBXfZY(S)t"), block(), [{}, {"C": 40}], facets=["5"]))
+    taller = replace(block(), obstacles=(Obstacle("box", (150.0, 150.0, -40.0), (170.0, 170.0, 300.0)),))
+    today: dict[str, Any] = {
+        "machine": replace(whole.machine, probe=replace(whole.machine.probe, length=whole.machine.probe.length + 50.0)),
+        "artefact": taller,
+        "strategy": replace(whole.strategy, approach=replace(whole.strategy.approach, standoff=20.0)),
+    }
+    assert planned(whole) is whole.touches
+    now = planned(replace(whole, **{changed: today[changed]}))
+    assert isinstance(now.places, Places) and getattr(now.places.scene, changed) is today[changed]
+    assert [t.contact for t in now] == [t.contact for t in whole.touches]
 
 
 def test_the_plan_hash_sees_what_matters_and_nothing_else() -> None:

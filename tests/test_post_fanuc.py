@@ -202,7 +202,10 @@ def test_clamps_stand_around_the_move_of_their_axis(made: Plan) -> None:
     ("options", "message"),
     [
         ({"axis_numbers": {"X": 1, "Y": 2}}, "a number 1 … 8 of its own for each of X, Y, Z, B, C"),
-        ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, "C": 4}}, "a number 1 … 8 of its own"),
+        *(
+            ({"axis_numbers": {"X": 1, "Y": 2, "Z": 3, "B": 4, **further}}, "a number 1 … 8 of its own")
+            for further in ({"C": 4}, {"C": 0}, {"C": 9}, {"C": 5.0}, {"Y": True, "X": 2, "C": 5}, {"C": 5, "Q": 6})
+        ),
         ({"clamp": {"A": "M10"}}, "a word such as M10 for B, C"),
         ({"clamp": {"B": "M10\nM30"}}, "a word such as M10 for B, C"),
         *(
@@ -253,6 +256,7 @@ def test_axes_are_read_by_the_numbers_of_the_profile(made: Plan) -> None:
     order = ("Z", "X", "Y", "C", "B")
     numbers = {name: i for i, name in enumerate(order, 1)}
     assert flags(run(lines_of(made, axis_numbers=numbers), made, axes=order)) == [1] * len(made.touches)
+    assert lines_of(made, axis_numbers={"X": 8, "Y": 7, "Z": 6, "B": 5, "C": 1, "A": 2}), "from the first number to the last"
     assert flags(run(lines_of(made), made, axes=order)) == [], "with the numbers of another control nothing is touched at all"
 
 
