@@ -114,6 +114,7 @@ BUGS = {
         "if readings is not None:\n                packed",
         "connection.commit()\n            if readings is not None:\n                packed",
     ),
+    "a commit does not wait for the disk": ("history._database", "synchronous=FULL", "synchronous=OFF"),
     "a link to the wrong entry": ("history.store", "(last.number + 1, last.hash)", "(last.number + 1, _chain.FIRST)"),
     "rows of the readings are lost": (
         "history.store",
@@ -127,8 +128,8 @@ BUGS = {
     ),
     "the oldest state instead of the newest": (
         "history.store",
-        "t.night.c.machine_id == self._machine(machine))\n            .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())\n            .limit(1)",
-        "t.night.c.machine_id == self._machine(machine))\n            .order_by(t.night.c.start_utc, t.night.c.entry_id)\n            .limit(1)",
+        'row = self._rows(asked.KNOWLEDGE, {"machine": self._machine(machine)})',
+        'row = self._rows(asked.KNOWLEDGE.order_by(None).order_by(t.night.c.start_utc), {"machine": self._machine(machine)})',
     ),
     "the step of the update has the wrong sign": (
         "state.filter",

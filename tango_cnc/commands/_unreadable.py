@@ -92,6 +92,18 @@ class NoHistory:
         """Raises what is wrong."""
         self._no()
 
+    def knows(self, machine: str) -> bool:
+        """Raises what is wrong."""
+        self._no()
+
+    def records_of(self, entries: Sequence[int]) -> dict[int, Any]:
+        """Raises what is wrong."""
+        self._no()
+
+    def readings_of(self, entries: Sequence[int]) -> dict[int, str]:
+        """Raises what is wrong."""
+        self._no()
+
     def latest_knowledge(self, machine: str) -> tuple[Night, Knowledge] | None:
         """Raises what is wrong."""
         self._no()

@@ -25,7 +25,7 @@ def add_compensations(history: History, machine: str, cell: str, events: Sequenc
     """
     rows = [_row(event) for event in events]
     there: set[str] = set()
-    if machine in history.machines():
+    if history.knows(machine):
         c = t.compensation.c
         there = {r.line_sha256 for r in history._rows(select(c.line_sha256).where(c.machine_id == history._machine(machine)))}
     missing = [row for row in rows if row["line_sha256"] not in there]

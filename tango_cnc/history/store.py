@@ -14,8 +14,9 @@ import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -24,16 +25,14 @@ from sqlalchemy import Connection, Engine, Row, Select, func, insert, select
 from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError
 
 from ..records import InputError, LinkError
+from . import _asked as asked
 from . import _chain
 from . import _tables as t
 from ._database import connect
 from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend
 
 FORMAT = "tango-night/1"
-_NIGHT = (
-    *("night", "start_utc", "end_utc", "kind", "status", "verdict", "headline"),
-    *("alarms", "p_value", "touches", "rms_um", "volume_um", "duration_s"),
-)
+_NIGHT = asked.COLUMNS
 
 
 @dataclass(frozen=True)
@@ -41,6 +40,7 @@ class History:
     """An open history; `opened` makes one."""
 
     engine: Engine
+    _ids: dict[str, int] = field(default_factory=dict, compare=False, repr=False)  # of machines: they never change
 
     # Adding ---------------------------------------------------------------------------------------------------------
 
@@ -73,21 +73,22 @@ class History:
                 connection, record["machine"], record.get("cell", ""), "night", record["end_utc"], content
             )
             own = {"entry_id": entry, "machine_id": machine}
-            connection.execute(insert(t.night), {**own, **row})
-            connection.execute(insert(t.night_record), {"entry_id": entry, "json": text})
+            connection.execute(asked.ADD[t.night.name], {**own, **row})
+            connection.execute(asked.ADD[t.night_record.name], {"entry_id": entry, "json": text})
             parameters = [
                 {**own, "name": name, "start_utc": record["start_utc"], **{key: p[key] for key in ("value", "std", "unit")}}
                 for name, p in (record.get("parameters") or {}).items()
             ]
             if parameters:
-                connection.execute(insert(t.night_parameter), parameters)
+                connection.execute(asked.ADD[t.night_parameter.name], parameters)
             if readings is not None:
                 packed = zlib.compress(readings.encode(), 6)
-                rows = max(readings.count("\n") - 1, 0)
-                connection.execute(insert(t.night_readings), {"entry_id": entry, "rows": rows, "sha256": csv_hash, "csv": packed})
+                count = max(readings.count("\n") - 1, 0)
+                own_readings = {"entry_id": entry, "rows": count, "sha256": csv_hash, "csv": packed}
+                connection.execute(asked.ADD[t.night_readings.name], own_readings)
             if knowledge is not None:
                 connection.execute(
-                    insert(t.night_estimate), {"entry_id": entry, "names": json.dumps(knowledge.names), "numbers": numbers}
+                    asked.ADD[t.night_estimate.name], {"entry_id": entry, "names": json.dumps(knowledge.names), "numbers": numbers}
                 )
         return entry
 
@@ -131,27 +132,21 @@ class History:
 
     def _linked(self, connection: Connection, name: str, cell: str, kind: str, utc: str, content: str) -> tuple[int, int]:
         """→ (id of the machine, id of its new entry), linked to its last one."""
-        wanted = select(t.machine.c.id).where(t.machine.c.name == name).with_for_update()
-        machine = connection.execute(wanted).scalar()
+        machine = connection.execute(asked.MACHINE, {"name": name}).scalar()
         if machine is None:
             added = {"name": name, "cell": cell, "added_utc": utc}
             try:
                 with connection.begin_nested():
                     machine = connection.execute(insert(t.machine).returning(t.machine.c.id), added).scalar_one()
             except IntegrityError:  # another program has added the machine since it was looked for
-                machine = connection.execute(wanted).scalar_one()
-        last = connection.execute(
-            select(t.entry.c.number, t.entry.c.hash)
-            .where(t.entry.c.machine_id == machine)
-            .order_by(t.entry.c.number.desc())
-            .limit(1)
-        ).first()
+                machine = connection.execute(asked.MACHINE, {"name": name}).scalar_one()
+        last = connection.execute(asked.LAST, {"machine": machine}).first()
         number, previous = (last.number + 1, last.hash) if last else (1, _chain.FIRST)
         row = {
             **{"machine_id": machine, "number": number, "kind": kind, "utc": utc, "content": content, "previous": previous},
             "hash": _chain.link(name, number, kind, utc, content, previous),
         }
-        return machine, connection.execute(insert(t.entry).returning(t.entry.c.id), row).scalar_one()
+        return machine, connection.execute(asked.ADD_ENTRY, row).scalar_one()
 
     # Reading --------------------------------------------------------------------------------------------------------
 
@@ -159,31 +154,26 @@ class History:
         """→ names, in the order of the alphabet."""
         return tuple(row.name for row in self._rows(select(t.machine.c.name).order_by(t.machine.c.name)))
 
+    def knows(self, machine: str) -> bool:
+        """machine → whether there is one of that name."""
+        return machine in self._ids or machine in self.machines()
+
     def nights(
         self, machine: str | None = None, last: int | None = None, since: str | None = None, before: str | None = None
     ) -> tuple[Night, ...]:
         """machine (None: all), how many, from and before which local date → nights, newest first."""
-        columns: tuple[Any, ...] = (t.night.c.entry_id, t.machine.c.name, *(t.night.c[key] for key in _NIGHT))
-        wanted = select(*columns).join(t.machine, t.machine.c.id == t.night.c.machine_id)
-        if machine is not None:
-            wanted = wanted.where(t.night.c.machine_id == self._machine(machine))
-        if since is not None:
-            wanted = wanted.where(t.night.c.night >= _date(since))
-        if before is not None:
-            wanted = wanted.where(t.night.c.night < _date(before))
-        wanted = wanted.order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
-        return tuple(Night(*tuple(row)) for row in self._rows(wanted if last is None else wanted.limit(last)))
+        limits = {
+            "machine": None if machine is None else self._machine(machine),
+            "since": None if since is None else _date(since),
+            "before": None if before is None else _date(before),
+            "last": last,
+        }
+        given = {key: value for key, value in limits.items() if value is not None}
+        return tuple(Night(*tuple(row)) for row in self._rows(asked.nights(frozenset(given)), given))
 
     def night(self, entry: int) -> Stored:
         """number of an entry → that night whole. Raises InputError when there is none."""
-        found = self._rows(
-            select(t.machine.c.name, t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate)
-            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-            .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
-            .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
-            .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
-            .where(t.night.c.entry_id == entry)
-        )
+        found = self._rows(asked.NIGHT, {"entry": entry})
         if not found:
             raise InputError(f"history: found no night {entry}; 'tango history list' lists them")
         row = found[0]
@@ -192,37 +182,30 @@ class History:
 
     def records_of(self, entries: Sequence[int]) -> dict[int, Mapping[str, Any]]:
         """numbers of entries → {number: record of that night}, without readings and estimate; what is no night is left out."""
-        rows = self._rows(select(t.night_record).where(t.night_record.c.entry_id.in_(list(entries)))) if entries else ()
+        rows = self._rows(asked.RECORDS_OF, {"entries": list(entries)}) if entries else ()
         return {row.entry_id: _chain.read(row.json) for row in rows}
+
+    def readings_of(self, entries: Sequence[int]) -> dict[int, str]:
+        """numbers of entries → {number: text of its readings.csv}; what has none is left out."""
+        rows = self._rows(asked.READINGS_OF, {"entries": list(entries)}) if entries else ()
+        return {row.entry_id: zlib.decompress(row.csv).decode() for row in rows}
 
     def last(self, machine: str) -> Stored | None:
         """machine → its newest night, None when there is none."""
-        found = self.nights(machine, last=1) if machine in self.machines() else ()
+        found = self.nights(machine, last=1) if self.knows(machine) else ()
         return self.night(found[0].entry) if found else None
 
     def latest_knowledge(self, machine: str) -> tuple[Night, Knowledge] | None:
         """machine → its newest night that left an estimate, and that; None when there is none."""
-        if machine not in self.machines():
+        if not self.knows(machine):
             return None
-        row = self._rows(
-            select(t.machine.c.name, t.night, t.night_estimate)
-            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-            .join(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
-            .where(t.night.c.machine_id == self._machine(machine))
-            .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
-            .limit(1)
-        )
+        row = self._rows(asked.KNOWLEDGE, {"machine": self._machine(machine)})
         return (_night(row[0]), _unpacked(row[0].names, row[0].numbers)) if row else None
 
     def records(self, machine: str, last: int | None = None) -> tuple[Mapping[str, Any], ...]:
         """machine, how many → tango-night/1 of its nights, newest first."""
-        wanted = (
-            select(t.night_record.c.json)
-            .join(t.night, t.night.c.entry_id == t.night_record.c.entry_id)
-            .where(t.night.c.machine_id == self._machine(machine))
-            .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
-        )
-        return tuple(_chain.read(row.json) for row in self._rows(wanted if last is None else wanted.limit(last)))
+        given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last})
+        return tuple(_chain.read(row.json) for row in self._rows(asked.records(frozenset(given)), given))
 
     def parameters(self, machine: str) -> tuple[str, ...]:
         """machine → names of the parameters that any night estimated, in the order of the alphabet."""
@@ -244,20 +227,13 @@ class History:
 
     def alarmed(self, machine: str, last: int | None = None) -> tuple[Stored, ...]:
         """machine, how many → its nights with alarms, newest first; readings and unknowns are left out."""
-        wanted = (
-            select(t.machine.c.name, t.night, t.night_record.c.json)
-            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-            .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
-            .where(t.night.c.machine_id == self._machine(machine), t.night.c.alarms > 0)
-            .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
-        )
-        rows = self._rows(wanted if last is None else wanted.limit(last))
+        given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last})
+        rows = self._rows(asked.alarmed(frozenset(given)), given)
         return tuple(Stored(_night(row), _chain.read(row.json), None, None) for row in rows)
 
     def decisions(self, machine: str) -> tuple[Decision, ...]:
         """machine → what was decided about its alarms, oldest first."""
-        c = t.decision.c
-        rows = self._rows(select(t.decision).where(c.machine_id == self._machine(machine)).order_by(c.utc, c.entry_id))
+        rows = self._rows(asked.DECISIONS, {"machine": self._machine(machine)})
         return tuple(Decision(r.alarm, r.action, r.owner, r.note, r.until, r.utc, machine) for r in rows)
 
     def fleet(self, now_utc: str, late_hours: float = 36.0) -> tuple[Standing, ...]:
@@ -319,13 +295,7 @@ class History:
 
     def newest_hashes(self) -> dict[str, tuple[int, str]]:
         """→ {machine: (number of entries, hash of the newest)}: kept elsewhere, it shows a history whose end was cut off."""
-        newest = select(t.entry.c.machine_id, func.max(t.entry.c.number).label("number")).group_by(t.entry.c.machine_id).subquery()
-        wanted = (
-            select(t.machine.c.name, t.entry.c.number, t.entry.c.hash)
-            .join(t.machine, t.machine.c.id == t.entry.c.machine_id)
-            .join(newest, (newest.c.machine_id == t.entry.c.machine_id) & (newest.c.number == t.entry.c.number))
-        )
-        return {row.name: (row.number, row.hash) for row in self._rows(wanted)}
+        return {row.name: (row.number, row.hash) for row in self._rows(asked.NEWEST)}
 
     def holds(self, digest: str) -> bool:
         """hash of an entry → whether any machine has it."""
@@ -387,15 +357,17 @@ class History:
     # ----------------------------------------------------------------------------------------------------------------
 
     def _machine(self, name: str) -> int:
-        rows = self._rows(select(t.machine.c.id).where(t.machine.c.name == name))
-        if not rows:
-            raise InputError(f"history: found no machine {name!r}; allowed: {', '.join(self.machines()) or 'none yet'}")
-        return int(rows[0].id)
+        if name not in self._ids:
+            rows = self._rows(select(t.machine.c.id).where(t.machine.c.name == name))
+            if not rows:
+                raise InputError(f"history: found no machine {name!r}; allowed: {', '.join(self.machines()) or 'none yet'}")
+            self._ids[name] = int(rows[0].id)
+        return self._ids[name]
 
-    def _rows(self, wanted: Select[Any]) -> list[Row[Any]]:
+    def _rows(self, wanted: Select[Any], given: Mapping[str, Any] | None = None) -> list[Row[Any]]:
         try:
             with self.engine.connect() as connection:
-                return list(connection.execute(wanted))
+                return list(connection.execute(wanted, given))
         except DBAPIError as error:
             raise LinkError(
                 f"history: it cannot be read ({_first(error)}); restore a backup with 'tango history restore'"
@@ -426,13 +398,17 @@ def _packed(knowledge: Knowledge) -> bytes:
     return zlib.compress(np.concatenate([knowledge.values, lower]).astype("<f8").tobytes(), 1)
 
 
+@lru_cache(4)  # a night asks for the newest more than once
 def _unpacked(names: str, numbers: bytes) -> Knowledge:
     known = tuple(json.loads(names))
     p = len(known)
     data = np.frombuffer(zlib.decompress(numbers), "<f8")
     covariance = np.zeros((p, p))
     covariance[np.tril_indices(p)] = data[p:]
-    return Knowledge(known, np.array(data[:p]), covariance + np.tril(covariance, -1).T)
+    whole, values = covariance + np.tril(covariance, -1).T, np.array(data[:p])
+    for shared in (whole, values):
+        shared.setflags(write=False)
+    return Knowledge(known, values, whole)
 
 
 def _date(text: str) -> str:

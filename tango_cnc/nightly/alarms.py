@@ -152,7 +152,7 @@ def _place(parameter: str) -> str:
 
 def ignored(past: Past, machine: str, alarm: Mapping[str, Any], day: float) -> bool:
     """→ whether somebody has decided to hear nothing of this cause and parameter until a later day."""
-    if machine not in past.machines():
+    if not past.knows(machine):
         return False
     today = date_of(day)
     wanted = {d.alarm for d in past.decisions(machine) if d.action == "ignore" and (d.until or "") >= today}
@@ -167,7 +167,7 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
 
     Closed is accept, repaired, and ignore until its date has passed; who acknowledged one is named with it.
     """
-    if machine not in past.machines():
+    if not past.knows(machine):
         return []
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
     found = []

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .. import __version__
 from ..estimate import Estimate
 from ..files.nightly import Nightly
-from ..history import Knowledge
+from ..history import Knowledge, Night
 from ..identify import Selection
 from ..model import Model
 from ..records import Array, Cell, Readings
@@ -48,9 +48,15 @@ LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
 COVER = 1.959964  # standard deviations of 95 %
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
+RECENT = 40  # nights that are looked at first: nearly always as many as are needed
 SET_APART = 7  # nights looked back over for one that measured
 SLOPE = 21  # nights that a rate is told from
+NEAR = {"mm": 0.05, "": 1e-4}  # mm, rad …: a machine that has moved less is linear to a few nm
 READ = Callable[[str], Readings]
+
+
+def _full(night: Night) -> bool:
+    return night.kind == "full" and night.status == "complete"
 
 
 @dataclass(frozen=True)
@@ -108,7 +114,7 @@ class Nights:
         if found is None:
             return None
         last, knowledge = found
-        record = past.night(last.entry).record
+        record = past.records_of([last.entry])[last.entry]
         if "state" not in record:
             return None
         try:
@@ -133,7 +139,10 @@ class Nights:
             60 * self.settings.check_minutes,
             self.times.touch,
             self.times.turn,
-            [int(row) for row in np.flatnonzero(np.isin(self.times.numbers, self.times.first) | self._apart(past))],
+            [
+                int(row)
+                for row in np.flatnonzero(np.isin(self.times.numbers, self.times.first) | self._apart(self._last_ones(past)))
+            ],
         )
         return kind, why, tuple(int(self.times.numbers[row]) for row in found.rows)
 
@@ -141,8 +150,8 @@ class Nights:
         machine = self.cell.machine.name
         if state is None:
             return "full", say("night.analysis.nothing_known_this_machine_yet")
-        nights = past.nights(machine, last=400)
-        full = next((n for n in nights if n.kind == "full" and n.status == "complete"), None)
+        nights = past.nights(machine, last=RECENT)
+        full = next((n for n in nights if _full(n)), None) or next((n for n in past.nights(machine, last=400) if _full(n)), None)
         if full is None:
             return "full", say("night.analysis.no_full_run_history")
         age = day - datetime.fromisoformat(full.start_utc).timestamp() / 86_400
@@ -179,8 +188,8 @@ class Nights:
             ahead = replace(ahead, reference=parts.mean(warmth))
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
         machine, known = self.cell.machine.name, self.known
-        recent = past.records(machine, LEARNED_FROM) if machine in past.machines() else ()
-        tonight = judge(ahead, what) if first else judge(ahead, what, self.followed.points, self._again(past))
+        recent = self._recent(past)
+        tonight = judge(ahead, what) if first else judge(ahead, what, self.followed.points, self._again(recent))
         rate = 1 / self.settings.false_alarm_nights
         alarm = not first and tonight.alarm(rate * AT_ONCE)
         named, opened = None, ahead
@@ -193,9 +202,13 @@ class Nights:
             what = seen(self.followed, readings, after.mean, ahead.reference, self.settings.sensor)
             tonight = judge(ahead, what)
             after = updated(ahead, what, tonight, quiet=False)
+        if measured.text is not None:  # learning asks for them again, in this program or in a later one
+            self._keep(measured.text, ahead, what)
         after, learned, since_learned = self._learned(past, recent, after)
-        result = self._estimate(readings, after, tonight)
-        judged = Judged("trustworthy") if self.judged is None else self.judged(*self._judgeable(kind, measured), result, kind)
+        result = None if self.judged is None and self.written is None else self._estimate(readings, after, tonight)
+        judged = Judged("trustworthy")
+        if self.judged is not None and result is not None:
+            judged = self.judged(*self._judgeable(kind, measured), result, kind)
         alarms = [alarm_of(known, since(past, machine, day), ahead, tonight, named)] if alarm else []
         diagnosis: dict[str, Any] = {}
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
@@ -228,7 +241,7 @@ class Nights:
             "parameters": parameters,
             "volume": {"worst_um": chart.worst * 1e3, "rms_um": chart.rms * 1e3, "std_um": chart.std * 1e3},
             "limits": limits,
-            "residual": parts.residual(result),
+            "residual": parts.residual(what, after, tonight),
             "outliers": list(tonight.outliers),
             "plausible": {"verdict": judged.verdict, "reasons": list(judged.reasons)},
             "temperatures": {name: parts.told(values) for name, values in warmth.items()},
@@ -245,20 +258,35 @@ class Nights:
             told.pop("parameters")
             told.pop("state")
             return told | {"next": {"kind": "full", "why": say("night.analysis.tonight_readings_doubt")}}, None, {}
-        files = {} if self.written is None else dict(self.written(result))
+        files = {} if self.written is None or result is None else dict(self.written(result))
         return told | {"next": self._next(past, after, day, bool(alarms), kind)}, parts.knowledge(after), files
 
-    def _apart(self, past: Past) -> NDArray[np.bool_]:
-        """history → (n,) of the strategy: touches that the last measured night set apart, as they fitted nothing else."""
+    def _last_ones(self, past: Past) -> Sequence[Mapping[str, Any]]:
         machine = self.cell.machine.name
-        recent = past.records(machine, SET_APART) if self.check is None and machine in past.machines() else ()
-        last = next((r for r in recent if r.get("touches") and r.get("carried", True)), None)
+        return past.records(machine, SET_APART) if past.knows(machine) else ()
+
+    def _recent(self, past: Past) -> Sequence[Mapping[str, Any]]:
+        """history → records of the last nights, newest first: as many as what follows looks at."""
+        machine = self.cell.machine.name
+        if not past.knows(machine):
+            return ()
+        recent = past.records(machine, RECENT)
+        enough = len(recent) < RECENT or sum("state" in r for r in recent) > SLOPE
+        return recent if enough else past.records(machine, 2 * RECENT)
+
+    def _apart(self, recent: Sequence[Mapping[str, Any]]) -> NDArray[np.bool_]:
+        """records newest first → (n,) of the strategy: touches that the last measured night set apart, as they fitted nothing."""
+        found = recent[:SET_APART] if self.check is None else ()
+        last = next((r for r in found if r.get("touches") and r.get("carried", True)), None)
         return np.isin(self.times.numbers, () if last is None else last.get("outliers") or ())
 
-    def _again(self, past: Past) -> tuple[int, ...]:
-        """history → touches of the same points: a chip is gone the next time, a facet that has moved is not."""
+    def _again(self, recent: Sequence[Mapping[str, Any]]) -> tuple[int, ...]:
+        """records newest first → touches of the same points: a chip is gone the next time, a facet that has moved is not."""
+        apart = self._apart(recent)
+        if not apart.any():
+            return ()
         points = np.abs(self.offered[:, self.followed.points]) > 0.5
-        return tuple(int(n) for n in self.times.numbers[np.any(points @ points[self._apart(past)].T, axis=1)])
+        return tuple(int(n) for n in self.times.numbers[np.any(points @ points[apart].T, axis=1)])
 
     def _cell(self, kind: str) -> Cell:
         return self.check if kind == "check" and self.check is not None else self.cell
@@ -285,29 +313,56 @@ class Nights:
     def _learned(self, past: Past, recent: Sequence[Mapping[str, Any]], after: State) -> tuple[State, int, int]:
         """state → the same with rates learned from its history, how many nights they come from, measured nights since then."""
         machine = self.cell.machine.name
-        if machine not in past.machines():
+        if not past.knows(machine):
             return after, 0, 0
         last: Mapping[str, Any] = next((r["state"] for r in recent if "state" in r), {})
         before, waited = last.get("learned", 0), last.get("since_learned", LEARNED_EVERY) + 1
+        if waited < LEARNED_EVERY:
+            return after, before, waited
         nights = [n for n in past.nights(machine, last=LEARNED_FROM) if n.status == "complete" and n.touches]
-        if len(nights) < LEARNED_EVERY or waited < LEARNED_EVERY:
-            return after, before, waited
         nights.reverse()
-        stored = [past.night(n.entry) for n in nights]
-        stored = [s for s in stored if s.readings is not None and s.knowledge is not None]
-        if len(stored) < LEARNED_EVERY:
+        readings, records = past.readings_of([n.entry for n in nights]), past.records_of([n.entry for n in nights])
+        nights = [n for n in nights if n.entry in readings and records[n.entry].get("state")]
+        if len(nights) < LEARNED_EVERY or (knowledge := past.night(nights[0].entry).knowledge) is None:
             return after, before, waited
-        first = stored[0]
-        begin = matched(restored(*parts.three(first.knowledge), first.record["state"]), self.followed)
-        begin = replace(begin, sigma=sigma_of(after), noise=(0.0, 0.0), agreement=(0.0, 0.0), rates=self.followed.wander.copy())
+        begin = matched(restored(*parts.three(knowledge), records[nights[0].entry]["state"]), self.followed)
+        begin = replace(begin, sigma=sigma_of(after), noise=(0.0, 0.0), agreement=(0.0, 0.0), rates=after.rates.copy())
         seen_then: list[tuple[float, Seen]] = []
         opened = []
-        for place, night in enumerate(stored[1:]):
-            what = seen(self.followed, self.read(night.readings), after.mean, after.reference, self.settings.sensor)
-            seen_then.append((night.record["state"]["day"], what.without(night.record.get("outliers", ()))))
-            if night.night.alarms:
+        for place, night in enumerate(nights[1:]):
+            record = records[night.entry]
+            what = self._then(readings[night.entry], after)
+            seen_then.append((record["state"]["day"], what.without(record.get("outliers", ()))))
+            if night.alarms:
                 opened.append(place)
-        return replace(after, rates=learn(self.followed, begin, seen_then, opened)), len(stored), 0
+        return replace(after, rates=learn(self.followed, begin, seen_then, opened)), len(nights), 0
+
+    def _then(self, readings: str, after: State) -> Seen:
+        """text of the readings of an earlier night, state of tonight → what those touches say.
+
+        Their rows are those of a machine near this one (`NEAR`), so many nights in one process linearise each of them once.
+        """
+        kept = self._kept.get(readings)
+        if kept is None or kept[1] != after.reference or np.any(np.abs(kept[0] - after.mean) > self._near):
+            what = seen(self.followed, self.read(readings), after.mean, after.reference, self.settings.sensor)
+            self._keep(readings, after, what)
+            return what
+        return kept[2]
+
+    def _keep(self, readings: str, state: State, what: Seen) -> None:
+        """text of the readings of a night, state that they were linearised at, what they say → kept for the next time."""
+        self._kept.pop(readings, None)
+        if len(self._kept) >= LEARNED_FROM + LEARNED_EVERY:
+            self._kept.pop(next(iter(self._kept)))
+        self._kept[readings] = (state.mean, state.reference, what)
+
+    @cached_property
+    def _kept(self) -> dict[str, tuple[Array, float | None, Seen]]:
+        return {}
+
+    @cached_property
+    def _near(self) -> Array:
+        return np.array([NEAR.get(unit, NEAR[""]) for unit in self.followed.units])
 
     def _estimate(self, readings: Readings, after: State, tonight: Tonight) -> Estimate:
         """→ what is known after tonight, as the estimate that every other stage reads."""
@@ -363,19 +418,16 @@ class Nights:
         if len(recent) < 5:
             return {}
         day = np.array([r["state"]["day"] for r in recent])
+        names = [n for n in recent[0]["parameters"] if all(n in r["parameters"] for r in recent)]
+        values = np.array([[r["parameters"][n]["value"] for n in names] for r in recent]).reshape(len(recent), -1)
+        std = np.array([recent[0]["parameters"][n]["std"] for n in names])
         centred = day - day.mean()
-        found = {}
-        for name in recent[0]["parameters"]:
-            if not all(name in r["parameters"] for r in recent):
-                continue
-            values = np.array([r["parameters"][name]["value"] for r in recent])
-            slope = float(centred @ values / (centred @ centred))
-            rest = values - values.mean() - slope * centred
-            spread = float(np.sqrt(rest @ rest / max(len(rest) - 2, 1) / (centred @ centred)))
-            # What wanders looks like a slope: only one that is far beyond its own scatter is told.
-            if abs(slope) > 6 * spread and abs(slope) * np.ptp(day) > 4 * recent[0]["parameters"][name]["std"]:
-                found[name] = slope
-        return found
+        slope = centred @ values / (centred @ centred)
+        rest = values - values.mean(axis=0) - np.outer(centred, slope)
+        spread = np.sqrt(np.sum(rest**2, axis=0) / max(len(rest) - 2, 1) / (centred @ centred))
+        # What wanders looks like a slope: only one that is far beyond its own scatter is told.
+        told = (np.abs(slope) > 6 * spread) & (np.abs(slope) * np.ptp(day) > 4 * std)
+        return {n: float(slope[i]) for i, n in enumerate(names) if told[i]}
 
     def _limits(self, after: State, chart: Any) -> list[dict[str, Any]]:
         found = []

@@ -132,7 +132,7 @@ def room(disk: Disk, settings: Nightly) -> Finding:
 def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: datetime) -> list[str]:
     """→ sentences on nights that were begun and never ended, and on those that never began; they are on record when it returns."""
     said: list[str] = []
-    known = {n.start_utc for n in world.past.nights(machine, last=30)} if machine in world.past.machines() else set()
+    known = {n.start_utc for n in world.past.nights(machine, last=30)} if world.past.knows(machine) else set()
     for stamp, started in world.disk.unfinished():
         if started not in known and _added(world, stamp):
             known.add(started)
@@ -200,7 +200,7 @@ def _added(world: Ports, stamp: str) -> bool:
 
 def _before(machine: str, world: Ports) -> dict[str, Any]:
     """→ date of the last night that measured, and a sentence on each night since that did not."""
-    if machine not in world.past.machines():
+    if not world.past.knows(machine):
         return {}
     nights = world.past.nights(machine, last=60)
     last = next((n for n in nights if n.touches), None)

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..estimate import Estimate
 from ..history import Knowledge
 from ..records import Array, Indexation, Readings, Strategy
-from ..state import Frame, Named, State, Tonight, reopened
+from ..state import Frame, Named, Seen, State, Tonight, reopened
+from ..state.filter import sigma_of
 from ..texts import say
 
 
@@ -50,10 +50,13 @@ def change(tonight: Tonight, limit: float, rate: float) -> dict[str, Any]:
     }
 
 
-def residual(result: Estimate) -> dict[str, Any]:
-    """estimate → member `residual` of the record."""
-    rms = float(np.sqrt(np.mean(result.residuals**2))) * 1e3
-    return {"rms_um": rms, "std_um": result.sigma * 1e3, "dof": result.dof}
+def residual(what: Seen, after: State, tonight: Tonight) -> dict[str, Any]:
+    """touches of tonight, state after them, their judgement → member `residual` of the record."""
+    touches = what.touch > 0
+    left = what.value[touches] - what.rows[touches] @ after.mean
+    squares, dof = tonight.noise
+    std = max(float(np.sqrt(squares / dof)) if dof > 0 else sigma_of(after), 1e-6)
+    return {"rms_um": float(np.sqrt(np.mean(left**2))) * 1e3, "std_um": std * 1e3, "dof": max(int(dof), 1)}
 
 
 def knowledge(state: State) -> Knowledge:

@@ -123,6 +123,15 @@ class Past(Protocol):
     def records(self, machine: str, last: int | None = None) -> tuple[Any, ...]:
         """machine, how many → tango-night/1, newest first."""
 
+    def knows(self, machine: str) -> bool:
+        """→ whether it has this machine."""
+
+    def records_of(self, entries: Sequence[int]) -> dict[int, Any]:
+        """numbers of entries → {number: record of that night}."""
+
+    def readings_of(self, entries: Sequence[int]) -> dict[int, str]:
+        """numbers of entries → {number: text of its readings}, where there are any."""
+
     def latest_knowledge(self, machine: str) -> tuple[Night, Knowledge] | None:
         """machine → what was known after its last measured night."""
 

@@ -69,7 +69,7 @@ def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: f
     places = k.followed.machine
     names = [k.followed.selection.label(k.followed.names[i]) for i in places]
     best: tuple[float, int, Mapping[str, Any], float, float] | None = None
-    tried = 0
+    tried, sure = 0, after.std
     for record in back[1:]:
         days = after.day - float(record["state"]["day"])
         rates = np.array(record["state"]["rates"], dtype=float)
@@ -80,7 +80,7 @@ def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: f
                 continue
             tried += 1
             size = float(after.mean[i]) - then["value"]
-            known = float(after.std[i]) ** 2 + then["std"] ** 2
+            known = float(sure[i]) ** 2 + then["std"] ** 2
             sigmas = abs(size) / float(np.sqrt((known + rates[j] * max(days, 0.0)) * max(scale, 1.0)))
             if best is None or sigmas > best[0]:
                 best = (sigmas, int(i), record, size, float(np.sqrt(known)))

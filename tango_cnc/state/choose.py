@@ -43,39 +43,48 @@ def choose(
     `touch` and `turn` are the seconds of one touch and of one more indexation; `first`: rows that are taken whatever they tell.
     """
     sigma = sigma_of(state)
-    spread = state.covariance
     aim = weight.T @ weight / max(len(weight), 1)
+    before = float(np.sum(aim * state.covariance))
     own = np.flatnonzero(np.diag(aim) > 0)  # the unknowns that the volume depends on
-    aim = aim[np.ix_(own, own)]
-    before = float(np.sum(aim * spread[np.ix_(own, own)]))
+    size, turned = np.linalg.eigh(aim[np.ix_(own, own)])
+    reach = rows @ state.root
+    shared = reach @ reach.T  # (n, n) covariance of the touches, and (n, q) of them with what the volume is made of
+    moving = reach @ state.root[own].T @ (turned * np.sqrt(np.maximum(size, 0.0)))
+    variance = np.einsum("ij,ij->i", reach, reach) + sigma**2
+    groups = _padded(indexation)
+    gain = np.zeros(len(rows) + 1)
     left = np.ones(len(rows), dtype=bool)
-    opened: set[int] = set()
+    opened = np.zeros(len(groups), dtype=bool)
     chosen: list[int] = []
-    spent = 0.0
-    groups = [np.flatnonzero(indexation == i) for i in range(int(indexation.max(initial=-1)) + 1)]
+    spent, after = 0.0, before
     wanted = list(first)
     while left.any():
-        seen = rows @ spread
-        variance = np.sum(seen * rows, axis=1) + sigma**2
-        gain = np.sum((seen[:, own] @ aim) * seen[:, own], axis=1) / variance
-        gain[~left] = -1.0
-        best, row = 0.0, -1
-        for i, members in enumerate(groups):
-            free = members[left[members]]
-            if not len(free):
-                continue
-            order = free[np.argsort(-gain[free])]
-            rate = gain[order[0]] / touch if i in opened else float(np.sum(gain[order[:TOGETHER]])) / (turn + touch * TOGETHER)
-            if rate > best:
-                best, row = rate, int(order[0])
+        gain[:-1] = np.einsum("ij,ij->i", moving, moving) / variance * left
+        sizes = np.sort(gain[groups], axis=1)
+        rate = np.where(opened, sizes[:, -1] / touch, sizes[:, -TOGETHER:].sum(axis=1) / (turn + touch * TOGETHER))
+        best = int(rate.argmax())
+        row = int(groups[best, gain[groups[best]].argmax()]) if rate[best] > 0 else -1
         if wanted:
             row = wanted.pop(0)
-        cost = touch + (0.0 if row >= 0 and int(indexation[row]) in opened else turn)
+        cost = touch + (0.0 if row >= 0 and opened[indexation[row]] else turn)
         if row < 0 or (spent + cost > seconds and row not in first):
             break
         spent += cost
-        opened.add(int(indexation[row]))
+        after -= float(gain[row])
+        opened[indexation[row]] = True
         left[row] = False
         chosen.append(row)
-        spread = spread - np.outer(seen[row], seen[row]) / variance[row]
-    return Choice(np.array(sorted(chosen), dtype=np.int64), spent, before, float(np.sum(aim * spread[np.ix_(own, own)])))
+        along = shared[row] / variance[row]
+        moving -= along[:, None] * moving[row]
+        variance -= along * shared[row]
+        shared -= along[:, None] * shared[row]
+    return Choice(np.array(sorted(chosen), dtype=np.int64), spent, before, after)
+
+
+def _padded(indexation: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n,) indexations of touches → (indexations, most) the touches of each, filled up with n."""
+    groups = [np.flatnonzero(indexation == i) for i in range(int(indexation.max(initial=-1)) + 1)]
+    padded: NDArray[np.int64] = np.full((len(groups), max((len(g) for g in groups), default=1)), len(indexation), dtype=np.int64)
+    for own, members in zip(padded, groups, strict=True):
+        own[: len(members)] = members
+    return padded

@@ -178,10 +178,11 @@ def _outliers(state: State, what: Seen, sigma: float, points: NDArray[np.int64] 
 
 def _rest(what: Seen, mean: Array, root: Array, sigma: float) -> tuple[Array, Array]:
     """what n touches say, (p,) mean, (p, p) root → what is left of each in standard deviations of a touch, and its variance."""
-    p = len(mean)
-    basis = np.linalg.qr(np.vstack([np.eye(p), what.rows @ root / sigma]))[0]
-    right = np.concatenate([np.zeros(p), (what.value - what.rows @ mean) / sigma])
-    return (right - basis @ (basis.T @ right))[p:], 1 - np.sum(basis[p:] ** 2, axis=1)
+    inside = what.rows @ root / sigma
+    lower = linalg.cholesky(np.eye(len(mean)) + inside.T @ inside, lower=True, check_finite=False)
+    white = linalg.solve_triangular(lower, inside.T, lower=True, check_finite=False)
+    right = (what.value - what.rows @ mean) / sigma
+    return right - white.T @ (white @ right), 1 - np.einsum("ij,ij->j", white, white)
 
 
 def updated(state: State, what: Seen, tonight: Tonight, quiet: bool = True) -> State:

@@ -1,69 +1,142 @@
-"""How fast the unknowns wander, learned from the nights there were (EM of Shumway & Stoffer 1982, held by a first idea).
+"""How fast the unknowns wander, learned from the nights there were: the most likely rates, held by a first idea.
 
-Sixty nights tell the rate of one unknown to a fifth at best. So each family of unknowns shares a factor, and each unknown
-departs from it as far as its own nights say.
+Sixty nights tell the rate of one unknown to a fifth at best, and that of one that is hardly seen in a night not at all. So each
+family of unknowns shares a factor, families share that of the machine, and each unknown departs from them as far as its own
+nights say. What the likelihood gains with every rate is exact (Koopman & Shephard 1992, from the smoother of Koopman 1993).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from ..records import Array
-from ._root import widened
-from .filter import State, predicted, taken
-from .frame import Frame, Seen
-from .smooth import Filtered, smoothed
+from ._root import triangle
+from .filter import State, sigma_of
+from .frame import CLOSED, Frame, Seen
 
-FIRST = 12.0  # nights that the first idea counts for
+# Standard deviations of the logarithm of a variance.
+MACHINE = 2 * np.log(2.5)  # the first idea is right to a factor of two and a half in all unknowns together
+FAMILY = 2 * np.log(2)  # by which a family departs from the machine
+OWN = 2 * np.log(1.5)  # by which an unknown departs from its family
 ROUNDS = 6
+SETTLED = 0.25  # standard deviations of what is learned: a smaller step is the last
+LONGEST = 2.0  # step of the logarithm of a variance
 LEAST, MOST = 1e-3, 300.0  # of the first idea of a variance
+
+
+class _Night(NamedTuple):
+    """Touches of a night in as few equations as they have: (k, p) rows, (k,) values, in standard deviations of a touch."""
+
+    rows: Array
+    value: Array
+    days: float  # since the night before
+    opened: bool
+
+
+class _Gain(NamedTuple):
+    """What the likelihood says of (p,) rates: itself, its slope by the logarithm of each, and how curved it is."""
+
+    likelihood: float
+    slope: Array
+    curve: Array
 
 
 def learn(followed: Frame, begin: State, nights: Sequence[tuple[float, Seen]], opened: Sequence[int] = ()) -> Array:
     """frame, state before the first night, (day, what was seen) of each, places of alarms → (p,) variance a day.
 
-    Of what was seen, single touches that fit nothing have been taken out.
+    Of what was seen, single touches that fit nothing have been taken out. The search begins at the rates of the state.
     """
-    rates = begin.rates.copy()
     if len(nights) - len(opened) < 3:
-        return rates
-    families = np.array(followed.families)
-    own = followed.wander > 0
+        return begin.rates.copy()
+    alive = (followed.wander > 0) | (begin.std > 10 * CLOSED)  # the others are not followed yet
+    names = tuple(n for n, lives in zip(begin.names, alive, strict=True) if lives)
+    learned, whole = begin.rates.copy(), begin
+    begin = replace(whole, names=names, mean=whole.mean[alive], root=whole.root[alive], rates=whole.rates[alive])
+    nights = [(day, replace(what, rows=what.rows[:, alive])) for day, what in nights]
+    own = np.flatnonzero(followed.wander[alive] > 0)
+    first = followed.wander[alive][own]
+    families = np.array(followed.families)[alive][own]
+    shared = (families[:, None] == np.unique(families)[None, :]).astype(float)  # (p, f)
+    weight = np.repeat([MACHINE**-2, FAMILY**-2, OWN**-2], [1, shared.shape[1], len(own)])
+    spread = np.hstack([np.ones((len(own), 1)), shared, np.eye(len(own))])  # logarithms of rates by their factors
+    factors = _factors(np.log(begin.rates[own] / first), spread, weight)
+    told = _nights(begin, nights, opened)
+    best, best_value, step = factors, -np.inf, np.zeros(len(factors))
+    slope, curve = np.zeros(len(own)), np.ones(len(own))
     for _ in range(ROUNDS):
-        steps, days = _steps(replace(begin, rates=rates), nights, opened, own)
-        for family in np.unique(families[own]):
-            rows = np.flatnonzero((families == family) & own)
-            first = followed.wander[rows]
-            # One factor of the family, then each unknown beside it.
-            shared = (FIRST + float(np.sum(steps[rows] / first))) / (FIRST + days * len(rows))
-            each = (FIRST * shared * first + steps[rows]) / (FIRST + days)
-            rates[rows] = np.clip(each, LEAST * first, MOST * first)
-    return rates
+        rates = begin.rates.copy()
+        rates[own] = first * np.exp(np.clip(spread @ factors, np.log(LEAST), np.log(MOST)))
+        gain = _gain(begin, told, rates)
+        value = gain.likelihood - 0.5 * float(weight @ factors**2)
+        if value < best_value:  # too long a step
+            step = step / 4
+        else:
+            best, best_value, slope, curve = factors, value, gain.slope[own], gain.curve[own]
+            bend = spread.T @ (curve[:, None] * spread) + np.diag(weight)
+            step = linalg.solve(bend, spread.T @ slope - weight * factors, assume_a="pos")
+            step = step * min(1.0, LONGEST / max(float(np.max(np.abs(spread @ step))), 1e-9))
+        factors = best + step
+        moved = spread @ step
+        if float(np.max(moved**2 * (curve + OWN**-2))) < SETTLED**2:
+            break
+    learned[np.flatnonzero(alive)[own]] = first * np.exp(np.clip(spread @ best, np.log(LEAST), np.log(MOST)))
+    return learned
 
 
-def _steps(
-    begin: State, nights: Sequence[tuple[float, Seen]], opened: Sequence[int], own: NDArray[np.bool_]
-) -> tuple[Array, float]:
-    """→ (p,) expected sum of squared steps over the square root of days, nights they come from."""
-    state, filtered = begin, []
-    for place, (day, what) in enumerate(nights):
-        state = predicted(state, day)
-        if place in opened:
-            state = replace(state, root=widened(state.root, np.diag(300 * np.sqrt(state.rates))))
-        state = taken(state, what)
-        filtered.append(Filtered(state.mean, state.covariance, day))
-    past = smoothed(filtered, begin.rates, opened)
-    total, count = np.zeros(len(own)), 0.0
-    for place in range(1, len(past)):
-        span = past[place].day - past[place - 1].day
-        if place in opened or span <= 0:
+def _factors(logs: Array, spread: Array, weight: Array) -> Array:
+    """(p,) logarithms of rates beside the first idea → the likeliest factors that make them."""
+    inverse = spread / weight
+    return np.asarray(inverse.T @ linalg.solve(spread @ inverse.T, logs, assume_a="pos"))
+
+
+def _nights(begin: State, nights: Sequence[tuple[float, Seen]], opened: Sequence[int]) -> list[_Night]:
+    sigma, day, told = sigma_of(begin), begin.day, []
+    for place, (when, what) in enumerate(nights):
+        rows, value = what.rows / sigma, what.value / sigma
+        if len(rows) > rows.shape[1]:
+            both = triangle(np.column_stack([rows, value]))
+            rows, value = both[:-1, :-1], both[:-1, -1]
+        told.append(_Night(rows, value, max(when - day, 0.0), place in opened))
+        day = max(when, day)
+    return told
+
+
+def _gain(begin: State, nights: Sequence[_Night], rates: Array) -> _Gain:
+    """state before the first night, touches of the nights, (p,) rates → what the likelihood says of them."""
+    mean, spread = begin.mean, begin.covariance
+    likelihood, kept = 0.0, []
+    place: NDArray[np.int64] = np.arange(len(mean))
+    for night in nights:
+        spread = spread.copy()
+        # What changed at once is let in, and says nothing of wandering.
+        spread[place, place] += rates * (night.days + (300.0**2 if night.opened else 0.0))
+        seen = night.rows @ spread
+        size = seen @ night.rows.T
+        size[np.diag_indices(len(size))] += 1.0
+        root = linalg.cholesky(size, lower=True, check_finite=False)
+        both = np.column_stack([night.value - night.rows @ mean, night.rows, seen])
+        white = linalg.solve_triangular(root, both, lower=True, check_finite=False)
+        ahead, rows, seen = white[:, 0], white[:, 1 : len(mean) + 1], white[:, len(mean) + 1 :]
+        likelihood -= 0.5 * float(ahead @ ahead) + float(np.sum(np.log(np.diag(root))))
+        mean = mean + seen.T @ ahead
+        spread = spread - seen.T @ seen
+        kept.append((ahead, rows, seen))
+    slope, curve = np.zeros(len(mean)), np.zeros(len(mean))
+    back, sure = np.zeros(len(mean)), np.zeros((len(mean), len(mean)))
+    for night, (ahead, rows, seen) in zip(reversed(nights), reversed(kept), strict=True):
+        # Through the update, L = 1 − seenᵀ rows, and what this night adds.
+        back = back + rows.T @ (ahead - seen @ back)
+        both = seen @ sure
+        sure = sure - rows.T @ both - both.T @ rows + rows.T @ (both @ seen.T + np.eye(len(rows))) @ rows
+        if night.opened:
             continue
-        step = past[place].mean - past[place - 1].mean
-        variance = np.diag(past[place].covariance) + np.diag(past[place - 1].covariance) - 2 * np.diag(past[place - 1].lagged)
-        total += (step**2 + variance) / span
-        count += 1.0
-    return total, count
+        share = rates * night.days
+        slope += 0.5 * share * (back**2 - np.diag(sure))
+        curve += 0.5 * share * np.diag(sure)  # between what all steps would say if they were seen, and what single ones say
+    return _Gain(likelihood, slope, np.maximum(curve, 0.0))
