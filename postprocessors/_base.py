@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import FunctionType, MethodType
 from typing import Any
 
 from tango_cnc.gate import served
@@ -133,7 +134,7 @@ def load(name: str, where: str = "post") -> Post:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise InputError(f"post {file}: cannot be read: {type(error).__name__}: {error}") from error
-    post = getattr(module, "POST", None)
+    post = vars(module).get("POST")
     if not isinstance(post, Post):
         raise InputError(f"post {file}: defines no POST = Post(...); see docs/dialects.md")
     return post
@@ -295,7 +296,8 @@ def _own(post: Post) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        codes = [code for value in vars(post).values() if (code := getattr(value, "__code__", None)) is not None]
+        steps = [value.__func__ if isinstance(value, MethodType) else value for value in vars(post).values()]
+        codes = [step.__code__ for step in steps if isinstance(step, FunctionType)]
         own = [code.co_filename for code in codes if Path(code.co_filename).parent != FOLDER]
         frames = traceback.extract_tb(error.__traceback__)
         at = [frame for frame in frames if frame.filename in own]

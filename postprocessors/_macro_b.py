@@ -221,8 +221,20 @@ def steps(words: Words) -> dict[str, Any]:
     """words of a dialect → the steps of its post."""
     family = _Steps(words)
     on, off = common.switches("(%s)", words.settle)
-    return {"probe_on": on, "probe_off": off} | {
-        name: getattr(family, name) for name in ("stem", *common.STEPS) if hasattr(family, name)
+    return {
+        "stem": family.stem,
+        "begin": family.begin,
+        "probe_on": on,
+        "retract": family.retract,
+        "clear": family.clear,
+        "index": family.index,
+        "approach": family.approach,
+        "probe": family.probe,
+        "record": family.record,
+        "back": family.back,
+        "probe_off": off,
+        "end": family.end,
+        "gate": family.gate,
     }
 
 

@@ -138,13 +138,13 @@ def main(
         elif tcp is not None:
             listening = listen(tcp)
             host, port = listening.getsockname()[:2]
-            click.echo(getattr(talk, "TCP", "socket://{}").format(f"{host}:{port}"))
+            click.echo(talk.tcp.format(f"{host}:{port}"))
             sys.stdout.flush()
             server.serve_tcp(listening, talk, session, parity=parity, once=once, disturbed=disturbed)
         else:
             line = PtyLine()
             session.serial = True
-            click.echo(getattr(talk, "PTY", "{}").format(line.path))
+            click.echo(talk.pty.format(line.path))
             sys.stdout.flush()
             server.serve_pty(line, talk, session, parity=parity, once=once, disturbed=disturbed)
     finally:

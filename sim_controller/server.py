@@ -6,26 +6,27 @@ import importlib
 import pkgutil
 import socket
 from collections.abc import Callable
-from typing import Any
 
 from tango_cnc.records import InputError
 
 from . import protocols
 from .lines import Closed, Line, ParityLine, PtyLine, TcpLine
+from .protocols import Talk
 from .session import Session
 
 Wrapper = Callable[[Line], Line]  # a line → the same line with its faults
 
 
-def protocol(name: str) -> Any:
-    """name → module of the protocol. Raises InputError for one that there is no file for."""
+def protocol(name: str) -> Talk:
+    """name → the protocol. Raises InputError for one that there is no file for."""
     known = sorted(m.name for m in pkgutil.iter_modules(protocols.__path__) if not m.name.startswith("_"))
     if name not in known:
         raise InputError(f"--protocol: found {name!r}; allowed: {', '.join(known)}")
-    return importlib.import_module(f"{protocols.__name__}.{name}")
+    found: Talk = importlib.import_module(f"{protocols.__name__}.{name}").TALK
+    return found
 
 
-def serve_tcp(listening: socket.socket, talk: Any, session: Session, *, parity: bool, once: bool, disturbed: Wrapper) -> None:
+def serve_tcp(listening: socket.socket, talk: Talk, session: Session, *, parity: bool, once: bool, disturbed: Wrapper) -> None:
     """listening socket, protocol → one connection after the other, each with a control just switched on; one only with `once`."""
     with listening:
         while True:
@@ -35,12 +36,12 @@ def serve_tcp(listening: socket.socket, talk: Any, session: Session, *, parity: 
                 return
 
 
-def serve_pty(line: PtyLine, talk: Any, session: Session, *, parity: bool, once: bool, disturbed: Wrapper) -> None:
+def serve_pty(line: PtyLine, talk: Talk, session: Session, *, parity: bool, once: bool, disturbed: Wrapper) -> None:
     """pseudo-terminal, protocol → served until the process is ended, or one program has ended with `once`."""
     _talk(line, talk, session, parity, once, disturbed)
 
 
-def _talk(line: Line, talk: Any, session: Session, parity: bool, once: bool, disturbed: Wrapper) -> None:
+def _talk(line: Line, talk: Talk, session: Session, parity: bool, once: bool, disturbed: Wrapper) -> None:
     try:
         bad = disturbed(line)
         talk.serve(ParityLine(bad) if parity else bad, session, once)

@@ -186,6 +186,20 @@ def test_what_windows_lacks_is_imported_where_it_is_used(root: Path) -> None:
         assert not found & {"fcntl", "termios", "tty", "pty", "resource"}, name
 
 
+def test_nothing_probes_for_what_a_plug_in_may_be_able_to_do(root: Path) -> None:
+    """An ability has a default in the record or class that a plug-in fills. What a library or a system has may be asked for."""
+    found = []
+    for name, file in modules(root).items():
+        for node in ast.walk(tree(file)) if "attr(" in file.read_text(encoding="utf-8") else ():
+            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
+                continue
+            asked = node.args[0].id if node.args and isinstance(node.args[0], ast.Name) else ""
+            probes = node.func.id == "hasattr" or (node.func.id == "getattr" and len(node.args) == 3)
+            if probes and asked not in ("os", "time", "yaml", "error"):
+                found.append(f"{name}:{node.lineno}")
+    assert not found, "\n".join(found)
+
+
 def test_no_file_is_too_long_to_read(root: Path) -> None:
     lengths = {name: len(file.read_text(encoding="utf-8").splitlines()) for name, file in modules(root).items()}
     assert not {name: n for name, n in lengths.items() if n > 450}

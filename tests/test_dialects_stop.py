@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from support.dialects import EVERY
+from support.dialects import EVERY, alike
 from support.stopped import (
     made,  # noqa: F401  fixtures
     ran,
@@ -17,9 +17,8 @@ from sim_controller.motion import Motion, Skip
 from sim_controller.probing import rig
 from tango_cnc.records import Obstacle, Plan, World
 
-AS_FANUC = ("brother", "mazak", "mitsubishi")  # the same text but for names and one word
 every_dialect = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.long if name in AS_FANUC else ()) for name in sorted(EVERY)]
+    "name", [pytest.param(name, marks=pytest.mark.long if alike(name, "fanuc") else ()) for name in sorted(EVERY)]
 )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.blockcell import NORMALS, block, cell, machine
-from support.readback import GOLDEN, MACRO_B, bare, changed, golden, lines_of, read_back, refused, renumbered
+from support.readback import GOLDEN, bare, changed, golden, lines_of, read_back, refused, renumbered
 
 from postprocessors._base import names
 from tango_cnc.cli import guarded, tango
@@ -20,7 +20,7 @@ from tango_cnc.plan import part, plan
 from tango_cnc.readback import check
 from tango_cnc.records import InputError, Plan, Turn
 
-READ = (*MACRO_B, "linuxcnc", "siemens", "heidenhain", "okuma", "fagor", "grbl", "mach3", "mach4", "centroid")
+READ = names()
 
 
 # What passes

@@ -9,6 +9,7 @@ from typing import Any
 from ..languages import Alarm, Silence
 from ..lines import Closed, Line
 from ..session import Session
+from . import Talk
 from ._tape import Tape
 
 DC1, DC3 = 0x11, 0x13
@@ -129,3 +130,6 @@ def _receive(
     if runner.ident is not None:
         runner.join()
     return b"" if "alarm" in outcome else behind
+
+
+TALK = Talk(serve)

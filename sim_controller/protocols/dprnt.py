@@ -13,6 +13,7 @@ from tango_cnc.records import InputError
 from ..languages import Alarm, Silence
 from ..lines import Closed, Line
 from ..session import Session
+from . import Talk
 
 LOOK = 0.1  # s between two looks for the program
 PATIENCE = 60.0  # s for which somebody waits for it
@@ -50,3 +51,6 @@ def _run(line: Line, session: Session, ended: threading.Event) -> None:
         pass
     finally:
         ended.set()
+
+
+TALK = Talk(serve)

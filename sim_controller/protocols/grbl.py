@@ -14,8 +14,7 @@ import threading
 from ..languages.grbl.control import REALTIME, RESET, Control, switched_on
 from ..lines import Closed, Line
 from ..session import Session
-
-TCP, PTY = "grbl+socket://{}", "grbl+serial://{}"
+from . import Talk
 
 
 def serve(line: Line, session: Session, once: bool) -> None:
@@ -81,3 +80,6 @@ class Input:
         line = self._text.decode("latin-1").strip()
         self._text.clear()
         return None if pair else line
+
+
+TALK = Talk(serve, "grbl+socket://{}", "grbl+serial://{}")

@@ -21,8 +21,8 @@ from ..languages import Alarm, Silence
 from ..lines import Closed, Line
 from ..motion import Motion, MotionStop, Note
 from ..session import Session
+from . import Talk
 
-TCP, PTY = "modbus+tcp://{}/1", "modbus+rtu://{}/1"  # how the other side names the port
 SIZE = 96
 STATUS, ACKNOWLEDGED, BEGUN, TICKET, TICK, POINT, FLAG, ALARM, PROBE_ON, RECORD, POSITION = range(11)
 COUNT_OF, MARK, VERSION, PATTERN, ORDER, ECHO = 24, 25, 30, 31, 32, 34
@@ -310,3 +310,6 @@ class _Server:
             self._loop.run_in_executor(None, self._registers.execute)
         words[:] = self._registers.words
         return None
+
+
+TALK = Talk(serve, "modbus+tcp://{}/1", "modbus+rtu://{}/1")

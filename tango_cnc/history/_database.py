@@ -9,7 +9,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, inspect, text
 from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, StatementError
 
 from ..records import InputError, LinkError
 
@@ -43,10 +43,10 @@ def connect(where: str | Path, create: bool = True) -> Engine:
         _migrate(engine)
     except OperationalError as error:
         raise LinkError(
-            f"history {url.render_as_string()}: {_first(error)}; is the database there, and may this user write?"
+            f"history {url.render_as_string()}: {first_line(error)}; is the database there, and may this user write?"
         ) from None
     except DBAPIError as error:
-        raise InputError(f"history {url.render_as_string()}: {_first(error)}; found no history of tango_cnc there") from None
+        raise InputError(f"history {url.render_as_string()}: {first_line(error)}; found no history of tango_cnc there") from None
     return engine
 
 
@@ -64,8 +64,10 @@ def _url(where: str | Path) -> Any:
     return url
 
 
-def _first(error: Exception) -> str:
-    return str(getattr(error, "orig", None) or error).strip().splitlines()[0]
+def first_line(error: Exception) -> str:
+    """error → the first line of what the database itself said, where it said something."""
+    own = error.orig if isinstance(error, StatementError) else None
+    return str(own or error).strip().splitlines()[0]
 
 
 def _durable(connection: Any, _: Any) -> None:

@@ -28,7 +28,7 @@ from ..records import InputError, LinkError
 from . import _asked as asked
 from . import _chain
 from . import _tables as t
-from ._database import connect
+from ._database import connect, first_line
 from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend
 
 FORMAT = "tango-night/1"
@@ -124,11 +124,11 @@ class History:
             with self.engine.connect().execution_options(writes=True) as connection, connection.begin():
                 yield connection
         except IntegrityError as error:
-            raise LinkError(f"history: another program added at the same moment ({_first(error)}); do it again") from None
+            raise LinkError(f"history: another program added at the same moment ({first_line(error)}); do it again") from None
         except OperationalError as error:
-            raise LinkError(f"history: it could not be written ({_first(error)}); check the disk and the database") from None
+            raise LinkError(f"history: it could not be written ({first_line(error)}); check the disk and the database") from None
         except DBAPIError as error:
-            raise LinkError(f"history: the database refused ({_first(error)})") from None
+            raise LinkError(f"history: the database refused ({first_line(error)})") from None
 
     def _linked(self, connection: Connection, name: str, cell: str, kind: str, utc: str, content: str) -> tuple[int, int]:
         """→ (id of the machine, id of its new entry), linked to its last one."""
@@ -370,7 +370,7 @@ class History:
                 return list(connection.execute(wanted, given))
         except DBAPIError as error:
             raise LinkError(
-                f"history: it cannot be read ({_first(error)}); restore a backup with 'tango history restore'"
+                f"history: it cannot be read ({first_line(error)}); restore a backup with 'tango history restore'"
             ) from None
 
     def close(self) -> None:
@@ -420,7 +420,3 @@ def _date(text: str) -> str:
 
 def _stamp(moment: datetime) -> str:
     return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
-def _first(error: Exception) -> str:
-    return str(getattr(error, "orig", None) or error).strip().splitlines()[0]

@@ -323,7 +323,11 @@ def _fit(file: Path, entries: Sequence[Entry], plan: Plan) -> None:
 
 def protocol_of(port: str, default: str) -> tuple[protocols.Module, Address]:
     """port's URL, protocol of the post → (module of the protocol, address). Raises InputError for what the URL cannot mean."""
-    name = spoken(port) or linked(port) or default
+    named, wanted = spoken(port), linked(port)
+    if named is not None and wanted not in (None, named):
+        scheme = port.partition("://")[0]
+        raise InputError(f"port {shown(port)!r}: link: found {wanted!r}; allowed: {named}, which {scheme}:// speaks, or no link=")
+    name = named or wanted or default
     if name not in protocols.names():
         raise InputError(f"port {shown(port)!r}: link: found {name!r}; allowed: {', '.join(protocols.names())}")
     module = protocols.load(name)

@@ -14,10 +14,17 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.linkparts import job
 
+from sim_controller.languages.macro_b import control as macro_b
+from sim_controller.protocols import dnc as sim_dnc
+from tango_cnc.link import _punched
 from tango_cnc.link._address import SCHEMES, WAYS, parse, spoken
 from tango_cnc.link._client import Asked, Begun, Ended, Failed, Identified, Refused, Touched
-from tango_cnc.link.protocols import load, names, schemes
+from tango_cnc.link._heard import NAMES
+from tango_cnc.link._measure import protocol_of
+from tango_cnc.link.protocols import dnc, load, names, schemes
+from tango_cnc.records import InputError
 
+FLOW = {"DC1": 0x11, "DC2": 0x12, "DC3": 0x13, "DC4": 0x14}  # ISO/IEC 646 and ISO 6983: send, print, stop sending, end of print
 TRANSCRIPTS = Path(__file__).parents[1] / "transcripts"
 PROTOCOLS = names()
 CONVERSATIONS = [(name, file) for name in PROTOCOLS for file in sorted((TRANSCRIPTS / name).glob("*.txt"))]
@@ -200,3 +207,22 @@ def test_what_only_some_clients_can_do_has_an_answer_in_all(protocol):
     told = made.told(b"", {})
     assert isinstance(made.hello({}), bytes) and (told is None or not told[0]), "silence is no control that can be worked with"
     assert one.stop() in (True, False)
+
+
+def test_the_characters_of_the_line_mean_the_same_on_both_ends():
+    """Product and simulator write them down separately; each place that knows one knows it as the standard does."""
+    for end in (dnc, sim_dnc, macro_b):
+        known = {name: vars(end)[name] for name in FLOW if name in vars(end)}
+        assert len(known) >= 2, end.__name__
+        for name, value in known.items():
+            assert (value if isinstance(value, int) else value[0]) == FLOW[name], f"{end.__name__}.{name}"
+    assert {code: text.split()[0] for code, text in NAMES.items()} == {code: name for name, code in FLOW.items()}
+    assert set(FLOW.values()) <= set(_punched.CODES), "a tape is punched with the codes of the line in it"
+
+
+@pytest.mark.parametrize("scheme", sorted(schemes()))
+def test_a_scheme_and_a_setting_that_name_two_protocols_are_refused(scheme):
+    own, _ = schemes()[scheme]
+    other = next(name for name in PROTOCOLS if name != own)
+    with pytest.raises(InputError, match=f"link: found '{other}'; allowed: {own}, which"):
+        protocol_of(f"{scheme}://there:1?link={other}", other)

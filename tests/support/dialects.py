@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -26,6 +27,8 @@ from tango_cnc.plan import last_motion, plan, plan_hash
 from tango_cnc.records import Cell, Plan, Readings, World
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "hu40t"
+GOLDEN = Path(__file__).parents[1] / "golden"
+FEW = 12  # lines by which programs of relatives differ: their marks, and a word or two
 PRINTED = 1e-4  # mm and deg, the last digit of a record
 OFFSETS = {"X": 11.5, "Y": -3.25, "Z": 100.25}
 
@@ -81,6 +84,16 @@ DRIVEN = {"grbl": Spoken("grbl", resolution=1e-3)}  # no logic of its own: its d
 QUICK = ("fanuc", "grbl", "heidenhain", "linuxcnc", "siemens")  # one of each way to speak; the others are many seconds together
 SPOKEN = {name: OWN.get(name) or usual(name) for name in names() if name not in DRIVEN}
 EVERY = {**SPOKEN, **DRIVEN}
+
+
+def alike(name: str, other: str) -> bool:
+    """dialects → whether the golden programs of two different ones are the same text but for a few lines."""
+
+    def lines(dialect: str) -> set[str]:
+        files = [file for file in (GOLDEN / dialect).glob("*") if file.is_file()]
+        return {re.sub(r"\([^)]*\)", "", line).strip() for file in files for line in file.read_text("utf-8").splitlines()}
+
+    return name != other and len(lines(name) ^ lines(other)) <= FEW
 
 
 @pytest.fixture(scope="module")

@@ -13,11 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from postprocessors._base import Post, load
 from sim_controller.world import nominal_machine, tip_in_table
 from tango_cnc.records import Machine, Plan
 
-FAMILY = ("brother", "fanuc", "haas", "mazak", "mitsubishi")  # they read positions by number and have a variable for the input
-LOOKS = ("centroid", "fagor", "grbl", "heidenhain", "linuxcnc", "mach3", "siemens")  # at the probe before they move, or refuse to
 BRAKE = 11
 
 
@@ -74,11 +73,18 @@ def elsewhere(text: bytes) -> bytes:
     return b"\n".join(re.sub(rb"([XK])( *-? *\d*\.\d+)", moved, line) if b"H" in line else line for line in text.split(b"\n"))
 
 
+def looks(post: Post) -> bool:
+    """dialect → whether it looks at the probe before it moves, or refuses to: what it needs for that has a value."""
+    stated = {option.name: option.default for option in post.options}
+    return bool(stated.get("probe_state", True)) and post.language != "mach4"  # whose post leaves that to nobody
+
+
 def cases(name: str) -> dict[str, Case]:
     """dialect → {belief: the control on which it is wrong}."""
+    post = load(name)
     found = {
         "alive": Case("alive", {"probe": "other"}, names="cable"),
-        "deflected": Case(None if name in LOOKS else "deflected"),
+        "deflected": Case(None if looks(post) else "deflected"),
         "directions": Case("directions", truly=lambda machine: turned_round(machine, "X"), names="machine.yaml"),
         "frames": Case("frames", printed=elsewhere, names="position"),
         "miss": Case("miss", {"miss_stops": True}, names="parameter"),
@@ -94,7 +100,7 @@ def cases(name: str) -> dict[str, Case]:
         "append": Case("append", overwrites=True, names="append"),
         "rollover": Case("rollover", {"short_way": ("C",)}, names="travel"),
     }
-    if name in FAMILY:
+    if post.language == "macro_b":  # they read positions by number and have a variable for the input
         numbers = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}
         found["frames"] = Case(
             "frames", {"habits": {"axes": ("Y", "X", "Z", "B", "C")}}, {}, {"axis_numbers": numbers}, "axis_numbers"
