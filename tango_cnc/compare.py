@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .features import good, located
 from .kinematics import inverse
 from .records import Array, Artefact, InputError, Machine, Readings
-from .touches import Touches, from_readings, located
+from .touches import Touches, from_readings
 
 STEP = 1.0  # mm of the approach that its direction is taken from
 SHOWN = 5  # touches named in a complaint
@@ -83,7 +84,7 @@ def latch(feed: Array, period: float) -> tuple[float, float]:
 
 
 def _good(machine: Machine, artefact: Artefact, readings: Readings) -> Touches:
-    return from_readings(machine, located(artefact, readings), readings)
+    return from_readings(machine, located(artefact, good(readings)), readings)
 
 
 def _keys(touches: Touches) -> list[tuple[int, int, int]]:

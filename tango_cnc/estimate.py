@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from . import kinematics
+from .features import good, located
 from .identify import Selection, condition_number, scaled_condition_number, select
 from .model import Model, errors, known, linearise, residual
 from .records import Array, Artefact, Machine, Parameter, Readings, TangoError, TermItem
 from .terms import causes
-from .touches import FAR, Touches, from_readings, located, misnamed
+from .touches import FAR, Touches, from_readings, misnamed
 
 STEP = 1e-11  # mm
 SLOWEST = 0.01  # rate at which steps shrink that is trusted
@@ -149,7 +150,7 @@ class Estimate:
 
 def estimate(machine: Machine, artefact: Artefact, readings: Readings, terms: Sequence[TermItem], degree: int = 3) -> Estimate:
     """readings → estimate. Raises InputError for unknown terms, TangoError when the touches do not support a fit."""
-    touches = from_readings(machine, located(artefact, readings), readings)
+    touches = from_readings(machine, located(artefact, good(readings)), readings)
     if not len(touches):
         raise TangoError("readings: found no touch with status ok; at least as many touches as unknowns are needed")
     first = [item for item in terms if not _needs_tip(item)]

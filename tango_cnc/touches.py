@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kinematics
+from .features import located
 from .kinematics import Chain, Sensitivity, Slot
-from .records import Array, Artefact, Id, Machine, Readings, Surface
+from .records import Array, Artefact, Id, Machine, Readings
 
 FAR = 5.0  # mm from the nominal contact: no error of the machine, a facet of another name
-SIDES = 0.05  # least against largest spread of the normals on a ball whose centre is known
 
 
 class Curved(NamedTuple):
@@ -256,27 +256,6 @@ def misnamed(touches: Touches) -> tuple[Misnamed, ...]:
     return tuple(found)
 
 
-def located(artefact: Artefact, readings: Readings) -> Artefact:
-    """artefact, readings → the artefact without balls that these touch from too few sides to know their centre.
-
-    Such a ball's facets stand for themselves: patches of a sphere, each with an offset of its own. Its touches still count,
-    and the iteration is spared a centre that could wander around the ball.
-    """
-    loose = []
-    for ball in artefact.balls:
-        rows = np.flatnonzero(readings.ok & np.array([artefact.facets[f].ball == ball for f in readings.facet], dtype=np.bool_))
-        spread = np.linalg.svd(np.array([artefact.facets[readings.facet[i]].normal for i in rows]).reshape(-1, 3), compute_uv=False)
-        if len(rows) and (len(spread) < 3 or spread[2] < SIDES * spread[0]):
-            loose.append(ball)
-    if not loose:
-        return artefact
-    facets = {
-        key: replace(f, ball=None, surface=Surface("sphere", artefact.balls[f.ball].radius)) if f.ball in loose else f
-        for key, f in artefact.facets.items()
-    }
-    return replace(artefact, facets=facets)
-
-
 def of_facets(
     machine: Machine,
     artefact: Artefact,
@@ -291,4 +270,4 @@ def of_facets(
     planned = Readings(
         machine.names, count + 1, count.astype(float), tuple(facets), position, direction, ("ok",) * n, one, one, stylus=stylus
     )
-    return from_readings(machine, located(artefact, planned), planned)
+    return from_readings(machine, located(artefact, facets), planned)

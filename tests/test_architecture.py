@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from support.imports import modules, statements, tree
 
-NUMERIC = "records texts judgement files.checked kinematics touches terms model identify estimate"
+NUMERIC = "records texts judgement files.checked kinematics features touches terms model identify estimate"
 # A module of tango_cnc → what else of tango_cnc it may import. The longest name that fits decides; its own package is allowed.
 # A stage without a row works on numbers alone and may import NUMERIC; None: everything but the command line.
 INTERNAL: dict[str, str | None] = {
@@ -20,11 +20,12 @@ INTERNAL: dict[str, str | None] = {
     "records": "judgement",
     "files": "records judgement nearest",
     "kinematics": "records",
-    "touches": "records kinematics",
+    "features": "records texts",
+    "touches": "records kinematics features",
     "terms": "records kinematics touches files.checked",
     "model": "records kinematics touches terms",
     "identify": "records texts kinematics touches terms model",
-    "estimate": "records kinematics touches terms model identify",
+    "estimate": "records kinematics features touches terms model identify",
     "check": "records kinematics",
     "duration": "records gate",
     "gate": "records",

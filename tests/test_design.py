@@ -15,11 +15,11 @@ from scipy.spatial import ConvexHull
 from tango_cnc.cli import guarded, tango
 from tango_cnc.design import goals, order
 from tango_cnc.design.candidates import candidates
-from tango_cnc.design.choose import rows_of
 from tango_cnc.design.criterion import Criterion, State, swaps, value
 from tango_cnc.design.exchange import Draft
 from tango_cnc.design.relaxed import Costs, Relaxed, efficiency, relax
 from tango_cnc.design.senses import ordered, senses_of
+from tango_cnc.design.timed import rows_of
 from tango_cnc.design.whole import whole
 from tango_cnc.design.worst import sharpened
 from tango_cnc.files import read_artefact, read_cell

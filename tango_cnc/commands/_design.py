@@ -10,7 +10,8 @@ import numpy as np
 import yaml
 
 from .. import kinematics
-from ..design import choose, order, propose, region
+from ..design import order, propose, region, sequence, timed
+from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
 from ..design.enough import determined
@@ -20,6 +21,7 @@ from ..duration import spoken
 from ..files.write import dump
 from ..records import Array, Strategy
 from ..report.drawn import Drawn
+from ..report.texts import texts
 
 REASONS = 3  # parameters that are named for an indexation
 TELLS = 1.05  # times a standard deviation grows without an indexation that tells something of the parameter
@@ -32,11 +34,12 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "format": "tango-design/1",
         "goal": ready.wish.goal.text,
         "machine": found.cell.machine.name,
+        "terms": list(ready.wish.terms),
         "touches": len(found.rows),
         "indexations": len(found.cell.strategy.indexations),
-        "unknowns": len(ready.problem.choice.selection.model.names),
+        "unknowns": unknowns(ready.problem.choice, [touch.facet for touch in found.plan.touches]),
         "time_s": round(found.seconds, 3),
-        "time_by_part_s": {part: round(s, 3) for part, s in choose.parts_of(found).items()},
+        "time_by_part_s": {part: round(s, 3) for part, s in timed.parts_of(found).items()},
         "positioning_feed": ready.problem.feed,
         "criterion": {"value": amount, "unit": unit},
         "determined": determined(found.problem, found.information),
@@ -57,8 +60,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "seconds_per_indexation": found.costs[1],
         }
     if sees is None and not ready.problem.criterion.determinant:
-        values = choose.broken_off(found, (*choose.FRACTIONS, 1.0))
-        parts = zip((*choose.FRACTIONS, 1.0), values, strict=True)
+        values = timed.broken_off(found, (*sequence.FRACTIONS, 1.0))
+        parts = zip((*sequence.FRACTIONS, 1.0), values, strict=True)
         data["broken_off"] = [{"part": p, "value": propose.reached(ready, float(v))[0] if v < np.inf else None} for p, v in parts]
     if sees is not None:
         data["check"] = {
@@ -114,6 +117,9 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         lines += _seen(data["check"])
     if ready.wish.goal.word not in ("D", "A", "condition"):
         lines.append(f"where parts are made: {data['region']} (--volume)")
+    if ready.wish.terms != tuple(ready.problem.choice.cell.terms) and "check" not in data:
+        said = ",".join(item if isinstance(item, str) else str(item["cause"]) for item in ready.wish.terms)
+        lines.append(f"this is of the terms {said}: give them to 'tango check' and 'tango estimate' with --terms {said}")
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
     return "\n".join(lines)
@@ -205,7 +211,7 @@ def change_text(found: Change) -> str:
 def drawn(ready: Setting, found: Chosen) -> Drawn:
     """setting, plan → what its pictures show."""
     parts = np.linspace(0.02, 1.0, 40)
-    values = [propose.reached(ready, float(v))[0] if v < np.inf else np.nan for v in choose.broken_off(found, parts.tolist())]
+    values = [propose.reached(ready, float(v))[0] if v < np.inf else np.nan for v in timed.broken_off(found, parts.tolist())]
     machine, at = found.cell.machine, np.array([touch.indexation for touch in found.plan.touches])
     names = machine.rotary[:2]
     angles = np.degrees([[i.position[n] for n in names] for i in found.cell.strategy.indexations]).reshape(-1, len(names))
@@ -216,8 +222,14 @@ def drawn(ready: Setting, found: Chosen) -> Drawn:
     spread = moved @ covariance @ np.swapaxes(moved, 1, 2)
     std = 1e3 * np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0, None))
     place = kinematics.tip(kinematics.chain(machine), ready.lever.position)
-    unit = propose.reached(ready, found.value)[1]
-    return Drawn(parts * found.seconds / 60, np.array(values), unit, angles, names, np.bincount(at).astype(float), place, std)
+    said = texts()(f"design.y_{_figure(ready)}", unit=propose.reached(ready, found.value)[1])
+    return Drawn(parts * found.seconds / 60, np.array(values), said, angles, names, np.bincount(at).astype(float), place, std)
+
+
+def _figure(ready: Setting) -> str:
+    """setting → which text says what the goal's number is."""
+    word = ready.wish.goal.word
+    return {"volume": "tip", "check": "change", "locations": "location", "D": "ellipsoid", "": "limit"}.get(word, "parameters")
 
 
 def strategy_text(found: Chosen, data: dict[str, Any], lines: Sequence[str]) -> str:

@@ -12,6 +12,7 @@ import click
 import numpy as np
 
 from ..duration import PROOF, duration, proof, saved, spoken
+from ..features import bar_left_out
 from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms, write_text
 from ..files.normals import refuse_inward
 from ..identify import condition_number, scaled_condition_number, select, summary
@@ -194,6 +195,7 @@ def _told(cell: Cell, plans: Sequence[Plan], terms: tuple[TermItem, ...], degree
     std = sigma * np.linalg.norm(np.linalg.inv(root), axis=1) / scale
     return {
         "unknowns": len(model.names),
+        "scale_bar_not_used": bar_left_out(cell.artefact, facets),
         "dof": len(touches) + len(rows) - len(model.names),
         "condition_number": condition_number(np.vstack([jacobian, rows])),
         "scaled_condition_number": scaled_condition_number(np.vstack([jacobian, rows])),
@@ -241,6 +243,7 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         "",
     ]
     lines.append(table(rows, "<><"))
+    lines += [data["scale_bar_not_used"]] if data["scale_bar_not_used"] else []
     lines += [f"cannot be seen: {text}" for text in summary(data["not_identifiable"])]
     lines += _figures(data)
     time, feed = data["predicted_time_s"], data["positioning_feed"]

@@ -13,6 +13,7 @@ import click
 import numpy as np
 
 from ..estimate import Estimate, estimate, without
+from ..features import bar_left_out
 from ..files import blamed_on, read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..identify import summary
@@ -91,10 +92,11 @@ def command(
     gone = sorted({*blamed, *(int(i) for i in excluded)})
     figures = withheld(result)
     data = as_json(result, figures, judgement)
+    data["scale_bar_not_used"] = bar = bar_left_out(cell.artefact, result.model.touches.facet)
     if exclude_outliers:
         data["excluded"] = gone
     if not write_json(json_file, data):
-        click.echo("\n".join([*told(judgement), as_text(result, figures)]))
+        click.echo("\n".join([*told(judgement), as_text(result, figures), *([bar] if bar else [])]))
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
     skipped = int((~readings.ok).sum())

@@ -100,6 +100,7 @@ def of_strategy(whole: Cell, terms: Sequence[TermItem], degree: int = 3) -> Cand
     pose = np.repeat(np.arange(len(indexations)), [len(i.facets) for i in indexations])
     station = np.array([[i.position.get(name, 0.0) for name in machine.names] for i in indexations])
     touches = of_facets(machine, whole.artefact, facet, station[pose], np.zeros((len(facet), len(machine.names))))
+    whole = replace(whole, artefact=touches.artefact)  # a ball that no plan could locate is none
     direction = _directions(touches.nominal.position, touches.normal, touches.chain)
     for k, name in enumerate((*machine.rotary, "S")):  # from which side an axis came is decided by the order; half from either
         direction[:, machine.column(name)] = np.where((pose >> k) % 2, 1.0, -1.0)

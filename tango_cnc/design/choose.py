@@ -7,27 +7,26 @@ take is what the next choice is made with, until the time is met.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import kinematics
-from ..duration import PROOF, duration, of_moves, proof
+from ..duration import proof
 from ..gate import ABOVE
-from ..model import Model, linearise
-from ..plan import last_motion, plan
-from ..records import Array, Cell, Indexation, InputError, Plan, Strategy
-from ..touches import of_facets
+from ..plan import plan
+from ..records import Indexation, InputError, Strategy
 from . import order
-from .candidates import Candidates
+from .balls import needed
 from .criterion import parts, value
-from .enough import determined
 from .exchange import Draft
 from .problem import Chosen, Problem, lighter
 from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
 from .senses import senses_of
-from .sequence import FRACTIONS, sequence
+from .sequence import sequence
+from .timed import judged
 from .whole import SHAKES, whole
 from .worst import FEWER, sharpened
 
@@ -42,8 +41,12 @@ SHARP = 3.0  # power of each variance by which the worst of many counts more
 Mask = NDArray[np.bool_]
 
 
-class TooShort(InputError):
-    """The time does not do: even the shortest plan that was found takes longer."""
+class NoTime(InputError):
+    """The time does not do for any plan."""
+
+
+class TooShort(NoTime):
+    """The same, where a plan was found: even the shortest one takes longer."""
 
     def __init__(self, found: Chosen) -> None:
         super().__init__(f"--minutes: found {found.problem.seconds / 60:.3g}; allow more time: even the shortest plan takes longer")
@@ -62,8 +65,10 @@ def chosen(problem: Problem) -> Chosen:
     best = min((found, last), (first, relaxed), key=lambda each: each[0].value)
     if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
         best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
-    finer = _at_the_same_visits(best[0], best[1])
-    return certified(finer if finer.value < best[0].value else best[0], _lifted(best[0].problem, best[1]))
+    plans = [best[0]]
+    with suppress(NoTime):
+        plans.append(_at_the_same_visits(*best))
+    return certified(min(plans, key=lambda each: each.value), _lifted(best[0].problem, best[1]))
 
 
 def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:
@@ -97,6 +102,7 @@ def _at_the_same_visits(found: Chosen, relaxed: Relaxed) -> Chosen:
     of_pose = [np.flatnonzero(pose == j) for j in range(len(visits))]
     costs = Costs(np.full(len(rows), touch), np.full(len(visits), visit))
     seconds = problem.seconds - spare
+    _enough(problem, seconds, touch, visit)
     here = relax(rows, of_pose, light.held, costs, seconds, light.criterion)
     mask = np.zeros(len(light.choice.pose), dtype=np.bool_)
     mask[some[whole(rows, pose, of_pose, light.held, costs, seconds, here, SHAKES)]] = True
@@ -127,7 +133,9 @@ def _in_a_row(
     best: tuple[float, Problem, Relaxed] | None = None
     for times in range(1, MOST + 1):
         touch = single + (times - 1) * again
-        if times > 1 and not problem.choice.twice and SHARE * seconds / touch < ENOUGH * unknowns:
+        if times == 1:
+            _enough(problem, seconds, touch, visit)
+        elif seconds < visit + 3 * touch or (not problem.choice.twice and SHARE * seconds / touch < ENOUGH * unknowns):
             break
         light = lighter(tried := problem.in_a_row(times))
         choice = light.choice
@@ -143,8 +151,8 @@ def _in_a_row(
 
 def _enough(problem: Problem, seconds: float, touch: float, visit: float) -> None:
     if seconds < visit + 3 * touch:
-        raise InputError(
-            f"--minutes: found {problem.seconds / 60:g}; an indexation takes {visit:.0f} s and each touch {touch:.1f} s; "
+        raise NoTime(
+            f"--minutes: found {problem.seconds / 60:.3g}; an indexation takes {visit:.0f} s and each touch {touch:.1f} s; "
             "allow more time"
         )
 
@@ -168,7 +176,8 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
 
     `sides`: whether the order of the visits takes longer where axes then come from sides that tell more.
     """
-    mask = mask.copy()
+    more = needed(problem, mask)
+    mask = mask | more
     choice = problem.choice
     legs = order.Legs(choice.cell, problem.feed)
     best: Chosen | None = None
@@ -185,7 +194,9 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
         if best is not None and (worse >= WORSE or -CLOSE * problem.seconds <= over <= 0):
             break
         own = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
-        changed = _changed(lighter(problem.ordered(visited)), mask, own, relaxed, over)
+        changed = _changed(lighter(problem.ordered(visited)), mask, own, relaxed, over, more)
+        more |= needed(problem, changed)
+        changed |= more
         if changed.sum() < 2 or (changed == mask).all():
             break
         mask = changed
@@ -194,13 +205,14 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
     return best
 
 
-def _changed(light: Problem, mask: Mask, costs: Costs, relaxed: Relaxed, over: float) -> Mask:
-    """problem, chosen touches, costs, s by which their plan takes too long → touches that take as much less, or more."""
+def _changed(light: Problem, mask: Mask, costs: Costs, relaxed: Relaxed, over: float, stay: Mask) -> Mask:
+    """problem, chosen touches, costs, s too long, touches that stay → touches that take as much less, or more."""
     choice, many = light.choice, light.criterion
     if many.worst is not None:
         weights = parts(many, light.held + choice.rows[mask].T @ choice.rows[mask]) ** SHARP
         relaxed = replace(relaxed, criterion=many.with_weights(weights / weights.sum()))
     draft = Draft(choice.rows, choice.pose, choice.of_pose, light.held, costs, relaxed, mask)
+    draft.needed = stay
     aim = draft.seconds - over * (1.0 if over > 0 else PART)
     if over > 0:
         draft.eliminate(aim)
@@ -263,55 +275,3 @@ def _again(problem: Problem, mask: Mask, first: int, indexation: Indexation) -> 
         information = information + np.outer(where[taken[-1]], where[taken[-1]])
     keep = {choice.facet[own[i]] for i in taken}
     return replace(indexation, facets=tuple(f for f in indexation.facets if f in keep))
-
-
-def rows_of(choice: Candidates, made: Plan) -> Array:
-    """candidates, plan → (n, p) rows of its touches with the last motions that the axes have in it."""
-    position = np.array([touch.contact for touch in made.touches])
-    facets = [t.facet for t in made.touches]
-    cell = choice.cell
-    touches = replace(of_facets(cell.machine, cell.artefact, facets, position, last_motion(made)), artefact=cell.artefact)
-    model = Model(touches, choice.selection.model.coefficients)
-    _, jacobian = linearise(model, np.zeros(len(model.names)))
-    place = {name: j for j, name in enumerate(choice.selection.model.names)}
-    found = np.zeros((len(facets), len(place)))
-    found[:, [place[name] for name in model.names]] = jacobian
-    found = found * choice.scale[: len(place)]
-    return np.hstack([found, found[:, list(choice.twice)]])
-
-
-def judged(problem: Problem, cell: Cell, made: Plan) -> Chosen:
-    """problem, cell with a strategy, its plan → what the plan is worth and takes; no bound yet."""
-    rows = rows_of(problem.choice, made)
-    spent, number, ways = np.zeros(len(rows) + 1), 0, 0.0
-    indexation = [touch.indexation for touch in made.touches]
-    turned = {0} | {n for n in range(1, len(rows)) if indexation[n] != indexation[n - 1]}
-    for move, seconds in zip(made.moves, of_moves(made, problem.feed), strict=True):
-        spent[min(number, len(rows) - 1)] += seconds
-        if move.kind in order.TOUCHING or number not in turned:
-            ways += seconds
-        if move.kind == "back":
-            number += 1
-    total = float(spent.sum())
-    costs = ways / len(rows) * problem.times, (total - ways) / len(turned)
-    information = problem.held + rows.T @ rows
-    reached = value(problem.criterion, information)
-    alive = proof(made, problem.gate, problem.feed)
-    time = alive + np.cumsum(spent[:-1])
-    return Chosen(problem, cell, made, alive + total, information, reached, -np.inf, 0.0, costs, time, rows)
-
-
-def broken_off(found: Chosen, fractions: Sequence[float] = FRACTIONS) -> Array:
-    """chosen plan, parts of its time → φ of what the touches made by then determine; inf where they do not determine it."""
-    problem, values = found.problem, []
-    for part in fractions:
-        rows = found.rows[found.time <= part * found.seconds]
-        information = problem.held + rows.T @ rows
-        values.append(value(problem.criterion, information) if determined(problem, information) else np.inf)
-    return np.array(values)
-
-
-def parts_of(found: Chosen) -> dict[str, float]:
-    """chosen plan → s by part of the cycle."""
-    alive = proof(found.plan, found.problem.gate, found.problem.feed)
-    return duration(found.plan, found.problem.feed) | ({PROOF: alive} if alive else {})

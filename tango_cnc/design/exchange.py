@@ -37,6 +37,7 @@ class Draft:
         """(n, p) touches, (n,) indexation, rows of each, what is known without touches, costs, relaxed design, (n,) mask."""
         self.rows, self.pose, self.of_pose, self.held, self.costs = rows, pose, of_pose, held, costs
         self.criterion, self.chosen = relaxed.criterion, chosen.copy()
+        self.needed = np.zeros(len(rows), dtype=np.bool_)  # touches that are never left out
         self._table = np.full((len(of_pose), max(map(len, of_pose), default=0)), len(rows))
         for j, own in enumerate(of_pose):
             self._table[j, : len(own)] = own
@@ -105,8 +106,8 @@ class Draft:
 
     def eliminate(self, seconds: float) -> None:
         """Leaves out what costs most for what it tells until the plan takes no longer than that: many at once first, then few."""
-        while (time := self.seconds) > seconds:
-            inside = np.flatnonzero(self.chosen)
+        while (time := self.seconds) > seconds and (self.chosen & ~self.needed).any():
+            inside = np.flatnonzero(self.chosen & ~self.needed)
             rate = self.state.loss(self.leverage[inside], self.gain[inside]) / self.costs.touch[inside]
             visited = np.unique(self.pose[inside]).tolist()
             least = min(visits := {j: self.visit_rate(j) for j in visited}, key=lambda j: visits[j])
@@ -129,6 +130,8 @@ class Draft:
         """indexation → how much φ grows without its touches, per s."""
         own = self.of_pose[j]
         own = own[self.chosen[own]]
+        if self.needed[own].any():
+            return np.inf
         return self.state.block_loss(self.rows[own]) / float(self.costs.visit[j] + self.costs.touch[own].sum())
 
     def leave(self, j: int) -> None:
@@ -140,8 +143,8 @@ class Draft:
         """Swaps touches at the indexations that are visited, the best swaps first, while that gains and fits into the time."""
         spare = seconds - self.seconds
         for _ in range(int(self.chosen.sum())):
-            leaving, entering = np.flatnonzero(self.chosen), self.offered()
-            if not len(entering):
+            leaving, entering = np.flatnonzero(self.chosen & ~self.needed), self.offered()
+            if not len(entering) or not len(leaving):
                 break
             gained = swaps(self.state, self.rows[leaving], self.rows[entering])
             longer = self.costs.touch[entering][None, :] - self.costs.touch[leaving][:, None]

@@ -18,6 +18,7 @@ from .criterion import Criterion
 from .region import Levers
 
 WORDS = ("volume", "locations", "check", "D", "A", "condition")
+SEEN = 0.05  # mm at a touch: as well is known what no limit is stated for
 COARSE = 10.0  # times as uncertain as a location may be what is no location
 USUAL_MINUTES = {"volume": 10.0, "locations": 5.0, "check": 2.5, "D": 10.0, "A": 10.0, "condition": 10.0}
 
@@ -69,8 +70,10 @@ def volume(lever: Levers, scale: Array) -> Criterion:
     return Criterion("volume", spread / len(still))
 
 
-def of_limits(choice: Candidates, limits: Mapping[str, float]) -> Criterion:
+def of_limits(choice: Candidates, limits: Mapping[str, float], seen: bool = False) -> Criterion:
     """candidates, limits (µm, µrad … as on the terminal) by name → worst ratio of a variance to its limit's square.
+
+    `seen`: what has no limit is to be seen, to `SEEN` at a touch. An estimate without it would take it for what has one.
 
     Raises InputError for a name that no plan could estimate.
     """
@@ -88,6 +91,11 @@ def of_limits(choice: Candidates, limits: Mapping[str, float]) -> Criterion:
         row = np.zeros(len(choice.scale))
         row[names[name]] = choice.sigma * choice.scale[names[name]] * shown(model.coefficients[names[name]].unit)[0] / limit
         rows.append(row)
+    if seen and rows:
+        named = {names[name] for name in limits}
+        for j in range(len(model.coefficients)):
+            if j not in named:
+                rows.append(np.eye(len(choice.scale))[j] * choice.sigma / SEEN)
     return Criterion("limits", None, np.array(rows)) if rows else Criterion("D")
 
 

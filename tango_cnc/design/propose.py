@@ -9,13 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..identify import select
+from ..identify import SUBSETS, select
 from ..model import Model, linearise
 from ..plan import plan
 from ..records import Approach, Array, Cell, InputError, Plan, Readings, TermItem
+from ..terms import inter_axis
 from ..touches import from_readings
-from . import candidates, check, choose, goals, prior, region
+from . import candidates, check, choose, goals, prior, region, timed
 from . import regular as plain
+from .balls import information
 from .candidates import Candidates
 from .criterion import value
 from .enough import serves
@@ -28,7 +30,7 @@ from .whole import whole
 CHECK = 8.0  # minutes at most of a check for which nobody states a time
 WELL = 0.004  # mm, standard deviation of the worst change: about 20 µm are seen
 LONGER, LONGEST = 1.25, 60.0  # steps, and the end, of looking for minutes that would do
-TRIES = 5  # times that are looked at when limits are given and no time
+BEGIN, TRIES = 300.0, 7  # s that are looked at first when limits are given and no time, and how many times are
 NEAR = 0.05  # of the time: nearer to the least one is near enough
 
 
@@ -59,10 +61,16 @@ class Setting:
 
 
 def usual_terms(goal: Goal, own: Sequence[TermItem]) -> tuple[TermItem, ...]:
-    """goal, terms of the cell → terms that such a plan is made for: whole error motions for a volume, locations for the others."""
+    """goal, terms of the cell → terms that such a plan is made for: whole error motions for a volume, locations for the others.
+
+    Where the cell names its locations one by one, these are what its estimate will have.
+    """
+    more = tuple(item for item in own if item not in SUBSETS)
     if goal.word in ("volume", "D", "A", "condition"):
-        return ("S4", *(item for item in own if item not in ("S1", "S2", "S3", "S4")))
-    return ("S3", *(item for item in own if item not in ("S1", "S2", "S3", "S4")))
+        return ("S4", *more)
+    if "S4" not in own and any(isinstance(item, str) and inter_axis.PATTERN.fullmatch(item) for item in own):
+        return tuple(own)
+    return ("S3", *more)
 
 
 def setting(cell: Cell, wish: Wish) -> Setting:
@@ -89,7 +97,7 @@ def setting(cell: Cell, wish: Wish) -> Setting:
     else:
         reach = float(np.linalg.norm(np.subtract(where.high, where.low))) / 2
         limits = wish.goal.limits or goals.usual_limits(model, reach)
-        criterion = goals.of_limits(choice, limits)
+        criterion = goals.of_limits(choice, limits, seen=True)
     problem = Problem(choice, criterion, seconds, wish.feed, begin, gate=wish.gate)
     return Setting(wish, problem.of_time(seconds), lever, where)
 
@@ -110,15 +118,16 @@ def _before(cell: Cell, wish: Wish, choice: Candidates) -> Array:
         )
     if wish.before is None:
         made = plan(cell, "leave-out")
-        rows = choose.rows_of(choice, made)
+        rows, facets = timed.rows_of(choice, made), [touch.facet for touch in made.touches]
     else:
-        touches = replace(from_readings(cell.machine, cell.artefact, wish.before), artefact=cell.artefact)
+        touches = replace(from_readings(cell.machine, cell.artefact, wish.before), artefact=choice.cell.artefact)
+        facets = list(touches.facet)
         model = Model(touches, choice.selection.model.coefficients)
         place = {name: j for j, name in enumerate(choice.selection.model.names)}
         rows = np.zeros((len(touches), len(place)))
         rows[:, [place[name] for name in model.names]] = linearise(model, np.zeros(len(model.names)))[1]
         rows *= choice.scale
-    return np.asarray(choice.held + rows.T @ rows)
+    return information(choice, facets, rows)
 
 
 def propose(ready: Setting) -> Chosen:
@@ -139,23 +148,34 @@ def _proposed(ready: Setting) -> Chosen:
             return _worth_making(_usual_check(ready.problem))
         found = choose.chosen(ready.problem)
         return _worth_making(found) if wish.goal.word else found
-    seconds, best, short = 300.0, None, 0.0
+    return _shortest(ready.problem)
+
+
+def _shortest(problem: Problem) -> Chosen:
+    """problem with limits → the shortest plan that was found to keep them. Raises InputError where none does.
+
+    Variances fall about as the time for touches grows, which says where to look next.
+    """
+    seconds, short, best, last = BEGIN, 0.0, None, None
     for _ in range(TRIES):
-        found = choose.chosen(replace(ready.problem, seconds=seconds))
-        if found.value <= 1 and (best is None or found.seconds < best.seconds):
-            best = found
-        if found.value > 1:
+        found = None
+        with suppress(choose.NoTime):
+            found = last = choose.chosen(problem.of_time(seconds))
+        if found is not None and found.value <= 1:
+            best = found if best is None or found.seconds < best.seconds else best
+        else:
             short = max(short, seconds)
-        aim = found.seconds * found.value * (1.02 if found.value > 1 else 1.0)
+        if best is not None and best.seconds - short < NEAR * best.seconds:
+            break
+        aim = 2 * seconds if found is None else found.seconds * (1.02 * found.value if found.value > 1 else found.value)
         if best is not None:
-            if best.seconds - short < NEAR * best.seconds:
-                break
-            aim = min(max(aim, short + 0.25 * (best.seconds - short)), best.seconds - NEAR * best.seconds)
-        seconds = min(max(aim, 60.0), 4 * seconds)
+            aim = min(max(aim, short + 0.4 * (best.seconds - short)), best.seconds - NEAR * best.seconds)
+        seconds = min(aim, 4 * seconds)
     if best is None:
+        far = "" if last is None else f"; the worst is {last.value**0.5:.2g} times its limit in {last.seconds / 60:.0f}"
         raise InputError(
-            f"--goal: no plan of {seconds / 60:.0f} minutes or less keeps these limits; at that time the worst is "
-            f"{found.value**0.5:.2g} times its limit. Allow more, or state --minutes for the best plan of that time"
+            f"--goal: no plan of up to {short / 60:.0f} minutes keeps these limits{far}. "
+            "Allow more, or state --minutes for the best plan of that time"
         )
     return best
 
@@ -216,13 +236,13 @@ def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | No
 
 def same_time(ready: Setting, other: Cell, made: Plan) -> Chosen:
     """setting, cell with another strategy, its plan → what that is worth by the same criterion."""
-    return choose.judged(ready.problem, other, made)
+    return timed.judged(ready.problem, other, made)
 
 
 def information_of(ready: Setting, made: Plan) -> Array:
     """setting, plan → (p, p) information of its touches."""
-    rows = choose.rows_of(ready.problem.choice, made)
-    return np.asarray(ready.problem.held + rows.T @ rows)
+    choice = ready.problem.choice
+    return information(choice, [touch.facet for touch in made.touches], timed.rows_of(choice, made))
 
 
 def reached(ready: Setting, phi: float) -> tuple[float, str]:

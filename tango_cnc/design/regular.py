@@ -15,10 +15,11 @@ import numpy as np
 from ..plan import plan, standing
 from ..records import Array, Cell, Indexation, InputError, Plan, Strategy
 from . import order
-from .choose import judged
+from .balls import information
 from .criterion import value
 from .problem import Chosen, Problem
 from .region import turn
+from .timed import judged
 
 GRIDS = ((3, 3), (3, 4), (4, 4), (5, 4), (5, 5), (5, 6), (7, 5))  # steps of the axis with the smaller travel and of the other one
 TURNED = 2  # facets at each quarter of the spindle
@@ -111,6 +112,7 @@ def at_random(found: Chosen, count: int = 100, seed: int = 1) -> Array:
             poses = rng.choice(len(choice.of_pose), more, replace=False)
             offered = np.concatenate([choice.of_pose[j] for j in poses])
             more += 1
-        rows = choice.rows[rng.choice(offered, min(touches, len(offered)), replace=False)]
-        values[number] = value(problem.criterion, problem.held + rows.T @ rows)
+        drawn = rng.choice(offered, min(touches, len(offered)), replace=False)
+        told = information(choice, [choice.facet[i] for i in drawn], choice.rows[drawn])
+        values[number] = value(problem.criterion, told)
     return values

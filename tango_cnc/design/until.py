@@ -15,12 +15,13 @@ from ..plan import plan
 from ..records import Array, Cell, Indexation, InputError, Plan, Readings
 from ..touches import from_readings
 from . import goals, order
-from .choose import judged, rows_of
+from .balls import information
 from .criterion import Criterion, value
 from .exchange import Draft
 from .measured import noise
 from .propose import Setting, Wish, setting
 from .relaxed import Costs, Relaxed
+from .timed import judged, rows_of
 
 MORE = 1.0  # times the time of the strategy that may be appended to it
 STEP = 0.1  # of that time, appended at once
@@ -40,9 +41,10 @@ class Until:
 
     def share(self, made: Sequence[int] | slice, sigma: float | None = None) -> float:
         """rows of touches made, mm of scatter → largest ratio of a standard uncertainty to what is asked for."""
-        choice, rows = self.ready.problem.choice, self.rows[made]
+        choice, number = self.ready.problem.choice, np.arange(len(self.rows))[made]
         larger = 1.0 if sigma is None else sigma / choice.sigma
-        return larger * value(self.criterion, choice.held + rows.T @ rows) ** 0.5
+        facets = [self.plan.touches[i].facet for i in number]
+        return larger * value(self.criterion, information(choice, facets, self.rows[number])) ** 0.5
 
     def ahead(self, readings: Readings | None) -> tuple[int, float]:
         """readings so far → touches to be made next, 0 when it is reached or none is left; ratio reached so far."""
@@ -93,7 +95,7 @@ def _longer(own: Until) -> Until:
     timed = judged(problem, own.cell, own.plan)
     costs = Costs(np.full(len(choice.rows), timed.costs[0]), np.full(len(choice.of_pose), timed.costs[1]))
     criterion = own.criterion if own.criterion.worst is None else own.criterion.with_weights(_even(own.criterion))
-    held = choice.held + own.rows.T @ own.rows
+    held = information(choice, [touch.facet for touch in own.plan.touches], own.rows)
     draft = Draft(
         choice.rows, choice.pose, choice.of_pose, held, costs, Relaxed(np.empty(0), np.empty(0), 0.0, criterion), choice.pose < 0
     )

@@ -39,7 +39,7 @@ def sharpened(draft: Draft, seconds: float, many: Criterion) -> None:
     assert many.worst is not None
     aims, spare = many.worst, seconds - draft.seconds
     for _ in range(int(draft.chosen.sum())):
-        leaving, entering = np.flatnonzero(draft.chosen), draft.offered()
+        leaving, entering = np.flatnonzero(draft.chosen & ~draft.needed), draft.offered()
         if not len(entering):
             break
         covariance, now = draft.state.covariance, value(many, draft.information)

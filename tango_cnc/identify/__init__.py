@@ -6,10 +6,11 @@ same way on a rich plan: random poses over the whole travel, every direction, a 
 """
 
 from .rank import columns, condition_number, independent, scaled_condition_number
-from .selection import Selection, rich_plan, select, subset_terms
+from .selection import SUBSETS, Selection, rich_plan, select, subset_terms
 from .words import describe, summary
 
 __all__ = [
+    "SUBSETS",
     "Selection",
     "columns",
     "condition_number",

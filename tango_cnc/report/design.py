@@ -19,7 +19,7 @@ def figure(drawn: Drawn, title: str, competitors: Sequence[tuple[str, float, flo
     worth.semilogy(drawn.minutes, drawn.values, color="tab:blue", label=texts()("design.this_plan"))
     for name, minutes, value in competitors:
         worth.plot([minutes], [value], "o", label=name)
-    worth.set(xlabel="minutes", ylabel=texts()("design.uncertainty", unit=drawn.unit), title=texts()("design.title_worth"))
+    worth.set(xlabel="minutes", ylabel=drawn.label, title=texts()("design.title_worth"))
     worth.legend()
     worth.grid(alpha=0.3, which="both")
     if len(drawn.axes):

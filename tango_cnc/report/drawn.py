@@ -12,8 +12,8 @@ class Drawn:
     """What is drawn: curves against time, touches by rotary axes, standard deviations in the volume."""
 
     minutes: Array  # (k,)
-    values: Array  # (k,) µm, when broken off there
-    unit: str
+    values: Array  # (k,) what the goal asks for, when broken off there
+    label: str  # of these values, with their unit
     angles: Array  # (m, 2) deg, of each indexation
     axes: tuple[str, ...]  # letters of these
     touches: Array  # (m,) at each indexation

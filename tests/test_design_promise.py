@@ -1,0 +1,129 @@
+"""What a design promises is what `tango check` and `tango estimate` then say of the same touches: one model, one rule for balls."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_controller.simulate import simulate
+from tango_cnc.commands.check import check
+from tango_cnc.design import goals, propose, timed
+from tango_cnc.design.balls import needed, unknowns
+from tango_cnc.design.problem import Chosen
+from tango_cnc.design.propose import Setting, Wish
+from tango_cnc.estimate import estimate
+from tango_cnc.features import bar_left_out, completing, loose
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.plan import last_moves, plan
+from tango_cnc.records import Approach, Artefact, Cell, World
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+EQUATOR = ("102", "103", "104", "105")
+CLOSE = Approach(2.0, 0.5, 180.0)  # mm, mm, mm/min: facets are where they should be
+
+
+def wish(goal: str, minutes: float | None, cell: Cell) -> Wish:
+    aim = goals.read(goal)
+    return Wish(aim, minutes, propose.usual_terms(aim, cell.terms), CLOSE, feed=6000.0)
+
+
+def touching(cell: Cell, leave: tuple[str, ...] = ()) -> Cell:
+    """cell → the same without touches of these facets."""
+    fewer = [replace(i, facets=tuple(f for f in i.facets if f not in leave)) for i in cell.strategy.indexations]
+    return replace(cell, strategy=replace(cell.strategy, indexations=tuple(i for i in fewer if i.facets)))
+
+
+def compare(ready: Setting, found: Chosen, world: World) -> None:
+    """Standard deviations that the design states, those of `tango check`, and of `tango estimate` on a simulated run."""
+    said, terms, cell = propose.std_of(ready, found.information), ready.wish.terms, found.cell
+    checked = check(cell, found.plan, terms, ready.wish.degree)
+    assert checked["unknowns"] == unknowns(ready.problem.choice, [t.facet for t in found.plan.touches])
+    assert set(checked["expected_std"]) == set(said)
+    for name, (std, _) in said.items():
+        assert checked["expected_std"][name]["std"] == pytest.approx(std, rel=0.005), name
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, world, seed=7, moved=last_moves(found.plan))
+    fitted = estimate(cell.machine, cell.artefact, readings, terms, ready.wish.degree)
+    scatter = fitted.sigma / cell.machine.probe.repeatability
+    factor = [p.std / said[name][0] for name, p in fitted.parameters.items()]
+    # Of what a certificate holds the scatter of the touches is a part only.
+    assert min(1.0, scatter) * 0.93 < min(factor) and max(factor) < max(1.0, scatter) * 1.07
+    assert set(fitted.parameters) <= set(said)
+
+
+def given(name: str, goal: str, minutes: float | None) -> tuple[Cell, Setting]:
+    cell = read_cell(EXAMPLES / name)
+    return cell, propose.setting(cell, wish(goal, minutes, cell))
+
+
+def test_a_plan_that_loses_a_ball_is_worth_what_the_estimate_makes_of_it() -> None:
+    cell, ready = given("trunnion", "locations", 5)
+    world = read_world(EXAMPLES / "trunnion" / "world.yaml")
+    whole, without = touching(cell), touching(cell, ("101",))
+    kept, lost = (timed.judged(ready.problem, each, plan(each, "leave-out")) for each in (whole, without))
+    compare(ready, kept, world)
+    compare(ready, lost, world)
+    checked = check(lost.cell, lost.plan, ready.wish.terms, 3)
+    assert "ball 1 is touched at facets 102, 103, 104, 105 alone" in checked["scale_bar_not_used"]
+    # What is left of the scale is the diameter of the other ball.
+    assert propose.std_of(ready, lost.information)["EXX1"][0] > 5 * propose.std_of(ready, kept.information)["EXX1"][0]
+
+
+def test_touches_that_would_lose_a_ball_are_completed() -> None:
+    _, ready = given("trunnion", "locations", 5)
+    choice = ready.problem.choice
+    facet = np.array(choice.facet)
+    mask = np.isin(choice.pose, [20, 60, 90]) & (np.isin(facet, EQUATOR) | np.char.isnumeric(facet) & (np.char.str_len(facet) < 3))
+    assert loose(choice.cell.artefact, facet[mask].tolist()) == ("1",)
+    more = needed(ready.problem, mask)
+    assert set(facet[more]) == {"101"} and not (more & mask).any()
+    assert set(choice.pose[more]) <= set(choice.pose[mask])
+    assert not loose(choice.cell.artefact, facet[mask | more].tolist())
+
+
+def artefact() -> Artefact:
+    return read_cell(EXAMPLES / "trunnion").artefact
+
+
+@pytest.mark.parametrize(
+    ("touched", "said"),
+    [
+        (("101", "102", "103", "201", "202", "203"), None),
+        (("101", "102", "103"), "ball 2 is not touched; touch facets 201, 202, 203"),
+        ((*EQUATOR, "201", "202", "203"), "ball 1 is touched at facets 102, 103, 104, 105 alone, .*; touch one of 101 as well"),
+        (("102", "201", "202", "203"), "ball 1 is touched at facets 102 alone, .*; touch 101, 103 as well"),
+    ],
+)
+def test_why_the_scale_bar_is_not_used_and_what_to_touch(touched: tuple[str, ...], said: str | None) -> None:
+    found = bar_left_out(artefact(), touched)
+    assert found is None if said is None else re.search(said, str(found))
+
+
+def test_a_ball_with_facets_on_its_equator_alone_cannot_be_completed() -> None:
+    whole = artefact()
+    fewer = replace(whole, facets={name: f for name, f in whole.facets.items() if name != "101"})
+    assert completing(fewer, "1", ("102",)) == ()
+    assert "whichever are touched" in str(bar_left_out(fewer, ("102", "201", "202", "203")))
+
+
+def test_a_cell_without_a_scale_bar_says_nothing_of_one() -> None:
+    assert bar_left_out(read_cell(EXAMPLES / "split").artefact, ()) is None
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("goal", ["locations", "volume", "D", "A", "condition"])
+@pytest.mark.parametrize(
+    ("name", "minutes"),
+    [("trunnion", 8), ("hu40t", 14), ("fork_head", 22), ("split", 12), ("huron", 14), ("three_axis_calibrated", 5)],
+)
+def test_what_a_design_promises_is_what_check_and_estimate_say(name: str, minutes: float, goal: str) -> None:
+    _, ready = given(name, goal, minutes)
+    found = propose.propose(ready)
+    assert (
+        found.seconds <= 60 * minutes
+        and bar_left_out(ready.problem.choice.cell.artefact, [t.facet for t in found.plan.touches]) is None
+    )
+    compare(ready, found, read_world(EXAMPLES / name / "world.yaml"))
