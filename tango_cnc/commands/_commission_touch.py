@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from .. import commission
-from ..files import read_readings
-from ..link._measure import Wanted, measure
-from ..link._secrets import shown
 from ..link.lock import holding
 from ..plan import plan
-from ..records import Array, Cell, InputError, Plan
-from ._common import asks_for_a_finger
+from ..records import Array, Cell
+from ._common import address_of, asks_for_a_finger, controller_of
 from ._live import Live
 from ._proofs import told
-from ._start import ask, unproven_of
-from ._written import written
-from .check import positioning_feed
+from ._written import conducted, written
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -45,34 +39,21 @@ def touched(
 
     Raises InputError before anything moves, LinkError where a program does not come to its end: then nothing is proven.
     """
-    assert cell.controller is not None
     slow = commission.touching(plan(cell))
     plans = {"slow": slow, "quick": commission.quicker(slow)}
-    options = asks_for_a_finger(cell.controller.options)
+    options = asks_for_a_finger(controller_of(cell).options)
     ready = {name: written(cell, cell.folder / FOLDER / name, post, made, options) for name, made in plans.items()}
     if only_program:
         for programs in ready.values():
             click.echo(f"{programs[0].file}: 'tango commission --touch' with the port of the cell runs it")
         return
-    address = port or cell.controller.port
-    if address is None:
-        raise InputError(
-            f"{cell.folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists them"
-        )
-    someone = sys.stdin is not None and sys.stdin.isatty()
-
-    def confirm(part: Plan, program: Any) -> None:
-        if not yes and someone:
-            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), str(options.get("gate", "finger")))
-
+    address = address_of(cell, port)
     places: dict[str, dict[int, Array]] = {}
+    gate = str(options.get("gate", "finger"))
     with holding(cell.folder, "tango commission"), Live(None) as live:
         for name, made in plans.items():
             target = cell.folder / FOLDER / name / "readings.csv"
-            start = 600.0 if someone else 60.0
-            what = Wanted(address, post.link, cell.controller.post, target, timeout=timeout, start_timeout=start, then=AGAIN)
-            measure(cell, made, what, lambda part, name=name: ready[name], live, confirm)  # type: ignore[misc]
-            read = read_readings(target, cell.machine, cell.artefact)
+            read = conducted(cell, post, made, ready[name], address, target, live, gate=gate, yes=yes, then=AGAIN, timeout=timeout)
             good = [row for row in range(len(read)) if read.status[row] == "ok"]
             places[name] = {int(read.touch[row]): read.position[row] for row in good}
     met = places["slow"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
@@ -13,7 +14,7 @@ import click
 
 from ..files import blamed_on, write_text
 from ..files.targets import same, spared, writable
-from ..records import Cell, InputError
+from ..records import Cell, Controller, InputError
 from . import _trusted
 
 if TYPE_CHECKING:
@@ -108,6 +109,35 @@ def dialect(cell: Cell) -> Post:
         _trusted.needed(cell.folder / name)
     with blamed_on(cell.folder / "tango.yaml"):
         return posts.load(str(cell.folder / name) if posts.is_own(name) else name, "controller.post")
+
+
+def controller_of(cell: Cell) -> Controller:
+    """cell → what it states of its control. Raises InputError when that is nothing."""
+    if cell.controller is None:
+        raise InputError(
+            f"{cell.folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
+        )
+    return cell.controller
+
+
+def address_of(cell: Cell, port: str | None) -> str:
+    """cell, --port → the port of its control. Raises InputError when neither states one."""
+    address = port or (cell.controller.port if cell.controller else None)
+    if address is None:
+        raise InputError(
+            f"{cell.folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
+        )
+    return address
+
+
+def attended() -> bool:
+    """→ whether somebody sits at this terminal, who can be asked."""
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
+def start_patience(someone: bool) -> float:
+    """whether somebody is there → s until the control has to have started."""
+    return 600.0 if someone else 60.0
 
 
 def write_json(target: str | None, data: dict[str, Any]) -> bool:

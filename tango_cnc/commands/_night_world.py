@@ -19,9 +19,9 @@ from ..link.lock import HeldError, holding
 from ..nightly import Finding, Measured
 from ..nightly.ports import Busy
 from ..plan import part, plan, plan_hash
-from ..records import Cell, InputError, LinkError, Plan, TangoError
+from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import say
-from ._common import dialect
+from ._common import address_of, dialect
 from ._night_gate import proves
 from ._night_warm import warm, warmth
 
@@ -211,10 +211,7 @@ class RealControl:
         return Finding("control", bool(fine), said, "" if fine else say("preflight.world.see_tango_link_test"))
 
     def _address(self) -> str:
-        address = self.port or (self.cell.controller.port if self.cell.controller else None)
-        if address is None:
-            raise InputError(f"{self.cell.folder / 'tango.yaml'}: no controller.port; 'tango ports' lists what there is")
-        return address
+        return address_of(self.cell, self.port)
 
     def _plan(self, kind: str, touches: Sequence[int]) -> Plan:
         if kind == "check" and self.check is not None:

@@ -1,20 +1,25 @@
-"""A program that a cell needs besides its measurement, written into a folder of its own."""
+"""A program that a cell needs besides its measurement: written into a folder of its own, and run into readings of its own."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import blamed_on
-from ..records import Cell, Plan
+import click
+
+from ..files import blamed_on, read_readings
+from ..records import Cell, Plan, Readings
+from ._common import attended, controller_of, start_patience
+from ._start import ask, unproven_of
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
 
     from ..program import Program
+    from ._live import Live
 
 
 def written(cell: Cell, target: Path, post: Post, made: Plan, options: Mapping[str, Any]) -> list[Program]:
@@ -33,3 +38,51 @@ def written(cell: Cell, target: Path, post: Post, made: Plan, options: Mapping[s
     files |= {target / name: partial(iter, lines) for name, lines in posts.companions(post, made, options).items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(made)})
     return [replace(p, file=str(target / p.name)) for p in found]
+
+
+def conducted(
+    cell: Cell,
+    post: Post,
+    made: Plan,
+    programs: Sequence[Program],
+    address: str,
+    target: Path,
+    live: Live,
+    *,
+    gate: str,
+    yes: bool,
+    then: str,
+    misses: int = 3,
+    timeout: float | None = None,
+    notice: str = "",
+) -> Readings:
+    """cell, its post, plan, its programs, port, file of the readings, who watches → the readings, after they are run.
+
+    `gate`: what proves the probe alive in them. `yes`: nobody is asked before the machine moves; who is asked hears `notice`
+    first. `then`: what to do when it breaks off. `misses`, `timeout`: as in `Wanted`. Raises InputError before anything moves,
+    LinkError where a program does not come to its end.
+    """
+    from ..link._measure import Wanted, measure
+    from ..link._secrets import shown
+    from .check import positioning_feed
+
+    someone = attended()
+
+    def confirm(part: Plan, program: Program) -> None:
+        if not yes and someone:
+            if notice:
+                click.echo(notice, err=True)
+            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), gate)
+
+    wanted = Wanted(
+        address,
+        post.link,
+        controller_of(cell).post,
+        target,
+        timeout=timeout,
+        start_timeout=start_patience(someone),
+        misses=misses,
+        then=then,
+    )
+    measure(cell, made, wanted, lambda part: programs, live, confirm)
+    return read_readings(target, cell.machine, cell.artefact)

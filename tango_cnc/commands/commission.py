@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
-from ._common import cell_option, dialect, json_option
+from ._common import address_of, attended, cell_option, controller_of, dialect, json_option, start_patience
 from ._written import written
 from .check import positioning_feed
 
@@ -85,10 +84,7 @@ def command(
     from ._proofs import proven, told, unproven
 
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
-    if cell.controller is None:
-        raise InputError(
-            f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
-        )
+    controller = controller_of(cell)
     post = dialect(cell)
     known = {} if again else proven(cell, post)
     wanted = {experiment.belief for experiment in unproven(known) if experiment.touches == touch}
@@ -101,7 +97,7 @@ def command(
     if touch:
         touched(cell, post, port, wanted, yes, only_program, timeout, json_file)
         return
-    someone = sys.stdin is not None and sys.stdin.isatty()
+    someone = attended()
     if held and not someone:
         raise InputError("--held: found no terminal; allowed: a terminal with a person who holds the stylus aside when asked")
     if dial and not someone:
@@ -118,7 +114,7 @@ def command(
         click.echo(f"only deflected is not proven, see {folder / NAME}; --no-held leaves it out")
         return
     made, largest = _flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted)
-    options = {**cell.controller.options, "gate": "finger"}  # whatever the runs do: here it is what is tried
+    options = {**controller.options, "gate": "finger"}  # whatever the runs do: here it is what is tried
     if any(option.name == "misses" for option in post.options):
         options["misses"] = 20  # every move of this program is to meet nothing
     programs = written(cell, folder / FOLDER / "program", post, made, options)
@@ -126,9 +122,7 @@ def command(
         for program in programs:
             click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
         return
-    address = port or cell.controller.port
-    if address is None:
-        raise InputError(f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists them")
+    address = address_of(cell, port)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
     click.echo(
         f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
@@ -242,7 +236,7 @@ def _tried(
     journal = target.with_suffix(".journal")
     why, earlier = "", journal.read_bytes() if journal.exists() else b""  # of the try before: proves nothing today
     with holding(cell.folder, "tango commission"):
-        start = 600.0 if someone else 60.0
+        start = start_patience(someone)
         again = "'tango commission' tries what is not proven yet"
         wanted = Wanted(
             address, post.link, cell.controller.post, target, False, timeout, start, misses=len(made.touches) + 1, then=again

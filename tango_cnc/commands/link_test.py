@@ -11,7 +11,7 @@ import click
 from ..files import read_cell
 from ..files.checked import read_text
 from ..records import InputError
-from ._common import cell_option, dialect, json_option, write_json
+from ._common import address_of, cell_option, dialect, json_option, write_json
 
 if TYPE_CHECKING:
     from ..link.transport import Transport
@@ -45,11 +45,7 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
     from ..link.transport import open_port
 
     cell = read_cell(folder)
-    address = port or (cell.controller.port if cell.controller else None)
-    if address is None:
-        raise InputError(
-            f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
-        )
+    address = address_of(cell, port)
     protocol, parsed = protocol_of(address, dialect(cell).link if cell.controller else "dnc")
     program = None if program_file is None else read_text(program_file)
     client = protocol.Client

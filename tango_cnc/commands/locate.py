@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,9 @@ import numpy as np
 
 from ..files import artefact_text, read_cell, read_readings, write_text
 from ..files.targets import spared
-from ..records import InputError, Plan
-from ._common import Output, asks_for_a_finger, cell_option, dialect, json_option, json_text
+from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, dialect, json_option, json_text
 from ._live import Live
-from ._start import ask, unproven_of
-from ._written import written
+from ._written import conducted, written
 
 PLACE = "Measure 20"  # in the list of commands
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
@@ -55,54 +52,35 @@ def command(
     file stays as it is: look at the numbers, then copy it.
     """
     from .. import locate
-    from ..link._measure import Wanted, measure
-    from ..link._secrets import shown
     from ..link.lock import holding
     from ..plan import by_stylus, plan_hash
-    from .check import positioning_feed
 
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     made = locate.strategy(cell, within=within)
     target = folder / FOLDER / "readings.csv"
     if file is None:
-        if cell.controller is None:
-            raise InputError(
-                f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
-            )
+        controller = controller_of(cell)
         post = dialect(cell)
-        options = asks_for_a_finger(cell.controller.options)
+        options = asks_for_a_finger(controller.options)
         if any(option.name == "misses" for option in post.options):
             options["misses"] = max(len(made.touches), 3)  # on a table that stands elsewhere some meet nothing
         programs = written(cell, folder / FOLDER / "program", post, made, options)
         if only_program:
             click.echo(f"{programs[0].file}: run it, then 'tango locate --readings FILE'")
             return
-        address = port or cell.controller.port
-        if address is None:
-            raise InputError(
-                f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists them"
-            )
-        someone = sys.stdin is not None and sys.stdin.isatty()
-
-        def confirm(part: Plan, program: Any) -> None:
-            if not yes and someone:
-                click.echo(
-                    f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each "
-                    f"touch is searched over {part.strategy.approach.standoff + part.strategy.approach.search:.0f} mm. "
-                    "Obstacles have to stand where they are declared.",
-                    err=True,
-                )
-                which = str(options.get("gate", "finger"))
-                ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), which)
-
+        approach = made.strategy.approach
+        notice = (
+            f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
+            f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared."
+        )
+        gate, again = str(options.get("gate", "finger")), "'tango locate' makes all of them again"
+        address, many = address_of(cell, port), len(made.touches)
         with holding(folder, "tango locate"), Live(None) as live:
-            again = "'tango locate' makes all of them again"
-            start = 600.0 if someone else 60.0
-            wanted = Wanted(
-                address, post.link, cell.controller.post, target, start_timeout=start, misses=len(made.touches), then=again
+            readings = conducted(
+                cell, post, made, programs, address, target, live, gate=gate, yes=yes, then=again, misses=many, notice=notice
             )
-            measure(cell, made, wanted, lambda part: programs, live, confirm)
-    readings = read_readings(file or target, cell.machine, cell.artefact)
+    else:
+        readings = read_readings(file, cell.machine, cell.artefact)
     found = locate.locate(made, readings)
     where = out or folder / FOLDER / "artefact.yaml"
     spared("-o", where, folder)

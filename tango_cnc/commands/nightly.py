@@ -14,7 +14,7 @@ import click
 from ..files import read_cell, write_text
 from ..files.nightly import NAME, Nightly, history_of
 from ..records import Cell, InputError, TangoError
-from ._common import cell_option, json_option, write_json
+from ._common import cell_option, controller_of, json_option, write_json
 
 if TYPE_CHECKING:
     from ..history import History
@@ -81,10 +81,7 @@ def command(
         if kind is not None:
             return _install(cell, kind, at)
         place = history_of(folder, settings, where)
-        if cell.controller is None:
-            raise InputError(
-                f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
-            )
+        controller_of(cell)
         made = plan(cell)
         analysis = nights_of(cell, settings, made)
         control = RealControl(cell, settings, made, analysis.check, stamp, port)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -17,7 +16,7 @@ from ..files import blamed_on, of_stylus, read_cell
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
-from ._common import Output, cell_option, dialect
+from ._common import Output, address_of, attended, cell_option, controller_of, dialect, start_patience
 from ._live import Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
@@ -114,16 +113,8 @@ def command(
     refuse_inward(whole)
     cell = cell_of_stylus(whole, stylus)
     target = readings_file or of_stylus(folder / "readings.csv", cell.machine.stylus)
-    if cell.controller is None:
-        raise InputError(
-            f"{folder / 'tango.yaml'}: no key 'controller'; state post and port there, e.g. {{post: fanuc, port: COM3}}"
-        )
-    controller = cell.controller
-    address = port or controller.port
-    if address is None:
-        raise InputError(
-            f"{folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
-        )
+    controller = controller_of(cell)
+    address = address_of(cell, port)
     if resume and program_file is not None:
         raise InputError("--program and --resume: a run goes on with a program of the remaining touches; leave --program out")
     if most is not None and program_file is not None:
@@ -144,7 +135,7 @@ def command(
 
         if not (alive := proves(cell, made)).passed:
             raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
-    someone = sys.stdin is not None and sys.stdin.isatty()
+    someone = attended()
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
@@ -152,7 +143,7 @@ def command(
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:
-        wanted = Wanted(address, post.link, controller.post, target, resume, timeout, 600.0 if someone else 60.0, heard)
+        wanted = Wanted(address, post.link, controller.post, target, resume, timeout, start_patience(someone), heard)
 
         def run(own: Wanted, count: int | None = None) -> dict[str, Any]:
             def posted(part: Plan) -> list[Program]:
