@@ -17,6 +17,7 @@ import click
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from . import __version__, commands
+from .commands._signs import written
 from .nearest import printable
 from .records import TangoError
 
@@ -102,9 +103,14 @@ def main() -> None:
 
 
 def _streams() -> None:
-    """A program started without stdin, stdout or stderr would open its files in their places, and messages would go into them."""
+    """A program started without stdin, stdout or stderr would open its files in their places, and messages would go into them.
+
+    What an output cannot show is replaced there.
+    """
     for handle in (0, 1, 2):
         try:
             os.fstat(handle)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+    for stream in (sys.stdout, sys.stderr):
+        written(stream)

@@ -22,9 +22,10 @@ from tango_cnc.judgement import Judgement
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings
 from tango_cnc.report import page
+from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather, verdict
-from tango_cnc.report.terminal import bar, colored, sparkline, summary
+from tango_cnc.report.terminal import summary
 from tango_cnc.report.texts import texts, texts_of
 from tango_cnc.report.units import Units
 from tango_cnc.report.verdict import Check, worst_of

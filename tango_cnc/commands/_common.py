@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import textwrap
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
@@ -20,6 +21,7 @@ from . import _trusted
 if TYPE_CHECKING:
     from postprocessors._base import Post
 
+LEAST = 24  # columns that the last column of a table needs beside the others
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
@@ -156,10 +158,37 @@ def json_text(data: dict[str, Any]) -> str:
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def table(rows: list[list[str]], align: str) -> str:
-    """rows of cells, one of '<>' per column → text with aligned columns, two spaces apart."""
+def table(rows: list[list[str]], align: str, columns: int | None = None) -> str:
+    """rows of cells, one of '<>' per column → text with aligned columns, two spaces apart.
+
+    `columns`: of a terminal; the last column is wrapped in it, or stands below its row where fewer than `LEAST` are left.
+    """
+    if columns is not None:
+        return _within(rows, align, columns)
     widths = [max(len(row[i]) for row in rows) for i in range(len(align))]
     return "\n".join("  ".join(f"{cell:{a}{w}}" for cell, a, w in zip(row, align, widths, strict=True)).rstrip() for row in rows)
+
+
+def _within(rows: list[list[str]], align: str, columns: int) -> str:
+    before = table([row[:-1] for row in rows], align[:-1]).splitlines()
+    used = max(map(len, before)) + 2
+    below = columns - used < LEAST
+    lines: list[str] = []
+    for text, row in zip(before, rows, strict=True):
+        if below:
+            last = textwrap.wrap(row[-1], columns, initial_indent="    ", subsequent_indent="    ") if row is not rows[0] else []
+            lines += [*textwrap.wrap(text, columns, drop_whitespace=False), *last]
+            continue
+        last = textwrap.wrap(row[-1], columns - used) or [""]
+        lines += [f"{text:<{used}}{last[0]}".rstrip(), *(" " * used + line for line in last[1:])]
+    return "\n".join(lines)
+
+
+def on_terminal() -> int | None:
+    """→ columns of the terminal that stdout is; None for a file or a pipe, whose lines stay whole."""
+    from ..report.characters import width
+
+    return width() if sys.stdout.isatty() else None
 
 
 def asks_for_a_finger(options: Mapping[str, Any]) -> dict[str, Any]:

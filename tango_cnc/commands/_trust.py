@@ -13,7 +13,7 @@ import numpy as np
 
 from ..asked import as_run
 from ..estimate import Estimate, estimate
-from ..files.origin import FEW, Origin, changed_keys, edited_rows, hurried, look_up
+from ..files.origin import FEW, Origin, by_no_machine, changed_keys, edited_rows, hurried, look_up
 from ..files.readjson import read_json
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
@@ -104,7 +104,7 @@ def said_of_origin(origin: Origin) -> str:
     """origin of readings → what to say of who made them; nothing where a machine was measured."""
     if not origin.known:
         return f"origin unknown: nothing beside {origin.readings.name} says which program and cell it is of"
-    return "readings of the simulated machine" if origin.known.get("origin") == "simulated" else ""
+    return "readings of the simulated machine" if by_no_machine(origin.known) else ""
 
 
 def usable(judgement: Judgement, despite: bool, what: str) -> None:

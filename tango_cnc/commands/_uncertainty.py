@@ -9,11 +9,14 @@ import numpy as np
 
 from .. import conformity
 from ..records import Array, Machine
+from ..report.characters import bar, width
 from ..report.units import shown
 from ..terms import find
 from ..uncertainty import process
 from ..uncertainty.analysis import Analysis
 from ._common import table
+
+NARROWEST, WIDEST = 15, 31  # characters of a bar
 
 
 def units(machine: Machine, names: Sequence[str]) -> list[str]:
@@ -148,6 +151,7 @@ def _values(found: Analysis, factor: float | None) -> str:
         numbers += [found.std_by[kind][i] for kind in kinds]
         numbers += [found.std_of_mean[i]] if found.std_of_mean is not None else []
         rows.append([found.selection.label(study.names[i]), *(f"{scale * x:.2f}" for x in numbers), unit])
+    _bars(rows, found)
     source = {
         "none": "budget of a single run",
         "cycles": "one run; covariance of the readings pooled by cycles (the measurement process)",
@@ -170,6 +174,23 @@ def _four(found: Analysis) -> str:
         f"{found.probability * 100:g} % by Student, from {four.text}. Of the mean and of one run: how far from the machine in the "
         "long run; prediction: how far the next run from the mean\n" + table(rows, "<>>>>><")
     )
+
+
+def _bars(rows: list[list[str]], found: Analysis) -> None:
+    """rows of the table, analysis → each with a bar of its interval where the terminal has room; zero is in the middle."""
+    used = len(table(rows, "<" + ">" * (len(rows[0]) - 2) + "<").splitlines()[0].rstrip()) + max(len(r[-1]) for r in rows)
+    room = min(width() - used - 2, WIDEST)
+    if room < NARROWEST:
+        return
+    scaled = [(i, *shown(found.study.model.coefficients[i].unit)) for i in found.study.outputs]
+    spans: dict[str, float] = {}
+    for i, scale, unit in scaled:
+        spans[unit] = max(spans.get(unit, 0.0), scale * max(abs(found.low[i]), abs(found.high[i])))
+    for row, (i, scale, unit) in zip(rows[1:], scaled, strict=True):
+        half = scale * float(found.high[i] - found.low[i]) / 2
+        row[-1] = (
+            f"{row[-1]:<{max(len(r[-1].split(' ')[0]) for r in rows)}}  {bar(scale * found.values[i], half, spans[unit], room)}"
+        )
 
 
 def _joint(found: Analysis) -> str:

@@ -47,8 +47,8 @@ def command(context: click.Context, out: Path | None, speed: float) -> int:
     _says(f"plan -C {folder}")
     context.invoke(plan.command, folder=folder)
     with _controller(folder, speed) as port:
-        _says(f"run -C {folder} --port {port} --yes")
-        context.invoke(run.command, folder=folder, port=port, yes=True)
+        _says(f"run -C {folder} --port {port} --simulated --yes")
+        context.invoke(run.command, folder=folder, port=port, simulated=True, yes=True)
     _says(f"estimate -C {folder} --json {folder / 'estimate.json'}")
     cell = read_cell(folder)
     result = estimate(cell.machine, cell.artefact, read_readings(folder / "readings.csv", cell.machine, cell.artefact), cell.terms)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,12 @@ import click
 from ..files import read_cell
 from ..files.nightly import history_of, read_nightly
 from ..records import InputError
-from ._common import json_option, table, write_json
+from ..texts import say
+from ._common import json_option, on_terminal, table, write_json
+from ._shop import headlines, note_simulated
 
 PLACE = "Keep 30"
+NIGHTS = 14  # of the sparkline of the tool tip
 
 
 @click.command()
@@ -38,6 +42,9 @@ def command(
     once more, after a change of the model: into new files, one a machine. What was cut off goes on when it is called again.
     """
     from ..history import opened
+    from ..nightly.words import code
+    from ..report.characters import sparkline
+    from ..report.texts import texts
 
     if target is not None:
         return _again(cells, where, target, dask, json_file)
@@ -53,17 +60,32 @@ def command(
     wanted = {read_cell(cell).machine.name for cell in cells} if cells else None
     now = datetime.now(UTC).isoformat()
     found: list[Any] = []
+    tips: dict[str, list[float]] = {}
+    said: dict[str, str] = {}
     for place in places:
         with opened(place, create=False) as history:
-            found += [s for s in history.fleet(now, late) if wanted is None or s.machine in wanted]
+            own = [s for s in history.fleet(now, late) if wanted is None or s.machine in wanted]
+            found += own
+            for s in own:
+                nights = history.nights(s.machine, last=NIGHTS)
+                tips[s.machine] = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
+                if json_file is None:
+                    note_simulated(history, s.machine, texts())
+                said |= {} if not nights else {s.machine: headlines(history, nights[:1])[nights[0].entry]}
     found.sort(key=lambda s: (not (s.alarms_open or s.late), s.machine))
     machines = [{**vars(s), "last": None if s.last is None else vars(s.last)} for s in found]
     if not write_json(json_file, {"format": "tango-fleet/1", "machines": machines}):
-        rows = [["machine", "last night", "verdict", "open alarms", "", "what"]]
+        t = texts()
+        heads = [t("cli.fleet.machine"), t("cli.fleet.last_night"), t("cli.history.verdict"), t("cli.fleet.alarms")]
+        rows = [[*heads, "", t("cli.fleet.tip"), t("cli.history.what")]]
         for s in found:
-            last = ("never", "", "") if s.last is None else (s.last.night, s.last.verdict, s.last.headline)
-            rows.append([s.machine, last[0], last[1], str(s.alarms_open or ""), "LATE" if s.late else "", last[2]])
-        click.echo(table(rows, "<<<><<"))
+            last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
+            drawn = sparkline(tips[s.machine], NIGHTS)
+            tip = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
+            late_word = t("cli.nightly.late") if s.late else ""
+            row = [s.machine, *last, str(s.alarms_open or ""), late_word, f"{drawn:<{NIGHTS}} {tip:>6}".rstrip()]
+            rows.append([*row, said.get(s.machine, "")])
+        click.echo(table(rows, "<<<><<<", on_terminal()))
     return 1 if any(s.alarms_open or s.late for s in found) else 0
 
 
@@ -79,10 +101,9 @@ def _again(cells: tuple[Path, ...], where: str | None, target: Path, dask: str |
         spread: Any = map if dask is None else stack.enter_context(cluster(dask))
         done = again(cells, where, target, spread)
     if not write_json(json_file, {"format": "tango-fleet-again/1", "machines": [vars(d) for d in done]}):
-        rows = [["machine", "nights", "estimated now", "verdicts that differ", "alarms then", "alarms now"]]
+        names = ("machine", "again_nights", "again_now", "again_differ", "again_then", "again_alarms")
+        rows = [[say(f"cli.fleet.{name}")[:] for name in names]]
         rows += [[d.machine, *(str(n) for n in (d.nights, d.added, d.differ, d.alarms_then, d.alarms_now))] for d in done]
         click.echo(table(rows, "<>>>>>"))
-        click.echo(
-            f"→ {target}; look at them with 'tango history list --history FILE'. The histories of the cells are as they were"
-        )
+        click.echo(say("cli.fleet.again_kept", target=str(target)))
     return 0

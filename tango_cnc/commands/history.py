@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+import textwrap
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,13 +16,19 @@ import click
 from ..files import read_cell, write_text
 from ..files.nightly import history_of, read_nightly
 from ..records import InputError
+from ..report.repeated import shortened
 from ..report.units import shown
-from ._common import json_option, table, write_json
+from ..texts import say
+from ._common import json_option, on_terminal, table, write_json
+from ._shop import headlines, here, note_simulated
 
 if TYPE_CHECKING:
     from ..history import Compensation, History, Trend
+    from ..report.texts import Texts
 
 PLACE = "Keep 20"
+INTERVAL = 1.96  # standard deviations of a 95 % interval
+DATED = ("season", "wear")  # causes with a date
 
 
 @click.group()
@@ -94,27 +102,38 @@ def _night(history: History, machine: str, which: str) -> int:
 def list_(history: History, machine: str, last: int | None, since: str | None, json_file: str | None) -> None:
     """Nights and what happened to compensations, newest first."""
     from ..history import compensations
+    from ..nightly.words import code
 
     nights = history.nights(machine, last, since)
     events = compensations(history, machine, nights[-1].start_utc if last is not None and nights else since)
     data = {"nights": [vars(n) for n in nights], "compensations": [vars(e) for e in events]}
     if write_json(json_file, {"format": "tango-history-list/1", "machine": machine, **data}):
         return
+    t, known = here(), headlines(history, nights)
     rows = []
-    for n in nights:
+    for n, text in zip(nights, shortened([known[n.entry] for n in nights]), strict=True):
         volume = "" if n.volume_um is None else f"{n.volume_um:.1f}"
-        rows.append((n.start_utc, n.entry, [n.night, n.kind, n.status, n.verdict, volume, n.headline]))
+        words = [t.of(code(word)) for word in (n.kind, n.status, n.verdict)]
+        rows.append((n.start_utc, n.entry, [n.night, *words, volume, t.of(text)]))
     for e in events:
-        rows.append((e.utc, e.entry, [e.utc[:10], "compensation", e.event, "", "", _said(e)]))
+        rows.append((e.utc, e.entry, [e.utc[:10], t("cli.history.compensation"), e.event, "", "", _said(e, t)]))
     rows.sort(key=lambda row: row[:2], reverse=True)
-    head = ["entry", "date", "kind", "status", "verdict", "µm", "what"]
-    click.echo(table([head, *([str(entry), *row] for _, entry, row in rows)], "><<<<><"))
+    head = _head(t, "entry", "date", "kind", "status", "verdict", "", "what")
+    head[5] = "µm"
+    note_simulated(history, machine, t)
+    click.echo(table([head, *([str(entry), *row] for _, entry, row in rows)], "><<<<><", on_terminal()))
 
 
-def _said(event: Compensation) -> str:
+def _head(t: Texts, *names: str) -> list[str]:
+    """texts, names of columns → their heads; of one without a name nothing."""
+    return [t(f"cli.history.{name}") if name else "" for name in names]
+
+
+def _said(event: Compensation, t: Texts) -> str:
     what = f"{event.number} ({event.target})"
     if event.event == "proposed" and event.before_um is not None and event.promised_um is not None:
-        return f"{what}: {event.promised_um:.2f} µm rms of {event.before_um:.2f} µm are to be left"
+        sizes = {"promised": f"{event.promised_um:.2f}", "before": f"{event.before_um:.2f}"}
+        return t("cli.history.left", number=what, **sizes)
     return f"{what}: {event.text}" if event.text else what
 
 
@@ -135,8 +154,9 @@ def show(history: History, machine: str, night: str, readings_file: Path | None,
     if write_json(json_file, dict(stored.record)):
         return
     record: dict[str, Any] = {"artefacts": {"folder": ""}, **stored.record}
-    click.echo("\n".join(message(record, (), (), None, history.decisions(machine))))
-    rows = [["parameter", "value", "std", "change", ""]]
+    t = here()
+    click.echo("\n".join(message(record, (), (), None, history.decisions(machine), t)))
+    rows = [_head(t, "parameter", "value", "std", "change", "")]
     for name, p in (record.get("parameters") or {}).items():
         factor, unit = shown(p["unit"])
         change = "" if p.get("change") is None else f"{p['change'] * factor:+.2f}"
@@ -162,7 +182,8 @@ def compare(history: History, machine: str, one: str, other: str, json_file: str
     data = {"format": "tango-history-compare/1", "machine": machine, "from": a["night"], "to": b["night"], "parameters": found}
     if write_json(json_file, data):
         return
-    rows = [["parameter", "change", "std", "", "standard deviations"]]
+    note_simulated(history, machine, here())
+    rows = [_head(here(), "parameter", "change", "std", "", "sigmas")]
     for name, f in sorted(found.items(), key=lambda item: -abs(item[1]["sigmas"])):
         factor, unit = shown(f["unit"])
         rows.append([name, f"{f['change'] * factor:+.2f}", f"{f['std'] * factor:.2f}", unit, f"{f['sigmas']:+.1f}"])
@@ -188,7 +209,8 @@ def plot(history: History, machine: str, parameter: tuple[str, ...], output: Pat
     if output is None:
         if chart != "none":
             raise InputError("--chart: found no -o FILE; allowed: a chart in a file")
-        click.echo(_lines(trends))
+        note_simulated(history, machine, here())
+        click.echo(_lines(trends, {n.start_utc for n in history.nights(machine) if n.alarms}))
         return
     from ..history.picture import picture
 
@@ -196,17 +218,17 @@ def plot(history: History, machine: str, parameter: tuple[str, ...], output: Pat
     click.echo(f"{', '.join(names)} → {output}")
 
 
-def _lines(trends: Sequence[Trend]) -> str:
-    """→ one line a parameter: its nights as a sparkline from lowest to highest, first and last value."""
-    from ..report.terminal import sparkline, width
+def _lines(trends: Sequence[Trend], alarmed: Collection[str]) -> str:
+    """→ one line a parameter: its nights as a sparkline from lowest to highest, first and last value; alarms marked below."""
+    from ..report.characters import Course, courses, width
 
-    rows = []
+    found = []
     for trend in trends:
         factor, unit = shown(trend.unit)
-        rows.append((trend.name, trend.value * factor, f"{trend.value[0] * factor:9.2f} → {trend.value[-1] * factor:.2f} {unit}"))
-    head = max((len(name) for name, _, _ in rows), default=0)
-    room = max(width() - head - max((len(end) for _, _, end in rows), default=0) - 4, 5)
-    return "\n".join(f"{name:<{head}}  {sparkline(values.tolist(), room)}  {end}" for name, values, end in rows)
+        half, values = INTERVAL * float(trend.std[-1]) * factor, (trend.value * factor).tolist()
+        found.append(Course(trend.name, values, half, unit, [start in alarmed for start in trend.start_utc]))
+    text = courses(found, width())
+    return "\n".join([text, *textwrap.wrap(here()("cli.history.drawn"), width())]) if text else text
 
 
 def _moved(history: History, machine: str) -> list[str]:
@@ -227,22 +249,20 @@ def causes(history: History, machine: str, json_file: str | None) -> None:
     found = looked_back(history, machine)
     if write_json(json_file, {"format": "tango-history-causes/1", "machine": machine, "causes": [vars(f) for f in found]}):
         return
-    rows = []
+    rows, t = [], here()
+    note_simulated(history, machine, t)
     for f in found:
         factor, unit = shown(f.unit)
         size = f"{f.size * factor:+.3g} ± {f.std * factor:.1g} {unit}"
-        said = {
-            "season": f"{size.lstrip('+')} over the year, largest about {f.since}",
-            "temperature": f"{size} per K",
-            "wear": f"{size} a day since the alarm of {f.since}",
-            "drift": f"{size} a day",
-        }[f.cause]
-        rows.append([f.parameter, f.cause, said, f"{f.p_value:.1g}", ", ".join(f.instead)])
+        size = size.lstrip("+") if f.cause == "season" else size
+        said = t(f"cli.history.{f.cause}", **({"size": size, "date": f.since} if f.cause in DATED else {"size": size}))
+        cause = t(f"cause_name.{f.cause}") if f"cause_name.{f.cause}" in t else f.cause
+        rows.append([f.parameter, cause, said, f"{f.p_value:.1g}", ", ".join(f.instead)])
     if rows:
-        click.echo(table([["parameter", "follows", "by", "by chance", "fits nearly as well"], *rows], "<<<<<"))
+        click.echo(table([_head(t, "parameter", "follows", "by", "by_chance", "as_well"), *rows], "<<<<<"))
     else:
-        click.echo("no parameter follows anything: they wander, and no more")
-    click.echo(f"of {round(1 / RARE)} machines that only wander, one has a line here")
+        click.echo(t("cli.history.wander"))
+    click.echo(t("cli.history.one_of", count=round(1 / RARE)))
 
 
 @command.command()
@@ -255,12 +275,14 @@ def causes(history: History, machine: str, json_file: str | None) -> None:
 def decide(history: History, machine: str, alarm: str, action: str, owner: str, note: str, until: str | None) -> None:
     """What somebody decided about an alarm; it is kept with the nights."""
     from ..history import Decision
+    from ..nightly.words import code, decided
 
     before = [d for d in history.decisions(machine) if d.alarm == alarm]
     history.decide(machine, Decision(alarm, action, owner, note, until))
+    t = here()
     for d in before:
-        click.echo(f"before: {d.action}{f' until {d.until}' if d.until else ''} by {d.owner}, {d.utc[:10]}; the last one counts")
-    click.echo(f"{alarm}: {action} by {owner}")
+        click.echo(t("cli.history.decided_before", text=decided(replace(d, note=""))))
+    click.echo(t("cli.history.decided", alarm=alarm, action=code(action), owner=owner))
 
 
 @command.command()
@@ -296,11 +318,12 @@ def verify(history: History, machine: str | None, digest: str | None, json_file:
     wrong = history.verify()
     newest = history.newest_hashes()
     if digest is not None and not history.holds(digest.strip().lower()):
-        wrong = (*wrong, f"no entry has the hash {digest}: the end of the history was cut off, or it is another history")
+        wrong = (*wrong, say("cli.history.cut_off", digest=digest))
     if not write_json(json_file, {"format": "tango-history-verify/1", "wrong": list(wrong), "newest": newest}):
+        t = here()
         for name, (number, digest) in newest.items():
-            click.echo(f"{name}: {number} entries, the newest is {digest}")
-        click.echo("\n".join(wrong) if wrong else "everything is as it was added")
+            click.echo(t("cli.history.newest", machine=name, count=number, digest=digest))
+        click.echo("\n".join(t.of(text) for text in wrong) if wrong else t("cli.history.whole"))
     return 1 if wrong else 0
 
 
@@ -328,7 +351,7 @@ def backup(history: History, machine: str | None, output: Path) -> None:
     if output.exists():
         raise InputError(f"{output}: it exists; allowed: a new file")
     count = copied(history, output)
-    click.echo(f"{count} entries → {output}")
+    click.echo(here()("cli.history.entries", count=count, file=str(output)))
 
 
 @command.command()
@@ -350,9 +373,9 @@ def restore(source: Path, folder: Path, where: str | None) -> None:
                 old = Path(f"{place}{ending}")
                 if old.exists():
                     shutil.move(old, Path(f"{place}.{stamp}{ending}"))
-            click.echo(f"the history that was there is now {place}.{stamp}", err=True)
+            click.echo(here()("cli.history.kept_beside", file=f"{place}.{stamp}"), err=True)
         count = copied(history, place)
-    click.echo(f"{count} entries → {place}")
+    click.echo(here()("cli.history.entries", count=count, file=str(place)))
 
 
 @command.command()
@@ -361,15 +384,21 @@ def restore(source: Path, folder: Path, where: str | None) -> None:
 @click.option("--nights", "count", type=click.IntRange(1, 4000), default=30, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 def simulate(output: Path, folder: Path, count: int, seed: int) -> None:
-    """Nights of a simulated machine that drifts, is knocked on night 12 and warms from night 20, as a history to look at."""
+    """Nights of a simulated machine that drifts, is knocked on night 12 and warms from night 20, as a history to look at.
+
+    The last one is last night. Owner and limits are those of nightly.yaml.
+    """
     from ..files import read_world
     from ..history import opened
     from ._simulated_nights import nights
 
     if output.exists():
         raise InputError(f"{output}: it exists; allowed: a new file")
-    cell = read_cell(folder)
+    cell, world = read_cell(folder), read_world(folder / "world.yaml")
+    settings = replace(read_nightly(folder), diagnose=False)
+    last = (datetime.now(UTC) - timedelta(hours=3)).replace(hour=2, minute=0, second=0, microsecond=0)
+    first = last - timedelta(days=count - 1)
     with opened(output) as history:
-        for record, _ in nights(cell, read_world(folder / "world.yaml"), history, count, seed):
+        for record, _ in nights(cell, world, history, count, seed, settings=settings, first=first):
             click.echo(f"{record['night']} {record['kind']:5} {record['verdict']:13} {record['headline']}")
     click.echo(f"→ {output}")

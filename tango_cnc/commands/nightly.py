@@ -14,7 +14,10 @@ import click
 from ..files import read_cell, write_text
 from ..files.nightly import NAME, Nightly, history_of
 from ..records import Cell, InputError, TangoError
+from ..report.texts import Texts
+from ..texts import say
 from ._common import cell_option, controller_of, json_option, write_json
+from ._shop import headlines, note_simulated, of_shop
 
 if TYPE_CHECKING:
     from ..history import History
@@ -68,10 +71,11 @@ def command(
         raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
     settings, wrong = settings_of(folder)
     disk, mail = RealDisk(folder), Notifier(settings.notify)
+    t = of_shop(settings)
     if tell:
-        return _tell(disk, mail)
+        return _tell(disk, mail, t)
     if status:
-        return _status(folder, settings, wrong, where, disk, json_file)
+        return _status(folder, settings, wrong, where, disk, json_file, t)
     begun = RealClock().now()
     stamp = begun.astimezone(UTC).strftime("%Y-%m-%dT%H%M%SZ")
     try:
@@ -89,7 +93,7 @@ def command(
             place = _looked_at(place)
         with opened(place) as history:
             if dry_run:
-                return _dry(control, analysis, history, begun, disk, settings, json_file)
+                return _dry(control, analysis, history, begun, disk, settings, json_file, t)
             recorded(folder, history)
             world = Ports(_Held(begun), disk, control, mail, history, analysis, locked(folder))
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
@@ -103,17 +107,19 @@ def command(
     try:
         from ..report import morning
 
-        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", morning.render(record, **seen))
-    except OSError as error:
-        click.echo(f"{record['artefacts']['folder']}/morning.html could not be written ({error.strerror or error})", err=True)
+        page = morning.render(record, folder=settings.templates, **seen)
+        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", page)
+    except (OSError, InputError) as error:  # a template that cannot be used hides no verdict
+        why = str(error.strerror or error) if isinstance(error, OSError) else str(error)
+        click.echo(t("night.night.not_written", name=f"{record['artefacts']['folder']}/morning.html", why=why), err=True)
     if not write_json(json_file, record):
         from ..nightly.words import message
 
-        subject, text = message(record, record.get("trouble", ()), (), newest)
+        subject, text = message(record, record.get("trouble", ()), (), newest, t=t)
         click.echo(f"{subject}\n\n{text}", nl=False)
     for delivery in record.get("notifications", ()):
         if not delivery["sent"]:
-            click.echo(f"not sent: {delivery['to']}: {delivery['why']}; the message waits in nights/outbox", err=True)
+            click.echo(t("cli.nightly.unsent", to=delivery["to"], why=delivery["why"]), err=True)
     return EXIT[record["verdict"]]
 
 
@@ -185,7 +191,7 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     for name, text in written.items():
         write_text(target / name, text)
     click.echo("\n".join(str(target / name) for name in written))
-    click.echo(f"to set it going:\n    {advice(kind, list(written), target)}")
+    click.echo(f"{say('cli.nightly.set_going')}\n    {advice(kind, list(written), target)}")
     return 0
 
 
@@ -194,26 +200,29 @@ def _looked_at(place: str | Path) -> str | Path:
     return "sqlite://" if isinstance(place, Path) and not place.exists() else place
 
 
-def _tell(disk: Any, mail: Any) -> int:
+def _tell(disk: Any, mail: Any, t: Texts) -> int:
     from ..nightly.night import delivered
 
     failed = 0
     for stamp, words in disk.unsent():
         deliveries = delivered(disk, mail, stamp, words)
         if all(d.sent for d in deliveries):
-            click.echo(f"sent: {words.partition(chr(10))[0]}")
+            click.echo(t("cli.nightly.sent", subject=words.partition("\n")[0]))
         for delivery in deliveries:
             if not delivery.sent:
                 failed += 1
-                click.echo(f"not sent: {delivery.to}: {delivery.why}", err=True)
+                click.echo(t("cli.nightly.not_sent", to=delivery.to, why=delivery.why), err=True)
     for stamp, _ in disk.unfinished():
-        click.echo(f"the night {stamp} was begun and has not ended; the next one puts it on record", err=True)
+        click.echo(t("cli.nightly.unfinished", stamp=stamp), err=True)
     return 3 if failed else 0
 
 
-def _dry(control: Any, analysis: Any, history: Any, now: datetime, disk: Any, settings: Nightly, json_file: str | None) -> int:
+def _dry(
+    control: Any, analysis: Any, history: Any, now: datetime, disk: Any, settings: Nightly, json_file: str | None, t: Texts
+) -> int:
     from ..nightly import day_of
     from ..nightly.night import room
+    from ..nightly.words import code
 
     kind, why, touches = analysis.choice(history, day_of(now))
     points = [room(disk, settings), *control.preflight(kind, touches)]
@@ -223,16 +232,23 @@ def _dry(control: Any, analysis: Any, history: Any, now: datetime, disk: Any, se
         **{"preflight": [vars(p) for p in points], "passed": all(p.passed for p in points)},
     }
     if not write_json(json_file, data):
-        what = f"{count} touches" if touches else "the whole strategy" if kind == "full" else "check.yaml"
-        click.echo(f"this night would be a {kind} one ({why}): {what}")
+        what = t("cli.nightly.touches", count=count) if touches else t("cli.nightly.whole") if kind == "full" else "check.yaml"
+        click.echo(t("cli.nightly.would_be", kind=code(kind), why=why, what=what))
+        room_for = max(len(t("cli.nightly.ok")), len(t("cli.nightly.failed")))
         for p in points:
-            click.echo(f"  {'ok    ' if p.passed else 'FAILED'} {p.check}: {p.found}{'; ' + p.do if p.do else ''}")
-        click.echo("nothing was moved, nothing was kept")
+            word = t("cli.nightly.ok" if p.passed else "cli.nightly.failed")
+            name = t(f"check_name.{p.check}") if f"check_name.{p.check}" in t else p.check
+            click.echo(f"  {word:<{room_for}} {name}: {t.of(p.found)}{'; ' + t.of(p.do) if p.do else ''}")
+        click.echo(t("cli.nightly.nothing_moved"))
     return 0 if data["passed"] else 1
 
 
-def _status(folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None) -> int:
+def _status(
+    folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None, t: Texts
+) -> int:
     from ..history import opened
+    from ..nightly.words import code
+    from ..report.repeated import shortened
     from ._unreadable import machine_of
 
     name = ""
@@ -248,6 +264,9 @@ def _status(folder: Path, settings: Nightly, wrong: TangoError | None, where: st
         unfinished = [stamp for stamp, _ in disk.unfinished()]
         alarms = history.open_alarms(name) if nights else ()
         record = history.night(newest.entry).record if newest else {}
+        said = headlines(history, nights)
+        if json_file is None:
+            note_simulated(history, name, t)
     late = (
         newest is None
         or (datetime.now(UTC) - datetime.fromisoformat(newest.start_utc)).total_seconds() > settings.late_hours * 3600
@@ -258,19 +277,19 @@ def _status(folder: Path, settings: Nightly, wrong: TangoError | None, where: st
         **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": record.get("next")},
     }
     if not write_json(json_file, data):
-        click.echo(f"{name}: {'no night yet' if not nights else 'LATE' if late else 'on time'}")
+        click.echo(f"{name}: {t('cli.nightly.no_night' if not nights else 'cli.nightly.late' if late else 'cli.nightly.on_time')}")
         if wrong is not None:
-            click.echo(f"  no night can begin: {wrong}")
-        for n in nights:
-            click.echo(f"  {n.night} {n.kind:5} {n.status:8} {n.verdict:13} {n.headline}")
+            click.echo("  " + t("cli.nightly.cannot_begin", why=str(wrong)))
+        for n, text in zip(nights, shortened([said.get(n.entry) or n.headline for n in nights]), strict=True):
+            kind, status, verdict = (t.of(code(word)) for word in (n.kind, n.status, n.verdict))
+            click.echo(f"  {n.night} {kind:5} {status:8} {verdict:13} {t.of(text)}")
         for alarm in alarms:
-            click.echo(
-                f"  open alarm {alarm['id']}: {alarm['text']}; 'tango history decide {alarm['id']} --action … --owner …' answers it"
-            )
+            command = f"tango history decide {alarm['id']} --action … --owner …"
+            click.echo("  " + t("cli.nightly.open_alarm", id=alarm["id"], text=alarm["text"], command=command))
         for stamp in waiting:
-            click.echo(f"  not sent yet: {stamp}; 'tango nightly --tell' sends it again")
+            click.echo("  " + t("cli.nightly.waits", stamp=stamp))
         for stamp in unfinished:
-            click.echo(f"  begun and not ended: {stamp}")
+            click.echo("  " + t("cli.nightly.begun", stamp=stamp))
         if record.get("next"):
-            click.echo(f"  next night: {record['next']['kind']} ({record['next']['why']})")
+            click.echo("  " + t("cli.nightly.next", kind=code(record["next"]["kind"]), why=record["next"]["why"]))
     return 1 if late or alarms or wrong is not None else 0

@@ -60,6 +60,7 @@ PAUSE = 0.3  # s between two looks at the journal of another program
     "(µm, µrad, µm/m). Touches are appended where the strategy alone does not reach it.",
 )
 @click.option("--watch", "watching", is_flag=True, help="Follow a run that another program makes; nothing is sent.")
+@click.option("--simulated", is_flag=True, help="The control is a simulated one: readings, pages and reports then say so.")
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="Silence of the control that is allowed."
@@ -83,6 +84,7 @@ def command(
     resume: bool,
     until: str | None,
     watching: bool,
+    simulated: bool,
     yes: bool,
     timeout: float | None,
     obstructed: str | None,
@@ -143,7 +145,8 @@ def command(
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:
-        wanted = Wanted(address, post.link, controller.post, target, resume, timeout, start_patience(someone), heard)
+        start = start_patience(someone)
+        wanted = Wanted(address, post.link, controller.post, target, resume, timeout, start, heard, simulated=simulated)
 
         def run(own: Wanted, count: int | None = None) -> dict[str, Any]:
             def posted(part: Plan) -> list[Program]:

@@ -36,6 +36,7 @@ class Nightly:
     diagnose: bool = True  # after full nights, and after alarms
     probe: bool = False  # whether a control that cannot say how its probe is may be used
     notify: tuple[str, ...] = ()
+    templates: Path | None = None  # folder with texts.toml and templates of the shop (docs/report.md)
 
 
 def read_nightly(folder: Path) -> Nightly:
@@ -71,6 +72,10 @@ def read_nightly(folder: Path) -> Nightly:
             if low >= high:
                 raise node.wrong("[low, high] in °C with low below high", f"[{low:g}, {high:g}]")
             given[key] = (low, high)
+        elif key == "templates":
+            given[key] = folder / node.text()
+            if not (folder / node.text()).is_dir():
+                raise node.wrong("a folder, from the cell, with texts.toml or templates of the shop")
         elif key == "notify":
             given[key] = tuple(item.text() for item in node.list())
             for item in node.list():

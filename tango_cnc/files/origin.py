@@ -28,7 +28,7 @@ FORMAT = "tango-origin/1"
 ROLES = ("machine", "artefact", "strategy")
 FEW = 8  # keys or lines that a sentence names
 MEASURED, SIMULATED = "readings.csv", "simulated.csv"
-RUN = ("program_hash", "plan_hash", "start_utc", "end_utc")  # of readings.json
+RUN = ("program_hash", "plan_hash", "start_utc", "end_utc", "simulated")  # of readings.json
 
 
 def origin_file(readings: Path) -> Path:
@@ -77,6 +77,11 @@ def read_origin(readings: Path) -> dict[str, Any] | None:
         if data.get("format") == FORMAT:
             return data
     return None
+
+
+def by_no_machine(known: Mapping[str, Any]) -> bool:
+    """what is known of readings → whether a simulator made them, by itself or as the control of a run."""
+    return known.get("origin") == "simulated" or bool((known.get("run") or {}).get("simulated"))
 
 
 def set_aside(readings: Path) -> str | None:

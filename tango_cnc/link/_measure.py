@@ -62,6 +62,7 @@ class Wanted:
     transcript: TextIO | None = None
     misses: int = 3  # touches in a row without contact after which a driver that counts them stops
     then: str = "'tango run --resume' makes the missing touches"  # what to do when it breaks off
+    simulated: bool = False  # the control stands in for a machine that does not exist
 
 
 def measure(
@@ -374,7 +375,7 @@ def _segment(plan: Plan, program: Program, job: Job, wanted: Wanted, part: tuple
         utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
         tool_version=__version__,
         machine=plan.machine.name,
-        controller={"post": wanted.post, "port": shown(wanted.port)},
+        controller={"post": wanted.post, "port": shown(wanted.port), **({"simulated": "yes"} if wanted.simulated else {})},
         plan_hash=plan_hash(plan),
         program_hash=program.mark,
         touches=job.original[job.again :],

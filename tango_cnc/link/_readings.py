@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Array, Plan, Readings
-from .entries import Again, Doubted, End, Entry, Identity, Reading, Segment
+from .entries import Again, Doubted, End, Entry, Identity, Reading, Segment, by_no_machine
 
 Entries = Sequence[Entry]
 
@@ -67,6 +67,7 @@ def provenance(entries: Entries, plan: Plan, digest: str | None = None) -> dict[
         "plan_hash": first.plan_hash,
         "machine": first.machine,
         "controller": {**first.controller, "identity": identity[0] if identity else None},
+        **({"simulated": True} if any(by_no_machine(s) for s in segments) else {}),
         "start_utc": first.utc,
         "end_utc": ends[-1].utc if ends else None,
         "tool_version": first.tool_version,

@@ -29,11 +29,16 @@ class Segment:
     utc: str
     tool_version: str
     machine: str
-    controller: Mapping[str, str]  # post, port
+    controller: Mapping[str, str]  # post, port, simulated
     plan_hash: str
     program_hash: str
     touches: tuple[int, ...]
     part: tuple[int, ...] = (1, 1)
+
+
+def by_no_machine(entry: Segment) -> bool:
+    """segment of a run → whether a simulated control was to make its touches (`tango run --simulated`)."""
+    return entry.controller.get("simulated") == "yes"
 
 
 @dataclass(frozen=True)

@@ -170,6 +170,7 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
     if not past.knows(machine):
         return []
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
+    full = next((n.night for n in past.nights(machine, last=LISTED) if n.kind == "full" and n.status == "complete"), "")
     found = []
     for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
@@ -184,6 +185,7 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
             told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
+            told["confirmed"] = full if full > stored.record["night"] and told["now"] else None
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)

@@ -20,8 +20,8 @@ import numpy as np
 from ..files.nightly import Nightly
 from ..history import FORMAT, Knowledge
 from ..records import InputError, LinkError, TangoError
-from ..report.texts import texts
-from ..texts import carried, say
+from ..report.texts import texts, texts_of
+from ..texts import carried, joined, say
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .words import headline, message
 
@@ -95,7 +95,7 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     found: dict[str, Any] = {"preflight": [vars(p) for p in points], "asked": {"kind": kind, "why": why_kind}}
     failed = [p for p in points if not p.passed]
     if failed:
-        return found | {"why": f"preflight: {failed[0].found}", "do": failed[0].do}, None, {}, None
+        return found | {"why": say("night.night.preflight_failed", found=failed[0].found), "do": failed[0].do}, None, {}, None
     try:
         measured = world.control.measure(kind, touches)
     except LinkError as error:
@@ -142,7 +142,7 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: 
             record = _empty(machine, cell, started, started[:10], "failed", why, stamp)
             world.past.add_night(record)
             known.add(started)
-            said.append(f"{started[:10]}: {why}")
+            said.append(joined("", (f"{started[:10]}: ", why)))
         world.disk.ended(stamp)
     if not known:
         return said
@@ -157,7 +157,7 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: 
             else say("night.night.no_night_began_nights_missing", missed=missed, last=max(known)[:10])
         )
         world.past.add_night(_empty(machine, cell, stamp_of(when), when.strftime("%Y-%m-%d"), "missed", why, ""))
-        said.append(f"{when:%Y-%m-%d}: {why}")
+        said.append(joined("", (f"{when:%Y-%m-%d}: ", why)))
     return said
 
 
@@ -170,7 +170,7 @@ def _lost(world: Ports, stamp: str) -> str:
     except OSError:
         waits = kept = False
     why = t("night.cut_off") if waits else t("night.cut_off_silent")
-    return why + (t("night.readings_left", folder=f"nights/{stamp}") if kept else "")
+    return joined("", (why, t("night.readings_left", folder=f"nights/{stamp}") if kept else ""))
 
 
 def _packed(record: dict[str, Any], readings: str | None, knowledge: Knowledge | None) -> str:
@@ -238,7 +238,7 @@ def _kept(
     for number, alarm in enumerate(record["alarms"], 1):
         alarm |= {"id": f"{record['night']}-{started:%H%M%S}-{number}", "owner": settings.owner or None, "decision": None}
     record["headline"] = headline(record)
-    trouble = []
+    trouble: list[str] = []
     if readings is not None:
         files = {"readings.csv": readings, **files}
     for name, text in files.items():
@@ -246,21 +246,21 @@ def _kept(
             world.disk.write(stamp, name, text)
             record["artefacts"] = record["artefacts"] | {name.partition(".")[0]: name}
         except OSError as error:
-            trouble.append(f"{name} could not be written ({error.strerror or error})")
+            trouble.append(say("night.night.not_written", name=name, why=error.strerror or error))
     try:
         world.past.add_night(record, readings, knowledge)
         kept = True
     except (TangoError, OSError) as error:
         kept = False
-        trouble.append(f"the night is not in the history: {sentence(error)}; the next night adds it")
+        trouble.append(say("night.night.not_kept", why=sentence(error)))
         try:
             world.disk.write(stamp, UNKEPT, _packed(record, readings, knowledge))
             world.disk.begin(stamp, record["start_utc"])  # one that came to nothing before it had begun is looked for by its mark
         except OSError as second:
             with suppress(OSError):  # a mark needs little room: by it the next night knows that there was one
                 world.disk.begin(stamp, record["start_utc"])
-            trouble[-1] = f"the night is not in the history: {sentence(error)}; nor on the disk: {sentence(second)}"
-    _told(record, trouble, left, world, stamp)
+            trouble[-1] = say("night.night.kept_nowhere", why=sentence(error), disk=sentence(second))
+    _told(record, trouble, left, world, stamp, settings.templates)
     if kept:
         try:
             world.disk.ended(stamp)
@@ -269,8 +269,12 @@ def _kept(
     return record | ({"trouble": trouble} if trouble else {})
 
 
-def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: Ports, stamp: str) -> None:
-    subject, text = message(record, trouble, left, _newest(record["machine"], world))
+def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: Ports, stamp: str, templates: Path | None) -> None:
+    try:
+        t = texts_of(templates)
+    except InputError as error:  # a mistake in a text keeps no message from being sent
+        t, trouble[:] = texts(), [*trouble, str(error)]
+    subject, text = message(record, trouble, left, _newest(record["machine"], world), t=t)
     waiting = True
     try:
         world.disk.post(stamp, f"{subject}\n{text}")
@@ -285,7 +289,7 @@ def _told(record: dict[str, Any], trouble: list[str], left: list[str], world: Po
         if old == stamp:
             record["notifications"] = [vars(d) for d in deliveries]
             if not waiting and not any(d.sent for d in deliveries):
-                trouble.append("the message could be neither kept nor sent: the output of this program is all there is of it")
+                trouble.append(say("night.night.not_sent"))
 
 
 def delivered(disk: Disk, mail: Mail, stamp: str, words: str, waiting: bool = True) -> Sequence[Delivery]:
@@ -321,6 +325,4 @@ def sentence(error: Exception) -> str:
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
     place = next((f"{Path(x.filename).name} {x.lineno}" for x in reversed(frames) if "tango_cnc" in x.filename), "")
-    return (
-        f"a mistake of this program stopped it ({type(error).__name__}: {error}{f', {place}' if place else ''}); please report it"
-    )
+    return say("night.night.mistake", kind=type(error).__name__, error=error, place=f", {place}" if place else "")

@@ -6,21 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..history import Decision
-from ..report.texts import texts
+from ..report.texts import Texts, texts
 from ..report.units import shown
 from ..report.words import moved
 from ..texts import joined, say
 
-SUBJECT = {
-    "good": "as it should be",
-    "changed": "HAS CHANGED",
-    "out_of_limits": "OUT OF LIMITS",
-    "doubtful": "readings in doubt",
-    "not_measured": "NOT MEASURED",
-}
-STILL = "STILL CHANGED"
-REFUSED = "not begun, the folder is in use"
-NOBODY = "none is stated in nightly.yaml"
 SHOWN = 3  # alarms that wait, in full
 
 
@@ -138,101 +128,128 @@ def message(
     left: Sequence[str],
     newest: tuple[int, str] | None = None,
     decisions: Sequence[Decision] = (),
+    t: Texts | None = None,
 ) -> tuple[str, str]:
     """record, what went wrong while keeping it, what was found of earlier nights → subject and text of a message.
 
-    `newest`: number of entries of the machine's history and hash of the last; `decisions`: what was decided about alarms.
+    `newest`: number of entries of the machine's history and hash of the last; `decisions`: what was decided about alarms; `t`:
+    texts of the shop, else English.
     """
+    t = t or texts()
     still = record["verdict"] == "changed" and not record["alarms"]
     refused = record["status"] == "refused"
-    word = REFUSED if refused else STILL if still else SUBJECT[record["verdict"]]
+    word = t("mail.refused") if refused else t("mail.still") if still else t(f"mail.subject_{record['verdict']}")
     subject = f"{record['machine']}: {word} ({record['night']})"
-    lines = [_sentence(record["headline"]), ""]
+    lines = [t("audit.simulated"), ""] if record.get("simulated") else []
+    lines += [_sentence(t.of(record["headline"])), ""]
     crossed = [limit for limit in record["limits"] if limit["passed"] is False]
-    lines += [*(_limit_line(limit) for limit in crossed), *([""] if crossed else [])]
-    owner = record.get("owner") or NOBODY
+    lines += [*(_limit_line(limit, t) for limit in crossed), *([""] if crossed else [])]
+    owner = record.get("owner") or t("mail.nobody")
     for alarm in record["alarms"]:
-        lines += [f"* {alarm['text']}", f"  since {alarm['since']}, {alarm['sigmas']:.0f} standard deviations"]
-        lines += [*_about(alarm, alarm["owner"] or NOBODY), *_answers(alarm["id"], decisions), ""]
+        since = t("mail.since", date=alarm["since"], sigmas=f"{alarm['sigmas']:.0f}")
+        lines += [f"* {t.of(alarm['text'])}", f"  {since}"]
+        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, t), ""]
     standing = record.get("standing") or ()
     for alarm in standing[:SHOWN]:
-        who = f"{alarm['owner']} has acknowledged it" if alarm["decision"] else "not answered"
-        lines += [f"* alarm of {alarm['night']}, {who}: {alarm['text']}"]
-        lines += [f"  {alarm['now']}"] if alarm.get("now") else []
-        lines += [*_about(alarm, alarm["owner"] or NOBODY), *_answers(alarm["id"], decisions), ""]
+        who = t("mail.acknowledged", owner=alarm["owner"]) if alarm["decision"] else t("mail.not_answered")
+        lines += [f"* {t('mail.alarm_of', night=alarm['night'], who=who, text=alarm['text'])}"]
+        lines += [f"  {t.of(alarm['now'])}"] if alarm.get("now") else []
+        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, t), ""]
     if len(standing) > SHOWN:
-        lines += [f"* {len(standing) - SHOWN} more alarms wait: tango nightly --status", ""]
+        lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
     for cause in record.get("behind") or ():
-        lines += [f"* behind {cause['what']}: {cause['text']}", *_about(cause, owner), ""]
+        lines += [f"* {t('mail.behind', what=_what(cause['what']), text=cause['text'])}", *_about(cause, owner, t), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
-        lines += [f"* what to do: {texts()('night.beyond_do')}", f"  owner: {owner}", ""]
+        lines += [f"* {t('mail.do', text=t('night.beyond_do'))}", f"  {t('mail.owner', owner=owner)}", ""]
     failed = [p for p in record["preflight"] if not p["passed"]]
-    lines += [
-        f"* {p['check']}: {_sentence('; '.join(x for x in (p['found'].rstrip('.'), p['do']) if x))} Nothing was moved."
-        for p in failed
-    ]
+    lines += [f"* {_checked(p, t)} {t('mail.not_moved')}" for p in failed]
     if record["verdict"] == "not_measured":
-        lines += _unmeasured(record, owner, failed)
+        lines += _unmeasured(record, owner, failed, t)
     if record["verdict"] == "doubtful":
-        lines += [f"* {_sentence(r)}" for r in ((record.get("plausible") or {}).get("reasons") or ())]
-        lines += [f"* what to do: {texts()('night.doubtful_do')}", f"  owner: {owner}"]
+        lines += [f"* {_sentence(t.of(r))}" for r in ((record.get("plausible") or {}).get("reasons") or ())]
+        lines += [f"* {t('mail.do', text=t('night.doubtful_do'))}", f"  {t('mail.owner', owner=owner)}"]
         if not record.get("carried", True):
-            lines.append(
-                f"* nothing of this night is carried on; what is known is that of {record.get('last_measured') or 'no night yet'}"
-            )
-    lines += [_limit_line(limit) for limit in record["limits"] if limit["passed"] is not False]
+            lines.append(f"* {t('mail.not_carried', night=record.get('last_measured') or say('mail.no_night'))}")
+    lines += [_limit_line(limit, t) for limit in record["limits"] if limit["passed"] is not False]
     if apart := record.get("outliers") or ():
         numbers = ", ".join(str(n) for n in apart)
-        lines.append(f"* {texts()('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
+        lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
     if (change := record.get("change")) is not None and change.get("p_value") is not None:
-        lines.append(f"* {change['text']}; tonight's probability by chance: {change['p_value']:.2g}")
+        lines.append("* " + t("mail.chance", text=change["text"], p=f"{change['p_value']:.2g}"))
     if (asked := record.get("next")) is not None:
-        lines.append(f"* next night: {asked['kind']} ({asked['why']})")
-    before = list(record.get("unmeasured") or ())
-    lines += [f"* {text}" for text in (*before, *(x for x in left if x not in before and x[:10] not in {b[:10] for b in before}))]
-    lines += [f"* {text}" for text in trouble]
+        lines.append(f"* {t('mail.next', kind=code(asked['kind']), why=asked['why'])}")
+    before = [t.of(text) for text in record.get("unmeasured") or ()]
+    lines += [
+        f"* {text}" for text in (*before, *(t.of(x) for x in left if x not in before and x[:10] not in {b[:10] for b in before}))
+    ]
+    lines += [f"* {t.of(text)}" for text in trouble]
     lines.append("")
     if record["kind"] == "none":
-        lines.append("nothing was measured")
+        lines.append(t("mail.nothing_measured"))
     else:
-        minutes = record["machine_time_s"] / 60
-        lines.append(f"{record['kind']} night, {record['touches']} of {record['planned']} touches, {minutes:.0f} min")
+        minutes, counts = f"{record['machine_time_s'] / 60:.0f}", {"touches": record["touches"], "planned": record["planned"]}
+        lines.append(t("mail.measured", kind=code(record["kind"]), minutes=minutes, **counts))
     kept = record["artefacts"]["folder"] if "artefacts" in record else ""
-    lines.append(f"cell {record['cell']}" + (f", files in {kept}" if kept and record["touches"] else ""))
+    known = {"cell": record["cell"], "folder": kept}
+    lines.append(t("mail.cell_files", **known) if kept and record["touches"] else t("mail.cell", cell=record["cell"]))
     if newest is not None:
-        lines.append(f"history: {newest[0]} entries, the newest is {newest[1]}")
+        lines.append(t("mail.history", count=newest[0], digest=newest[1]))
     return subject, "\n".join(lines) + "\n"
 
 
-def _limit_line(limit: Mapping[str, Any]) -> str:
-    word = {True: "within", False: "BEYOND", None: "not certain to be within"}[limit["passed"]]
-    return f"* {limit['what']}: {limit['value']:.1f} {limit['unit']}, {word} {limit['limit']:g}"
+def code(word: str) -> str:
+    """a word of a record (full, complete, good …) → the same as a text that can be translated; an unknown one as it is."""
+    key = f"code.{word}"
+    return say(key) if key in texts() else word
 
 
-def _about(cause: Mapping[str, Any], owner: str) -> list[str]:
-    lines = [f"  at {value(cause['rate_per_day'], cause['unit'])} a day"] if cause.get("rate_per_day") else []
-    lines += [f"  on a part: {cause['on_part']}", f"  what to do: {cause['do']}"]
+def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:
+    key = {True: "mail.within", False: "mail.beyond", None: "mail.uncertain"}[limit["passed"]]
+    what, value, most = _what(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
+    return f"* {t(key, what=what, value=value, limit=most)}"
+
+
+def _checked(point: Mapping[str, Any], t: Texts) -> str:
+    """point of the preflight that failed, texts → `probe: No answer; change its battery.`"""
+    found, do = t.of(point["found"]).rstrip("."), t.of(point["do"])
+    name = t(f"check_name.{point['check']}") if f"check_name.{point['check']}" in t else point["check"]
+    return f"{name}: {_sentence('; '.join(x for x in (found, do) if x))}"
+
+
+def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
+    rate = value(cause["rate_per_day"], cause["unit"]) if cause.get("rate_per_day") else ""
+    lines = [t("mail.rate", rate=rate)] if rate else []
+    again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") else ""
+    lines += [t("mail.on_part", text=cause["on_part"]), t("mail.do", text=t(again) if again in t else cause["do"])]
     if cause.get("instead"):
-        lines.append(f"  fits nearly as well: {', '.join(cause['instead'])}")
-    return [*lines, f"  owner: {owner}"]
+        names = [t(f"cause_name.{name}") if f"cause_name.{name}" in t else name for name in cause["instead"]]
+        lines.append(t("mail.instead", names=", ".join(names)))
+    return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
 
 
-def _answers(alarm: str, decisions: Sequence[Decision]) -> list[str]:
+def _answers(alarm: str, decisions: Sequence[Decision], t: Texts) -> list[str]:
     own = [d for d in decisions if d.alarm == alarm]
     if not own:
-        return [f"  to answer: tango history decide {alarm} --action … --owner …"]
-    until = {d: f" until {d.until}" if d.until else "" for d in own}
-    return [f"  answered: {d.action}{until[d]} by {d.owner}, {d.utc[:10]}{f': {d.note}' if d.note else ''}" for d in own]
+        return ["  " + t("mail.to_answer", command=f"tango history decide {alarm} --action … --owner …")]
+    return [f"  {t('mail.answered', text=decided(d))}" for d in own]
 
 
-def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[str, Any]]) -> list[str]:
-    t = texts()
+def decided(d: Decision) -> str:
+    """decision → `accept until 2026-12-01 by Ann, 2026-11-20: why`, as a text that can be translated."""
+    until = say("mail.until", date=d.until) if d.until else ""
+    note = f": {d.note}" if d.note else ""
+    return say("mail.decision", action=code(d.action), until=until, owner=d.owner, date=d.utc[:10], note=note)
+
+
+def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[str, Any]], t: Texts) -> list[str]:
+    whose = t("mail.owner", owner=owner)
     if record["status"] == "refused":
-        return [f"* what to do: {t('night.refused_do')}", f"* on a part: {t('night.refused_part')}", f"* owner: {owner}"]
-    do = "" if any(p["do"] for p in failed) else f"* what to do: {t('night.unmeasured_do', cell=record['cell'])}"
+        do, part = t("mail.do", text=t("night.refused_do")), t("mail.on_part", text=t("night.refused_part"))
+        return [f"* {do}", f"* {part}", f"* {whose}"]
+    do = "" if any(p["do"] for p in failed) else t("mail.do", text=t("night.unmeasured_do", cell=record["cell"]))
     last = record.get("last_measured")
     known = t("night.unmeasured_part", date=last) if last else t("night.unmeasured_never")
-    return [*([do] if do else []), f"* on a part: {known}", f"* owner: {owner}"]
+    return [*([f"* {do}"] if do else []), f"* {t('mail.on_part', text=known)}", f"* {whose}"]
 
 
 def _sentence(text: str) -> str:

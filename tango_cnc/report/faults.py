@@ -66,11 +66,12 @@ def faults(
 
 
 def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
-    """alarm of an earlier night, last night that measured → whether that was a full measurement, which has found it again."""
+    """alarm of an earlier night, last night that measured → whether a full measurement, that or one before, has found it again."""
     seen = ((known.get("parameters") or {}).get(a.get("parameter")) or {}).get("seen")
     own, total = float(a.get("size") or 0.0), float(a.get("total") or 0.0)
     stays = own != 0.0 and abs(total - own) <= SAME * abs(own)
-    return stays and bool(seen) and known.get("kind") == "full" and known.get("status") == "complete"
+    tonight = bool(seen) and known.get("kind") == "full" and known.get("status") == "complete"
+    return stays and (tonight or bool(a.get("confirmed")))
 
 
 def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]] = ()) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
-from ..link.entries import Again, Begun, Doubted, End, Entry, Reading, Segment
+from ..link.entries import Again, Begun, Doubted, End, Entry, Reading, Segment, by_no_machine
 from ..link.journal import read_journal
 from ..records import Cell
 
@@ -32,6 +32,7 @@ class Run:
     seconds: float  # since the start mark, of the last entry
     remaining: float | None  # s, at the pace so far
     touched: float = 0.0  # time of its last entry, s since 1970
+    simulated: bool = False  # its touches are made by no machine
 
 
 @dataclass
@@ -85,7 +86,8 @@ def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None
     refused = tuple(f"{e.record!r}: {e.why}" for e in entries if isinstance(e, Doubted))[-5:]
     head = segments[-1] if segments else None
     started = segments[0].utc if segments else ""
-    return Run(file, version, state, why, started, head, len(wanted), readings, refused, dict(left), seconds, remaining)
+    found = Run(file, version, state, why, started, head, len(wanted), readings, refused, dict(left), seconds, remaining)
+    return replace(found, simulated=any(by_no_machine(s) for s in segments))
 
 
 QUIET = 600.0  # s without an entry after which a run is no longer said to go on

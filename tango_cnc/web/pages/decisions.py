@@ -14,7 +14,7 @@ from ...records import InputError
 from ...report.answer import answer
 from ...report.faults import size_of
 from ..app import machine_of, needs, page, proven, state_of
-from .fleet import open_faults
+from .fleet import made_up, open_faults
 
 NOTE = 500  # characters
 MANY = 200  # alarms of one cause that are answered together
@@ -39,7 +39,7 @@ def _values(request: Request) -> dict[str, Any]:
             whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
             shown = open_faults(row, history.open_alarms(name), whose, axes, state)
             told = None if row.record is None else answer(row.record, state.units, state.texts, "", row.before, axes)
-            waiting.append({"machine": row.machine, "answer": told, "faults": shown, "owner": whose})
+            waiting.append({"machine": row.machine, "answer": told, "faults": shown, "owner": whose, "simulated": made_up(row)})
         past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]
     largest = {c["machine"].slug: max(map(size_of, c["faults"]), default=0.0) for c in waiting}
     waiting.sort(key=lambda c: (c["answer"] is None or c["answer"].may != "no", -largest[c["machine"].slug], c["machine"].name))

@@ -29,7 +29,7 @@ def fleet(request: Request) -> Response:
     state = state_of(request)
     rows = state.places.kept("fleet rows", lambda: sorted((_row(row, request) for row in state.places.fleet()), key=_urgent))
     late = sum(r["late"] for r in rows)
-    counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown", "wait")}
+    counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown", "wait", "none")}
     hours = f"{state.settings.late_hours:g}"
     return page(request, "fleet.html", rows=rows, count=len(rows), counts=counts, late=late, hours=hours)
 
@@ -58,6 +58,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "slug": row.machine.slug,
         "name": row.machine.name,
         "trouble": row.machine.trouble,
+        "simulated": made_up(row),
         "night": row.nights[0].night if row.nights else "",
         "may": "none" if told is None else told.may,
         "level": "none" if told is None else told.level,
@@ -74,6 +75,11 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "late": bool(s and s.late and s.nights),
         "strip": strip(signs, t("web.nights", count=len(signs)), t) if signs else "",
     }
+
+
+def made_up(row: Row) -> bool:
+    """row of the fleet → whether its last night measured no machine but a simulated one."""
+    return bool((row.record or {}).get("simulated") or (row.before or {}).get("simulated"))
 
 
 def _urgent(r: Mapping[str, Any]) -> tuple[int, str]:

@@ -76,6 +76,12 @@ def record_before(request: Request, machine: Machine, nights: Sequence[Night]) -
     return None if last is None else stored(request, machine, last.entry)
 
 
+def simulated(request: Request, machine: Machine) -> bool:
+    """request, machine → whether its newest night measured no machine but a simulated one."""
+    nights = state_of(request).places.nights(machine, STRIP)
+    return bool(nights) and bool(stored(request, machine, nights[0].entry).get("simulated"))
+
+
 def _waiting(request: Request, machine: Machine) -> Any:
     """request, machine → its alarms that nobody has decided about, newest first."""
     history = machine.history
@@ -160,7 +166,17 @@ def nights(request: Request) -> Response:
     shown = every[number * PAGE : (number + 1) * PAGE]
     more = (number + 1) * PAGE < len(every)
     said = headlines(request, found, shown)
-    return page(request, "nights.html", machine=found, nights=shown, headlines=said, count=len(every), number=number, more=more)
+    return page(
+        request,
+        "nights.html",
+        simulated=simulated(request, found),
+        machine=found,
+        nights=shown,
+        headlines=said,
+        count=len(every),
+        number=number,
+        more=more,
+    )
 
 
 ROUTES = [Route("/machine/{slug}", machine, name="machine"), Route("/machine/{slug}/nights", nights, name="nights")]

@@ -18,7 +18,7 @@ from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
-from .machine import limits_of
+from .machine import limits_of, simulated
 
 FIRST = 12  # parameters that are drawn when none is chosen
 LAST = 365  # nights
@@ -55,7 +55,9 @@ def trends(request: Request) -> Response:
         }
         wide, high = (880, 340) if wanted else (425, 240)
         charts.append((name, Markup(drawn(points, unit, state.texts, wide, high))))
-    return page(request, "trend.html", machine=found, charts=charts, names=list(every), wanted=wanted)
+    return page(
+        request, "trend.html", machine=found, charts=charts, names=list(every), wanted=wanted, simulated=simulated(request, found)
+    )
 
 
 def _all(machine: Machine) -> Mapping[str, Trend]:

@@ -1,0 +1,41 @@
+"""What the terminal says, in the language of the shop: texts of nightly.yaml, and what the nights of a list said."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ..files.nightly import Nightly, read_nightly
+from ..report.texts import Texts, texts_of
+
+if TYPE_CHECKING:
+    from ..history import History, Night
+
+LOOKED = 7  # nights
+
+
+def of_shop(settings: Nightly) -> Texts:
+    """settings of the nights → texts of the folder that they name, else English. Raises InputError for texts with a mistake."""
+    return texts_of(settings.templates)
+
+
+def here() -> Texts:
+    """the command that runs, with -C → texts of its cell. Raises InputError."""
+    folder = click.get_current_context().params.get("folder")
+    return of_shop(read_nightly(folder) if isinstance(folder, Path) else Nightly())
+
+
+def headlines(history: History, nights: Sequence[Night]) -> Mapping[int, str]:
+    """history, nights → {entry: what the night said}, as texts that can be translated where they were recorded so."""
+    records = history.records_of([n.entry for n in nights])
+    return {n.entry: str(records.get(n.entry, {}).get("headline") or n.headline) for n in nights}
+
+
+def note_simulated(history: History, machine: str, t: Texts) -> None:
+    """history, its machine, texts → a line on stderr where its newest nights measured no machine."""
+    nights = history.nights(machine, last=LOOKED) if machine in history.machines() else ()
+    if any(r.get("simulated") for r in history.records_of([n.entry for n in nights]).values()):
+        click.echo(f"{machine}: {t('audit.simulated')}", err=True)

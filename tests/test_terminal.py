@@ -1,0 +1,167 @@
+"""Pictures made of characters: a trend, a bar of uncertainty, a table. They keep to the width, to NO_COLOR and to the encoding."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from support.nights import into, thirty
+from support.server import cell
+
+from tango_cnc.cli import tango
+from tango_cnc.commands._common import table
+from tango_cnc.history import opened
+from tango_cnc.report import characters
+from tango_cnc.report.characters import Course, bar, colored, courses, ends, marks, sparkline, width
+from tango_cnc.report.repeated import shortened
+from tango_cnc.texts import joined, say
+
+MACHINE = "HU40T-like"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return cell(tmp_path_factory.mktemp("terminal") / "hu40t")
+
+
+def called(*words: str, columns: int = 80) -> Result:
+    found = CliRunner().invoke(tango, list(words), env={"COLUMNS": str(columns)})
+    assert found.exception is None or isinstance(found.exception, SystemExit), found.output
+    return found
+
+
+class Terminal:
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("environ", "out", "wanted"),
+    [
+        ({"TERM": "xterm"}, Terminal(), True),
+        ({"TERM": "xterm", "NO_COLOR": "1"}, Terminal(), False),
+        ({"TERM": "xterm", "NO_COLOR": ""}, Terminal(), True),  # no-color.org: when it is present and not empty
+        ({"TERM": "dumb"}, Terminal(), False),
+        ({"TERM": "xterm"}, open(os.devnull), False),  # noqa: SIM115
+    ],
+)
+def test_color_is_for_terminals_that_want_it(environ: dict[str, str], out: Any, wanted: bool) -> None:
+    assert ("\x1b[" in colored("x", "stop", out=out, environ=environ)) == wanted
+
+
+def test_a_night_with_an_alarm_is_marked_below_its_character() -> None:
+    flags = [False] * 12 + [True] + [False] * 17
+    assert marks(flags, 40).index("!") == 12
+    assert marks(flags, 10).index("!") == 12 // 3
+    assert marks([False] * 5) == ""
+    assert ends(30, 10) == [2, 5, 8, 11, 14, 17, 20, 23, 26, 29]
+    assert len(sparkline([float(i) for i in range(30)], 10)) == 10
+
+
+def test_what_has_no_room_goes_in_its_order_and_no_number_is_cut() -> None:
+    course = Course("EX0C", [float(i) for i in range(30)], 0.97, "µm", [i == 12 for i in range(30)])
+    wide, middle, narrow = (courses([course], columns) for columns in (80, 50, 40))
+    assert "0.00 →  29.00  ± 0.97  µm" in wide
+    assert "0.00 →  29.00  µm" in middle and "±" not in middle
+    assert narrow.splitlines()[0].endswith("29.00  µm") and "→" not in narrow
+    for text, columns in ((wide, 80), (middle, 50), (narrow, 40)):
+        assert max(map(len, text.splitlines())) <= columns
+        assert text.splitlines()[1].strip() == "!"
+    assert courses([], 80) == ""
+
+
+def test_the_same_marks_stand_below_all_lines_once() -> None:
+    alarms = [False, True, False]
+    found = [Course(name, [1.0, 2.0, 3.0], 0.1, "µm", alarms) for name in ("EX0C", "EY0C")]
+    assert courses(found, 80).count("!") == 1
+
+
+@pytest.mark.parametrize("columns", [40, 60, 80, 132])
+def test_the_trend_of_a_history(columns: int, folder: Path) -> None:
+    text = called("history", "plot", "-C", str(folder), columns=columns).stdout
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= columns
+    first = next(line for line in lines if line.startswith("EX0C"))
+    assert set(first) & set(characters.BLOCKS) and "µm" in first
+    assert "!" in text and "night with an alarm" in " ".join(lines)
+
+
+def test_a_table_wraps_its_last_column_in_a_terminal_only() -> None:
+    rows = [["night", "what"], ["2026-11-12", "nothing has changed; the largest error over the volume is 12.3 µm"]]
+    assert table(rows, "<<").count("\n") == 1
+    wrapped = table(rows, "<<", 60).splitlines()
+    assert max(map(len, wrapped)) <= 60 and wrapped[2].startswith(" " * 12)
+    below = table(rows, "<<", 32).splitlines()
+    assert below[1].strip() == "2026-11-12" and below[2].startswith("    nothing")
+    assert " ".join(" ".join(below).split()).endswith("over the volume is 12.3 µm")
+
+
+def test_the_fleet_shows_the_tool_tip_of_two_weeks(folder: Path) -> None:
+    line = called("fleet", str(folder)).stdout.splitlines()[-1]
+    drawn = [c for c in line if c in characters.BLOCKS]
+    assert len(drawn) == 14 and line.startswith(MACHINE)
+
+
+def test_bars_of_uncertainty_have_zero_in_the_middle() -> None:
+    assert bar(0, 1, 2, 21)[10] == "●" and bar(2, 0, 2, 21).endswith("●") and bar(-2, 0, 2, 21).startswith("●")
+    assert len(bar(1, 1, 2, 4)) == 7
+
+
+@pytest.mark.long
+def test_the_uncertainty_is_drawn_where_there_is_room(folder: Path) -> None:
+    assert called("simulate", "-C", str(folder)).exit_code == 0
+    for columns, drawn in ((120, True), (64, False)):
+        lines = called("uncertainty", "-C", str(folder), columns=columns).stdout.splitlines()
+        line = next(x for x in lines if x.startswith("EX0C"))
+        assert ("●" in line) == drawn and len(line) <= columns
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "latin-1", "utf-8"])
+def test_no_encoding_of_the_output_is_an_error(encoding: str, folder: Path) -> None:
+    """A file on Windows has no blocks: other characters stand for them."""
+    environ = os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "COLUMNS": "80"}
+    command = [sys.executable, "-m", "tango_cnc", "history", "plot", "EX0C", "-C", str(folder)]
+    done = subprocess.run(command, env=environ, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode(encoding)
+    text = done.stdout.decode(encoding)
+    assert ("█" in text) == (encoding == "utf-8") and ("#" in text) == (encoding != "utf-8")
+    assert "?" not in text
+
+
+def test_what_every_night_repeats_is_said_once() -> None:
+    def standing(night: str, now: str) -> str:
+        parts = {"text": say("judged.doubtful"), "who": "Ann has it", "more": "", "part": "", "gap": ""}
+        return say("night.words.changed_since_night", night=night, now=now, **parts)
+
+    def beyond(value: str, name: str) -> str:
+        cause = joined("", (": ", say("changed.most", name=name, size="9 µm", share="8 µm")))
+        limit = {"unit": "µm", "limit": "45", "part": "", "gap": ""}
+        return say("night.words.allowed", what="volume", value=value, cause=cause, **limit)
+
+    found = shortened([standing("2026-11-05", " (+9 µm)"), standing("2026-11-05", " (+8 µm)"), standing("2026-11-01", "")])
+    assert found[0].startswith("changed since the night of 2026-11-05: doubtful")
+    assert found[1] == "still changed since the night of 2026-11-05 (+8 µm)"
+    assert "2026-11-01: doubtful" in found[2]  # another alarm is told whole
+    found = shortened(
+        [beyond("52.0", "EX0C"), beyond("51.0", "EX0C"), beyond("50.0", "EY0C"), "written by hand", "written by hand"]
+    )
+    assert "EX0C" in found[0] and found[1] == "volume is 51.0 µm, 45 µm are allowed" and "EY0C" in found[2]
+    assert found[3:] == ["written by hand", "written by hand"]  # what does not know its key stays as it is
+
+
+def test_lists_of_a_simulated_machine_say_so(tmp_path: Path) -> None:
+    for simulated in (True, False):
+        with opened(tmp_path / f"{simulated}.db") as history:
+            into(history, [{**r, "simulated": simulated} for r in thirty(MACHINE)[:9]])
+        for words in (("list",), ("plot", "EX0C"), ("compare", "1"), ("show",)):
+            found = called("history", *words, "--history", str(tmp_path / f"{simulated}.db"))
+            assert ("SIMULATED" in found.output) == simulated, words
+
+
+def test_the_width_is_that_of_the_terminal_and_forty_at_least() -> None:
+    assert (width({"COLUMNS": "100"}), width({"COLUMNS": "12"})) == (100, 40)
