@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import io
 from typing import Any
 
 INSTEAD = dict(zip("▁▂▃▄▅▆▇█", "_.,-=+*#", strict=True)) | {
@@ -23,5 +24,5 @@ codecs.register_error("tango", _instead)
 
 def written(stream: Any) -> None:
     """stdout or stderr → the same; a character that its encoding lacks (a file on Windows) is replaced, not an error."""
-    if hasattr(stream, "reconfigure"):
+    if isinstance(stream, io.TextIOWrapper):
         stream.reconfigure(errors="tango")
