@@ -7,7 +7,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 unexport PYTHONDONTWRITEBYTECODE
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 
-.PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway mutants blind nights lint format clean planted
+.PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway campaign-readers mutants blind nights lint format clean planted
 
 demo: .venv/base.stamp
 	$(BIN)/tango demo
@@ -33,6 +33,11 @@ campaign-net: .venv/test.stamp
 # Sessions behind a gateway that mixes requests up: 1000 in words, 1000 in frames of Modbus TCP, 1000 in frames of Modbus RTU.
 campaign-gateway: .venv/test.stamp
 	$(BIN)/python -m pytest -m campaign tests/test_link_gateway.py -s
+
+# Spoilt files, 100 000 of each kind or N of one: make campaign-readers READER=machine.yaml N=20000 SEED=1000000
+READERS := tests/test_files_spoilt.py::test_many_spoilt_files
+campaign-readers: .venv/test.stamp
+	TANGO_MUTANTS=$(or $(N),100000) TANGO_SEED=$(SEED) $(BIN)/python -m pytest -m campaign '$(READERS)$(if $(READER),[$(READER)])' -s
 
 # Forty small mistakes in link, plan, check, read-back and posts: would the tests notice? make mutants SEED=7 draws the same ones again
 # and goes on where it stopped; COUNT=100 for more; MINUTES=10 stops after that time; PART=2/4 beside parts 1, 3 and 4 shares the work.

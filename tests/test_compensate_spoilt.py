@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import re
 import shutil
@@ -155,3 +156,30 @@ def test_a_changed_record_is_refused(tmp_path: Path) -> None:
     record.write_text(record.read_text().replace("0.0", "0.1", 1))
     with pytest.raises(InputError, match="changed or cut off"):
         loop.check(kept.folder)
+
+
+def test_a_record_of_another_shape_is_refused_although_its_digest_is_right(tmp_path: Path) -> None:
+    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    for part, value in [("values", {"p": 0.5}), ("files", {"../a.txt": "x"}), ("promise", []), ("volume", {"X": [1.0]})]:
+        record = kept.record | {part: value}
+        (kept.folder / "compensation.json").write_text(json.dumps(record | {"digest": loop.digest(record)}))
+        with pytest.raises(InputError, match="changed or cut off"):
+            loop.check(kept.folder)
+
+
+def test_the_folder_of_the_way_back_is_missed(tmp_path: Path) -> None:
+    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    shutil.rmtree(kept.folder / "undo")
+    with pytest.raises(TangoError, match=r"undo.settings.txt: found no such file"):
+        loop.check(kept.folder)
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "../other.comp", "x" * 300, "."])
+def test_a_control_reads_no_file_outside_of_the_folder(tmp_path: Path, name: str) -> None:
+    (tmp_path / "other.comp").write_text("0 0 0\n")
+    folder = tmp_path / "tables"
+    folder.mkdir()
+    (folder / "compensation.json").write_text('{"target": "linuxcnc"}')
+    (folder / "compensation.ini").write_text(f"[JOINT_0]\nCOMP_FILE = {name}\n")
+    with pytest.raises(InputError, match="no file"):
+        read(folder, example("trunnion")[0].machine)

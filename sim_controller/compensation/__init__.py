@@ -18,11 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
+from tango_cnc.files.checked import read_text
 from tango_cnc.files.readjson import read_json
+from tango_cnc.nearest import printable
 from tango_cnc.records import Array, InputError, Machine
 
 from ..world import Control, nominal_machine, tip_in_table
 
+LONGEST = 500  # characters of what it says of a file
+LARGEST = 1e9  # no control holds more
 ROUNDS = 2  # of the solution for the linear axes: the second one sees 1e-9 mm
 
 
@@ -55,7 +59,16 @@ class Applied:
     reversal: Mapping[str, float] | None = None  # by axis: added half of it in the direction of motion, mm rad
 
     def __call__(self, positions: Array, directions: Array) -> Array:
-        """(n, k) programmed mm rad, (n, k) −1 0 1 → (n, k) where the motors go."""
+        """(n, k) programmed mm rad, (n, k) −1 0 1 → (n, k) where the motors go. Raises InputError where that is no place."""
+        try:
+            result = self._moved(positions, directions)
+        except np.linalg.LinAlgError:
+            result = np.full_like(positions, np.nan)
+        if not np.isfinite(result).all():
+            raise InputError("the simulated control refuses it: with these numbers an axis is to go to no place")
+        return result
+
+    def _moved(self, positions: Array, directions: Array) -> Array:
         moved = positions if self.kinematics is None else self.kinematics(positions)
         if self.volumetric is not None:
             moved = self._corrected(moved, directions, self.volumetric)
@@ -104,15 +117,25 @@ def read(folder: Path, machine: Machine, *, tcp: bool = True) -> Control:
     module = importlib.import_module(f"{__name__}.{target}")
     try:
         found: Applied = module.read(folder, machine)
+    except InputError as error:
+        raise InputError(printable(str(error), LONGEST)) from None
     except (ValueError, IndexError, KeyError, StopIteration) as error:
-        raise InputError(f"{folder}: the simulated control refuses it: {error}") from None
+        raise InputError(f"{folder}: the simulated control refuses it: {printable(str(error), LONGEST)}") from None
     return found if tcp or not found.switched else replace(found, kinematics=None)
 
 
 def text_of(folder: Path, name: str) -> str:
-    """folder, name → text of the file; empty where there is none."""
-    file = folder / name
-    return file.read_text(encoding="utf-8") if file.exists() else ""
+    """folder, name → text of the file; empty where there is none. Raises InputError for what is no file of that folder."""
+    if not there(folder, name):
+        return ""
+    return read_text(folder / name)
+
+
+def there(folder: Path, name: str) -> bool:
+    """folder, name that a file states → whether it is a file of that folder."""
+    if Path(name).name != name or len(name.encode("utf-8", "replace")) > 255 or "\0" in name:
+        return False
+    return (folder / name).is_file()
 
 
 def alarm(file: str, line: int, text: str) -> InputError:
@@ -128,6 +151,8 @@ def number(text: str, file: str, line: int) -> float:
         raise alarm(file, line, f"found {text!r}; allowed: a number") from None
     if not np.isfinite(value):
         raise alarm(file, line, f"found {text!r}; allowed: a finite number")
+    if abs(value) > LARGEST:
+        raise alarm(file, line, f"found {text!r}; allowed: up to {LARGEST:g}")
     return value
 
 

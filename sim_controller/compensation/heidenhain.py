@@ -10,7 +10,7 @@ import numpy as np
 
 from tango_cnc.records import Array, InputError, Machine
 
-from . import Applied, Trim, alarm, moved_axes, number, text_of
+from . import Applied, Trim, alarm, moved_axes, number, text_of, there
 
 
 def read(folder: Path, machine: Machine) -> Applied:
@@ -23,7 +23,7 @@ def read(folder: Path, machine: Machine) -> Applied:
     if active:
         axes = next(row[2:] for row in lines if row[:2] == ["NR", "ACTIVE"])
         for axis, name in zip(axes, active[0][2:], strict=True):
-            if axis not in machine.names or not (folder / name).exists():
+            if axis not in machine.names or not there(folder, name):
                 raise InputError(f"AXIS.CMA: the simulated control refuses it: axis {axis}, file {name}")
             trims += _com(folder, name, axis, machine)
     return Applied(machine, _description(folder, machine), None, trims)

@@ -11,7 +11,7 @@ import numpy as np
 
 from tango_cnc.records import Array, InputError, Machine
 
-from . import Applied, Trim, alarm, text_of
+from . import LARGEST, Applied, Trim, alarm, text_of, there
 
 MOST = 256  # EMCMOT_COMP_SIZE
 Kinematics = Callable[[Array], Array]
@@ -33,9 +33,9 @@ def read(folder: Path, machine: Machine) -> Applied:
     for joint, settings in sections.items():
         if "COMP_FILE" in settings:
             name = settings["COMP_FILE"]
-            if joint >= len(letters) or not (folder / name).exists():
+            if joint >= len(letters) or not there(folder, name):
                 raise InputError(f"compensation.ini: the simulated control refuses it: no joint {joint}, or no file {name}")
-            trims.append(_comp(folder / name, letters[joint], machine, int(settings.get("COMP_FILE_TYPE", "0"))))
+            trims.append(_comp(folder, name, letters[joint], machine, int(settings.get("COMP_FILE_TYPE", "0"))))
     pins = {}
     for i, line in enumerate(text_of(folder, "compensation.hal").splitlines(), 1):
         words = line.split("#")[0].split()
@@ -47,19 +47,21 @@ def read(folder: Path, machine: Machine) -> Applied:
     return Applied(machine, _kinematics(pins, machine), None, trims, switched="trt-kins" in "".join(pins))
 
 
-def _comp(file: Path, letter: str, machine: Machine, kind: int) -> Trim:
+def _comp(folder: Path, name: str, letter: str, machine: Machine, kind: int) -> Trim:
     scale = 1.0 if letter in machine.linear else math.pi / 180
     rows: list[tuple[float, float, float]] = []
-    for i, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+    for i, line in enumerate(text_of(folder, name).splitlines(), 1):
         found = re.match(r"\s*([-+.\deE]+)\s+([-+.\deE]+)\s+([-+.\deE]+)", line)
         try:
             a, b, c = (float(text) for text in found.groups()) if found else ()  # type: ignore[misc]
         except ValueError:
             break  # the loader stops here, and says nothing
+        if not max(abs(a), abs(b), abs(c)) <= LARGEST:
+            raise alarm(name, i, f"allowed: up to {LARGEST:g}")
         if rows and a <= rows[-1][0]:
-            raise alarm(file.name, i, "compensation points must ascend")
+            raise alarm(name, i, "compensation points must ascend")
         if len(rows) == MOST:
-            raise alarm(file.name, i, f"more than {MOST} points")
+            raise alarm(name, i, f"more than {MOST} points")
         rows.append((a, a - b, a - c) if kind == 0 else (a, b, c))
     if not rows:
         rows = [(0.0, 0.0, 0.0)]

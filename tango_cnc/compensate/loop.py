@@ -19,8 +19,9 @@ import numpy as np
 
 from ..estimate import Estimate
 from ..files import write_text
-from ..files.checked import read_text
+from ..files.checked import printable, read_bytes, read_text
 from ..files.readjson import parse_json
+from ..files.shape import misfit
 from ..records import InputError, TangoError
 from .fit import Figure, intervals, known
 from .proposal import FORMAT, Proposal, as_json
@@ -30,6 +31,19 @@ FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
 IN_CONTROL = ("written", "kept", "not as promised", "undecided")  # after these events the control has it
 SEEN = 0.9  # of what was changed, so that touches can decide
 LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
+FIGURE = {"value": float, "low?": float, "high?": float}
+EVENT = {"utc": str, "compensation": int, "event": str, "target": str, "text?": str, "measured_um?": float, "promise?": {}}
+SHAPE = {
+    **dict.fromkeys(("format", "digest", "target", "created_utc"), str),
+    "files": {"*": str},
+    "undo": {"*": str},
+    "values": [{"place": str, "present": float, "new": float}],
+    "promise": {f"{name}_{when}_um": FIGURE for name in ("rms", "p95") for when in ("before", "after")},
+    "options": {},
+    "volume": {"*": [float]},
+    "steps": [str],
+    "readings_rows?": [str],
+}
 HELPED = 0.5  # of what was changed: less is no help
 
 
@@ -88,9 +102,12 @@ def history(cell: Path) -> list[dict[str, Any]]:
     for i, line in enumerate(read_text(file).splitlines(), 1):
         try:
             event = parse_json(line)
-            result.append({"compensation": int(event["compensation"]), "event": str(event["event"]), **event})
-        except (ValueError, KeyError, TypeError):
-            raise InputError(f"{file}:{i}: found {line[:60]!r}; allowed: an event as this program writes it") from None
+            wrong = misfit(event, EVENT)
+        except ValueError as error:
+            wrong = str(error)
+        if wrong:
+            raise InputError(f"{file}:{i}: {printable(wrong, 200)}; allowed: an event as this program writes it. Mend that line")
+        result.append(event)
     return result
 
 
@@ -121,16 +138,22 @@ def load(folder: Path) -> dict[str, Any]:
     file = folder / RECORD
     try:
         record: dict[str, Any] = parse_json(read_text(file))
-        whole = record["format"] == FORMAT and record["digest"] == digest(record)
+        whole = not misfit(record, SHAPE) and record["format"] == FORMAT and record["digest"] == digest(record)
+        whole = whole and all(len(limits) == 2 for limits in record["volume"].values())
+        whole = whole and all(_plain(name) for part in ("files", "undo") for name in record[part])
     except InputError:
         if file.exists():
             raise
         raise InputError(f"{folder}: found no {RECORD}; allowed: a folder that 'tango compensate' has written") from None
-    except (ValueError, KeyError, TypeError):
+    except ValueError:
         whole = False
     if not whole:
         raise InputError(f"{file}: found a record that has been changed or cut off; do not use this folder: propose anew")
     return record
+
+
+def _plain(name: str) -> bool:
+    return re.fullmatch(r"[\w-][\w.-]{0,99}", name) is not None
 
 
 def check(folder: Path) -> dict[str, Any]:
@@ -146,14 +169,15 @@ def check(folder: Path) -> dict[str, Any]:
                 raise TangoError(f"{file}: found no such file; do not load this folder: propose anew")
             _same(file, text)
         known_names = {*record[part], RECORD, "steps.txt", "undo"}
-        if strangers := sorted(f.name for f in base.iterdir() if f.name not in known_names):
+        there = base.iterdir() if base.is_dir() else ()  # of files without undo nothing is written there
+        if strangers := sorted(f.name for f in there if f.name not in known_names):
             raise TangoError(f"{base}: found {', '.join(strangers)}, which this program has not written; take it away first")
     return record
 
 
 def _same(file: Path, text: str) -> None:
     try:
-        there = file.read_bytes().decode("utf-8")
+        there = read_bytes(file).decode("utf-8")
     except UnicodeDecodeError:
         raise TangoError(f"{file}: found bytes that are no text; do not load it: propose anew") from None
     found_lines, wanted = re.split("\r\n|\n", there), re.split("\r\n|\n", text)

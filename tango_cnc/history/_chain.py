@@ -5,22 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any
 
-from ..texts import carried, revived
+from ..texts import carried
 
 FIRST = "0" * 64
-
-
-def read(text: str) -> Mapping[str, Any]:
-    """JSON of a record → the record, whose texts know their keys. The same text is not read twice: what is in it is shared."""
-    return dict(_parsed(text))
-
-
-@lru_cache(128)  # a night looks at the last sixty more than once
-def _parsed(text: str) -> Mapping[str, Any]:
-    return revived(json.loads(text))
 
 
 def written(record: Mapping[str, Any]) -> str:

@@ -41,12 +41,14 @@ def connect(where: str | Path, create: bool = True) -> Engine:
         event.listen(engine, "begin", _begin)
     try:
         _migrate(engine)
-    except OperationalError as error:
-        raise LinkError(
-            f"history {url.render_as_string()}: {first_line(error)}; is the database there, and may this user write?"
-        ) from None
-    except DBAPIError as error:
-        raise InputError(f"history {url.render_as_string()}: {first_line(error)}; found no history of tango_cnc there") from None
+    except BaseException as error:
+        engine.dispose()  # else a file that was refused stays open and locked
+        where = f"history {url.render_as_string()}"
+        if isinstance(error, OperationalError):
+            raise LinkError(f"{where}: {first_line(error)}; is the database there, and may this user write?") from None
+        if isinstance(error, DBAPIError | UnicodeDecodeError):  # names in a damaged schema are no text
+            raise InputError(f"{where}: {first_line(error)}; found no history of tango_cnc there") from None
+        raise
     return engine
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from sqlalchemy import func, insert, select, text
+from sqlalchemy.exc import DBAPIError
 
-from ..records import InputError, LinkError
+from ..records import InputError, LinkError, TangoError
 from . import _tables as t
+from ._database import first_line
 from .store import History, opened
 
 AT_ONCE = 500  # rows
@@ -19,6 +21,7 @@ def copied(history: History, place: str | Path) -> int:
     The copy is verified; a file that is not what was copied is taken away again.
     """
     with opened(place) as target:
+        ours = False
         try:
             with (
                 history.engine.connect() as source,
@@ -27,6 +30,7 @@ def copied(history: History, place: str | Path) -> int:
             ):
                 if sink.execute(select(func.count()).select_from(t.machine)).scalar():
                     raise InputError(f"{place}: found a history that is not empty; allowed: a new file or an empty database")
+                ours = True
                 for one in t.metadata.sorted_tables:
                     rows = source.execute(select(one).order_by(*one.primary_key.columns)).mappings()
                     while some := rows.fetchmany(AT_ONCE):
@@ -38,8 +42,11 @@ def copied(history: History, place: str | Path) -> int:
             if wrong:
                 raise LinkError(f"{place}: the copy is not what was copied: {wrong[0]}")
             return sum(number for number, _ in target.newest_hashes().values())
-        except LinkError:
-            if isinstance(place, Path):
+        except (TangoError, DBAPIError) as error:
+            if ours and isinstance(place, Path):
                 for ending in ("", "-wal", "-shm"):
                     Path(f"{place}{ending}").unlink(missing_ok=True)
+            if isinstance(error, DBAPIError):
+                why = first_line(error)
+                raise LinkError(f"history: it cannot be copied ({why}). If it is damaged, take an older backup") from None
             raise

@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError
 
 from ..records import InputError, LinkError
 from . import _asked as asked
-from . import _chain
+from . import _chain, _whole
 from . import _tables as t
 from ._database import connect, first_line
 from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend
@@ -177,18 +176,19 @@ class History:
         if not found:
             raise InputError(f"history: found no night {entry}; 'tango history list' lists them")
         row = found[0]
-        text = None if row.csv is None else zlib.decompress(row.csv).decode()
-        return Stored(_night(row), _chain.read(row.json), text, None if row.names is None else _unpacked(row.names, row.numbers))
+        text = None if row.csv is None else _whole.readings(row.csv)
+        known = None if row.names is None else _whole.knowledge(row.names, row.numbers)
+        return Stored(_night(row), _whole.record(row.json, row.entry_id), text, known)
 
     def records_of(self, entries: Sequence[int]) -> dict[int, Mapping[str, Any]]:
         """numbers of entries → {number: record of that night}, without readings and estimate; what is no night is left out."""
         rows = self._rows(asked.RECORDS_OF, {"entries": list(entries)}) if entries else ()
-        return {row.entry_id: _chain.read(row.json) for row in rows}
+        return {row.entry_id: _whole.record(row.json, row.entry_id) for row in rows}
 
     def readings_of(self, entries: Sequence[int]) -> dict[int, str]:
         """numbers of entries → {number: text of its readings.csv}; what has none is left out."""
         rows = self._rows(asked.READINGS_OF, {"entries": list(entries)}) if entries else ()
-        return {row.entry_id: zlib.decompress(row.csv).decode() for row in rows}
+        return {row.entry_id: _whole.readings(row.csv) for row in rows}
 
     def last(self, machine: str) -> Stored | None:
         """machine → its newest night, None when there is none."""
@@ -200,12 +200,12 @@ class History:
         if not self.knows(machine):
             return None
         row = self._rows(asked.KNOWLEDGE, {"machine": self._machine(machine)})
-        return (_night(row[0]), _unpacked(row[0].names, row[0].numbers)) if row else None
+        return (_night(row[0]), _whole.knowledge(row[0].names, row[0].numbers)) if row else None
 
     def records(self, machine: str, last: int | None = None) -> tuple[Mapping[str, Any], ...]:
         """machine, how many → tango-night/1 of its nights, newest first."""
         given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last})
-        return tuple(_chain.read(row.json) for row in self._rows(asked.records(frozenset(given)), given))
+        return tuple(_whole.record(row.json) for row in self._rows(asked.records(frozenset(given)), given))
 
     def parameters(self, machine: str) -> tuple[str, ...]:
         """machine → names of the parameters that any night estimated, in the order of the alphabet."""
@@ -229,7 +229,7 @@ class History:
         """machine, how many → its nights with alarms, newest first; readings and unknowns are left out."""
         given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last})
         rows = self._rows(asked.alarmed(frozenset(given)), given)
-        return tuple(Stored(_night(row), _chain.read(row.json), None, None) for row in rows)
+        return tuple(Stored(_night(row), _whole.record(row.json, row.entry_id), None, None) for row in rows)
 
     def decisions(self, machine: str) -> tuple[Decision, ...]:
         """machine → what was decided about its alarms, oldest first."""
@@ -274,7 +274,7 @@ class History:
         decided = {(row.name, row.alarm) for row in self._rows(answered)}
         waiting: Counter[str] = Counter()
         for row in alarmed:
-            waiting[row.name] += sum((row.name, alarm["id"]) not in decided for alarm in json.loads(row.json)["alarms"])
+            waiting[row.name] += sum((row.name, alarm["id"]) not in decided for alarm in _whole.record(row.json)["alarms"])
         found = []
         for name in self.machines():
             nights, complete = counts.get(name, (0, None))
@@ -330,7 +330,7 @@ class History:
 
     def _content(self, entry: int) -> str | None:
         found = self._rows(
-            select(t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate.c.numbers)
+            select(t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate.c.names, t.night_estimate.c.numbers)
             .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
             .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
             .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
@@ -338,7 +338,14 @@ class History:
         )
         if not found:
             return None
-        row, record = found[0], json.loads(found[0].json)
+        row = found[0]
+        try:
+            record = _whole.record(row.json, entry)
+            csv = None if row.csv is None else _chain.sha256(_whole.readings(row.csv))
+            if row.names is not None:
+                _whole.knowledge(row.names, row.numbers)
+        except InputError:
+            return None
         listed = {key: record[key] for key in _NIGHT[:7]} | {"alarms": len(record.get("alarms", ()))}
         c = t.night_parameter.c
         parameters = {p.name: p for p in self._rows(select(c.name, c.value, c.std).where(c.entry_id == entry))}
@@ -347,10 +354,6 @@ class History:
             p.value == said[n]["value"] and p.std == said[n]["std"] for n, p in parameters.items()
         )
         if not same or any(getattr(row, key) != value for key, value in listed.items()):
-            return None
-        try:
-            csv = None if row.csv is None else _chain.sha256(zlib.decompress(row.csv))
-        except zlib.error:
             return None
         return _chain.content_of_night(row.json, csv, row.numbers)
 
@@ -367,11 +370,13 @@ class History:
     def _rows(self, wanted: Select[Any], given: Mapping[str, Any] | None = None) -> list[Row[Any]]:
         try:
             with self.engine.connect() as connection:
-                return list(connection.execute(wanted, given))
-        except DBAPIError as error:
+                found = list(connection.execute(wanted, given))
+        except (DBAPIError, UnicodeDecodeError) as error:
             raise LinkError(
                 f"history: it cannot be read ({first_line(error)}); restore a backup with 'tango history restore'"
             ) from None
+        _whole.rows(wanted, found)
+        return found
 
     def close(self) -> None:
         """Lets go of the database."""
@@ -396,19 +401,6 @@ def _packed(knowledge: Knowledge) -> bytes:
     p = len(knowledge.names)
     lower = np.asarray(knowledge.covariance)[np.tril_indices(p)]
     return zlib.compress(np.concatenate([knowledge.values, lower]).astype("<f8").tobytes(), 1)
-
-
-@lru_cache(4)  # a night asks for the newest more than once
-def _unpacked(names: str, numbers: bytes) -> Knowledge:
-    known = tuple(json.loads(names))
-    p = len(known)
-    data = np.frombuffer(zlib.decompress(numbers), "<f8")
-    covariance = np.zeros((p, p))
-    covariance[np.tril_indices(p)] = data[p:]
-    whole, values = covariance + np.tril(covariance, -1).T, np.array(data[:p])
-    for shared in (whole, values):
-        shared.setflags(write=False)
-    return Knowledge(known, values, whole)
 
 
 def _date(text: str) -> str:

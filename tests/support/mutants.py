@@ -1,71 +1,36 @@
-"""Files that nobody has written: every kind of file that a command reads, and what a slip, a bad disk or a stranger makes of it.
+"""Files that nobody has written: what a slip, a bad disk or a stranger makes of a good one, and how a reader is judged.
 
-`READERS` has a small good file of each kind and how it is read. `mutant` spoils it. `tried` reads the spoilt one: it must be
-read or refused as InputError, within a second, and what was read must have no number that is none.
+`spoilt` makes the file. `tried` reads it: it must be read or refused in a sentence, within a second and without gigabytes, and
+what was read must have no number that is none. The readers are in `readers.py`.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
+import faulthandler
 import math
 import os
 import random
 import re
-import zlib
+import signal
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from datetime import date
 from pathlib import Path
-from time import process_time
+from time import perf_counter, process_time
+from types import FrameType
 from typing import Any
 
 import numpy as np
 
-from postprocessors import _base as posts
-from sim_controller import compensation
-from tango_cnc import conformity
-from tango_cnc.acceptance import read_order
-from tango_cnc.asked import as_run, asked
-from tango_cnc.commands._compensate import present_of
-from tango_cnc.commands._import import imported
-from tango_cnc.commands._program import language_of, opened
-from tango_cnc.commands._trust import run_of
-from tango_cnc.commands._trusted import known
-from tango_cnc.commands.report import paper
-from tango_cnc.compensate import loop
-from tango_cnc.design.facets import mesh, of_hull
-from tango_cnc.diagnose.table import read_table
-from tango_cnc.files import origin, read_cell, read_readings, read_world
-from tango_cnc.files.commissioning import Proof, add_proofs, read_commissioning
-from tango_cnc.files.hull import read_hull
-from tango_cnc.files.learned import learned
-from tango_cnc.files.nightly import read_nightly
-from tango_cnc.files.plan import plan_lines, read_plan
-from tango_cnc.files.targets import sources, spared
-from tango_cnc.instruments import read_measured
-from tango_cnc.iso230.temperature import read_thermal
-from tango_cnc.link._layout import STANDARD, read_layout
-from tango_cnc.link._measure import protocol_of
-from tango_cnc.link._nodes import STANDARD as NODES
-from tango_cnc.link._nodes import read_nodes
-from tango_cnc.link._sensors import read_sensors
-from tango_cnc.link.entries import Begun, End, Reading, Segment
-from tango_cnc.link.journal import Journal, digest_of, look_at, read_journal, salvaged
-from tango_cnc.link.transport._sensors import current, payload
-from tango_cnc.nc import features
-from tango_cnc.nc.follow import Setup, follow
-from tango_cnc.plan import plan
-from tango_cnc.program import from_file
 from tango_cnc.records import InputError
-from tango_cnc.report.texts import texts_of
-from tango_cnc.uncertainty.inputs import read_budget
-from tango_cnc.verify.cmm import read_cmm
-from tango_cnc.web.users import FORMAT as USERS
-from tango_cnc.web.users import read_users
 
 SLOW = 1.0  # s of computing for a file of some kB
-UTC = "2026-05-01T06:00:00.000+00:00"
+HANGS = 10.0  # s of computing after which a reader is stopped
+WAITS = 20.0  # s of time in which a file is read, also where others compute beside
+STUCK = 120.0  # s of time after which a reader that waits, or that no signal reaches, ends the whole campaign with its stack
+MUCH = 1 << 30  # bytes of memory that a reader may ask for
+EVERY = 50  # files between two renewals of STUCK
 # What stands where a word stood, or between two: no number, too much of one, what other programs write, what names other files.
 WORDS = ["nan", "NaN", ".nan", ".NAN", "inf", "-inf", ".inf", "Infinity", "1e999", "-1e308", "1e308", "1e-320", "0", "-0.0", "-1"]
 WORDS += ["9" * 5000, "0x1F", "0b11", "0o17", "1_000", "12:30:45", "2026-05-01", "1,5", "１２", "null", "~", "true", "no", "", " "]
@@ -73,16 +38,8 @@ WORDS += ["x" * 300, "x/" * 3000, "../" * 40, "/dev/zero", "/", ".", "a\0b", "\\
 WORDS += ["[]", "{}", "[[[", "{a: ", "*a", "&a ", "&a [*a]", "<<: *a", "!!python/object:os.system", "!!binary x", "? ", "---\n"]
 WORDS += ["- ", ": ", "\t", "\n", "\r", "\x1a", "#", "'", '"', "|", ">", "%", "@", ",", ";", "{'a': 1}"]
 WORDS += ["[" * 3000, "{" * 3000, '{"a":' * 3000]
+BYTES = [word.encode() for word in WORDS]
 WORD = re.compile(rb"[\w.+-]+")
-
-
-@dataclass(frozen=True)
-class Reader:
-    """A kind of file: its name in the folder of a cell, its good text, and what reads it there."""
-
-    name: str
-    text: Callable[[Path], bytes]
-    read: Callable[[Path], Any]
 
 
 def spoilt(data: bytes, rng: random.Random) -> bytes:
@@ -93,7 +50,7 @@ def spoilt(data: bytes, rng: random.Random) -> bytes:
         other = rng.randrange(len(made) + 1)
         match rng.randrange(6):
             case 0:
-                made[at:at] = rng.choice(WORDS).encode()
+                made[at:at] = rng.choice(BYTES)
             case 1:
                 del made[at : at + rng.randrange(1, 30)]
             case 2:
@@ -104,31 +61,20 @@ def spoilt(data: bytes, rng: random.Random) -> bytes:
                 words = list(WORD.finditer(made))
                 if words:
                     word = rng.choice(words)
-                    made[word.start() : word.end()] = rng.choice(WORDS).encode()
+                    made[word.start() : word.end()] = rng.choice(BYTES)
     return bytes(made)
 
 
-def chained(data: bytes, rng: random.Random) -> bytes:
-    """journal → the same with something wrong in one line, its numbers, check sums and hashes made anew."""
-    lines = [line.partition(b" ")[2] for line in data.split(b"\n") if line]
-    at = rng.randrange(len(lines))
-    lines[at] = spoilt(lines[at], rng).replace(b"\n", b" ")
-    made, before = [], ""
-    for text in lines:
-        text = re.sub(rb'"before":"[0-9a-f]*"', b'"before":"%s"' % before.encode(), text)
-        made.append(b"%08x %s" % (zlib.crc32(text), text))
-        before = digest_of(made[-1])
-    return b"".join(line + b"\n" for line in made)
+@dataclass(frozen=True)
+class Reader:
+    """A kind of file: its name in the folder of a cell, its good text, what reads it there, and how else it is spoilt."""
 
-
-def signed(data: bytes, rng: random.Random) -> bytes:
-    """record of a compensation → the same with something wrong and its hash made anew."""
-    made = spoilt(data, rng)
-    try:
-        record = json.loads(made)
-        return json.dumps(record | {"digest": loop.digest(record)}).encode()
-    except (ValueError, TypeError, RecursionError):
-        return made
+    name: str
+    text: Callable[[Path], bytes]
+    read: Callable[[Path], Any]
+    spoil: Callable[[bytes, random.Random], bytes] = spoilt  # four of five files; the others are spoilt as every kind
+    refuses: tuple[type[Exception], ...] = (InputError,)
+    limits: bool = False  # infinity is a number there
 
 
 def numbers(value: Any) -> Iterator[float]:
@@ -149,419 +95,121 @@ def numbers(value: Any) -> Iterator[float]:
             yield from numbers(item)
 
 
-def tried(folder: Path, reader: Reader) -> str:
-    """folder with a spoilt file → '' when it was read or refused as it must be, else what went wrong."""
-    begun = process_time()
+class Hangs(BaseException):
+    """A reader that computes without end."""
+
+
+@contextlib.contextmanager
+def watched() -> Iterator[None]:
+    """Within it a reader that hangs raises Hangs, and one that asks for gigabytes MemoryError. Windows has neither."""
+    if sys.platform == "win32":
+        yield
+        return
+    import resource
+
+    def stop(_: int, frame: FrameType | None) -> None:
+        raise Hangs
+
+    of_before = signal.signal(signal.SIGVTALRM, stop)
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (_data() + MUCH, hard))
     try:
-        found = reader.read(folder)
-    except InputError as error:
-        try:
-            str(error).encode()
-        except UnicodeEncodeError:
-            return f"a message that cannot be printed: {str(error)[:100]!a}"
-        if len(str(error)) > 3000:
-            return f"a message of {len(str(error))} characters: {str(error)[:100]!a}"
-    except (Exception, SystemExit) as error:
-        step, at = error.__traceback__, ""
-        while step is not None:
-            at, step = f"{Path(step.tb_frame.f_code.co_filename).name}:{step.tb_lineno} < {at}"[:160], step.tb_next
-        return f"{type(error).__name__}: {str(error)[:100]} ({at})"
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        faulthandler.cancel_dump_traceback_later()
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+        signal.signal(signal.SIGVTALRM, of_before)
+
+
+def _data() -> int:
+    """→ bytes of memory that this process has asked for."""
+    text = Path("/proc/self/status").read_text(encoding="ascii") if Path("/proc/self/status").exists() else ""
+    found = re.search(r"VmData:\s*(\d+) kB", text)
+    return int(found[1]) * 1024 if found else 4 * MUCH
+
+
+def tried(folder: Path, reader: Reader) -> tuple[bool, str]:
+    """folder with a spoilt file → whether it was refused; '' when it was read or refused as it must be, else what went wrong."""
+    begun, came = process_time(), perf_counter()
+    if sys.platform != "win32":
+        signal.setitimer(signal.ITIMER_VIRTUAL, HANGS)
+    refused, wrong = False, ""
+    try:
+        found = list(numbers(reader.read(folder)))
+    except reader.refuses as error:
+        refused, wrong = True, _sentence(str(error))
+    except (Exception, SystemExit, Hangs) as error:
+        wrong = f"{type(error).__name__}: {str(error)[:100]} ({_where(error)})"
     else:
-        if any(math.isnan(v) for v in numbers(found)):
-            return "an accepted number that is none"
-        if any(math.isinf(v) for v in numbers(found)) and reader.name != "limits.yaml":  # without limit on that side
-            return "an accepted number that is infinite"
-    return "" if process_time() - begun < SLOW else f"{process_time() - begun:.1f} s"
+        if any(math.isnan(v) for v in found):
+            wrong = "an accepted number that is none"
+        elif not reader.limits and any(math.isinf(v) for v in found):
+            wrong = "an accepted number that is infinite"
+    if not wrong and process_time() - begun > SLOW:
+        wrong = f"{process_time() - begun:.0f} s"
+    if not wrong and perf_counter() - came > WAITS:
+        wrong = f"{perf_counter() - came:.0f} s of waiting"
+    return refused, wrong
 
 
-def campaign(kind: str, folder: Path, seeds: range) -> dict[str, tuple[int, bytes]]:
-    """kind of file, empty folder, seeds → {what went wrong: (its first seed, the spoilt file)}; the good file is read."""
-    cell(folder)
-    reader = READERS[kind]
+def _sentence(text: str) -> str:
+    """message of a refusal → what is wrong with it, or ''."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return f"a message that cannot be printed: {text[:100]!a}"
+    return "" if len(text) <= 3000 else f"a message of {len(text)} characters: {text[:100]!a}"
+
+
+def _where(error: BaseException) -> str:
+    step, at = error.__traceback__, ""
+    while step is not None:
+        at, step = f"{Path(step.tb_frame.f_code.co_filename).name}:{step.tb_lineno} < {at}"[:160], step.tb_next
+    return at
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What spoilt files of one kind have come to."""
+
+    files: int
+    refused: int
+    seconds: float
+    wrong: Mapping[str, tuple[int, bytes]]  # what went wrong: its first seed, the spoilt file
+
+
+def campaign(reader: Reader, folder: Path, seeds: range) -> Campaign:
+    """kind of file, folder of a cell, seeds → what came of it; the good file is read first."""
     file = folder / reader.name
     file.parent.mkdir(parents=True, exist_ok=True)
     good = reader.text(folder)
+    _put(file, good)
+    reader.read(folder)
     wrong: dict[str, tuple[int, bytes]] = {}
-    for seed in (None, *seeds):
-        rng = random.Random(f"{kind} {seed}")
-        data = good
-        if seed is not None:
-            data = SPOILERS[kind](good, rng) if kind in SPOILERS and rng.random() < 0.8 else spoilt(good, rng)
-        file.write_bytes(data)
-        file.chmod(0o600)
-        if seed is None:
-            reader.read(folder)
-        elif said := tried(folder, reader):
-            wrong.setdefault(said, (seed, data))
-    return wrong
+    refusals, begun = 0, perf_counter()
+    with watched():
+        for seed in seeds:
+            if seed % EVERY == 0:
+                faulthandler.dump_traceback_later(STUCK, exit=True, file=sys.__stderr__)
+            data = mutant(reader, good, seed)
+            _put(file, data)
+            refused, said = tried(folder, reader)
+            refusals += refused
+            if said:
+                wrong.setdefault(said, (seed, data))
+    return Campaign(len(seeds), refusals, perf_counter() - begun, wrong)
 
 
-TEXTS = {
-    "tango.yaml": """\
-tango: 1
-machine: machine.yaml
-artefact: artefact.yaml
-strategy: strategy.yaml
-terms: [S2, EYX2, {cause: thermal_drift, tau: 2400}, {cause: learned, name: bend}]
-controller: {post: fanuc, port: "socket://127.0.0.1:8193", program_number: 8700, confirmed: []}
-""",
-    "machine.yaml": """\
-name: small
-topology: wCBXfZY(S)t
-axes:
-  X: {kind: linear, direction: [1, 0, 0], travel: [-400, 400]}
-  Y: {kind: linear, direction: [0, 1, 0], travel: [-350, 350], rapid: 20000, acceleration: 2.5}
-  Z: {kind: linear, direction: [0, 0, 1], travel: [-100, 800]}
-  B: {kind: rotary, direction: [0, 1, 0], point: [0, 0, 0], travel: [-95, 95], rapid: 3600, clamp_time: 1.5}
-  C: {kind: rotary, direction: [0, 0, 1], point: [0, 0, 0], travel: [-365, 365]}
-  S: {kind: spindle, direction: [0, 0, 1], point: [0, 0, 0]}
-probe: {length: 326.674, tip_radius: 3.0, repeatability: 0.0007, stylus_radius: 1, body_radius: 20, body_length: 60}
-tolerances: {location: 0.5, angle: 0.1}
-""",
-    "artefact.yaml": """\
-name: cube
-facets:
-  1: {point: [100, 0, 0], normal: [1, 0, 0]}
-  2: {point: [0, 100, 0], normal: [0, 1, 0]}
-  top: {point: [0, 0, 20], normal: [0, 0, 1], uncertainty: 0.0005}
-  3: {point: [-100, 0, 0], normal: [-1, 0, 0]}
-  4: {point: [0, -100, 0], normal: [0, -1, 0]}
-  5: {point: [100, 50, 0], normal: [1, 0, 0]}
-  6: {point: [50, 50, 20], normal: [0, 0, 1]}
-  7: {point: [50, 100, 0], normal: [0, 1, 0]}
-  11: {point: [50, 0, 72.7], normal: [0, 0, 1], ball: 1}
-balls:
-  1: {centre: [50, 0, 60], radius: 12.7}
-  2: {centre: [-50, 0, 60], radius: 12.7}
-scale_bar: {balls: [1, 2], length: 100.001, uncertainty: 0.0005}
-tolerances: {facet: 0.5}
-""",
-    "strategy.yaml": """\
-name: two indexations
-approach: {standoff: 10, search: 5, feed: 180, find: {feed: 800, retreat: 8.5}}
-indexations:
-  - {S: 0, B: 0, C: 0, facets: [1, 2, top, 11]}
-  - {B: 30, C: -90, facets: [top, 1]}
-""",
-    "world.yaml": """\
-errors: {EX0C: -0.108}
-stylus: {EXt: 0.01}
-facets: {1: 0.02}
-noise: 0.0006
-effects: [{cause: thermal_drift, amplitude: 0.01, tau: 2400, direction: [0, 1, 0]}, {cause: learned, name: bend}]
-seed: 7
-""",
-    "readings.csv": """\
-touch,time_s,facet,X,Y,Z,B,C,S,dX,dY,dZ,dB,dC,dS,status,cycle,day,feed,T_bed,segment
-1,0.0,1,103,0,326,0,0,0,-1,0,0,0,0,0,ok,1,1,180,21.5,1
-2,9.5,2,0,103,326,0,0,0,0,-1,0,0,0,0,miss,1,1,180,21.5,1
-3,19.0,top,0,0,349.674,0,0,0,0,0,-1,0,0,0,ok,1,1,180,21.5,2
-""",
-    "learned/bend.yaml": """\
-format: tango-learned/1
-factors: [{covariate: X, kind: linear, low: -100, high: 100, count: 3}]
-weight: point
-values: [0.1, 0.2, -0.3]
-text: the table bends
-""",
-    "readings.json": f"""\
-{{"format": "tango-run/1", "plan_hash": "0A1B2C3D4E5F", "program_hash": "0A1B2C3D4E5F", "journal_hash": "00",
- "start_utc": "{UTC}", "end_utc": "{UTC}", "machine": "small", "touches": 3, "time_s": 19.5}}
-""",
-    "sensors.yaml": """\
-every: 5
-old: 60
-sensors:
-  bed: {mtconnect: "http://192.168.1.30:5000/current", item: bed_temperature}
-  coolant: {mqtt: "mqtts://anna@192.168.1.40:8883/shop/coolant", key: celsius, password: "env:HOME"}
-""",
-    "nightly.yaml": """\
-nightly: 1
-history: history.db
-owner: Ann
-check_minutes: 6
-limits: {volume: 30, EX0C: 25}
-sensor: bed
-temperature: [15, 30]
-free_mb: 200
-commissioned: false
-notify: ["mailto:ann@example.org", "file:///tmp/x"]
-""",
-    "uncertainty.yaml": """\
-contributions:
-  - {source: repeatability, std: 0.0006}
-  - {source: drift, shape: random_walk, amplitude: 0.002}
-  - {source: lobing, amplitude: 0.0035, order: 2}
-  - {source: rotary_positioning, axis: B, std: 0.0003}
-""",
-    "temperature.yaml": "bar: [23.0, 0.1]\nmachine: [25.0, 0.3]\nbar_expansion: [11.5, 0.6]\nmachine_expansion: [10.5, 1.0]\n",
-    "acceptance.yaml": """\
-limits: {straightness EXZ: 10, squareness EC(0X)Y: 40}
-tool_length: 326.674
-laboratory: Measuring room
-customer: production
-performed: 2026-11-23
-conditions: {machine_temperature: 20.4 °C, air_temperature: 20.8 °C, warm_up: 2 h}
-certificates:
-  - {of: scale bar, number: C-123, date: 2026-01-10, value: 304.6686 mm, uncertainty: 1.0 µm, k: 2, issued_by: NN}
-remarks: none
-""",
-    "limits.yaml": "limits:\n  EX0C: 0.010\n  EB0Z: [-2.0e-5, 1.0e-5]\n  EA0Y: [null, 3]\n",
-    "features.yaml": """\
-places: {A: N20, B: {X: 1.5, Y: 2}, C: N40, D: N50}
-point_um: 1.5
-checks:
-  - {name: pitch, kind: distance, of: [A, B]}
-  - {kind: squareness, of: [A, B, A, D]}
-  - {kind: position, of: B, datum: [A, C, D]}
-  - {kind: circularity, of: N95}
-""",
-    "present.yaml": "EX0C: 0.01\n'3,4': -2.5\n",
-    "texts.toml": 'language = "en"\n[report]\n',
-    "cmm.csv": "facet,x,y,z\n1,100.001,0,0\n2,0,100,0\ntop,0,0,20\n3,-100,0,0\n1,100.01,5,0\n4,0,-100,0\n"
-    "5,100,50,0\n6,50,50,20\n7,50,100,0\n",
-    "table.csv": "y,x,day,kind\n" + "".join(f"{0.1 * i},{i * i},{i % 2},{'ab'[i % 2]}\n" for i in range(9)),
-    "users.json": json.dumps({"format": USERS, "users": {"anna": {"hash": "$argon2id$x", "role": "view"}}}),
-    "trusted-posts.txt": "ab" * 32 + " /cell/mine.py\n",
-    "compensation/history.jsonl": json.dumps({"utc": UTC, "compensation": 1, "target": "fanuc", "event": "written"}) + "\n",
-    "plate.obj": "v 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 10\nf 1 2 3\nf 1 2 4\nf 2 3 4\nf 1 3 4\n",
-}
-PLY = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 4\n"
-PLY += "property list uchar int vertex_indices\nend_header\n0 0 0\n10 0 0\n0 10 0\n0 0 10\n3 0 1 2\n3 0 1 3\n3 1 2 3\n3 0 2 3\n"
-STL = "solid a\n" + 4 * (
-    " facet normal 0 0 1\n  outer loop\n   vertex 0 0 0\n   vertex 10 0 0\n   vertex 0 10 3.5\n  endloop\n endfacet\n"
-)
-STL = STL.replace("vertex 0 10 3.5", "vertex 0 0 12", 1) + "endsolid a\n"
-CELL = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml", "world.yaml", "readings.csv", "learned/bend.yaml")
+def mutant(reader: Reader, good: bytes, seed: int) -> bytes:
+    """kind of file, a good one, seed → a spoilt one."""
+    rng = random.Random(f"{reader.name} {seed}")
+    return reader.spoil(good, rng) if rng.random() < 0.8 else spoilt(good, rng)
 
 
-def cell(folder: Path) -> None:
-    """empty folder → a cell in it."""
-    for name in CELL:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(TEXTS[name], encoding="utf-8")
-
-
-def _program(folder: Path) -> bytes:
-    return "\n".join([*_posted(folder)[2](), ""]).encode()
-
-
-def _posted(folder: Path) -> Any:
-    made = plan(read_cell(folder))
-    return posts.program(posts.load("fanuc"), made, {}, posts_hash(made))
-
-
-def posts_hash(made: Any) -> str:
-    """plan → its hash."""
-    from tango_cnc.plan import plan_hash
-
-    return plan_hash(made)
-
-
-def _journal(folder: Path) -> bytes:
-    file = folder / "made.journal"
-    file.unlink(missing_ok=True)
-    journal = Journal(file, [])
-    journal.add(Segment(UTC, "1", "small", {"post": "fanuc", "port": "x"}, "0A", "0B", (1, 2)))
-    journal.add(Begun(UTC, 0.0, "boot", 12.5))
-    journal.add(Reading(1, "top", (1.0, 2.5), 1.5, "ok", 0.5, None, (1, -1), "P1 H1 X1"))
-    journal.add(End(True, "done", UTC))
-    journal.close()
-    return file.read_bytes()
-
-
-def _commissioning(folder: Path) -> bytes:
-    add_proofs(folder, "fanuc", [Proof("alive", "PASS", "found", 0.5, "mm", UTC, "0A", "", "0B")])
-    return (folder / "commissioning.yaml").read_bytes()
-
-
-def _origin(folder: Path) -> bytes:
-    origin.write_origin(folder / "readings.csv", folder, "measured", None, {"start_utc": UTC, "end_utc": UTC})
-    return origin.origin_file(folder / "readings.csv").read_bytes()
-
-
-def _origins(folder: Path) -> Any:
-    file = folder / "readings.csv"
-    known = origin.look_up(file)
-    return [origin.read_origin(file) and None, origin.simulated(file), origin.edited_rows(known), origin.hurried(known),
-            origin.changed_keys(known, folder)]  # fmt: skip
-
-
-def _record(folder: Path) -> bytes:
-    record = {"format": loop.FORMAT, "target": "fanuc", "files": {"a.txt": "x\n"}, "undo": {}, "values": {"p": 0.5}, "present": {}}
-    return json.dumps(record | {"digest": loop.digest(record)}).encode()
-
-
-def _records(folder: Path) -> Any:
-    return [(kept.number, loop.present(kept.folder)) for kept in loop.found(folder)], loop.state(folder, 1)
-
-
-def _journals(folder: Path) -> Any:
-    file = folder / "readings.journal"
-    return salvaged(look_at(file)), read_journal(file)
-
-
-def _profile(folder: Path) -> Any:
-    cell = read_cell(folder)
-    if cell.controller is None or posts.is_own(cell.controller.post):
-        return None
-    post = posts.load(cell.controller.post, "controller.post")
-    posts.unverified(post, cell.controller.options)
-    return posts.settings(post, cell.controller.options)
-
-
-def _sent(folder: Path) -> Any:
-    made = plan(read_cell(folder))
-    return [from_file(folder / "O8700.nc", posts.load("fanuc"), made, {}).unread]
-
-
-def _followed(folder: Path) -> Any:
-    """The motions of a shop's program."""
-    file, cell = folder / "part.nc", read_cell(folder)
-    language = language_of(file, cell, None)
-    with opened(file) as text:
-        return list(follow(text, language, Setup(cell.machine, dict.fromkeys(cell.machine.names, 0.0), 100.0)))
-
-
-def _as_run(folder: Path) -> Any:
-    cell, run = read_cell(folder), run_of(folder / "readings.csv")
-    return [asked(cell, run), as_run(cell, run).strategy]
-
-
-def _cell(folder: Path) -> Any:
-    file = folder / "other.yaml"
-    file.touch()
-    spared("-o", file, folder)
-    return read_cell(folder), [str(one) for one in sources(folder)]
-
-
-def _measured(folder: Path) -> Any:
-    cell = read_cell(folder)
-    found = read_readings(folder / "readings.csv", cell.machine, cell.artefact)
-    return {field.name: getattr(found, field.name) for field in fields(found)}, _origins(folder)
-
-
-def _trusted(folder: Path) -> bool:
-    file = Path(os.environ["XDG_CONFIG_HOME"], "tango", "trusted-posts.txt")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes((folder / "trusted-posts.txt").read_bytes())
-    return known(folder / "tango.yaml")
-
-
-PORTS = (
-    "serial:///dev/ttyUSB0?baud=9600&bits=7&parity=even&stop=2&flow=xonxoff",
-    "modbus+tcp://[fe80::1]:502/1?run=program",
-    "sftp://anna@192.168.1.20:22/records/TANGO.TXT?program=/programs/&password=geheim&hostkey=SHA256:abc",
-    "lsv2://192.168.1.20/TNC:/TANGO.TXT?program=TNC:/&from=last",
-    "opcua://192.168.1.20:4840?user=anna&password=geheim&program=ns=2;s=/FOLDER",
-    "linuxcnc://127.0.0.1:5007?file=/tmp/tango.ngc&log=/tmp/tango-readings.txt",
-    "file:///C:/control%20one/TANGO.TXT",
-)
-AGENT = b"""<?xml version="1.0"?><MTConnectStreams xmlns="urn:mtconnect.org:MTConnectStreams:1.3"><Streams><DeviceStream name="M">
-<ComponentStream component="Base"><Samples><Temperature dataItemId="t1" name="bed">21.5</Temperature>
-<Temperature dataItemId="t2">UNAVAILABLE</Temperature></Samples></ComponentStream></DeviceStream></Streams></MTConnectStreams>"""
-
-
-def _port(folder: Path) -> Any:
-    """The lines of a file, one port's URL each."""
-    text = (folder / "ports.txt").read_bytes().decode("utf-8", "replace")
-    for line in text.split("\n"):
-        with contextlib.suppress(InputError):
-            protocol_of(line, "dnc")
-    return protocol_of(text.split("\n")[0], "dnc") and None
-
-
-def _agent(folder: Path) -> Any:
+def _put(file: Path, data: bytes) -> None:
+    handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     try:
-        return dict(current((folder / "current.xml").read_bytes())) and None
-    except ValueError as error:  # which the watch takes for no value
-        raise InputError(str(error)) from None
-
-
-class _History:
-    def machines(self) -> tuple[str, ...]:
-        return ("small",)
-
-    def nights(self, name: str) -> Any:
-        raise InputError("as far as readings.json goes")
-
-
-def _before(folder: Path) -> Any:
-    made = paper(folder, folder / "readings.csv", "", "")
-    try:
-        list(imported(_History(), [folder]))  # type: ignore[arg-type]
-    except InputError as error:
-        if "as far as" not in str(error):
-            raise
-    return made.origin and None
-
-
-def _text(name: str) -> Callable[[Path], bytes]:
-    return lambda folder: TEXTS[name].encode()
-
-
-RUN = {"format": "tango-run/1", "left_out": ["touch 3 on facet 4: too far"], "until": {"strategy": [
-    {"position": {"S": 0.0, "B": 0.5, "C": 0.0}, "facets": ["1", "top"]}]}}  # fmt: skip
-BAR = "angle_deg;direction;radial_um\n" + "".join(f"{30 * i},5;{'+-'[i % 2]};{1.5 * i:g}\n".replace(".", ",") for i in range(12))
-PART = "%\nO17 (PART)\nG21 G90 G17 G54\nT1 M6\nG0 X0. Y0. Z50. S2000 M3\nG1 Z-2. F300.\nX40.5 Y10.\nG2 X50.5 Y20. I0. J10.\n"
-PART += "G3 X40. Y30. R10.\nG0 Z50.\nX1.\nZ50.\nM30\n%\n"
-TODAY = date(2026, 11, 23)
-
-READERS = {
-    **{name: Reader(name, _text(name), _cell) for name in ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")},
-    "profile": Reader("tango.yaml", _text("tango.yaml"), _profile),
-    "world.yaml": Reader("world.yaml", _text("world.yaml"), lambda f: read_world(f / "world.yaml")),
-    "learned": Reader("learned/bend.yaml", _text("learned/bend.yaml"), lambda f: (learned(f), read_cell(f).terms)),
-    "readings.csv": Reader("readings.csv", _text("readings.csv"), _measured),
-    "readings.json": Reader("readings.json", _text("readings.json"), _before),
-    "readings.origin.json": Reader("readings.origin.json", _origin, _origins),
-    "readings.journal": Reader("readings.journal", _journal, _journals),
-    "commissioning.yaml": Reader("commissioning.yaml", _commissioning, read_commissioning),
-    "nightly.yaml": Reader("nightly.yaml", _text("nightly.yaml"), read_nightly),
-    "uncertainty.yaml": Reader("uncertainty.yaml", _text("uncertainty.yaml"), lambda f: read_budget(f / "uncertainty.yaml")),
-    "temperature.yaml": Reader("temperature.yaml", _text("temperature.yaml"), lambda f: read_thermal(f / "temperature.yaml")),
-    "acceptance.yaml": Reader("acceptance.yaml", _text("acceptance.yaml"), lambda f: read_order(f / "acceptance.yaml", TODAY)),
-    "limits.yaml": Reader(
-        "limits.yaml", _text("limits.yaml"), lambda f: conformity.read_limits(f / "limits.yaml", ["EX0C", "EB0Z", "EA0Y"])
-    ),
-    "features.yaml": Reader("features.yaml", _text("features.yaml"), lambda f: features.read(f / "features.yaml")),
-    "present.yaml": Reader("present.yaml", _text("present.yaml"), lambda f: present_of(f / "present.yaml")),
-    "layout.yaml": Reader("layout.yaml", lambda f: Path(STANDARD).read_bytes(), lambda f: read_layout(str(f / "layout.yaml"))),
-    "opcua.yaml": Reader("opcua.yaml", lambda f: NODES.read_bytes(), lambda f: read_nodes(str(f / "opcua.yaml"))),
-    "sensors.yaml": Reader("sensors.yaml", _text("sensors.yaml"), read_sensors),
-    "ports": Reader("ports.txt", lambda f: "\n".join(PORTS).encode(), _port),
-    "current.xml": Reader("current.xml", lambda f: AGENT, _agent),
-    "message": Reader(
-        "message.json", lambda f: b'{"celsius": 21.5}', lambda f: payload((f / "message.json").read_bytes(), "celsius")
-    ),
-    "texts.toml": Reader("texts.toml", _text("texts.toml"), lambda f: texts_of(f).keys),
-    "cmm.csv": Reader("cmm.csv", _text("cmm.csv"), lambda f: read_cmm(f / "cmm.csv", read_cell(f).artefact)),
-    "table.csv": Reader(
-        "table.csv", _text("table.csv"), lambda f: read_table(f / "table.csv", ["y"], ["x"], ["x:position", "kind:category"], "day")
-    ),
-    "plan.csv": Reader(
-        "plan.csv",
-        lambda f: "".join(f"{line}\n" for line in plan_lines(plan(read_cell(f)))).encode(),
-        lambda f: read_plan(f / "plan.csv", read_cell(f).machine),
-    ),
-    "users.json": Reader("users.json", _text("users.json"), lambda f: read_users(f / "users.json")),
-    "trusted-posts.txt": Reader("trusted-posts.txt", _text("trusted-posts.txt"), _trusted),
-    "compensation": Reader("compensation/001-a/compensation.json", _record, _records),
-    "compensation history": Reader("compensation/history.jsonl", _text("compensation/history.jsonl"), loop.history),
-    "compensation of the simulated control": Reader(
-        "compensation.json", _record, lambda f: compensation.read(f, read_cell(f).machine) and None
-    ),
-    "readings.json of a run": Reader("readings.json", lambda f: json.dumps(RUN).encode(), _as_run),
-    "ballbar.csv": Reader("ballbar.csv", lambda f: BAR.encode(), lambda f: read_measured(f / "ballbar.csv", ("radial",), True)),
-    "program": Reader("O8700.nc", _program, _sent),
-    "part.nc": Reader("part.nc", lambda f: PART.encode(), _followed),
-    "facets.stl": Reader(
-        "facets.stl",
-        lambda f: re.sub(r"\b(10|12|3\.5)\b", r"\g<1>0", STL).replace("3.50", "35").encode(),
-        lambda f: of_hull(mesh(f / "facets.stl"), (0.0, 0.0, 1.0)),
-    ),
-    "plate.obj": Reader("plate.obj", _text("plate.obj"), lambda f: read_hull(f / "plate.obj")),
-    "plate.ply": Reader("plate.ply", lambda f: PLY.encode(), lambda f: read_hull(f / "plate.ply")),
-    "plate.stl": Reader("plate.stl", lambda f: STL.encode(), lambda f: read_hull(f / "plate.stl")),
-}
-SPOILERS: dict[str, Callable[[bytes, random.Random], bytes]] = {"readings.journal": chained, "compensation": signed}
+        os.write(handle, data)
+    finally:
+        os.close(handle)

@@ -1,0 +1,131 @@
+"""What comes out of a database is what a history puts into it, or it is refused in a sentence."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Float, Integer, LargeBinary, Row, Select
+
+from ..files.readjson import parse_json
+from ..files.shape import misfit
+from ..records import InputError
+from ..texts import revived
+from . import _tables as t
+from .records import Knowledge
+
+LONGEST = 64 << 20  # bytes of readings or numbers, unpacked: no night has a hundredth of it
+AGAIN = "'tango history verify' lists what is damaged; 'tango history restore' brings a backup back"
+BESIDE = (t.night_readings, t.night_estimate)  # which not every night has
+ALARM = {"id": str, "cause?": str, "size?": float, "std?": float, "text?": str, "do?": str, "since?": str, "unit?": str}
+NIGHT = {
+    **dict.fromkeys(("machine", "night", "start_utc", "end_utc", "kind", "status", "verdict", "headline"), str),
+    "format": str,
+    "alarms": [ALARM],
+    "standing?": [ALARM],
+    "parameters?": {"*": {"value": float, "std": float, "unit?": str, "change?": float, "low?": float, "high?": float}},
+    **{f"{name}?": [{}] for name in ("preflight", "limits", "trend", "behind")},
+    **{f"{name}?": {} for name in ("change", "residual", "volume", "diagnosis", "plausible", "temperatures", "next", "artefacts")},
+    **{f"{name}?": {} for name in ("hashes", "versions", "said")},
+    **dict.fromkeys(("touches?", "planned?", "duration_s?"), float),
+}
+
+
+def rows(wanted: Select[Any], found: Sequence[Row[Any]]) -> None:
+    """question, its answers → each value is of the kind of its column. Raises InputError for the first that is not."""
+    kinds = _kinds(wanted) if found else ()
+    for row in found:
+        for value, (name, kind, may) in zip(row, kinds, strict=True):
+            if value is None and may:
+                continue
+            if not isinstance(value, kind) or (isinstance(value, float) and not math.isfinite(value)):
+                raise InputError(f"history: {name}: found {value!a:.40}; allowed: {_word(kind)}; {AGAIN}")
+
+
+@lru_cache(64)
+def _kinds(wanted: Select[Any]) -> tuple[tuple[str, tuple[type, ...], bool], ...]:
+    """question → name, types and whether it may be absent, of each column of its answers."""
+    return tuple(
+        (
+            column.name,
+            _kind(column.type),
+            getattr(column, "table", None) in BESIDE or getattr(column, "nullable", True) is not False,
+        )
+        for column in wanted.selected_columns
+    )
+
+
+def _kind(column: Any) -> tuple[type, ...]:
+    if isinstance(column, Integer):
+        return (int,)
+    if isinstance(column, Float):
+        return (int, float)
+    return (bytes,) if isinstance(column, LargeBinary) else (str,)
+
+
+def _word(kind: tuple[type, ...]) -> str:
+    return {int: "a number", bytes: "packed numbers or text", str: "a text"}[kind[0]]
+
+
+def record(text: str, entry: int | None = None) -> Mapping[str, Any]:
+    """JSON of the record of a night, its entry → the record, whose texts know their keys. Raises InputError for anything else.
+
+    The same text is not read twice: what is in it is shared.
+    """
+    return dict(_record(text, entry))
+
+
+@lru_cache(128)  # a night looks at the last sixty more than once
+def _record(text: str, entry: int | None) -> Mapping[str, Any]:
+    try:
+        data = parse_json(text)
+        wrong = misfit(data, NIGHT)
+    except ValueError as error:
+        wrong = str(error)
+    if not wrong:
+        try:
+            return revived(data)
+        except (ValueError, TypeError):
+            wrong = "said: found texts that do not belong together"
+    which = "" if entry is None else f" of night {entry}"
+    raise InputError(f"history: the record{which}: {wrong[:200]}; {AGAIN}")
+
+
+def readings(packed: bytes) -> str:
+    """packed text of readings.csv → that text. Raises InputError where it is damaged."""
+    try:
+        return _unpacked(packed).decode()
+    except (ValueError, zlib.error):
+        raise InputError(f"history: found readings that cannot be unpacked; {AGAIN}") from None
+
+
+@lru_cache(4)  # a night asks for the newest more than once
+def knowledge(names: str, packed: bytes | None) -> Knowledge:
+    """JSON list of p names, packed numbers → all unknowns of a night. Raises InputError where they are damaged."""
+    try:
+        known = parse_json(names)
+        data = np.frombuffer(_unpacked(packed or b""), "<f8")
+        p = len(known)
+        if misfit(known, [str]) or len(data) != p + p * (p + 1) // 2 or not np.isfinite(data).all():
+            raise ValueError
+    except (ValueError, TypeError, zlib.error):
+        raise InputError(f"history: found an estimate that cannot be unpacked; {AGAIN}") from None
+    covariance = np.zeros((p, p))
+    covariance[np.tril_indices(p)] = data[p:]
+    whole, values = covariance + np.tril(covariance, -1).T, np.array(data[:p])
+    for shared in (whole, values):
+        shared.setflags(write=False)
+    return Knowledge(tuple(known), values, whole)
+
+
+def _unpacked(packed: bytes) -> bytes:
+    """zlib → bytes, no more than anybody has packed. Raises ValueError, zlib.error."""
+    machine = zlib.decompressobj()
+    data = machine.decompress(packed, LONGEST)
+    if not machine.eof:
+        raise ValueError("cut off, or longer than any night")
+    return data

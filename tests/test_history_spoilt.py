@@ -1,0 +1,85 @@
+"""A history that a bad disk or a stranger has changed: what cannot be read is said with what to do, and nothing stays open."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import sys
+import zlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.databases import good
+
+from tango_cnc.history import History, opened
+from tango_cnc.history.copy import copied
+from tango_cnc.records import InputError, LinkError, TangoError
+
+CHANGES = {
+    "no JSON": ("UPDATE night_record SET json = '{'", "the record of night 2: .*'tango history verify'"),
+    "a number that is none": ("UPDATE night_record SET json = replace(json, '240.0', 'NaN')", "NaN is no number"),
+    "no alarms": (
+        "UPDATE night_record SET json = replace(json, '\"alarms\"', '\"alarm\"')",
+        "alarms: found nothing",
+    ),
+    "a text for a number": ("UPDATE night SET touches = 'many'", "touches: found 'many'; allowed: a number"),
+    "an infinite number": ("UPDATE night SET rms_um = 9e999", "rms_um: found inf; allowed: a number"),
+    "readings": ("UPDATE night_readings SET csv = x'00'", "readings that cannot be unpacked"),
+    "an estimate": ("UPDATE night_estimate SET names = '[\"EX0C\"]'", "an estimate that cannot be unpacked"),
+}
+
+
+def spoilt(folder: Path, change: str, value: Any = None) -> Path:
+    file = folder / "history.db"
+    file.write_bytes(good(folder))
+    with sqlite3.connect(file) as plain:
+        plain.execute(change, () if value is None else (value,))
+    plain.close()
+    return file
+
+
+def read(history: History) -> None:
+    for night in history.nights():
+        history.night(night.entry)
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_changed_night_is_refused_and_named_by_verify(what: str, tmp_path: Path) -> None:
+    change, said = CHANGES[what]
+    with opened(spoilt(tmp_path, change), create=False) as history:
+        with pytest.raises(InputError, match=said):
+            read(history)
+        try:
+            assert history.verify()
+        except TangoError as error:
+            assert "tango history restore" in str(error)
+
+
+def test_readings_that_unpack_to_gigabytes_are_not_unpacked(tmp_path: Path) -> None:
+    packed = zlib.compress(bytes(100 << 20))
+    with (
+        opened(spoilt(tmp_path, "UPDATE night_readings SET csv = ?", packed), create=False) as history,
+        pytest.raises(InputError, match="cannot be unpacked"),
+    ):
+        read(history)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc is of Linux")
+def test_a_history_that_is_refused_is_closed(tmp_path: Path) -> None:
+    file = spoilt(tmp_path, "UPDATE alembic_version SET version_num = '9999'")
+    for _ in range(3):
+        with pytest.raises(InputError, match="newer version"), opened(file, create=False):
+            pass
+    assert not [one for one in Path("/proc/self/fd").iterdir() if os.path.exists(one) and os.readlink(one).startswith(str(file))]
+
+
+def test_a_backup_of_a_damaged_file_is_refused_and_nothing_is_left(tmp_path: Path) -> None:
+    file = tmp_path / "history.db"
+    data = bytearray(good(tmp_path))
+    at = data.index(b"nothing has changed") // 4096 * 4096
+    data[at : at + 4096] = bytes(4096)
+    file.write_bytes(data)
+    with opened(file, create=False) as history, pytest.raises(LinkError, match=r"malformed|not what was copied"):
+        copied(history, tmp_path / "copy.db")
+    assert not (tmp_path / "copy.db").exists() and file.exists()
