@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Float, Integer, LargeBinary, Row, Select
+from sqlalchemy import Column, Float, Integer, LargeBinary, Row, Select
 
 from ..files.readjson import parse_json
 from ..files.shape import misfit
@@ -49,14 +49,11 @@ def rows(wanted: Select[Any], found: Sequence[Row[Any]]) -> None:
 @lru_cache(64)
 def _kinds(wanted: Select[Any]) -> tuple[tuple[str, tuple[type, ...], bool], ...]:
     """question → name, types and whether it may be absent, of each column of its answers."""
-    return tuple(
-        (
-            column.name,
-            _kind(column.type),
-            getattr(column, "table", None) in BESIDE or getattr(column, "nullable", True) is not False,
-        )
-        for column in wanted.selected_columns
-    )
+    found = []
+    for column in wanted.selected_columns:
+        stored = isinstance(column, Column) and column.table not in BESIDE
+        found.append((column.name, _kind(column.type), not stored or bool(column.nullable)))
+    return tuple(found)
 
 
 def _kind(column: Any) -> tuple[type, ...]:
