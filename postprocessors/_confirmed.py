@@ -23,7 +23,7 @@ def confirmed(stated: Any, doubts: Iterable[str], fields: Sequence[str]) -> tupl
     if not isinstance(stated, list | tuple):
         found = "nothing" if stated is None else repr(stated)
         raise InputError(
-            f"controller.confirmed: found {found}; allowed: a list, one fact a line behind '- ', as 'tango plan' says it; "
+            f"controller.confirmed: found {found}; allowed: a list, one fact a line after '- ', as 'tango plan' says it; "
             "leave the key out where there is none"
         )
     known = tuple(dict.fromkeys(doubts))

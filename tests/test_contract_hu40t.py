@@ -110,8 +110,8 @@ def test_of_the_whole_model_only_the_isotropic_scale_needs_the_bar(cell, reading
 
 def test_what_cannot_be_seen_is_on_the_terminal_too(cell, readings):
     text = as_text(estimate(cell.machine, cell.artefact, readings, ["S3", "EYY0", "EC0X"]), ())
-    assert "cannot be seen: EYY0 and EY0S move every touch alike: only their sum is known" in text
-    assert "cannot be seen: EC0X and EC0Y move every touch alike: only their difference is known" in text
+    assert "cannot be seen: EYY0 and EY0S cannot be separated: only their sum is known" in text
+    assert "cannot be seen: EC0X and EC0Y cannot be separated: only their difference is known" in text
 
 
 def test_setup_alone_is_subset_one(cell, readings):

@@ -273,7 +273,7 @@ def test_what_the_post_writes_passes(made: Plan) -> None:
         ("\nLBL 42\n", "\nLBL 42\nQ71 = Q71 + 5\n", "the machine was at|stops the program though"),
         ("\nLBL 51\n", "\nLBL 51\nQ47 = 0\n", "the program goes on after 3 touches in a row"),
         ("Q47 = Q47 + 1\n", "Q47 = Q47 + 0.5\n", "the program goes on after 3 touches in a row"),
-        ("MB+1.5000", "MB+500.0000", "found MB 500 behind a measuring move; allowed: 1.5 mm off the facet"),
+        ("MB+1.5000", "MB+500.0000", "found MB 500 after a measuring move; allowed: 1.5 mm off the facet"),
         ("GT +0.0100 GOTO LBL 93", "GT +1.0000 GOTO LBL 93", "cycle 444 has corrected its contact"),
     ],
 )

@@ -227,7 +227,7 @@ def test_what_is_dangerous_is_named(old: str, new: str, words: str) -> None:
         ("G53 G0 C265.", "G53 G0 C-265.", "found C -265 deg; the plan turns to C 265 deg"),
         ("G90 G94", "G91 G94", "found the word G91"),
         ("O<tango_free> CALL [60.] [-40.] [412.3568] [3000.]\n", "", "the plan has the retract move"),
-        ("M2", "M2\nG53 G0 Z0.", "behind the end of the program"),
+        ("M2", "M2\nG53 G0 Z0.", "after the end of the program"),
     ],
 )
 def test_what_is_dangerous_on_linuxcnc_is_named(old: str, new: str, words: str) -> None:
@@ -296,7 +296,7 @@ def test_what_is_dangerous_on_siemens_is_named(old: str, new: str, words: str) -
             "+280.0000\nQ21 = -113.0000",
             "found Z 318.000 mm; the plan goes to Z 280.000 mm .back",
         ),
-        ("F180 MB+1.5000", "F180 MB+0", "found MB 0 behind a measuring move; allowed: 1.5 mm"),
+        ("F180 MB+1.5000", "F180 MB+0", "found MB 0 after a measuring move; allowed: 1.5 mm"),
         ("Q23 = +383.0000\nCALL LBL 1\n; TOUCH 1", "Q23 = +383.0000\n; TOUCH 1", "found Z 280.000 mm; the plan goes to Z 383"),
         ("PGM TANGO MM", "PGM TANGO INCH", "found no BEGIN PGM"),
         ("FN 12: IF +Q34 LT +0.001 GOTO LBL 11\n", "", "found a probing direction of length 0"),  # MB has been there already
@@ -325,7 +325,7 @@ def test_what_is_dangerous_on_siemens_is_named(old: str, new: str, words: str) -
         ("PLANE RESET STAY\n", "", "the program begins without PLANE RESET STAY"),
         ("CYCL DEF 13.1 ANGLE+90.0000\n", "", "found M19 without CYCL DEF 13.1 before it"),
         ("TNC:\\TANGO.TXT", "TNC:\\TABLE.PR", "allowed: those of the profile"),
-        ("\nM30\nLBL 1 ", "\nLBL 1 ", "label 1, which is not behind M30"),
+        ("\nM30\nLBL 1 ", "\nLBL 1 ", "label 1, which is not after M30"),
     ],
 )
 def test_what_is_dangerous_in_klartext_is_named(old: str, new: str, words: str) -> None:

@@ -37,7 +37,7 @@ Trace = list[tuple[str, tuple[float, ...]]]
         ("G17 G21 ", "G17 G20 ", "no line that a program|is stated|before the start mark"),
         ("(TANGO END MARK 6)", "(TANGO END MARK 5)", "the end mark says 5"),
         ("(TANGO END MARK 6)", "(TANGO END 5AFE0000AFFE 6)", "the end mark is that of 5AFE0000AFFE"),
-        ("(TANGO END MARK 6)", "(TANGO END MARK 6)\nG0 B0.", "behind the end mark"),
+        ("(TANGO END MARK 6)", "(TANGO END MARK 6)\nG0 B0.", "after the end mark"),
     ],
 )
 def test_what_is_dangerous_on_grbl_is_named(old: str, new: str, words: str) -> None:
@@ -69,7 +69,7 @@ def test_what_is_dangerous_on_grbl_is_named(old: str, new: str, words: str) -> N
         ("#106=-113.", "#106=-103.", "the flag is 2 where nothing has gone wrong"),
         ("#112=90.", "#112=0.", "the record has S 0"),
         ("#109=5.", "#109=5.\n#131=7.", "found #131=7"),
-        ("M30", "M30\nM881", "behind the end"),
+        ("M30", "M30\nM881", "after the end"),
     ],
 )
 def test_what_is_dangerous_on_mach3_is_named(old: str, new: str, words: str) -> None:

@@ -1,13 +1,22 @@
-"""What a diagnosis says to a person at the machine: every cause has its sentence, and every picture its band."""
+"""What a diagnosis says to a person at the machine: every cause has its sentence, and every picture its band.
+
+And what no sentence of the program says, nor any page of docs: words that read as translated.
+"""
 
 from __future__ import annotations
 
+import ast
+import re
+import tomllib
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from support import blind
+from support.imports import modules, statements, tree
 
 from sim_controller.simulate import simulate
 from tango_cnc import terms
@@ -132,3 +141,76 @@ def test_touches_made_at_another_facet_are_told_whatever_they_are_called(bench: 
         (other + 1, names[other], names[one]),
     ]
     assert all(m.away > 50 > 1 > m.beside for m in found)
+
+
+# What a machinist stumbles over, a phrase that had it, and what to write instead.
+TRANSLATED = (
+    (r"\bfore(told|tell\w*)\b", "Sphere test foretold", "predicted"),
+    (r"\btold (apart|from)\b|\btells? (\S+ ){1,3}(apart|from)\b", "that tells two causes apart", "distinguishes"),
+    (r"\b(is|are|was|were|be) told\b(?! to\b)", "is told so in words", "is reported"),
+    (r"\bby nobody\b", "is told from none by nobody", "nobody, as the subject"),
+    (r"\bof (which|whom) none\b", "touches of which none", "none of these"),
+    (r"\bslips? of the pen\b", "are no slip of the pen", "a mistake"),
+    (r"\bnothing to hope\b", "leaves nothing to hope", "takes no chances"),
+    (r"\bjust as .{1,40} would\b", "moves the touches just as a table of another shape would", "cannot be separated from"),
+    (r"\bhardly sees?\b", "This plan would hardly see", "is weak for"),
+    (r"\bway of the (stylus|tip|probe)\b", "Way of the stylus tip", "path"),
+    (r"\bstands? twice\b", "the label stands twice", "appears twice"),
+    (r"\bstands? in (its|their) places?\b", "Words that the profile states stand in their places", "appear where they belong"),
+    (r"\b(line|word|block|letter|something)( stands)? behind\b", "a line behind the end mark", "after"),
+    (r"\bfound out by others\b", "Found out by others", "known pitfalls"),
+)
+
+
+ANY = re.compile("|".join(pattern for pattern, _, _ in TRANSLATED), re.IGNORECASE)
+
+
+def sentences_of(root: Path) -> Iterator[tuple[str, str]]:
+    """→ (where, text) of what a user reads: pages, texts, messages, help."""
+    for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
+        prose = re.sub(r"```.*?```|`[^`]*`", "`", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+        yield from ((f"{page.relative_to(root)}: paragraph {i}", " ".join(p.split())) for i, p in enumerate(prose.split("\n\n"), 1))
+    texts = tomllib.loads((root / "tango_cnc" / "texts" / "en.toml").read_text(encoding="utf-8"))
+    yield from flat("en.toml", texts)
+    for name, file in modules(root).items():
+        if name.startswith("postprocessors."):  # their words are printed into programs, whose marks change with them
+            continue
+        joined = re.sub(r'"\s*f?"', "", file.read_text(encoding="utf-8"))
+        if not ANY.search(joined):
+            continue
+        found = tree(file)
+        docstrings = set(map(id, described(found)))
+        for node in ast.walk(found):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value and id(node) not in docstrings:
+                yield f"{name}:{node.lineno}", " ".join(node.value.split())
+
+
+def described(found: ast.Module) -> Iterator[ast.expr]:
+    """→ docstrings of a file but those of commands, which are their help."""
+    for node in (found, *(n for n in statements(found) if isinstance(n, ast.ClassDef | ast.FunctionDef) and n.name != "command")):
+        if node.body and isinstance(first := node.body[0], ast.Expr):
+            yield first.value
+
+
+def flat(where: str, value: Any) -> Iterator[tuple[str, str]]:
+    if isinstance(value, dict):
+        for key, child in value.items():
+            yield from flat(f"{where}: {key}", child)
+    else:
+        yield where, str(value)
+
+
+@pytest.mark.parametrize(("pattern", "phrase", "instead"), TRANSLATED)
+def test_a_phrase_that_reads_as_translated_is_noticed(pattern: str, phrase: str, instead: str) -> None:
+    assert re.search(pattern, phrase, re.IGNORECASE) and not re.search(pattern, instead, re.IGNORECASE)
+
+
+def test_nothing_that_a_user_reads_has_words_that_read_as_translated(root: Path) -> None:
+    known = [(re.compile(pattern, re.IGNORECASE), instead) for pattern, _, instead in TRANSLATED]
+    found = [
+        f"{where}: found {match[0]!r}; write: {instead}"
+        for where, text in sentences_of(root)
+        for pattern, instead in known
+        if (match := pattern.search(text))
+    ]
+    assert not found, "\n".join(found)

@@ -68,7 +68,7 @@ def known_of(sheet: Sheet, setup: Setup) -> Known:
     """figures, set-up of a part → every error motion of the machine with its covariance, budget and expansion in it."""
     whole = sheet.whole
     if whole is None:
-        raise TangoError("accept: the figures were made without the machine behind them, so no part can be foretold")
+        raise TangoError("accept: the figures were made without the machine behind them, so no part can be predicted")
     machine = setup.machine
     poses = _some(whole.touches)
     own = [i for i, c in enumerate(whole.coefficients) if c.slot.stage not in ("stylus", "table") and steady(c, poses)]

@@ -54,7 +54,7 @@ DRAWN = (".png", ".svg", ".pdf")
     "--picture",
     type=Output(),
     metavar="FILE",
-    help="Also draw the way of the stylus tip: .png, .svg or .pdf (pip install 'tango-cnc[report]').",
+    help="Also draw the path of the stylus tip: .png, .svg or .pdf (pip install 'tango-cnc[report]').",
 )
 @click.option("--indexation", type=click.IntRange(1), metavar="N", help="Draw this indexation only: the N-th of the strategy.")
 @json_option

@@ -33,12 +33,14 @@ PLACE = "Act 20"  # in the list of commands
 @click.option("--limit-um", type=click.FloatRange(0, min_open=True), metavar="L", help="Exit 1 where the tip is further away.")
 @_test.test_options
 @despite_option
-@click.option("--picture", type=Output(), metavar="FILE", help="Draw the way and its deviation (.png .svg .pdf; needs matplotlib).")
+@click.option(
+    "--picture", type=Output(), metavar="FILE", help="Draw the path and its deviation (.png .svg .pdf; needs matplotlib)."
+)
 @json_option
 def command(**options: Any) -> int:
-    """Foretells the deviation of the tool tip along an NC program, and what it means for features of the part.
+    """Predicts the deviation of the tool tip along an NC program, and what it means for features of the part.
 
-    With --test NAME in place of a program it foretells what a ball bar, an R-test or a laser shows, and compares --measured.
+    With --test NAME in place of a program it predicts what a ball bar, an R-test or a laser shows, and compares --measured.
     Exit status 1 where a measured figure differs.
 
     Only errors that were estimated are known. Points where an axis is beyond what was touched are counted and marked.
@@ -65,7 +67,7 @@ def command(**options: Any) -> int:
     with _program.blamed(source, language), _program.opened(source) as lines:
         way, labels = predict.along(lines, language, setup, known, touched)
     if not way.points:
-        raise TangoError(f"{source}: found no motion at feed, so there is nothing to foretell")
+        raise TangoError(f"{source}: found no motion at feed, so there is nothing to predict")
     found = features.foretell(wanted, setup, known, labels, touched) if wanted is not None else []
     data = _data(source, way, found)
     if options["picture"] is not None:

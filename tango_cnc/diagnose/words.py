@@ -215,7 +215,7 @@ def as_text(d: Diagnosis) -> str:
         lines += ["", f"Terms of the extended model: {d.terms_text}"]
     hidden = [name for name, value in d.visibility.items() if value < HIDDEN]
     if hidden:
-        lines += _wrapped(f"This plan would hardly see: {', '.join(hidden)}.", "  ")
+        lines += _wrapped(f"This plan is weak for: {', '.join(hidden)}.", "  ")
     return "\n".join(lines)
 
 

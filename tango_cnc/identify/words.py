@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from ..records import Combination
 from ..texts import joined, say
 
+SHARED = {"moves": "each move", "cannot be separated": "cannot be separated"}  # verb of one name: that of several
+
 
 def describe(name: str, unit: str, partners: Mapping[str, tuple[float, str]]) -> Combination:
     """name left out, its unit, what moves the touches as it does by name: (factor, unit) → combination, in words for people."""
@@ -50,11 +52,11 @@ def _list(words: Sequence[str]) -> str:
 
 def summary(texts: Sequence[str]) -> list[str]:
     """sentences of combinations → the same, one for all names of which the same is to be said."""
-    groups: dict[str, list[str]] = {}
+    groups: dict[tuple[str, str], list[str]] = {}
     for text in texts:
-        name, moves, rest = text.partition(" moves ")
-        groups.setdefault(rest if moves else text, []).append(name)
+        name, verb, rest = next((parts for verb in SHARED if (parts := text.partition(f" {verb} "))[1]), (text, "", ""))
+        groups.setdefault((verb.strip(), rest) if verb else (text, ""), []).append(name)
     return [
-        names[0] if names == [rest] else f"{', '.join(names)} {'moves' if len(names) == 1 else 'each move'} {rest}"
-        for rest, names in groups.items()
+        key[0] if not key[1] else f"{', '.join(names)} {key[0] if len(names) == 1 else SHARED[key[0]]} {key[1]}"
+        for key, names in groups.items()
     ]

@@ -156,7 +156,7 @@ class Walk:
         self._advance()
 
     def off(self, step: Mapping[str, float]) -> float:
-        """{axis letter: mm} right behind a measuring move, where nothing guards → mm. Raises InputError when it is wrong."""
+        """{axis letter: mm} right after a measuring move, where nothing guards → mm. Raises InputError when it is wrong."""
         touch, machine = self.touch, self._plan.machine
         away = {name: touch.standoff[machine.column(name)] - touch.contact[machine.column(name)] for name in machine.linear}
         length, way = math.hypot(*step.values()), math.hypot(*away.values())

@@ -36,7 +36,7 @@ def _whole(lines: Iterable[str]) -> Iterator[str]:
 
 
 def labels_of(blocks: list[str]) -> dict[str, int]:
-    """blocks → {label: index of its block}. Raises Alarm for one that stands twice."""
+    """blocks → {label: index of its block}. Raises Alarm for one that appears twice."""
     labels: dict[str, int] = {}
     for i, block in enumerate(blocks):
         match = re.fullmatch(r"LBL ([1-9]\d*)", bare(block))

@@ -31,7 +31,7 @@ class Program:
 
 
 def split(lines: Iterable[str]) -> dict[str, Program]:
-    """lines of a file → {name: program}, the first is the main one. Raises Alarm for a name that stands twice."""
+    """lines of a file → {name: program}, the first is the main one. Raises Alarm for a name that appears twice."""
     found: dict[str, Program] = {}
     current: Program | None = None
     for number, line in enumerate(lines, 1):
@@ -40,7 +40,7 @@ def split(lines: Iterable[str]) -> dict[str, Program]:
         text = re.sub(r"\([^)]*\)", "", line).strip()
         if NAME.fullmatch(text):
             if text in found:
-                raise alarm("name", f"{text} stands twice")
+                raise alarm("name", f"{text} appears twice")
             current = found[text] = Program(text)
             continue
         if current is None:
@@ -49,7 +49,7 @@ def split(lines: Iterable[str]) -> dict[str, Program]:
             continue
         if match := SEQUENCE.fullmatch(text):
             if match[1] in current.names:
-                raise alarm("name", f"{match[1]} stands twice in {current.name}")
+                raise alarm("name", f"{match[1]} appears twice in {current.name}")
             current.names[match[1]] = len(current.blocks)
             text = match[2] or ""
         current.blocks.append(text)

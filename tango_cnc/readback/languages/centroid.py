@@ -80,7 +80,7 @@ def _stops(lines: Iterable[str], off: str) -> tuple[set[int], int, int]:
         if not re.fullmatch(r"N\d+", label) or not match or not going or int(going[1]) != last:
             raise InputError(f"{label} is no place where this program stops")
         if int(label[1:]) in found or int(label[1:]) == last or seconds not in (-1, int(match[1])):
-            raise InputError(f"{label} stands twice, or its message is shown for another time")
+            raise InputError(f"{label} appears twice, or its message is shown for another time")
         found.add(int(label[1:]))
         seconds = int(match[1])
     return found, last, seconds
@@ -175,14 +175,14 @@ class _Program:
 
     @staticmethod
     def _named(words: str) -> dict[str, str]:
-        """' /X[…] /Y[…]' → {X Y Z: expression}. Raises InputError for a letter that stands twice."""
+        """' /X[…] /Y[…]' → {X Y Z: expression}. Raises InputError for a letter that appears twice."""
         pairs = re.findall(rf"([XYZ])({COORDINATE})", words)
         if len(dict(pairs)) != len(pairs):
             raise InputError(f"found {words.strip()}; allowed: each letter once")
         return dict(pairs)
 
     def _target(self, words: str) -> dict[str, float]:
-        """' /X[…] /Y[…]' → {X Y Z: machine mm}. Raises InputError for a letter that stands twice."""
+        """' /X[…] /Y[…]' → {X Y Z: machine mm}. Raises InputError for a letter that appears twice."""
         said = {name: self._machine.same(text) + self._machine.base.offset[name] for name, text in self._named(words).items()}
         return {name: self._machine.base.position[name] for name in "XYZ"} | said
 

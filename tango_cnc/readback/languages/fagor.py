@@ -87,7 +87,7 @@ class _Program:
         if line.startswith(";"):
             self._mark = match[1] if (match := MARK_BEHIND_SEMICOLON.fullmatch(line)) else self._mark
         elif self.over:
-            raise InputError("something stands behind the end of the program")
+            raise InputError("something follows the end of the program")
         elif not self._begun:
             if not re.fullmatch(r"%[A-Z0-9_]{1,14}", line):
                 raise InputError("the program has no header %… before its first block")

@@ -63,7 +63,7 @@ class _Program:
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
         if self.over:
-            raise InputError("a line behind the end mark")
+            raise InputError("a line after the end mark")
         if match := MARK_IN_BRACKETS.fullmatch(line):
             self._mark = match[1]
         elif match := START.fullmatch(line):
@@ -150,11 +150,11 @@ class _Program:
                 )
             self._pressed = False
         else:
-            raise InputError("no line that may stand between G91 and G90")
+            raise InputError("no line that may appear between G91 and G90")
 
 
 def _values(words: str) -> dict[str, float]:
-    """' X1. Y2.' → {letter: number}. Raises InputError for a letter that stands twice."""
+    """' X1. Y2.' → {letter: number}. Raises InputError for a letter that appears twice."""
     pairs = [(word[0], float(word[1:])) for word in words.split()]
     if len(dict(pairs)) != len(pairs):
         raise InputError(f"found {words.strip()}; allowed: each letter once")

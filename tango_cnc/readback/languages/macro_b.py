@@ -66,7 +66,7 @@ def _macros(lines: Iterable[str]) -> dict[int, list[str]]:
         code = COMMENT.sub("", line)
         if match := re.fullmatch(r"O(\d{4,5})", code):
             if int(match[1]) in found:
-                raise InputError(f"O{match[1]} stands twice")
+                raise InputError(f"O{match[1]} appears twice")
             current = found.setdefault(int(match[1]), [])
         else:
             current.append(line)
@@ -186,7 +186,7 @@ class _Program:
             items = match[3].split("*")[1:]
             places = {item[0]: item[1:].split("[")[0] for item in items}
             if len(places) < len(items):
-                raise InputError("a letter stands twice in the record")
+                raise InputError("a letter appears twice in the record")
             self._machine.record(match[1], match[2], places)
         else:
             raise InputError("no line that a program of this kind may have here")
@@ -278,7 +278,7 @@ class _Program:
         if kind and axis in self._axis:
             name = self._axis[axis]
             if kind == 3 and self._moving and self._ahead:
-                raise InputError(f"#{key} is read before two empty blocks behind G103 P1 have waited for the axes to stand")
+                raise InputError(f"#{key} is read before two empty blocks after G103 P1 have waited for the axes to stop")
             if kind == 3:
                 return world.skip[name] - world.offset[name]
             if self._moving:

@@ -86,11 +86,11 @@ def _behind(lines: Iterable[str]) -> dict[str, _Part]:
         code = COMMENT.sub("", line)
         if behind and NAME.fullmatch(code):
             if code in found:
-                raise InputError(f"{code} stands twice in the program")
+                raise InputError(f"{code} appears twice in the program")
             current = found[code] = _Part()
         elif behind and LABEL.fullmatch(code):
             if code in current.names:
-                raise InputError(f"{code} stands twice in one program")
+                raise InputError(f"{code} appears twice in one program")
             current.names[code] = len(current.lines)
         elif behind and code:
             current.lines.append(code)
@@ -289,7 +289,7 @@ class _Program:
         terms = [arguments.get(match[1], f"#<{match[1]}>") for match in values if match]
         room = {letter: int(match[2]) for letter, match in zip(letters, values, strict=True) if match}
         if letters[:2] != ["P", "H"] or any(len(letter) != 1 for letter in letters) or len(room) != len(letters):
-            raise InputError(f"{name} prints the letters {' '.join(letters)}; they begin with P H and stand once each")
+            raise InputError(f"{name} prints the letters {' '.join(letters)}; they begin with P H, each once")
         if room["P"] < len(str(self._machine.plan.touches[-1].number)) or min(r for key, r in room.items() if key not in "PH") < 10:
             raise InputError(f"{name} prints numbers in fewer places than they need: digits would be lost")
 

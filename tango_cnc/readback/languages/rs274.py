@@ -82,7 +82,7 @@ class _Program:
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
         if self.over:
-            raise InputError("a line behind the end of the program")
+            raise InputError("a line after the end of the program")
         if match := SUB.fullmatch(line):
             self._sub(match[1], match[2])
         elif self._writing is not None:
@@ -115,7 +115,7 @@ class _Program:
 
     def _look(self) -> None:
         if self._asked or not self._machine.begun:
-            raise InputError("the probe is looked at once, behind the start mark")
+            raise InputError("the probe is looked at once, after the start mark")
         self._asked = True
         deflected = self._machine.base.twin("stop", "the probe is deflected")
         deflected.shared[PIN] = 1.0

@@ -307,7 +307,7 @@ def _hash(lasting: Mapping[str, str]) -> str:
 
 
 def _once(words: list[str]) -> dict[str, str]:
-    """words of axes → {axis: its word}. Raises InputError for an axis that stands twice."""
+    """words of axes → {axis: its word}. Raises InputError for an axis that appears twice."""
     named = {word[0]: word for word in words}
     if len(named) < len(words):
         raise InputError(f"found {' '.join(words)}; allowed: every axis once")

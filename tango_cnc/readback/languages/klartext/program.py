@@ -200,7 +200,7 @@ class _Program:
 
     def _call(self, label: str) -> None:
         if label not in self._bodies or label in self._stops:
-            raise InputError(f"found a call of label {label}, which is not behind M30 or has no LBL 0")
+            raise InputError(f"found a call of label {label}, which is not after M30 or has no LBL 0")
         self._depth += 1
         body = self._bodies[label]
         for i, block in enumerate(body):
@@ -286,7 +286,7 @@ class _Program:
         if self._machine.walk.measures and not any(AHEAD in world.shared for world in self._machine.worlds):
             self._measure(result, texts, spelt(distance), feed, back)
         elif back:
-            raise InputError(f"found MB {back:g} behind a guarded move; allowed: 0")
+            raise InputError(f"found MB {back:g} after a guarded move; allowed: 0")
         else:
             self._guarded(result, texts, spelt(distance), feed)
 
@@ -300,7 +300,7 @@ class _Program:
             raise InputError("found a probing direction of length 0")
         gone = machine.same(distance) / size
         if not LEAST <= back <= FARTHEST:
-            raise InputError(f"found MB {back:g} behind a measuring move; allowed: {OFF:g} mm off the facet")
+            raise InputError(f"found MB {back:g} after a measuring move; allowed: {OFF:g} mm off the facet")
         machine.measures({name: start[name] + gone * a for name, a in along.items()}, feed)
         machine.freed()
         self._moving = True
@@ -376,7 +376,7 @@ class _Program:
         else:
             number, flag, *places = values
             if len({text[0] for text in places}) < len(places):
-                raise InputError("a letter stands twice in the record")
+                raise InputError("a letter appears twice in the record")
             self._machine.record(number, flag, {text[0]: text[1:] for text in places})
 
     def _read(self, world: World, key: int | str) -> Value:

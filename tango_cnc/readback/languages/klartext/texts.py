@@ -37,7 +37,7 @@ def spelt(text: str) -> str:
 
 
 def labels(blocks: Iterable[str]) -> dict[str, list[str]]:
-    """blocks → {label: blocks up to its LBL 0, bare} of those behind M30. Raises InputError for a label that stands twice."""
+    """blocks → {label: blocks up to its LBL 0, bare} of those behind M30. Raises InputError for a label that appears twice."""
     found: dict[str, list[str]] = {}
     known: set[str] = set()
     behind, current = False, ""
@@ -46,7 +46,7 @@ def labels(blocks: Iterable[str]) -> dict[str, list[str]]:
         code = block.partition(";")[0].strip()
         if match := re.fullmatch(r"LBL ([1-9]\d*)", code):
             if match[1] in known:
-                raise InputError(f"label {match[1]} stands twice")
+                raise InputError(f"label {match[1]} appears twice")
             known.add(match[1])
         if not behind:
             behind = code == "M30"

@@ -200,15 +200,15 @@ def _written(file: str, rows: list[str]) -> Step:
         return Say(file)
     match = RECORD.fullmatch(rows[0]) if rows[1:] == ["Close #1"] else None
     if match is None:
-        raise InputError("allowed behind Open: Print of the mark or of a record, Close")
+        raise InputError("allowed after Open: Print of the mark or of a record, Close")
     return Record(file, spelt(match[1]), spelt(match[2]), _words(match[3]))
 
 
 def _words(text: str) -> dict[str, str]:
-    """' & " X" & Format(…)…' → {letter: value}. Raises InputError for a letter that stands twice."""
+    """' & " X" & Format(…)…' → {letter: value}. Raises InputError for a letter that appears twice."""
     pairs = [(letter, spelt(value)) for letter, value in WORD.findall(text)]
     if len(dict(pairs)) != len(pairs):
-        raise InputError("a letter stands twice")
+        raise InputError("a letter appears twice")
     return dict(pairs)
 
 

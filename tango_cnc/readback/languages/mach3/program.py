@@ -115,7 +115,7 @@ class _Program:
         """One line of the file. Raises InputError when it must not reach a machine."""
         machine = self._machine
         if self.over:
-            raise InputError("a line behind the end of the program")
+            raise InputError("a line after the end of the program")
         if not (line.isascii() and line.isprintable()):
             raise InputError("found a character that cannot be printed or is not of ASCII")
         if match := MARK_IN_BRACKETS.fullmatch(line):
