@@ -32,7 +32,7 @@ SIGMA_FLOOR = 1e-6
 
 
 @dataclass(frozen=True)
-class Step:
+class Jump:
     """Something moved at once: touches before and after contradict each other."""
 
     before: int  # number of the last touch before it
@@ -50,7 +50,7 @@ class Noise:
     walk: float = 0.0
     seating: float = 0.0
     facets: Mapping[str, float] = field(default_factory=dict)  # facets that scatter more than the others, each with its scatter
-    step: Step | None = None
+    step: Jump | None = None
     undecided: tuple[int, ...] = ()  # touches without weight, as others on their facet or ball do not fit: who is wrong is unknown
 
 

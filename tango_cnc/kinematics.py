@@ -33,7 +33,7 @@ class Slot(NamedTuple):
 Errors = Mapping[Slot, Array | float]
 
 
-class Step(NamedTuple):
+class Element(NamedTuple):
     """One elementary step: shift along or turn about base vector `base` by `factor` × (commanded + error)."""
 
     turn: bool
@@ -50,7 +50,7 @@ class Joint:
     name: str
     frame: Array | None  # (3, 3), None where it is parallel to the machine frame
     point: Array  # (3,)
-    steps: tuple[Step, ...]
+    steps: tuple[Element, ...]
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def chain(machine: Machine, length: Array | None = None) -> Chain:
     along = np.array(machine.probe.length if length is None else length)
     tip = (np.array(spindle.point) - along[..., None] * np.array(spindle.direction)).T
     columns = tuple(machine.column(name) for name in machine.linear)
-    placement = [Step(turn, i, -1.0, Slot("w", "table", i + 3 * turn)) for turn in (False, True) for i in (2, 1, 0)]
+    placement = [Element(turn, i, -1.0, Slot("w", "table", i + 3 * turn)) for turn in (False, True) for i in (2, 1, 0)]
     work.append(Joint("w", None, np.zeros(3), tuple(placement)))
     return Chain((*tool, *work), len(tool), tip, np.eye(3) if frame is None else frame, sense * np.eye(3)[base], columns)
 
@@ -119,14 +119,14 @@ def _joint(machine: Machine, name: str, *, inverse: bool) -> Joint:
     frame, base, sense = axis_frame(name, axis.direction)
     sign = -1.0 if inverse else 1.0
 
-    def displacement(stage: Stage) -> list[Step]:
+    def displacement(stage: Stage) -> list[Element]:
         skip = base + 3 if axis.kind != "linear" else base
-        turns = [Step(True, i, sign, Slot(name, stage, i + 3)) for i in range(3)]
-        shifts = [Step(False, i, sign, Slot(name, stage, i)) for i in range(3)]
+        turns = [Element(True, i, sign, Slot(name, stage, i + 3)) for i in range(3)]
+        shifts = [Element(False, i, sign, Slot(name, stage, i)) for i in range(3)]
         # The positioning error acts in the motion, so that its place among the intra-axis errors stays empty.
         return [s for s in (*turns, *shifts) if not (stage == "intra" and s.slot.component == skip)]
 
-    motion = Step(axis.kind != "linear", base, sign * sense, Slot(name, "motion"), machine.column(name))
+    motion = Element(axis.kind != "linear", base, sign * sense, Slot(name, "motion"), machine.column(name))
     steps = [*displacement("intra"), motion, *displacement("inter")]
     return Joint(name, frame, np.array(axis.point), tuple(reversed(steps) if inverse else steps))
 
@@ -153,7 +153,7 @@ def _rotate(x: Point, base: int, sine: Array, cosine: Array) -> Point:
     return y
 
 
-def _amount(step: Step, position: Array, errors: Errors) -> Array | float | None:
+def _amount(step: Element, position: Array, errors: Errors) -> Array | float | None:
     error = errors.get(step.slot)
     if step.column is None:
         return None if error is None else step.factor * np.asarray(error)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 from pathlib import Path
 
 import click
 import pytest
+from support.imports import modules, tree
 
 from tango_cnc.cli import _Commands, tango
 
@@ -85,3 +87,20 @@ def test_every_word_of_the_glossary_is_where_the_glossary_says() -> None:
     for row in rows:
         name = row[3].strip().strip("`")
         assert _found(name), f"docs/glossary.md: {row[1].strip()}: {name} does not exist; correct the third column"
+
+
+# A class of a page or a target that is what the glossary's word says, as that stage has it.
+AS_WELL = {"Machine": "tango_cnc.web.places", "Option": "tango_cnc.compensate.targets", "Decision": "tango_cnc.conformity"}
+
+
+def test_no_other_class_has_the_name_of_a_word_of_the_glossary() -> None:
+    rows = [line.split("|") for line in text(ROOT / "docs" / "glossary.md").splitlines() if line.startswith("| ")][1:]
+    homes = {name.rpartition(".")[2]: name for row in rows if (name := row[3].strip().strip("`"))}
+    for name, file in modules(ROOT).items():
+        if name.startswith(("sim_controller", "tango_cnc.link.protocols.")):  # a program of its own; each has its Client
+            continue
+        for node in tree(file).body:
+            if isinstance(node, ast.ClassDef) and node.name in homes and AS_WELL.get(node.name) != name:
+                home = importlib.import_module(homes[node.name].rpartition(".")[0])
+                same = vars(importlib.import_module(name))[node.name] is vars(home)[node.name]
+                assert same, f"{name}.{node.name}: the glossary has that word for {homes[node.name]}; use another one"

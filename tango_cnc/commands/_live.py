@@ -11,7 +11,7 @@ import click
 from ._progress import Progress, said
 
 if TYPE_CHECKING:
-    from ..link.session import Step
+    from ..link.session import News
 
 
 class Live:
@@ -31,7 +31,7 @@ class Live:
             with suppress(OSError, ValueError):
                 self._out.close()
 
-    def __call__(self, step: Step) -> None:
+    def __call__(self, step: News) -> None:
         """what happened → shown."""
         if step.remark:
             self._bar.close()
@@ -71,6 +71,6 @@ class Live:
         said(f"--json ends here: {why}; the run goes on")
 
 
-def _beside(step: Step) -> str:
+def _beside(step: News) -> str:
     last = "" if step.deviation is None else f"last {step.deviation:+.1f} µm"
     return last if step.drift is None else f"{last}  facet {step.facet} moved {step.drift:+.1f} µm".strip()

@@ -40,7 +40,7 @@ from ._secrets import shown
 from ._sensors import read_sensors
 from .entries import Doubted, End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
-from .session import Moved, Session, Step, step_of
+from .session import Moved, News, Session, news_of
 from .transport import foreseen, open_port
 from .transport._sensors import Watch
 
@@ -70,7 +70,7 @@ def measure(
     plan: Plan,
     wanted: Wanted,
     post: Callable[[Plan], Sequence[Program]],
-    watch: Callable[[Step], None],
+    watch: Callable[[News], None],
     confirm: Callable[[Plan, Program], None],
     most: int | None = None,
     keep: Callable[[Plan, Sequence[Program]], Sequence[Program]] = lambda part, programs: programs,
@@ -93,7 +93,7 @@ def measure(
     if not left:
         total = len(plan.touches)
         if most is None:
-            watch(Step(total, total, 0.0, None, "every touch has been measured: nothing was sent"))
+            watch(News(total, total, 0.0, None, "every touch has been measured: nothing was sent"))
         return _finish(before, digest, plan, wanted.readings)
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before or len(left) < len(plan.touches) else plan
@@ -111,7 +111,7 @@ def measure(
         said += [f"the control has to have {file} now: it is not sent"] if client.brought else []
         said += [client.before] if client.before else []
         if said:
-            watch(Step(0, count, 0.0, None, "; ".join(said)))
+            watch(News(0, count, 0.0, None, "; ".join(said)))
 
     announced(1)
     confirm(jobs[0].plan, programs[0])
@@ -204,7 +204,7 @@ def _signals() -> Iterator[Callable[[], int]]:
             signal.signal(number, handler)
 
 
-def follow(file: Path, watch: Callable[[Step], None], pause: Callable[[], None]) -> bool:
+def follow(file: Path, watch: Callable[[News], None], pause: Callable[[], None]) -> bool:
     """journal of a run that another program makes → whether it came to its end; every reading goes to `watch` as it is written.
 
     Raises InputError when there is no run.
@@ -221,14 +221,14 @@ def follow(file: Path, watch: Callable[[Step], None], pause: Callable[[], None])
                 total, ended, part = max(total, done + len(entry.touches)), None, entry.part
             elif isinstance(entry, Reading):
                 done += 1
-                watch(step_of(entry, done, total))
+                watch(news_of(entry, done, total))
             elif isinstance(entry, Doubted):
-                watch(Step(done, total, entry.time_s, None, f"not believed: {entry.record!r}: {entry.why}"))
+                watch(News(done, total, entry.time_s, None, f"not believed: {entry.record!r}: {entry.why}"))
             elif isinstance(entry, End):
                 more = entry.complete and part[0] < part[1]
                 ended = None if more else entry.complete
                 what = f"part {part[0]} of {part[1]}" if part[1] > 1 else "the run"
-                watch(Step(done, total, 0.0, None, f"{what} has ended: {entry.why}"))
+                watch(News(done, total, 0.0, None, f"{what} has ended: {entry.why}"))
         shown = len(entries)
         if ended is None:
             pause()

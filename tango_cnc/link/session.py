@@ -31,7 +31,7 @@ REFUSALS = 10  # records in a row that are not believed
 
 
 @dataclass(frozen=True)
-class Step:
+class News:
     """What the person at the machine sees: touches done of all, s since the start mark, the last deviation, a remark.
 
     `drift` is how far a facet has moved along its normal since it was first touched with the rotary axes where they are now.
@@ -106,7 +106,7 @@ class Session:
         job: Job,
         client: Client,
         journal: Journal,
-        watch: Callable[[Step], None],
+        watch: Callable[[News], None],
         *,
         clock: Callable[[], float],
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
@@ -211,7 +211,7 @@ class Session:
         if why := self._transcript.lost:
             self._transcript.lost = ""
             what = f"the transcript ends here: {why}; the run goes on"
-            self._watch(Step(self._accepted, len(self._job.numbers), self._time(), None, what))
+            self._watch(News(self._accepted, len(self._job.numbers), self._time(), None, what))
 
     def _passed(self, seconds: float) -> None:
         """s between two looks → what the waiting means. Raises LinkError where this computer has not looked for too long to go on.
@@ -235,7 +235,7 @@ class Session:
         if not self._leaving:
             self._leaving = True
             self._watch(
-                Step(self._accepted, len(self._job.numbers), self._time(), None, "stopping: the probe is drawn clear first")
+                News(self._accepted, len(self._job.numbers), self._time(), None, "stopping: the probe is drawn clear first")
             )
 
     def _tell(self) -> None:
@@ -244,7 +244,7 @@ class Session:
         if sent == total and self._zero is None and not self._told:
             self._told = True
             done = f"the program is sent ({total} bytes): start it at the control"
-            self._watch(Step(0, len(self._job.numbers), 0.0, None, self._client.advice or done))
+            self._watch(News(0, len(self._job.numbers), 0.0, None, self._client.advice or done))
 
     def _handle(self, events: Sequence[Event]) -> None:
         for event in events:
@@ -257,7 +257,7 @@ class Session:
             elif isinstance(event, Identified):
                 self._identified(event.text)
             elif isinstance(event, Asked):
-                self._watch(Step(self._accepted, len(self._job.numbers), self._time(), None, event.text))
+                self._watch(News(self._accepted, len(self._job.numbers), self._time(), None, event.text))
             elif isinstance(event, Ended):
                 self._ended = True
             elif isinstance(event, Failed) and not self._ended:
@@ -282,7 +282,7 @@ class Session:
         before = max((entry.time_s for entry in self._journal.entries if isinstance(entry, TIMED)), default=0.0)
         self._zero = moment - max(_since(first, self._boot, moment, today), before)
         self._journal.add(entries.Begun(_stamp(today), round(self._time(), 3), self._boot or None, round(moment, 3)))
-        self._watch(Step(0, len(self._job.numbers), self._time()))
+        self._watch(News(0, len(self._job.numbers), self._time()))
 
     def _time(self) -> float:
         return self._clock() - self._zero if self._zero is not None else 0.0
@@ -302,9 +302,9 @@ class Session:
         self._place, self._doubts = place + 1, 0
         self._accepted += 1
         self._watch(
-            step_of(entry, self._accepted, len(self._job.numbers))
+            news_of(entry, self._accepted, len(self._job.numbers))
             if entry
-            else Step(self._accepted, len(self._job.numbers), self._time(), judged.deviation)
+            else News(self._accepted, len(self._job.numbers), self._time(), judged.deviation)
         )
 
     def _store(self, place: int, facet: str, judged: Judged, text: str) -> Reading:
@@ -346,17 +346,17 @@ class Session:
         self._journal.add(Doubted(why, text, round(self._time(), 3)))
         self._doubts += 1
         remark = f"not believed: {text!r}: {why}"
-        self._watch(Step(self._accepted, len(self._job.numbers), self._time(), None, remark))
+        self._watch(News(self._accepted, len(self._job.numbers), self._time(), None, remark))
         if self._doubts >= REFUSALS:
             raise LinkError(
                 f"{REFUSALS} records in a row were not believed; the last one {text!r}: {why}. Check the settings of the line"
             )
 
 
-def step_of(entry: Reading, done: int, total: int) -> Step:
+def news_of(entry: Reading, done: int, total: int) -> News:
     """reading of a journal, touches done of all → what is shown of it."""
     remark = None if entry.status == "ok" else f"touch {entry.touch}: {entry.status}"
-    return Step(done, total, entry.time_s, entry.deviation_um, remark, entry.touch, entry.facet, entry.status, entry.drift_um)
+    return News(done, total, entry.time_s, entry.deviation_um, remark, entry.touch, entry.facet, entry.status, entry.drift_um)
 
 
 def _pose(machine: Machine, facet: str, position: Sequence[float]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate import Estimate, Step
+from ..estimate import Estimate, Jump
 from ..records import Array
 from ._fit import LARGEST, Fitted, gls, reachable
 from ._system import System, system, widened
@@ -24,7 +24,7 @@ WHITE = 1.3  # times the white scatter beside walk and seating that it may leave
 TIMES = 3.0  # white standard deviations that it has to be
 
 
-def moved(result: Estimate, found: Estimate) -> Step | None:
+def moved(result: Estimate, found: Estimate) -> Jump | None:
     """estimate, the same by its noise → the step that explains what that noise does not, if any."""
     n = len(result.residuals)
     if found.noise is None or n > LARGEST or result.dof < 12 or n < 4 * FEWEST:
@@ -64,7 +64,7 @@ def moved(result: Estimate, found: Estimate) -> Step | None:
     own = np.flatnonzero((off > found.std) | (std > 3 * found.std))
     names = tuple(result.model.names[i] for i in own if i < len(result.model.coefficients))
     shift = -other_fit.change[-3:]
-    return Step(
+    return Jump(
         int(touches.number[at - 1]), int(touches.number[until]), name, (float(shift[0]), float(shift[1]), float(shift[2])), names
     )
 

@@ -29,7 +29,7 @@ class Phase(Enum):
     ENDED = "after the end mark"
 
 
-class Step(Enum):
+class Action(Enum):
     """What a program does next, as far as the phases are concerned."""
 
     STARTS = "the start mark"
@@ -46,41 +46,41 @@ class Step(Enum):
     ENDS = "the end mark"
 
 
-NEXT: dict[tuple[Phase, Step], Phase] = {
-    (Phase.HEAD, Step.STARTS): Phase.FREE,
-    (Phase.FREE, Step.GUARDED): Phase.FREE,
-    (Phase.FREE, Step.MOVES): Phase.FREE,
-    (Phase.FREE, Step.TURNS): Phase.FREE,
-    (Phase.FREE, Step.PROVES): Phase.TOUCHED,
-    (Phase.TOUCHED, Step.FREED): Phase.TOUCHED,
-    (Phase.TOUCHED, Step.RESTS): Phase.FREE,
-    (Phase.FREE, Step.FINDS): Phase.FOUND,
-    (Phase.FREE, Step.MEASURES): Phase.MET,
-    (Phase.FREE, Step.FREED): Phase.FREE,
-    (Phase.FREE, Step.ENDS): Phase.ENDED,
-    (Phase.FOUND, Step.LEAVES): Phase.FREE,
-    (Phase.FOUND, Step.FREED): Phase.FREE,
-    (Phase.FOUND, Step.MOVES): Phase.FREE,
-    (Phase.MET, Step.LEAVES): Phase.ASIDE,
-    (Phase.MET, Step.FREED): Phase.ASIDE,
-    (Phase.MET, Step.MOVES): Phase.ASIDE,
-    (Phase.MET, Step.RECORDS): Phase.NOTED,
-    (Phase.ASIDE, Step.FREED): Phase.ASIDE,
-    (Phase.ASIDE, Step.MOVES): Phase.ASIDE,
-    (Phase.ASIDE, Step.RECORDS): Phase.BACK,
-    (Phase.NOTED, Step.LEAVES): Phase.BACK,
-    (Phase.NOTED, Step.FREED): Phase.BACK,
-    (Phase.NOTED, Step.MOVES): Phase.FREE,
-    (Phase.BACK, Step.FREED): Phase.BACK,
-    (Phase.BACK, Step.GUARDED): Phase.FREE,
-    (Phase.BACK, Step.MOVES): Phase.FREE,
+NEXT: dict[tuple[Phase, Action], Phase] = {
+    (Phase.HEAD, Action.STARTS): Phase.FREE,
+    (Phase.FREE, Action.GUARDED): Phase.FREE,
+    (Phase.FREE, Action.MOVES): Phase.FREE,
+    (Phase.FREE, Action.TURNS): Phase.FREE,
+    (Phase.FREE, Action.PROVES): Phase.TOUCHED,
+    (Phase.TOUCHED, Action.FREED): Phase.TOUCHED,
+    (Phase.TOUCHED, Action.RESTS): Phase.FREE,
+    (Phase.FREE, Action.FINDS): Phase.FOUND,
+    (Phase.FREE, Action.MEASURES): Phase.MET,
+    (Phase.FREE, Action.FREED): Phase.FREE,
+    (Phase.FREE, Action.ENDS): Phase.ENDED,
+    (Phase.FOUND, Action.LEAVES): Phase.FREE,
+    (Phase.FOUND, Action.FREED): Phase.FREE,
+    (Phase.FOUND, Action.MOVES): Phase.FREE,
+    (Phase.MET, Action.LEAVES): Phase.ASIDE,
+    (Phase.MET, Action.FREED): Phase.ASIDE,
+    (Phase.MET, Action.MOVES): Phase.ASIDE,
+    (Phase.MET, Action.RECORDS): Phase.NOTED,
+    (Phase.ASIDE, Action.FREED): Phase.ASIDE,
+    (Phase.ASIDE, Action.MOVES): Phase.ASIDE,
+    (Phase.ASIDE, Action.RECORDS): Phase.BACK,
+    (Phase.NOTED, Action.LEAVES): Phase.BACK,
+    (Phase.NOTED, Action.FREED): Phase.BACK,
+    (Phase.NOTED, Action.MOVES): Phase.FREE,
+    (Phase.BACK, Action.FREED): Phase.BACK,
+    (Phase.BACK, Action.GUARDED): Phase.FREE,
+    (Phase.BACK, Action.MOVES): Phase.FREE,
 }
 OWED = (Phase.MET, Phase.ASIDE)  # a touch has been made that is not on record
 TOLD = (Phase.NOTED, Phase.BACK)  # it is on record, and the probe is not back yet
 BEGUN = tuple(phase for phase in Phase if phase not in (Phase.HEAD, Phase.ENDED))
 
 
-def after(phase: Phase, step: Step) -> Phase:
+def after(phase: Phase, step: Action) -> Phase:
     """phase, what the program does → its next phase. Raises InputError for what it may not do there."""
     found = NEXT.get((phase, step))
     if found is None:
@@ -88,18 +88,18 @@ def after(phase: Phase, step: Step) -> Phase:
     return found
 
 
-def _refusal(phase: Phase, step: Step) -> str:
-    if step is Step.STARTS:
+def _refusal(phase: Phase, step: Action) -> str:
+    if step is Action.STARTS:
         return "a second start mark"
-    if step is Step.ENDS and phase is Phase.ENDED:
+    if step is Action.ENDS and phase is Phase.ENDED:
         return "a second end mark"
-    if step is Step.TURNS and phase not in BEGUN:
+    if step is Action.TURNS and phase not in BEGUN:
         return "something turns outside of start mark and end mark"
-    if step is Step.RECORDS:
+    if step is Action.RECORDS:
         return "a record without a touch"
     if phase not in BEGUN:
         return "something moves outside of start mark and end mark"
-    if step is Step.LEAVES:
+    if step is Action.LEAVES:
         return "found an unprotected move; allowed: one off the facet, right after a measuring move"
     if phase in OWED:
         return "the touch before has no record"

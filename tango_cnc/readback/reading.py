@@ -19,7 +19,7 @@ HARMLESS = (4, 15, 65)  # dwell, the frame that Okuma counts by, a call of a mac
 OWN = 100  # G words from here on are the builder's own
 
 
-class Program(Protocol):
+class Reader(Protocol):
     """A program as far as it has been read."""
 
     over: bool  # its end has been read
@@ -31,7 +31,7 @@ class Program(Protocol):
         """Raises InputError when the program has stopped too soon."""
 
 
-def read_through(lines: Callable[[], Iterator[str]], begin: Callable[[], Program], tail: bool = False) -> None:
+def read_through(lines: Callable[[], Iterator[str]], begin: Callable[[], Reader], tail: bool = False) -> None:
     """lines of a program, what begins to read it → nothing. Raises InputError naming the line that must not reach a machine.
 
     `tail`: behind the end stand macros or stops, which `begin` has read.

@@ -1,7 +1,7 @@
 """The machine that does what the plan expects, and the machines beside it on which something has gone wrong.
 
-A `World` is one of them: its variables, where its axes stand, where its probe was met last. Every statement of a program is
-carried out on all of them. A world that must stop (`fate` "stop") has to reach an alarm before the next motion; one that may
+A `Twin` is one of them: its variables, where its axes stand, where its probe was met last. Every statement of a program is
+carried out on all of them. A twin that must stop (`fate` "stop") has to reach an alarm before the next motion; one that may
 go on has to record the flag that `fate` names.
 """
 
@@ -14,9 +14,9 @@ from typing import Any
 
 from ..records import InputError, Plan
 from .expressions import Value, expression
-from .phases import BEGUN, OWED, TOLD, Phase, Step, after
+from .phases import BEGUN, OWED, TOLD, Action, Phase, after
+from .twins import Place, Twin, latched_elsewhere, offset_changed, other_contacts, stopped_short
 from .walk import PROTECTED, Walk
-from .worlds import Place, World, latched_elsewhere, offset_changed, other_contacts, stopped_short
 
 NUMBER = r"-?\d+\.\d*"  # with its decimal point, without which controls count in thousandths
 SHORT = 3.0  # tolerances of the profile by which a protected move is stopped short
@@ -28,8 +28,8 @@ ROUNDS = 20  # touches in a row without contact after which a program must have 
 # plane, mm, no compensation of radius and length, no cycle, absolute, mm/min, and a spindle that stands
 MODAL = {"G17", "G21", "G40", "G49", "G80", "G90", "G94", "M5"}
 RESETS = re.compile(r"M5|G(17|21|40|40\.1|49|50|50\.1|54|61|64|67|69|80|90|94|97|98|13\.1|15|25|160|234|254)")
-WORLDS_TOLD = (
-    6  # worlds that reach a record: the expected contact, a miss, and four other contacts; one more where finding was early
+TWINS_RECORDED = (
+    6  # twins that reach a record: the expected contact, a miss, and four other contacts; one more where finding was early
 )
 LATE = 4.0  # tolerances of the profile before the end of a measuring move at which a contact still is one
 VARIABLE = re.compile(r"#(?:(\d+)|<(\w+)>)")
@@ -37,22 +37,22 @@ FARTHER = 0.3  # of the way from the nominal contact to the search end, where a 
 LETS_GO = 3.0  # s that a hand needs
 PLACE = 2e-3  # mm or deg, of a recorded coordinate
 
-Statement = Callable[[World], None]
-Astray = Callable[[World, Place, Place], Iterable[World]]
+Statement = Callable[[Twin], None]
+Astray = Callable[[Twin, Place, Place], Iterable[Twin]]
 
 
 class Rehearsal:
-    """A program on its way through all worlds; a family of dialects reads the lines and calls these methods."""
+    """A program on its way through all twins; a family of dialects reads the lines and calls these methods."""
 
     def __init__(
         self,
         plan: Plan,
         options: Mapping[str, Any],
-        read: Callable[[World, int | str], Value],
+        read: Callable[[Twin, int | str], Value],
         latches: bool = False,
         astray: Astray | None = None,
     ) -> None:
-        """plan, every option of its profile, how a world's variable is read; whether the control latches machine positions.
+        """plan, every option of its profile, how a twin's variable is read; whether the control latches machine positions.
 
         `astray`: where else a measuring move may say that its contact was, which has to stop the program.
         """
@@ -61,16 +61,16 @@ class Rehearsal:
         self.plan, self.options, self._read = plan, options, read
         self.walk = Walk(plan, options)
         start = dict(self.walk.at)
-        self.worlds = [World("1", "nothing has gone wrong", start, dict(start), dict(OFFSET))]
-        self._silent: World | None = None  # where this touch and all after it miss
+        self.twins = [Twin("1", "nothing has gone wrong", start, dict(start), dict(OFFSET))]
+        self._silent: Twin | None = None  # where this touch and all after it miss
         self._statements: list[Statement] = []
         self._modal: set[str] = set()
-        self._unlucky: World | None = None  # where touch after touch has missed, and what each left behind is there still
+        self._unlucky: Twin | None = None  # where touch after touch has missed, and what each left behind is there still
         self._missed = 0  # how often
-        self._dead: World | None = None  # the same from finding until the record, for a measuring move that is left out then
+        self._dead: Twin | None = None  # the same from finding until the record, for a measuring move that is left out then
         self._since: list[Statement] = []
         self._once = False  # a touch that finds nothing is counted once: nothing is measured then
-        self._late: World | None = None  # where only the second of two touches has met its facet; it may have stopped before
+        self._late: Twin | None = None  # where only the second of two touches has met its facet; it may have stopped before
         self._phase = Phase.HEAD
         self.records = 0
         self._mark = ""
@@ -86,45 +86,45 @@ class Rehearsal:
         return self._phase is Phase.ENDED
 
     @property
-    def base(self) -> World:
+    def base(self) -> Twin:
         """→ the machine on which nothing goes wrong."""
-        return self.worlds[0]
+        return self.twins[0]
 
-    def value(self, world: World, text: str) -> float:
-        """expression → its value in a world. Raises InputError for what is no expression."""
+    def value(self, twin: Twin, text: str) -> float:
+        """expression → its value in a twin. Raises InputError for what is no expression."""
         try:
-            return expression(text)(partial(self._read, world)) or 0.0
+            return expression(text)(partial(self._read, twin)) or 0.0
         except (ValueError, ZeroDivisionError, OverflowError, TypeError) as error:
             raise InputError(f"{text!r} has no value: {error}") from None
 
     def same(self, text: str, within: float = 1e-6) -> float:
         """expression → its value, which must not depend on what has gone wrong by more than `within`."""
-        first, *rest = (self.value(world, text) for world in self.worlds)
+        first, *rest = (self.value(twin, text) for twin in self.twins)
         if any(abs(first - other) > within for other in rest):
             raise InputError(f"{text!r} depends on where the probe was met")
         return first
 
     def does(self, statement: Statement) -> None:
-        """Carries a statement out in every world that goes on. Raises InputError when it stops the program for nothing."""
+        """Carries a statement out in every twin that goes on. Raises InputError when it stops the program for nothing."""
         if self._silent is not None:
             self._statements.append(statement)
         if self._dead is not None:
             self._since.append(statement)
-        for world in self.worlds:
-            statement(world)
+        for twin in self.twins:
+            statement(twin)
         if self.base.stopped:
             raise InputError("stops the program though nothing has gone wrong")
-        self.worlds = [world for world in self.worlds if not world.stopped]
+        self.twins = [twin for twin in self.twins if not twin.stopped]
 
     def watched(self) -> None:
         """Something moves or ends now. Raises InputError when the program goes on where something has gone wrong before."""
-        for world in self.worlds:
-            if world.fate == "stop":
-                raise InputError(f"the program goes on although {world.what}")
+        for twin in self.twins:
+            if twin.fate == "stop":
+                raise InputError(f"the program goes on although {twin.what}")
 
-    def doubts(self, worlds: Iterable[World]) -> None:
-        """Adds worlds where something has gone wrong."""
-        self.worlds.extend(worlds)
+    def doubts(self, twins: Iterable[Twin]) -> None:
+        """Adds twins where something has gone wrong."""
+        self.twins.extend(twins)
 
     def reset(self, words: str) -> None:
         """Modal words before anything moves. Raises InputError for a word that is none of those known to be harmless."""
@@ -133,7 +133,7 @@ class Rehearsal:
                 raise InputError(f"found the word {word}; allowed here: modal words that switch something off or state units")
             self._modal.add(word)
 
-    def _goes(self, step: Step) -> None:
+    def _goes(self, step: Action) -> None:
         """The program goes on by a step. Raises InputError where its phase does not allow it."""
         self._phase = after(self._phase, step)
 
@@ -146,18 +146,18 @@ class Rehearsal:
             raise InputError("something moves outside of start mark and end mark")
 
     def moves(self, target: Mapping[str, float], kinds: tuple[str, ...], feed: float) -> None:
-        """{X Y Z: machine mm}, kinds of moves that it may be, mm/min → all worlds are there. Raises InputError when it is wrong."""
+        """{X Y Z: machine mm}, kinds of moves that it may be, mm/min → all twins are there. Raises InputError when it is wrong."""
         self._ready()
         self._within(feed, self.options.get("positioning_feed", feed))
         self.walk.linear(target, kinds)
         self._dies()
-        for world in self.worlds:
-            world.position.update(target)
+        for twin in self.twins:
+            twin.position.update(target)
         if self._dead is not None:
             self._since.append(_there(target))
         if self._phase in TOLD:  # on record, and back where the next touch finds it: the same way back wherever the probe was met
-            self.worlds = [self.base, *(w for w in self.worlds[1:] if w is self._unlucky)]
-        self._goes(Step.MOVES)
+            self.twins = [self.base, *(w for w in self.twins[1:] if w is self._unlucky)]
+        self._goes(Action.MOVES)
 
     def off(self, places: Mapping[str, str], feed: float, work: bool = False) -> None:
         """{X Y Z: expression}, mm/min → the probe has come free, wherever the measuring move has ended; nothing guards this move.
@@ -169,32 +169,32 @@ class Rehearsal:
         self._ready()
         if not {*places} <= {*"XYZ"}:
             raise InputError(f"found an unprotected move of {' '.join(places)}; allowed: X Y Z")
-        self._goes(Step.LEAVES)
+        self._goes(Action.LEAVES)
         self._within(feed, self.options.get("positioning_feed", feed))
         self._dies()
 
-        def goes(world: World) -> None:
-            world.position.update({name: self.value(world, text) + work * world.offset[name] for name, text in places.items()})
+        def goes(twin: Twin) -> None:
+            twin.position.update({name: self.value(twin, text) + work * twin.offset[name] for name, text in places.items()})
 
-        for world in self.worlds:
-            start = dict(world.position)
-            goes(world)
-            self.walk.off({name: world.position[name] - start[name] for name in "XYZ"})
+        for twin in self.twins:
+            start = dict(twin.position)
+            goes(twin)
+            self.walk.off({name: twin.position[name] - start[name] for name in "XYZ"})
         if self._dead is not None:
             self._since.append(goes)
 
     def freed(self) -> None:
         """The control itself has taken the probe off the facet."""
-        self._goes(Step.FREED)
+        self._goes(Action.FREED)
 
     def guarded(self, target: Mapping[str, float], feed: float) -> None:
         """A move that stops at a contact and says nothing: whoever looks afterwards must find it stopped short."""
         if self._phase in BEGUN:
-            after(self._phase, Step.GUARDED)
+            after(self._phase, Action.GUARDED)
         start = dict(self.base.position)
         self.moves(target, PROTECTED, feed)
-        for world in self.worlds:
-            world.skip, world.hit = dict(world.position), False
+        for twin in self.twins:
+            twin.skip, twin.hit = dict(twin.position), False
         short = SHORT * float(self.options.get("tolerance", TOLERANCE))
         self.doubts(stopped_short(self.base, start, target, short, self._latches))
 
@@ -230,7 +230,7 @@ class Rehearsal:
             early = others[1]
             early.fate, early.what, early.found = "find", "finding has met its facet early", {n: early.skip[n] for n in target}
             miss.fate, miss.what, others = "find", "finding has met nothing", [early]
-        self._goes(Step.FINDS if finds else Step.MEASURES)
+        self._goes(Action.FINDS if finds else Action.MEASURES)
         self._once = found
         self.doubts([*others, *self._astray(base, start, target)])
         if not found:
@@ -244,7 +244,7 @@ class Rehearsal:
 
     def _proves(self, target: Mapping[str, float], feed: float) -> None:
         """The move of the gate: the stylus is touched, or meets its facet; beside it there is a probe that notices nothing."""
-        start, base, step = dict(self.base.position), self.base, Step.FINDS if self.walk.on_facet else Step.PROVES
+        start, base, step = dict(self.base.position), self.base, Action.FINDS if self.walk.on_facet else Action.PROVES
         self.walk.proof(target, feed)
         base.met({name: self.walk.at[name] for name in target}, start, target)
         dead = base.twin("stop", "the probe is dead, off, or wired to another input")
@@ -257,41 +257,41 @@ class Rehearsal:
         """s without motion: somebody who has touched the stylus lets it go. Raises InputError where something has gone wrong."""
         self.watched()
         if self._phase is Phase.TOUCHED and seconds >= LETS_GO:
-            self._goes(Step.RESTS)
+            self._goes(Action.RESTS)
             self.base.hit = False
 
-    def _misses_again(self, miss: World, target: Mapping[str, float], each: int) -> None:
+    def _misses_again(self, miss: Twin, target: Mapping[str, float], each: int) -> None:
         """Beside the machine there is one that misses again and again, `each` times a touch, until it has to have stopped."""
-        world = next((world for world in self.worlds if world is self._unlucky), None)
-        if world is None:
-            world = self._unlucky = miss.twin("0", "no touch finds anything any more")
+        twin = next((twin for twin in self.twins if twin is self._unlucky), None)
+        if twin is None:
+            twin = self._unlucky = miss.twin("0", "no touch finds anything any more")
             self._missed = 0
-            self.doubts([world])
-        world.position.update(target)
-        world.skip, world.hit = dict(world.position), False
+            self.doubts([twin])
+        twin.position.update(target)
+        twin.skip, twin.hit = dict(twin.position), False
         self._missed += 1
         if self._missed >= each * int(self.options.get("misses", ROUNDS)):
-            world.fate = "stop"
+            twin.fate = "stop"
 
-    def _found_otherwise(self, base: World, start: Mapping[str, float], target: Mapping[str, float]) -> None:
+    def _found_otherwise(self, base: Twin, start: Mapping[str, float], target: Mapping[str, float]) -> None:
         """Where finding has met nothing, measuring may meet the facet all the same: then that is what the record has to say.
 
         Where it has met it early, measuring does so too.
         """
-        for world in self.worlds:
-            if world.fate == "find" and world.found is not None:
-                world.fate = "2"
-                world.met(world.found, start, target)
-            elif world.fate == "find":
-                world.fate, world.position, world.skip, world.hit = "1", dict(base.position), dict(base.skip), True
-                self._late = world
+        for twin in self.twins:
+            if twin.fate == "find" and twin.found is not None:
+                twin.fate = "2"
+                twin.met(twin.found, start, target)
+            elif twin.fate == "find":
+                twin.fate, twin.position, twin.skip, twin.hit = "1", dict(base.position), dict(base.skip), True
+                self._late = twin
 
     def _left_out(self, target: Mapping[str, float]) -> None:
         """What finding has not met, or early, is not measured: on record is what has been found, for a miss the end of the move."""
-        for world in self.worlds:
-            if world.fate == "find":
-                world.fate, world.hit = ("0", False) if world.found is None else ("2", True)
-                world.skip = world.position | dict(target if world.found is None else world.found)
+        for twin in self.twins:
+            if twin.fate == "find":
+                twin.fate, twin.hit = ("0", False) if twin.found is None else ("2", True)
+                twin.skip = twin.position | dict(target if twin.found is None else twin.found)
 
     def _dies(self) -> None:
         """What the program did after the last measuring move stops it in the end, if nothing is ever touched."""
@@ -299,7 +299,7 @@ class Rehearsal:
         if silent is not None:
             self._stops(silent, self._statements, 2 if self.plan.strategy.approach.find else 1)
 
-    def _stops(self, dead: World, statements: Iterable[Statement], each: int) -> None:
+    def _stops(self, dead: Twin, statements: Iterable[Statement], each: int) -> None:
         """Repeats statements where nothing is touched, `each` times a touch. Raises InputError when they stop nothing."""
         rounds = each * int(self.options.get("misses", ROUNDS))
         for _ in range(rounds):
@@ -313,11 +313,11 @@ class Rehearsal:
         """axis letter, deg, whether the program has to ask if it has arrived. Raises InputError when it is wrong."""
         if self._phase in BEGUN and MODAL - self._modal:
             raise InputError("something turns before the modal state is stated")
-        self._goes(Step.TURNS)
+        self._goes(Action.TURNS)
         if self.walk.rotary(name, value):
             self.watched()
-        for world in self.worlds:
-            world.position[name] = value
+        for twin in self.twins:
+            twin.position[name] = value
         for away in AWAY if asked else ():
             twin = self.base.twin("stop", f"{name} has not arrived")
             twin.position[name] += away
@@ -327,7 +327,7 @@ class Rehearsal:
         """The start mark. Raises InputError when it is not that of this program."""
         if mark != wanted or count != len(self.plan.touches):
             raise InputError(f"the start mark is {mark} {count:g}; this program is {wanted} {len(self.plan.touches)}")
-        self._goes(Step.STARTS)
+        self._goes(Action.STARTS)
         self._mark = wanted
 
     def end(self, mark: str, count: float) -> None:
@@ -340,7 +340,7 @@ class Rehearsal:
         if count != len(self.plan.touches) or self.records != count:
             raise InputError(f"the end mark says {count:g}; {self.records} of {len(self.plan.touches)} touches are on record")
         self.walk.ends()
-        self._goes(Step.ENDS)
+        self._goes(Action.ENDS)
 
     def record(self, number: str, flag: str, places: Mapping[str, str]) -> None:
         """expressions of touch number, flag and coordinates → the touch is on record. Raises InputError when it is another."""
@@ -354,26 +354,26 @@ class Rehearsal:
         names = [axis.name for axis in self.plan.machine.axes]
         if [*places] != [*names, "K"]:
             raise InputError(f"the record has {' '.join(places)}; allowed: {' '.join(names)} K")
-        for world in self.worlds:
-            said = self.value(world, flag)
-            if f"{said:g}" != world.fate:
-                raise InputError(f"the flag is {said:g} where {world.what}; it has to be {world.fate}")
-            if self.value(world, number) != touch.number:
-                raise InputError(f"the record is of touch {self.value(world, number):g}; this is touch {touch.number}")
+        for twin in self.twins:
+            said = self.value(twin, flag)
+            if f"{said:g}" != twin.fate:
+                raise InputError(f"the flag is {said:g} where {twin.what}; it has to be {twin.fate}")
+            if self.value(twin, number) != touch.number:
+                raise InputError(f"the record is of touch {self.value(twin, number):g}; this is touch {touch.number}")
             for name in names:
-                there = self.walk.at["S"] if name == "S" else world.skip[name]
-                off = self.value(world, places[name]) - there
+                there = self.walk.at["S"] if name == "S" else twin.skip[name]
+                off = self.value(twin, places[name]) - there
                 off = off if name in "XYZ" else (off + 180.0) % 360.0 - 180.0
                 if abs(off) > PLACE:
                     raise InputError(f"the record has {name} {there + off:.3f}; the machine was at {there:.3f}")
-            total = sum(self.value(world, places[name]) for name in names)
-            if abs(self.value(world, places["K"]) - total) > PLACE:
+            total = sum(self.value(twin, places[name]) for name in names)
+            if abs(self.value(twin, places["K"]) - total) > PLACE:
                 raise InputError("the sum in the record is not that of its coordinates")
-        told = WORLDS_TOLD + (1 if self.plan.strategy.approach.find else 0)
-        if sum(world is not self._late and world is not self._unlucky for world in self.worlds) != told:
+        told = TWINS_RECORDED + (1 if self.plan.strategy.approach.find else 0)
+        if sum(twin is not self._late and twin is not self._unlucky for twin in self.twins) != told:
             raise InputError("the program stops at a miss or an early contact instead of recording it")
         self._silent, self._dead, self._late = None, None, None
-        self._goes(Step.RECORDS)
+        self._goes(Action.RECORDS)
         self._forget(flag, *places.values())
         self.records += 1
 
@@ -382,8 +382,8 @@ class Rehearsal:
         for text in texts:
             for number, name in VARIABLE.findall(text):
                 key: int | str = int(number) if number else name
-                for world in self.worlds:
-                    for store in (world.shared, *world.local):
+                for twin in self.twins:
+                    for store in (twin.shared, *twin.local):
                         if key in store:
                             store[key] = SPOILT
 
@@ -395,7 +395,7 @@ class Rehearsal:
 def _there(target: Mapping[str, float]) -> Statement:
     """{axis: mm} → the statement of a move that has gone there."""
     place = dict(target)
-    return lambda world: world.position.update(place)
+    return lambda twin: twin.position.update(place)
 
 
 def numbered(lines: Iterable[str]) -> Iterator[tuple[int, str]]:

@@ -16,7 +16,7 @@ from ..expressions import Value
 from ..language import Companions, Language
 from ..reading import MARK_BEHIND_SEMICOLON, REST, axes_by_number, read_through, stated_words
 from ..rehearsal import NUMBER, SPOILT, Rehearsal, numbered
-from ..worlds import World
+from ..twins import Twin
 
 COORDINATE = r"\[[^\]]+\]"
 GUARDED = re.compile(rf"M125((?: /[XYZ]{COORDINATE})+) P#9011 F({NUMBER})")
@@ -199,8 +199,8 @@ class _Program:
                 twin.shared[PROBE_BIT] = 1.0
                 self._machine.doubts([twin])
 
-            def stops(world: World) -> None:
-                world.stopped = bool(self._machine.value(world, condition))
+            def stops(twin: Twin) -> None:
+                twin.stopped = bool(self._machine.value(twin, condition))
 
             self._machine.does(stops)
             return
@@ -208,29 +208,29 @@ class _Program:
         assert match is not None
         self._machine.does(self._assignment(int(match[1]), match[2], condition))
 
-    def _assignment(self, number: int, value: str, condition: str | None) -> Callable[[World], None]:
+    def _assignment(self, number: int, value: str, condition: str | None) -> Callable[[Twin], None]:
         if number not in OWN:
             raise InputError(f"found #{number} given a value; allowed: #29000 … #29999")
 
-        def does(world: World) -> None:
-            if condition is None or self._machine.value(world, condition):
-                world.shared[number] = self._machine.value(world, value)
+        def does(twin: Twin) -> None:
+            if condition is None or self._machine.value(twin, condition):
+                twin.shared[number] = self._machine.value(twin, value)
 
         return does
 
-    def _read(self, world: World, key: int | str) -> Value:
+    def _read(self, twin: Twin, key: int | str) -> Value:
         assert isinstance(key, int)
-        fixed = {INPUT: 15.0, PROBE_BIT: world.shared.get(PROBE_BIT, 0.0), TRIPPED: float(world.hit)}
+        fixed = {INPUT: 15.0, PROBE_BIT: twin.shared.get(PROBE_BIT, 0.0), TRIPPED: float(twin.hit)}
         if key in fixed:
             return fixed[key]
         for base in (5020, 5040, 24300):
             if key - base in self._axis and base < key < base + 20:
                 name = self._axis[key - base]
                 if base == 24300:
-                    return world.skip[name] if world.hit else SPOILT  # what was met before
+                    return twin.skip[name] if twin.hit else SPOILT  # what was met before
                 if self._moving:
                     raise InputError(f"#{key} is read before anything has waited for the axes to stand ({WAIT})")
-                return world.position[name] - (world.offset[name] if base == 5040 else 0.0)
-        if key not in world.shared:
+                return twin.position[name] - (twin.offset[name] if base == 5040 else 0.0)
+        if key not in twin.shared:
             raise InputError(f"#{key} is read before it has a value")
-        return world.shared[key]
+        return twin.shared[key]

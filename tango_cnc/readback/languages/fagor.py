@@ -17,7 +17,7 @@ from ..expressions import Value
 from ..language import Companions, Language
 from ..reading import MARK_BEHIND_SEMICOLON, REST, read_through, stated_words
 from ..rehearsal import NUMBER, Rehearsal, Statement
-from ..worlds import Place, World, latched_elsewhere, offset_changed
+from ..twins import Place, Twin, latched_elsewhere, offset_changed
 
 FEED = re.compile(rf"G100((?: [XYZ]\[{NUMBER}-P[123]\])+) F({NUMBER})")
 OFF = re.compile(rf"G1((?: [XYZ]\[[^ ]+-P[123]\])+) F({NUMBER})")
@@ -36,7 +36,7 @@ SPELT = [("!=", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", "
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
 LOCAL = range(26)
 SAME_AS = {"G71": "G21"}  # what is millimetres here
-TOLD = "A_TOLD"  # the flag that a world has written
+TOLD = "A_TOLD"  # the flag that a twin has written
 STALE = 66666.0  # in the contact variable after a move that met nothing: a real one may keep what it held before
 
 
@@ -53,7 +53,7 @@ def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[st
 LANGUAGE = Language(reads, rehearse)
 
 
-def _astray(base: World, start: Place, target: Place) -> Iterable[World]:
+def _astray(base: Twin, start: Place, target: Place) -> Iterable[Twin]:
     yield from offset_changed(base, start, target)
     yield from latched_elsewhere(base, start, target)
 
@@ -175,8 +175,8 @@ class _Program:
             self._machine.doubts([twin])
         spelt = self._spelt(condition)
 
-        def does(world: World) -> None:
-            world.branch = bool(self._machine.value(world, spelt))
+        def does(twin: Twin) -> None:
+            twin.branch = bool(self._machine.value(twin, spelt))
 
         self._machine.does(does)
 
@@ -207,9 +207,9 @@ class _Program:
             raise InputError(f"found {name} given a value; allowed: P{LOCAL[0]} … P{LOCAL[-1]}")
         spelt = self._spelt(text)
 
-        def does(world: World) -> None:
-            if world.branch:
-                world.shared[name] = self._machine.value(world, spelt)
+        def does(twin: Twin) -> None:
+            if twin.branch:
+                twin.shared[name] = self._machine.value(twin, spelt)
 
         return does
 
@@ -229,7 +229,7 @@ class _Program:
             raise InputError("no line that a program of this kind may have here")
 
     def _tells(self, match: re.Match[str]) -> None:
-        """One of the lines of a touch: a world in whose branch it stands writes its flag."""
+        """One of the lines of a touch: a twin in whose branch it stands writes its flag."""
         if not self._opened or self._closed:
             raise InputError("no line that a program of this kind may have here")
         flag, first, said = float(match[2]), not self._told, (match[1], match[3], match[4], match[5])
@@ -237,18 +237,18 @@ class _Program:
             raise InputError("the lines of a touch differ in more than their flag")
         self._told.append(said)
 
-        def does(world: World) -> None:
+        def does(twin: Twin) -> None:
             if first:
-                world.shared.pop(TOLD, None)
-            if world.branch and TOLD in world.shared:
-                raise InputError(f"two lines are written of one touch where {world.what}")
-            if world.branch:
-                world.shared[TOLD] = flag
+                twin.shared.pop(TOLD, None)
+            if twin.branch and TOLD in twin.shared:
+                raise InputError(f"two lines are written of one touch where {twin.what}")
+            if twin.branch:
+                twin.shared[TOLD] = flag
 
         self._machine.does(does)
 
     def _records(self) -> None:
-        """All lines of a touch have been read: each world has written one of them."""
+        """All lines of a touch have been read: each twin has written one of them."""
         if len(self._told) < FLAGS:
             return
         number, words, spindle, given = self._told[0]
@@ -276,26 +276,26 @@ class _Program:
                 held[i] = held[i].replace(theirs, ours)
         return "".join(held)
 
-    def _read(self, world: World, key: int | str) -> Value:
+    def _read(self, twin: Twin, key: int | str) -> Value:
         name = str(key)
         if name == "A_PROBE":
-            return world.shared.get(name, 0.0)
+            return twin.shared.get(name, 0.0)
         if name.startswith("AT_"):
             _, kind, axis = name.split("_")
             if kind == "met":
-                return float(world.hit)
+                return float(twin.hit)
             if kind == "cont":
                 programmed = self._options.get("contact_frame") == "programmed"
-                return (world.skip[axis] - (world.offset[axis] if programmed else 0.0)) if world.hit else STALE
-            return world.position[axis] - (world.offset[axis] if kind == "prog" else 0.0)
-        if name not in world.shared:
+                return (twin.skip[axis] - (twin.offset[axis] if programmed else 0.0)) if twin.hit else STALE
+            return twin.position[axis] - (twin.offset[axis] if kind == "prog" else 0.0)
+        if name not in twin.shared:
             raise InputError(f"{name} is read before it has a value")
-        return world.shared[name]
+        return twin.shared[name]
 
 
-def _stop(world: World) -> None:
-    world.stopped |= world.branch
+def _stop(twin: Twin) -> None:
+    twin.stopped |= twin.branch
 
 
-def _every_branch(world: World) -> None:
-    world.branch = True
+def _every_branch(twin: Twin) -> None:
+    twin.branch = True

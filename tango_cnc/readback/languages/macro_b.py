@@ -17,7 +17,7 @@ from ...records import InputError, Plan
 from ..expressions import Value
 from ..language import Companions, Language
 from ..reading import MARK_IN_BRACKETS, axes_by_number, read_through, stated_words
-from ..rehearsal import NUMBER, Rehearsal, World, numbered
+from ..rehearsal import NUMBER, Rehearsal, Twin, numbered
 
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
 ARGUED = max(ARGUMENTS.values())
@@ -217,7 +217,7 @@ class _Program:
         self._moving = self._ahead  # nothing is read ahead of the end of a G31, but by controls that want empty blocks
         self._blank = 0
 
-    def _assignment(self, text: str, condition: str | None) -> Callable[[World], None]:
+    def _assignment(self, text: str, condition: str | None) -> Callable[[Twin], None]:
         match = ASSIGN.fullmatch(text)
         assert match is not None
         number, value = int(match[1]), match[2]
@@ -227,14 +227,14 @@ class _Program:
         elif number not in LOCAL and number not in COMMON:
             raise InputError(f"found #{number} given a value; allowed: #1 … #33, #100 … #149")
 
-        def does(world: World) -> None:
-            if condition is not None and not self._machine.value(world, condition):
+        def does(twin: Twin) -> None:
+            if condition is not None and not self._machine.value(twin, condition):
                 return
             if number == STOP:
-                world.stopped = True
+                twin.stopped = True
                 return
-            store = world.local[-1] if number in LOCAL else world.shared
-            store[number] = self._machine.value(world, value)
+            store = twin.local[-1] if number in LOCAL else twin.shared
+            store[number] = self._machine.value(twin, value)
 
         return does
 
@@ -252,8 +252,8 @@ class _Program:
             other.shared[WANTED] = (other.shared[WANTED] or 0.0) + 1
         self._machine.doubts([other])
         self._depth += 1
-        for world in self._machine.worlds:
-            world.local.append(dict(arguments))
+        for twin in self._machine.twins:
+            twin.local.append(dict(arguments))
         for line in self._macros[number]:
             if COMMENT.sub("", line) == "M99":
                 break
@@ -263,27 +263,27 @@ class _Program:
                 raise InputError(f"in O{number}, {line!r}: {error}") from None
         else:
             raise InputError(f"O{number} has no M99")
-        for world in self._machine.worlds:
-            world.local.pop()
+        for twin in self._machine.twins:
+            twin.local.pop()
         self._depth -= 1
         self._machine.doubts([foreign])
 
-    def _read(self, world: World, key: int | str) -> Value:
+    def _read(self, twin: Twin, key: int | str) -> Value:
         assert isinstance(key, int)
         if key == 0:
             return None
-        if key in LOCAL and (key <= ARGUED or key in world.local[-1]):
-            return world.local[-1].get(key)
+        if key in LOCAL and (key <= ARGUED or key in twin.local[-1]):
+            return twin.local[-1].get(key)
         kind, axis = divmod(key - 5000, 20) if 5020 < key < 5080 else (0, 0)
         if kind and axis in self._axis:
             name = self._axis[axis]
             if kind == 3 and self._moving and self._ahead:
                 raise InputError(f"#{key} is read before two empty blocks after G103 P1 have waited for the axes to stop")
             if kind == 3:
-                return world.skip[name] - world.offset[name]
+                return twin.skip[name] - twin.offset[name]
             if self._moving:
                 raise InputError(f"#{key} is read before anything has waited for the axes to stand ({self._wait})")
-            return world.position[name] - (world.offset[name] if kind == 2 else 0.0)
-        if key not in world.shared:
+            return twin.position[name] - (twin.offset[name] if kind == 2 else 0.0)
+        if key not in twin.shared:
             raise InputError(f"#{key} is read before it has a value")
-        return world.shared[key]
+        return twin.shared[key]

@@ -18,7 +18,7 @@ from ..expressions import Value
 from ..language import Companions, Language
 from ..reading import MARK_IN_BRACKETS, REST, read_through, stated_words
 from ..rehearsal import NUMBER, Rehearsal, numbered
-from ..worlds import World, latched_elsewhere
+from ..twins import Twin, latched_elsewhere
 
 COMMENT = re.compile(r"\([^()]*\)")
 NAME = re.compile(r"O[A-Z0-9]{1,4}")
@@ -159,7 +159,7 @@ class _Program:
         elif match := OFF.fullmatch(code):
             self._free(match[1].split(), float(match[2]))
         elif match := ASSIGN.fullmatch(code):
-            self._machine.does(lambda world: self._assign(world, code))
+            self._machine.does(lambda twin: self._assign(twin, code))
         else:
             self._print(code)
 
@@ -203,7 +203,7 @@ class _Program:
             return
         if condition == f"VC{self._options.get('common', 1)} EQ 0" and self._pressed:
             self._pressed = False
-            self._machine.does(lambda world: setattr(world, "stopped", bool(self._machine.value(world, self._spelt(condition)))))
+            self._machine.does(lambda twin: setattr(twin, "stopped", bool(self._machine.value(twin, self._spelt(condition)))))
             return
         if not self._state or self._state not in condition:
             raise InputError("no question that a program of this kind has here")
@@ -212,8 +212,8 @@ class _Program:
         self._machine.doubts([twin])
         self._asked = True
 
-        def does(world: World) -> None:
-            world.stopped = bool(self._machine.value(world, self._spelt(condition)))
+        def does(twin: Twin) -> None:
+            twin.stopped = bool(self._machine.value(twin, self._spelt(condition)))
 
         self._machine.does(does)
 
@@ -228,52 +228,52 @@ class _Program:
             return
         moving = self._moving
 
-        def does(world: World) -> None:
+        def does(twin: Twin) -> None:
             self._moving = moving
-            self._run(world, name, part, {key: self._machine.value(world, self._spelt(text)) for key, text in arguments.items()})
+            self._run(twin, name, part, {key: self._machine.value(twin, self._spelt(text)) for key, text in arguments.items()})
 
         self._machine.does(does)
 
-    def _run(self, world: World, name: str, part: _Part, arguments: dict[str, Value]) -> None:
+    def _run(self, twin: Twin, name: str, part: _Part, arguments: dict[str, Value]) -> None:
         """One machine through a subprogram, up to RTS or to a stop."""
-        world.local.append({key: value for key, value in arguments.items()})
+        twin.local.append({key: value for key, value in arguments.items()})
         at = 0
         for _ in range(STEPS):
             code = part.lines[at] if at < len(part.lines) else ""
             at += 1
             target = None
             if code == "RTS":
-                world.local.pop()
+                twin.local.pop()
                 return
             if match := IF.fullmatch(code):
-                if self._machine.value(world, self._spelt(match[1])):
+                if self._machine.value(twin, self._spelt(match[1])):
                     target = match[2]
             elif match := GOTO.fullmatch(code):
                 target = match[1]
             elif code == self._wait:
                 self._moving = False
             elif ASSIGN.fullmatch(code):
-                self._assign(world, code)
+                self._assign(twin, code)
             else:
                 raise InputError(f"in {name}, {code!r}: no line that a program of this kind may have here")
             if target is not None:
                 if part.stops(target, self._options.get("probe_off", "")):
-                    world.stopped = True
-                    world.local.pop()
+                    twin.stopped = True
+                    twin.local.pop()
                     return
                 if target not in part.names:
                     raise InputError(f"in {name}, {code!r}: there is no {target}")
                 at = part.names[target]
         raise InputError(f"{name} does not come to RTS")
 
-    def _assign(self, world: World, code: str) -> None:
+    def _assign(self, twin: Twin, code: str) -> None:
         match = ASSIGN.fullmatch(code)
         assert match is not None
         common = range(self._options.get("common", 1), self._options.get("common", 1) + 9)
         if match[1].startswith("VC") and int(match[1][2:]) not in common:
             raise InputError(f"{code!r}: found {match[1]} given a value; allowed: VC{common[0]} … VC{common[-1]}")
-        store = world.shared if match[1].startswith("VC") else world.local[-1]
-        store[match[1]] = self._machine.value(world, self._spelt(match[2]))
+        store = twin.shared if match[1].startswith("VC") else twin.local[-1]
+        store[match[1]] = self._machine.value(twin, self._spelt(match[2]))
 
     def _record(self, name: str, part: _Part, arguments: Mapping[str, str]) -> None:
         """A subprogram that prints: its sum, then letters and values in turn, then WRITE C."""
@@ -293,11 +293,11 @@ class _Program:
         if room["P"] < len(str(self._machine.plan.touches[-1].number)) or min(r for key, r in room.items() if key not in "PH") < 10:
             raise InputError(f"{name} prints numbers in fewer places than they need: digits would be lost")
 
-        def does(world: World) -> None:
-            world.local.append({key: self._machine.value(world, self._spelt(text)) for key, text in arguments.items()})
+        def does(twin: Twin) -> None:
+            twin.local.append({key: self._machine.value(twin, self._spelt(text)) for key, text in arguments.items()})
             for line in assigned:
-                self._assign(world, line)
-            world.local.pop()
+                self._assign(twin, line)
+            twin.local.pop()
 
         self._machine.does(does)
         self._machine.record(terms[0], terms[1], dict(zip(letters[2:], terms[2:], strict=True)))
@@ -329,18 +329,18 @@ class _Program:
                 text = text.replace(str(self._options.get(kind, "")).replace("?", name), f"AT_{kind}_{name}")
         return WORD.sub(lambda match: match[0] if match[0] in OPERATORS else f"#<{match[0]}>", text)
 
-    def _read(self, world: World, key: int | str) -> Value:
+    def _read(self, twin: Twin, key: int | str) -> Value:
         name = str(key)
         if name.startswith("AT_") or name == "A_PROBE":
             if self._moving:
                 raise InputError(f"{name[3:]} is read before anything has waited for the axes to stand ({self._wait})")
             if name == "A_PROBE":
-                return world.shared.get(name, 0.0)
+                return twin.shared.get(name, 0.0)
             _, kind, axis = name.split("_")
-            if kind == "contact" and not world.hit:
+            if kind == "contact" and not twin.hit:
                 return STALE
-            return (world.position if kind == "position" else world.skip)[axis]
-        for store in (world.local[-1], world.shared):
+            return (twin.position if kind == "position" else twin.skip)[axis]
+        for store in (twin.local[-1], twin.shared):
             if name in store:
                 return store[name]
         raise InputError(f"{name} is read before it has a value")

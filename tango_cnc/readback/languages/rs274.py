@@ -17,7 +17,7 @@ from ...records import InputError, Plan
 from ..expressions import Value
 from ..language import Companions, Language
 from ..reading import MARK_IN_BRACKETS, REST, read_through, stated_words
-from ..rehearsal import NUMBER, Rehearsal, World
+from ..rehearsal import NUMBER, Rehearsal, Twin
 from ..walk import PROTECTED
 
 PLACES = dict(enumerate("XYZABC", 5061))
@@ -72,7 +72,7 @@ class _Program:
         self._depth = 0
         self._opened = self._closed = self.over = False
         self._asked = False  # whether the program has come to where it can look at the probe
-        self._rotated = False  # whether there is a world beside this one whose work frame is rotated
+        self._rotated = False  # whether there is a twin beside this one whose work frame is rotated
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -183,8 +183,8 @@ class _Program:
         if name not in self._subs or self._depth:
             raise InputError(f"found a call of {name}, which is not in this program")
         self._depth += 1
-        for world in self._machine.worlds:
-            world.local.append(dict(enumerate(values, 1)))
+        for twin in self._machine.twins:
+            twin.local.append(dict(enumerate(values, 1)))
         for line in self._subs[name]:
             try:
                 self.line(line)
@@ -192,14 +192,14 @@ class _Program:
                 raise InputError(f"in {name}, {line!r}: {error}") from None
         if self._label is not None:
             raise InputError(f"O{self._label} has no ENDIF")
-        for world in self._machine.worlds:
-            world.local.pop()
+        for twin in self._machine.twins:
+            twin.local.pop()
         self._depth -= 1
 
     def _assign(self, name: str, text: str) -> None:
-        def does(world: World) -> None:
-            if world.branch:
-                world.shared[name] = self._pin(world, name) if text == PIN else self._machine.value(world, text)
+        def does(twin: Twin) -> None:
+            if twin.branch:
+                twin.shared[name] = self._pin(twin, name) if text == PIN else self._machine.value(twin, text)
 
         self._machine.does(does)
 
@@ -213,17 +213,17 @@ class _Program:
             rotated.shared[5230] = 10.0
             self._machine.doubts([rotated])
 
-        def does(world: World) -> None:
-            world.branch = condition == f"[EXISTS[{PIN}]]" or bool(self._machine.value(world, condition))
+        def does(twin: Twin) -> None:
+            twin.branch = condition == f"[EXISTS[{PIN}]]" or bool(self._machine.value(twin, condition))
 
         self._machine.does(does)
 
-    def _pin(self, world: World, name: str) -> float:
+    def _pin(self, twin: Twin, name: str) -> float:
         if not self._asked:
             raise InputError(f"{PIN} is read before {SYNCHRONOUS}, when it need not be as it is now")
-        if name not in world.shared:
+        if name not in twin.shared:
             raise InputError(f"#<{name}> has no value where pins cannot be read")
-        return float(world.shared.get(PIN) or 0.0)
+        return float(twin.shared.get(PIN) or 0.0)
 
     def _within(self, line: str) -> None:
         """A line of an IF that is no assignment."""
@@ -241,30 +241,30 @@ class _Program:
         else:
             raise InputError("no line that an IF may have")
 
-    def _read(self, world: World, key: int | str) -> Value:
+    def _read(self, twin: Twin, key: int | str) -> Value:
         if isinstance(key, str):
             if key == "_task":
                 return 1.0
             axis = WORK.get(key) or MACHINE.get(key)
-            if axis is not None and axis in world.position:
-                return world.position[axis] - (world.offset[axis] if key in WORK else 0.0)
-            if key not in world.shared:
+            if axis is not None and axis in twin.position:
+                return twin.position[axis] - (twin.offset[axis] if key in WORK else 0.0)
+            if key not in twin.shared:
                 raise InputError(f"#<{key}> is read before it has a value")
-            return world.shared[key]
+            return twin.shared[key]
         if key in LOCAL:
-            return world.local[-1].get(key)
-        if key in PLACES and PLACES[key] in world.skip:
-            return world.skip[PLACES[key]] - world.offset[PLACES[key]]
-        return {5070: float(world.hit), 5220: 1.0, 5230: world.shared.get(5230, 0.0)}.get(key)
+            return twin.local[-1].get(key)
+        if key in PLACES and PLACES[key] in twin.skip:
+            return twin.skip[PLACES[key]] - twin.offset[PLACES[key]]
+        return {5070: float(twin.hit), 5220: 1.0, 5230: twin.shared.get(5230, 0.0)}.get(key)
 
 
-def _other_branch(world: World) -> None:
-    world.branch = not world.branch
+def _other_branch(twin: Twin) -> None:
+    twin.branch = not twin.branch
 
 
-def _every_branch(world: World) -> None:
-    world.branch = True
+def _every_branch(twin: Twin) -> None:
+    twin.branch = True
 
 
-def _stop(world: World) -> None:
-    world.stopped = world.branch
+def _stop(twin: Twin) -> None:
+    twin.stopped = twin.branch

@@ -16,7 +16,7 @@ from ..expressions import Value
 from ..handed import Handed
 from ..language import Companions, Language
 from ..reading import MARK_BEHIND_SEMICOLON, REST, read_through, stated_words
-from ..rehearsal import NUMBER, SPOILT, Rehearsal, Statement, World, numbered
+from ..rehearsal import NUMBER, SPOILT, Rehearsal, Statement, Twin, numbered
 
 FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
 OFF = re.compile(rf"SUPA D0 G1((?: [XYZ](?:{NUMBER}|=[^ ]+))+) F({NUMBER})")
@@ -174,8 +174,8 @@ class _Program:
             twin.shared["A_PROBE"] = 1.0
             self._machine.doubts([twin])
 
-        def does(world: World) -> None:
-            world.stopped = bool(self._machine.value(world, _spelt(condition)))
+        def does(twin: Twin) -> None:
+            twin.stopped = bool(self._machine.value(twin, _spelt(condition)))
 
         self._machine.does(does)
 
@@ -184,17 +184,17 @@ class _Program:
             raise InputError("an IF within an IF")
         self._within = True
 
-        def does(world: World) -> None:
-            world.branch = bool(self._machine.value(world, _spelt(condition)))
+        def does(twin: Twin) -> None:
+            twin.branch = bool(self._machine.value(twin, _spelt(condition)))
 
         self._machine.does(does)
 
     def _assignment(self, name: str, text: str) -> Statement:
         expression = _spelt(text)
 
-        def does(world: World) -> None:
-            if world.branch:
-                world.shared[name] = self._machine.value(world, expression)
+        def does(twin: Twin) -> None:
+            if twin.branch:
+                twin.shared[name] = self._machine.value(twin, expression)
 
         return does
 
@@ -205,8 +205,8 @@ class _Program:
         places = dict(zip(letters, map(_spelt, values[1:-1]), strict=True)) | {"S": match[3], "K": _spelt(values[-1])}
         self._text, self._shown = (match[1], _spelt(values[0]), places), [_spelt(value) for value in values]
 
-        def does(world: World) -> None:
-            world.shared.update({f"TEXT {i}": self._machine.value(world, shown) for i, shown in enumerate(self._shown)})
+        def does(twin: Twin) -> None:
+            twin.shared.update({f"TEXT {i}": self._machine.value(twin, shown) for i, shown in enumerate(self._shown)})
 
         self._machine.does(does)
 
@@ -222,16 +222,16 @@ class _Program:
         if handed.assigned is not None:  # it has the value of this moment
             key, text = handed.assigned[0], _spelt(handed.assigned[1])
 
-            def does(world: World) -> None:
-                world.shared[f"CELL {key}"] = machine.value(world, text)
+            def does(twin: Twin) -> None:
+                twin.shared[f"CELL {key}"] = machine.value(twin, text)
 
             machine.does(does)
         if handed.complete is None:
             return
         given, handed.complete = handed.complete, None
         for what, shown in given.items():
-            for world in machine.worlds:
-                if machine.value(world, _spelt(shown)) != world.shared[f"CELL {what}"]:
+            for twin in machine.twins:
+                if machine.value(twin, _spelt(shown)) != twin.shared[f"CELL {what}"]:
                     raise InputError(f"{what} was put there before its value was there")
         point = given["point"]
         if point == "0" or point == END_POINT:
@@ -262,16 +262,16 @@ class _Program:
             self._write(match[1])
         else:
             raise InputError("no line that a program of this kind may have here")
-        for world in self._machine.worlds:
-            world.shared["TG_ERROR"] = 0.0
+        for twin in self._machine.twins:
+            twin.shared["TG_ERROR"] = 0.0
         twin = self._machine.base.twin("stop", "nothing can be written")
         twin.shared["TG_ERROR"] = 1.0
         self._machine.doubts([twin])
 
     def _write(self, text: str) -> None:
         if text == "TG_TEXT" and self._text is not None:
-            for world in self._machine.worlds:
-                if any(self._machine.value(world, shown) != world.shared[f"TEXT {i}"] for i, shown in enumerate(self._shown)):
+            for twin in self._machine.twins:
+                if any(self._machine.value(twin, shown) != twin.shared[f"TEXT {i}"] for i, shown in enumerate(self._shown)):
                     raise InputError("TG_TEXT was put together before its values were there")
             self._machine.record(*self._text)
             self._text = None
@@ -282,23 +282,23 @@ class _Program:
         else:
             raise InputError(f"nobody knows what {text} is")
 
-    def _read(self, world: World, key: int | str) -> Value:
+    def _read(self, twin: Twin, key: int | str) -> Value:
         name, _, axis = str(key).partition("__")
-        if name in ("AA_IM", "AA_MM") and axis in world.position:
+        if name in ("AA_IM", "AA_MM") and axis in twin.position:
             if self._moving:
                 raise InputError(f"${name}[{axis}] is read before anything has waited for the axes to stand (STOPRE)")
-            if name == "AA_MM" and not world.hit:
+            if name == "AA_MM" and not twin.hit:
                 return SPOILT  # what was met before
-            return (world.position if name == "AA_IM" else world.skip)[axis]
+            return (twin.position if name == "AA_IM" else twin.skip)[axis]
         if name == "AC_MEA":
-            return float(world.hit)
+            return float(twin.hit)
         if name == "A_PROBE":
             if self._moving:
                 raise InputError("$A_PROBE is read before anything has waited for the axes to stand (STOPRE)")
-            return world.shared.get(name, 0.0)
-        if key not in world.shared:
+            return twin.shared.get(name, 0.0)
+        if key not in twin.shared:
             raise InputError(f"{key} is read before it has a value")
-        return world.shared[key]
+        return twin.shared[key]
 
 
 def _hash(lasting: Mapping[str, str]) -> str:
@@ -326,5 +326,5 @@ def _spelt(text: str) -> str:
     return "".join(held)
 
 
-def _every_branch(world: World) -> None:
-    world.branch = True
+def _every_branch(twin: Twin) -> None:
+    twin.branch = True

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ....records import InputError, Plan
-from ...worlds import LAG, Place, World
+from ...twins import LAG, Place, Twin
 
 FRAME = {"X": 3.25, "Y": -4.5, "Z": 87.0}  # mm between the frame of ID270 and that of Q115, which knows no tool length
 MARKED = 10_000.0  # mm: no contact is so far
@@ -49,20 +49,20 @@ def _retreat(plan: Plan) -> float:
     return approach.find.retreat if approach.find else approach.standoff
 
 
-def in_its_frame(world: World, name: str) -> float:
-    """world, axis letter → where the tool length ends, in the frame of the program, mm (FN 18 ID270)."""
-    return world.position[name] - world.offset.get(name, 0.0) - FRAME.get(name, 0.0)
+def in_its_frame(twin: Twin, name: str) -> float:
+    """twin, axis letter → where the tool length ends, in the frame of the program, mm (FN 18 ID270)."""
+    return twin.position[name] - twin.offset.get(name, 0.0) - FRAME.get(name, 0.0)
 
 
-def contact(world: World) -> None:
+def contact(twin: Twin) -> None:
     """Q115 Q116 Q117 after a contact."""
     for name, parameter in CONTACT.items():
-        world.shared[parameter] = world.skip[name] - world.offset[name]
+        twin.shared[parameter] = twin.skip[name] - twin.offset[name]
 
 
-def marked(world: World) -> dict[str, float]:
-    """world before the cycle → Q115 Q116 Q117 Q164. Raises InputError when one of them could be taken for a result of the cycle."""
-    now = {parameter: float(world.shared.get(parameter) or 0.0) for parameter in (*CONTACT.values(), DEVIATION)}
+def marked(twin: Twin) -> dict[str, float]:
+    """twin before the cycle → Q115 Q116 Q117 Q164. Raises InputError when one of them could be taken for a result of the cycle."""
+    now = {parameter: float(twin.shared.get(parameter) or 0.0) for parameter in (*CONTACT.values(), DEVIATION)}
     if any(abs(value) < MARKED for value in now.values()):
         raise InputError("if cycle 444 has left Q115 Q116 Q117 Q164 as they were, nobody would know")
     return now
@@ -77,7 +77,7 @@ class Asked:
     height: float
 
 
-def asked(match: re.Match[str], value: Callable[[str], float], known: Mapping[str, float], base: World, pole: bool) -> Asked:
+def asked(match: re.Match[str], value: Callable[[str], float], known: Mapping[str, float], base: Twin, pole: bool) -> Asked:
     """call, its parameters' values, probe table, machine, whether the tool length ends at the pole of the ball → where it goes.
 
     Raises InputError for a normal that is none.
@@ -93,20 +93,20 @@ def asked(match: re.Match[str], value: Callable[[str], float], known: Mapping[st
     return Asked(begin, end, height + off["Z"] + known["R"])
 
 
-def left(told: Asked, start: Place, nominal: Place) -> Callable[[World], None]:
+def left(told: Asked, start: Place, nominal: Place) -> Callable[[Twin], None]:
     """what was asked, beginning and nominal contact of the touch, mm → what the cycle leaves where it has met something."""
     way = sum((told.end[n] - start[n]) ** 2 for n in start) ** 0.5
     normal = {n: (start[n] - told.end[n]) / way for n in start}
 
-    def does(world: World) -> None:
-        contact(world)
-        world.shared[DEVIATION] = sum((world.skip[n] - nominal[n]) * normal[n] for n in start)
-        world.position.update(start)
+    def does(twin: Twin) -> None:
+        contact(twin)
+        twin.shared[DEVIATION] = sum((twin.skip[n] - nominal[n]) * normal[n] for n in start)
+        twin.position.update(start)
 
     return does
 
 
-def doubts(base: World, before: Mapping[str, float], told: Asked, start: Place) -> Iterator[World]:
+def doubts(base: Twin, before: Mapping[str, float], told: Asked, start: Place) -> Iterator[Twin]:
     """machine after the cycle, its results before it, what was asked, its beginning → machines on which it does something else."""
     for kept in (tuple(CONTACT.values()), (DEVIATION,)):
         stale = base.twin("stop", f"cycle 444 has left {' '.join(kept)} as they were")

@@ -16,8 +16,8 @@ from ...expressions import Value
 from ...language import Companions, Language
 from ...reading import MARK_BEHIND_SEMICOLON, stated_words
 from ...rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
+from ...twins import Twin, beside_the_line
 from ...walk import FARTHEST, LEAST, PROTECTED
-from ...worlds import World, beside_the_line
 from . import cycle_444
 from .blocks import (
     ANGLE,
@@ -46,7 +46,7 @@ MASK = ["M_APPEND;", '"%S",QS1;', "M_CLOSE;"]
 SURE = "G17 G21 G40 G49 G80 G90 G94 M5"
 NO_WAY = 0.0015  # mm: less than a label asks for before it moves
 NO_STEP = 1e-4  # mm: nothing a control could take a direction from
-AHEAD = "ahead of"  # the label that a world is on its way to
+AHEAD = "ahead of"  # the label that a twin is on its way to
 
 
 def reads(head: list[str]) -> bool:
@@ -114,7 +114,7 @@ class _Program:
         self._columns: dict[str, str] = {}  # of the probe table: parameter that it was read into
         self._ahead: list[str] = []  # what is left of the label that is carried out
         self._depth = 0
-        self._moving, self._alone = True, False  # axes may move; only those of worlds that are not on their way to a label
+        self._moving, self._alone = True, False  # axes may move; only those of twins that are not on their way to a label
         self.over = False
 
     def finish(self, last: str) -> None:
@@ -159,9 +159,9 @@ class _Program:
         self._name = name
 
     def _one_way(self, code: str) -> None:
-        """Blocks that all worlds carry out: none of them is on its way to a label."""
+        """Blocks that all twins carry out: none of them is on its way to a label."""
         machine = self._machine
-        if any(AHEAD in world.shared for world in machine.worlds):
+        if any(AHEAD in twin.shared for twin in machine.twins):
             if code != "FN 20: WAIT FOR SYNC":
                 raise InputError("depends on where the probe was met")
             self._moving = self._moving and not (self._alone and AHEAD not in machine.base.shared)
@@ -209,7 +209,7 @@ class _Program:
                 self.line(block)
             except InputError as error:
                 raise InputError(f"in label {label}, {block!r}: {error}") from None
-        if self._probing or any(AHEAD in world.shared for world in self._machine.worlds):
+        if self._probing or any(AHEAD in twin.shared for twin in self._machine.twins):
             raise InputError(f"label {label} ends within a TCH PROBE, or before a place that it jumps to")
         self._ahead, self._alone = [], False
         self._depth -= 1
@@ -223,10 +223,10 @@ class _Program:
             raise InputError(f"label {label} is no place where this program stops for good, and not further on in this label")
         condition = f"[{spelt(left)}] {ours} [{spelt(right)}]"
 
-        def does(world: World) -> None:
-            if self._machine.value(world, condition):
-                world.stopped = label in self._stops
-                world.shared[AHEAD] = float(label)
+        def does(twin: Twin) -> None:
+            if self._machine.value(twin, condition):
+                twin.stopped = label in self._stops
+                twin.shared[AHEAD] = float(label)
 
         self._machine.does(_unless_ahead(does))
 
@@ -239,32 +239,32 @@ class _Program:
         name = self._axis.get(number, "")
         if name not in self._machine.base.position:
             raise InputError(f"found axis number {number}; allowed: {' '.join(sorted(self._axis))}")
-        if self._moving and any(AHEAD not in world.shared for world in self._machine.worlds):
+        if self._moving and any(AHEAD not in twin.shared for twin in self._machine.twins):
             raise InputError(f"{name} is read before anything has waited for the axes to stand (FN 20)")
         self._stays(parameter)
         self._texts.changed(parameter)
 
-        def does(world: World) -> None:
-            world.shared[parameter] = world.position[name] if group == "240" else cycle_444.in_its_frame(world, name)
+        def does(twin: Twin) -> None:
+            twin.shared[parameter] = twin.position[name] if group == "240" else cycle_444.in_its_frame(twin, name)
 
         self._machine.does(_unless_ahead(does))
 
     def _table(self, parameter: str, number: str, index: str) -> None:
-        """A column of the probe table, and worlds where it says something else: with it the program must not begin."""
+        """A column of the probe table, and twins where it says something else: with it the program must not begin."""
         column = cycle_444.SYSTEM.get((number, index), "")
         if not column or self._depth or self._machine.begun:
             raise InputError("the probe table is read before the start mark, by one of the numbers that are known")
         said = cycle_444.table(self._plan)[column]
         self._columns[column] = parameter
-        self._machine.does(lambda world: world.shared.update({parameter: said}))
+        self._machine.does(lambda twin: twin.shared.update({parameter: said}))
         for other in cycle_444.other_tables(self._plan, column):
             twin = self._machine.base.twin("stop", f"{column} of the probe table is {other:g}")
             twin.shared[parameter] = other
             self._machine.doubts([twin])
 
-    def _assignment(self, parameter: str, expression: str) -> Callable[[World], None]:
-        def does(world: World) -> None:
-            world.shared[parameter] = self._machine.value(world, expression)
+    def _assignment(self, parameter: str, expression: str) -> Callable[[Twin], None]:
+        def does(twin: Twin) -> None:
+            twin.shared[parameter] = self._machine.value(twin, expression)
 
         return does
 
@@ -283,7 +283,7 @@ class _Program:
         texts = {name: spelt(text) for name, text in zip("XYZ", way, strict=True)}
         for i in range(4):
             self._texts.changed(f"Q{result + i}")
-        if self._machine.walk.measures and not any(AHEAD in world.shared for world in self._machine.worlds):
+        if self._machine.walk.measures and not any(AHEAD in twin.shared for twin in self._machine.twins):
             self._measure(result, texts, spelt(distance), feed, back)
         elif back:
             raise InputError(f"found MB {back:g} after a guarded move; allowed: 0")
@@ -305,47 +305,47 @@ class _Program:
         machine.freed()
         self._moving = True
 
-        def results(world: World) -> None:
-            _told(world, result)
-            if world.hit:
-                cycle_444.contact(world)
-                went = sum((world.position[n] - start[n]) * along[n] / size for n in along)
-                world.position.update({n: world.position[n] - min(back, went) * along[n] / size for n in along})
+        def results(twin: Twin) -> None:
+            _told(twin, result)
+            if twin.hit:
+                cycle_444.contact(twin)
+                went = sum((twin.position[n] - start[n]) * along[n] / size for n in along)
+                twin.position.update({n: twin.position[n] - min(back, went) * along[n] / size for n in along})
 
         machine.does(results)
 
     def _guarded(self, result: int, way: Mapping[str, str], distance: str, feed: float) -> None:
-        """To one place in all worlds; those that are there already are on their way to the label behind the move.
+        """To one place in all twins; those that are there already are on their way to the label behind the move.
 
         Where the machine is one of those, that the label waits for the axes behind its move has been seen elsewhere.
         """
         machine = self._machine
-        going = [world for world in machine.worlds if AHEAD not in world.shared]
+        going = [twin for twin in machine.twins if AHEAD not in twin.shared]
         goal = {name: machine.base.position[name] for name in "XYZ"}
-        for world in going:
-            along = {name: machine.value(world, text) for name, text in way.items()}
+        for twin in going:
+            along = {name: machine.value(twin, text) for name, text in way.items()}
             size = sum(a**2 for a in along.values()) ** 0.5
             if size < NO_STEP:
                 raise InputError("found a probing direction of length 0")
-            gone = machine.value(world, distance) / size
-            there = {name: world.position[name] + gone * along[name] for name in goal}
-            goal = there if world is machine.base else goal
+            gone = machine.value(twin, distance) / size
+            there = {name: twin.position[name] + gone * along[name] for name in goal}
+            goal = there if twin is machine.base else goal
             if _apart(there, goal) > PLACE:
                 raise InputError("a guarded move goes to another place when something has gone wrong before")
-        if any(_apart(world.position, goal) > NO_WAY for world in machine.worlds if AHEAD in world.shared):
+        if any(_apart(twin.position, goal) > NO_WAY for twin in machine.twins if AHEAD in twin.shared):
             raise InputError("moves in some cases only")
         if AHEAD in machine.base.shared:
             machine.moves(goal, PROTECTED, feed)
         else:
-            self._moving, self._alone = True, len(going) < len(machine.worlds)
+            self._moving, self._alone = True, len(going) < len(machine.twins)
             machine.guarded(goal, feed)
-        machine.does(_unless_ahead(lambda world: _told(world, result)))
+        machine.does(_unless_ahead(lambda twin: _told(twin, result)))
 
     def _cycle_444(self, match: re.Match[str]) -> None:
-        """Measures, in all worlds but those on their way to a label, which have to be those that have found nothing."""
+        """Measures, in all twins but those on their way to a label, which have to be those that have found nothing."""
         machine, table = self._machine, cycle_444.table(self._plan)
-        going = [world for world in machine.worlds if AHEAD not in world.shared]
-        if not machine.walk.measures or going != [machine.base] or any(w.fate != "find" for w in machine.worlds[1:]):
+        going = [twin for twin in machine.twins if AHEAD not in twin.shared]
+        if not machine.walk.measures or going != [machine.base] or any(w.fate != "find" for w in machine.twins[1:]):
             raise InputError("cycle 444 measures what has been found, and is left out where nothing has")
         base, start = machine.base, {name: machine.base.position[name] for name in "XYZ"}
         if unseen := sorted(set(table) - set(self._columns)):
@@ -379,36 +379,36 @@ class _Program:
                 raise InputError("a letter appears twice in the record")
             self._machine.record(number, flag, {text[0]: text[1:] for text in places})
 
-    def _read(self, world: World, key: int | str) -> Value:
-        if key not in world.shared:
+    def _read(self, twin: Twin, key: int | str) -> Value:
+        if key not in twin.shared:
             raise InputError(f"{key} is read before it has a value")
-        return world.shared[key]
+        return twin.shared[key]
 
 
 def _apart(one: Mapping[str, float], other: Mapping[str, float]) -> float:
     return max(abs(one[name] - other[name]) for name in "XYZ")
 
 
-def _told(world: World, result: int) -> None:
+def _told(twin: Twin, result: int) -> None:
     """What TCH PROBE 4 leaves in its four parameters."""
     for i, name in enumerate("XYZ"):
-        world.shared[f"Q{result + i}"] = world.skip[name] if world.hit else SPOILT
-    world.shared[f"Q{result + 3}"] = 0.0 if world.hit else -1.0
+        twin.shared[f"Q{result + i}"] = twin.skip[name] if twin.hit else SPOILT
+    twin.shared[f"Q{result + 3}"] = 0.0 if twin.hit else -1.0
 
 
-def _unless_ahead(statement: Callable[[World], None]) -> Callable[[World], None]:
-    """→ the statement, which a world on its way to a label leaves out."""
+def _unless_ahead(statement: Callable[[Twin], None]) -> Callable[[Twin], None]:
+    """→ the statement, which a twin on its way to a label leaves out."""
 
-    def does(world: World) -> None:
-        if AHEAD not in world.shared:
-            statement(world)
+    def does(twin: Twin) -> None:
+        if AHEAD not in twin.shared:
+            statement(twin)
 
     return does
 
 
-def _arrival(label: str) -> Callable[[World], None]:
-    def does(world: World) -> None:
-        if world.shared.get(AHEAD) == float(label):
-            del world.shared[AHEAD]
+def _arrival(label: str) -> Callable[[Twin], None]:
+    def does(twin: Twin) -> None:
+        if twin.shared.get(AHEAD) == float(label):
+            del twin.shared[AHEAD]
 
     return does

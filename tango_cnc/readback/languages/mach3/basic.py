@@ -129,10 +129,10 @@ class Record:
     places: Mapping[str, str]
 
 
-Step = Leave | Stop | Given | Wait | Move | Turn | Look | Say | Record
+Action = Leave | Stop | Given | Wait | Move | Turn | Look | Say | Record
 
 
-def steps(lines: Sequence[str]) -> list[tuple[int, Step]]:
+def steps(lines: Sequence[str]) -> list[tuple[int, Action]]:
     """lines of a macro → (line number, step). Raises InputError naming the line that is in none of the forms."""
     rows = [(n, line.strip()) for n, line in enumerate(lines, 1) if line.strip() and not REMARK.fullmatch(line)]
     for number, line in rows:
@@ -150,7 +150,7 @@ def steps(lines: Sequence[str]) -> list[tuple[int, Step]]:
     return found
 
 
-def _step(rows: list[str]) -> tuple[Step, int]:
+def _step(rows: list[str]) -> tuple[Action, int]:
     """lines from here on → the step that they begin with, how many lines it has."""
     line = rows[0]
     if rows[:3] == WAIT:
@@ -170,7 +170,7 @@ def _step(rows: list[str]) -> tuple[Step, int]:
     return _given(line), 1
 
 
-def _conditional(condition: str, inner: list[str]) -> Step:
+def _conditional(condition: str, inner: list[str]) -> Action:
     if inner == [LEAVES]:
         return Leave(condition)
     if len(inner) == 1:
@@ -195,7 +195,7 @@ def _given(line: str, condition: str = "") -> Given:
     raise InputError("no line that a macro of this kind may have here")
 
 
-def _written(file: str, rows: list[str]) -> Step:
+def _written(file: str, rows: list[str]) -> Action:
     if rows == ["Print #1, Mark", "Close #1"]:
         return Say(file)
     match = RECORD.fullmatch(rows[0]) if rows[1:] == ["Close #1"] else None

@@ -17,7 +17,7 @@ from ...expressions import Value
 from ...language import Companions, Language
 from ...reading import MARK_IN_BRACKETS, REST, read_through, stated_words
 from ...rehearsal import NUMBER, SPOILT, Rehearsal
-from ...worlds import Place, World, latched_elsewhere, offset_changed
+from ...twins import Place, Twin, latched_elsewhere, offset_changed
 from . import basic
 
 COMPANIONS = re.compile(r"m88[0-6]\.m1s")
@@ -47,12 +47,12 @@ def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[st
 LANGUAGE = Language(reads, rehearse, COMPANIONS)
 
 
-def _macros(companions: Companions, off: str) -> dict[int, list[tuple[int, basic.Step]]]:
+def _macros(companions: Companions, off: str) -> dict[int, list[tuple[int, basic.Action]]]:
     """{file name: lines}, the word that switches the probe off → {M code: steps}.
 
     Raises InputError for a macro that would not refuse after a stop, or that leaves the probe on.
     """
-    found: dict[int, list[tuple[int, basic.Step]]] = {}
+    found: dict[int, list[tuple[int, basic.Action]]] = {}
     if not companions:
         raise InputError("its macros are missing, m880.m1s to m886.m1s")
     for name, lines in companions.items():
@@ -73,7 +73,7 @@ def _macros(companions: Companions, off: str) -> dict[int, list[tuple[int, basic
     return found
 
 
-def _refuses(code: int, steps: list[basic.Step], stopped: int) -> None:
+def _refuses(code: int, steps: list[basic.Action], stopped: int) -> None:
     """Raises InputError for a macro that does anything after a stop, or lets others do so."""
     if code != START and steps[:1] != [basic.Leave(f"[#{stopped} NE 0]")]:
         raise InputError(f"m{code}.m1s: does not leave first of all where #{stopped} is not 0: it would go on after a stop")
@@ -103,7 +103,7 @@ class _Program:
         self._mark = ""
         self._said = ("", "", 0)  # the mark in the line that calls
         self._looked = ""  # which mark the macro has taken out of the program
-        self._lost: World | None = None  # where the last call of a macro has done nothing
+        self._lost: Twin | None = None  # where the last call of a macro has done nothing
         self._moving = self._asked = self.over = False
 
     def finish(self) -> None:
@@ -154,7 +154,7 @@ class _Program:
                 statement(self._lost)
 
     def _call(self, code: int, number: int) -> None:
-        """A macro with its P, in all worlds; beside them there is one where it is lost."""
+        """A macro with its P, in all twins; beside them there is one where it is lost."""
         machine = self._machine
         if code not in self._macros:
             raise InputError(f"m{code}.m1s is not among the macros")
@@ -185,7 +185,7 @@ class _Program:
                 twin.shared[variable] = (twin.shared.get(variable) or 0.0) + other
         self._machine.doubts(twins)
 
-    def _step(self, step: basic.Step) -> None:
+    def _step(self, step: basic.Action) -> None:
         machine = self._machine
         match step:
             case basic.Wait():
@@ -193,7 +193,7 @@ class _Program:
             case basic.Leave(condition) | basic.Stop(condition):
                 if f"#{PROBE}" in condition and not machine.begun:
                     self._asks()
-                machine.does(lambda world: setattr(world, "stopped", bool(machine.value(world, condition))))
+                machine.does(lambda twin: setattr(twin, "stopped", bool(machine.value(twin, condition))))
             case basic.Given():
                 self._given(step)
             case basic.Move("G31"):
@@ -234,10 +234,10 @@ class _Program:
         if isinstance(step.name, int) and step.name not in KEPT:
             raise InputError(f"found #{step.name} given a value; allowed: #120 … #136, #150 … #152")
 
-        def does(world: World) -> None:
-            if not step.condition or machine.value(world, step.condition):
-                store: dict[int | str, Value] = world.shared if isinstance(step.name, int) else world.local[-1]
-                store[step.name] = machine.value(world, step.value)
+        def does(twin: Twin) -> None:
+            if not step.condition or machine.value(twin, step.condition):
+                store: dict[int | str, Value] = twin.shared if isinstance(step.name, int) else twin.local[-1]
+                store[step.name] = machine.value(twin, step.value)
 
         machine.does(does)
 
@@ -257,51 +257,51 @@ class _Program:
         else:
             self._machine.end(mark, count)
 
-    def _read(self, world: World, key: int | str) -> Value:
+    def _read(self, twin: Twin, key: int | str) -> Value:
         if isinstance(key, str):
-            if key not in world.local[-1]:
+            if key not in twin.local[-1]:
                 raise InputError(f"{key} is read before it has a value")
-            return world.local[-1][key]
+            return twin.local[-1][key]
         if key == PROBE or CONTACT <= key < CONTACT + 6 or key >= basic.DISPLAY:
             if self._moving:
                 raise InputError("a position or the probe is read before anything has waited for the axes to stand (IsMoving)")
-            return self._shown(world, key)
-        if key not in world.shared:
+            return self._shown(twin, key)
+        if key not in twin.shared:
             raise InputError(f"#{key} is read before it has a value")
-        return world.shared[key]
+        return twin.shared[key]
 
     @staticmethod
-    def _shown(world: World, key: int) -> float:
+    def _shown(twin: Twin, key: int) -> float:
         if key == PROBE:
-            return float(world.hit)
-        for base, places, frame in ((CONTACT, world.skip, True), (MACHINE, world.position, False), (WORK, world.position, True)):
+            return float(twin.hit)
+        for base, places, frame in ((CONTACT, twin.skip, True), (MACHINE, twin.position, False), (WORK, twin.position, True)):
             if base <= key < base + len(LETTERS):
                 name = LETTERS[key - base]
-                return places[name] - frame * world.offset[name] if name in places else SPOILT
+                return places[name] - frame * twin.offset[name] if name in places else SPOILT
         raise InputError(f"display or lamp {key % basic.DISPLAY} of the control is read, which nobody knows here")
 
 
-def _astray(base: World, start: Place, target: Place) -> Iterator[World]:
+def _astray(base: Twin, start: Place, target: Place) -> Iterator[Twin]:
     yield from offset_changed(base, start, target)
     yield from latched_elsewhere(base, start, target)
 
 
-def _given(number: int, value: float) -> Callable[[World], None]:
-    return lambda world: world.shared.__setitem__(number, value)
+def _given(number: int, value: float) -> Callable[[Twin], None]:
+    return lambda twin: twin.shared.__setitem__(number, value)
 
 
-def _named(name: str, value: float) -> Callable[[World], None]:
-    return lambda world: world.local[-1].__setitem__(name, value)
+def _named(name: str, value: float) -> Callable[[Twin], None]:
+    return lambda twin: twin.local[-1].__setitem__(name, value)
 
 
-def _entered(number: float) -> Callable[[World], None]:
+def _entered(number: float) -> Callable[[Twin], None]:
     """P of a call → the statement that begins it: no name has a value yet."""
 
-    def does(world: World) -> None:
-        world.local[:] = [{"param1": number}]
+    def does(twin: Twin) -> None:
+        twin.local[:] = [{"param1": number}]
 
     return does
 
 
-def _released(world: World) -> None:
-    world.hit = False
+def _released(twin: Twin) -> None:
+    twin.hit = False

@@ -18,7 +18,7 @@ Place = Mapping[str, float]
 
 
 @dataclass
-class World:
+class Twin:
     """One machine that carries out the program."""
 
     fate: str  # "stop", or the flag that the record must carry
@@ -39,9 +39,9 @@ class World:
         self.skip, self.hit = self.position | dict(place), True
         self.position = self.skip | {n: place[n] + RUN_ON * (target[n] - start[n]) / length for n in target}
 
-    def twin(self, fate: str, what: str) -> World:
+    def twin(self, fate: str, what: str) -> Twin:
         """→ the same machine at the same place in the program, of which something else becomes."""
-        return World(
+        return Twin(
             fate,
             what,
             dict(self.position),
@@ -54,7 +54,7 @@ class World:
         )
 
 
-def stopped_short(base: World, start: Place, target: Place, short: float, latches: bool) -> Iterator[World]:
+def stopped_short(base: Twin, start: Place, target: Place, short: float, latches: bool) -> Iterator[Twin]:
     """machine after a protected move from start to target, mm → machines on which it ends `short` of it, by axis and on its line.
 
     `latches`: the control tells contact from none apart from where the axes stand, so either may be the only sign.
@@ -80,14 +80,14 @@ def stopped_short(base: World, start: Place, target: Place, short: float, latche
         yield twin
 
 
-def other_contacts(base: World, start: Place, target: Place, zone: float, late: float) -> Iterator[World]:
+def other_contacts(base: Twin, start: Place, target: Place, zone: float, late: float) -> Iterator[Twin]:
     """machine after a measuring move, mm to its search zone, mm before its end → machines with a miss or another contact."""
     length = sum((target[n] - start[n]) ** 2 for n in target) ** 0.5
 
-    def contact(flag: str, what: str, way: float) -> World:
-        world = base.twin(flag, what)
-        world.met({n: start[n] + (target[n] - start[n]) * way / length for n in target}, start, target)
-        return world
+    def contact(flag: str, what: str, way: float) -> Twin:
+        twin = base.twin(flag, what)
+        twin.met({n: start[n] + (target[n] - start[n]) * way / length for n in target}, start, target)
+        return twin
 
     miss = base.twin("0", "nothing was touched")
     miss.position.update(target)
@@ -99,25 +99,25 @@ def other_contacts(base: World, start: Place, target: Place, zone: float, late: 
     yield contact("1", "the contact came at the end of the search zone", length - late)
 
 
-def offset_changed(base: World, start: Place, target: Place) -> Iterator[World]:
+def offset_changed(base: Twin, start: Place, target: Place) -> Iterator[Twin]:
     """machine after a measuring move → machines whose work offset is another one now, axis by axis."""
     for name in target:
         for change in (CHANGE, -CHANGE):
-            world = base.twin("stop", f"the work offset of {name} has changed")
-            world.offset[name] += change
-            yield world
+            twin = base.twin("stop", f"the work offset of {name} has changed")
+            twin.offset[name] += change
+            yield twin
 
 
-def latched_elsewhere(base: World, start: Place, target: Place) -> Iterator[World]:
+def latched_elsewhere(base: Twin, start: Place, target: Place) -> Iterator[Twin]:
     """machine after a measuring move → machines that say another position was latched, axis by axis."""
     for name in target:
         for lag in (LAG, -LAG):
-            world = base.twin("stop", f"the latched position of {name} has changed")
-            world.skip[name] += lag
-            yield world
+            twin = base.twin("stop", f"the latched position of {name} has changed")
+            twin.skip[name] += lag
+            yield twin
 
 
-def beside_the_line(base: World, start: Place, target: Place) -> Iterator[World]:
+def beside_the_line(base: Twin, start: Place, target: Place) -> Iterator[Twin]:
     """machine after a measuring move → machines whose result lies in another frame: in work coordinates, or beside the line."""
     length = sum((target[n] - start[n]) ** 2 for n in target) ** 0.5
     along = {n: (target[n] - start[n]) / length for n in target}
@@ -127,6 +127,6 @@ def beside_the_line(base: World, start: Place, target: Place) -> Iterator[World]
     for name in target:
         aside = {n: LAG * (float(n == name) - along[name] * along[n]) for n in target}
         if sum(a**2 for a in aside.values()) ** 0.5 > ASIDE:
-            world = base.twin("stop", f"the result lies beside the line of its measuring move in {name}")
-            world.skip.update({n: base.skip[n] + a for n, a in aside.items()})
-            yield world
+            twin = base.twin("stop", f"the result lies beside the line of its measuring move in {name}")
+            twin.skip.update({n: base.skip[n] + a for n, a in aside.items()})
+            yield twin
