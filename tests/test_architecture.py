@@ -98,7 +98,7 @@ TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_layout", "_nodes", "_secrets", "_sensors"}
+LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_follow", "_layout", "_nodes", "_secrets", "_sensors"}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.

@@ -27,7 +27,7 @@ from sim_controller.protocols.modbus import (
     TICK,
     Registers,
 )
-from tango_cnc.link import _measure
+from tango_cnc.link import _measure, _rest
 from tango_cnc.link._client import Begun, Identified, Touched
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link._trust import Distrust, Gate, judge
@@ -330,7 +330,7 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
     """run=program: the control has what was brought last; it is said which file, before the question whether to go on."""
     clock, ledger, order = FakeClock(), Ledger(), []
     cell, made, rig = scene()
-    halves = [_measure.rest_of(cell, made, (), tuple(range(a, a + 30))) for a in (1, 31)]
+    halves = [_rest.rest_of(cell, made, (), tuple(range(a, a + 30))) for a in (1, 31)]
     parts = [replace(post(half)[0], file=f"O870{i}.nc") for i, half in enumerate(halves)]
     at_the_control, turns = [], Turns()
     motion = Motion(rig, ledger.note)

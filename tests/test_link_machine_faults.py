@@ -16,7 +16,8 @@ from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import Registers
 from tango_cnc.files import read_readings
 from tango_cnc.link import _measure
-from tango_cnc.link._measure import Wanted, measure, rest_of
+from tango_cnc.link._measure import Wanted, measure
+from tango_cnc.link._rest import rest_of
 from tango_cnc.link._wire import Parity
 from tango_cnc.records import LinkError
 

@@ -26,7 +26,7 @@ from support.runs import (
 from postprocessors._base import BLANK, mark_of
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
-from tango_cnc.link._measure import durations, repeatable
+from tango_cnc.link._rest import durations, repeatable
 from tango_cnc.link.entries import Reading
 from tango_cnc.link.journal import read_journal
 from tango_cnc.plan import last_motion, plan

@@ -19,7 +19,7 @@ from ..files import read_readings_text, read_strategy
 from ..files.nightly import Nightly
 from ..gate import proving_touch
 from ..iso230.signed import withheld
-from ..link._measure import durations
+from ..link._rest import durations
 from ..nightly.analysis import Nights, Timed
 from ..nightly.doubt import Judged
 from ..plan import last_motion

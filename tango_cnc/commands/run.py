@@ -96,7 +96,8 @@ def command(
 
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
-    from ..link._measure import Wanted, follow, measure
+    from ..link._follow import follow
+    from ..link._measure import Wanted, measure
     from ..link._secrets import shown
     from ..link.lock import holding
     from ..plan import plan

@@ -18,29 +18,26 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from itertools import groupby
 from pathlib import Path
 from typing import Any, TextIO
 
-import numpy as np
-
-from .. import __version__, duration
+from .. import __version__
 from ..files import readings_text, write_text
 from ..files.origin import set_aside, write_origin
 from ..gate import ALIVE_TIME
-from ..plan import plan as make_plan
 from ..plan import plan_hash
 from ..program.record import Program
-from ..records import Array, Cell, Indexation, InputError, LinkError, Plan, Touch
+from ..records import Cell, InputError, LinkError, Plan
 from . import protocols
 from ._address import Address, linked, parse, spoken
 from ._client import Job
 from ._readings import missing, provenance, readings_of
+from ._rest import durations, repeatable, rest_of
 from ._secrets import shown
 from ._sensors import read_sensors
-from .entries import Doubted, End, Entry, Reading, Segment
+from .entries import End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
-from .session import Moved, News, Session, news_of
+from .session import Moved, News, Session
 from .transport import foreseen, open_port
 from .transport._sensors import Watch
 
@@ -202,89 +199,6 @@ def _signals() -> Iterator[Callable[[], int]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def follow(file: Path, watch: Callable[[News], None], pause: Callable[[], None]) -> bool:
-    """journal of a run that another program makes → whether it came to its end; every reading goes to `watch` as it is written.
-
-    Raises InputError when there is no run.
-    """
-    if not file.exists():
-        raise InputError(f"{file}: no such file; there is no run to follow")
-    shown = done = total = 0
-    ended: bool | None = None
-    part: tuple[int, ...] = (1, 1)
-    while ended is None:
-        entries, _ = read_journal(file)
-        for entry in entries[shown:]:
-            if isinstance(entry, Segment):
-                total, ended, part = max(total, done + len(entry.touches)), None, entry.part
-            elif isinstance(entry, Reading):
-                done += 1
-                watch(news_of(entry, done, total))
-            elif isinstance(entry, Doubted):
-                watch(News(done, total, entry.time_s, None, f"not believed: {entry.record!r}: {entry.why}"))
-            elif isinstance(entry, End):
-                more = entry.complete and part[0] < part[1]
-                ended = None if more else entry.complete
-                what = f"part {part[0]} of {part[1]}" if part[1] > 1 else "the run"
-                watch(News(done, total, 0.0, None, f"{what} has ended: {entry.why}"))
-        shown = len(entries)
-        if ended is None:
-            pause()
-    return ended
-
-
-def repeatable(entries: Sequence[Entry], plan: Plan) -> tuple[int, ...]:
-    """entries of a journal, its plan → up to three touches that look as differently as they can.
-
-    They are of the indexation where the run stopped; where that has fewer than three readings, of those before it as well.
-    """
-    touches = {touch.number: touch for touch in plan.touches}
-    good = [touches[entry.touch] for entry in entries if isinstance(entry, Reading) and entry.status == "ok"][::-1]
-    last = good[min(3, len(good)) - 1].indexation if good else 0
-    there = [touch for i, touch in enumerate(good) if i < 3 or touch.indexation == last]
-    away = np.array([np.subtract(touch.standoff, touch.contact) for touch in there])
-    chosen = [0] if there else []
-    while len(chosen) < min(3, len(there)):
-        likeness = np.abs(away @ away[chosen].T).max(axis=1)
-        likeness[chosen] = np.inf
-        chosen.append(int(np.argmin(likeness)))
-    return tuple(sorted(there[i].number for i in chosen))
-
-
-def rest_of(cell: Cell, plan: Plan, again: tuple[int, ...], left: tuple[int, ...]) -> Plan:
-    """cell, its plan, touch numbers → plan of the touches `again`, then of those `left`, numbered from 1."""
-    touches = {touch.number: touch for touch in plan.touches}
-    wanted = [touches[number] for number in (*again, *left)]
-    indexations = []
-    for numbers in (again, left):
-        for index, same in groupby(numbers, key=lambda number: touches[number].indexation):
-            position = cell.strategy.indexations[index].position
-            facets = tuple(touches[number].facet for number in same)
-            indexations.append(Indexation(position, facets, cell.machine.stylus))
-    strategy = replace(cell.strategy, indexations=tuple(indexations), before=0)
-    rest = make_plan(replace(cell, strategy=strategy), "warn")
-    as_before = len(rest.touches) == len(wanted) and np.allclose(_contacts(rest.touches), _contacts(wanted), rtol=0, atol=1e-6)
-    if not as_before or [touch.facet for touch in rest.touches] != [touch.facet for touch in wanted]:
-        raise InputError("the remaining touches cannot be planned as they were; run the whole plan again without --resume")
-    return rest
-
-
-def _contacts(touches: Sequence[Touch]) -> Array:
-    return np.array([touch.contact for touch in touches])
-
-
-def durations(plan: Plan) -> dict[int, float]:
-    """plan → {touch number: predicted s from the touch before it, or from the start, to this one}."""
-    result: dict[int, float] = {}
-    spent = 0.0
-    for move, seconds in zip(plan.moves, duration.of_moves(plan), strict=True):
-        spent += seconds
-        if move.kind == "probe":
-            result[move.touch] = spent
-            spent = 0.0
-    return result
 
 
 def _started(file: Path, plan: Plan, post: str) -> tuple[list[Entry], str]:

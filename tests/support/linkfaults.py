@@ -28,7 +28,7 @@ from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import IDLE, STATUS, TICKET, Registers
 from support.linkparts import FakeClock
 from tango_cnc.files import read_cell, read_readings, read_world
-from tango_cnc.link import _measure
+from tango_cnc.link import _measure, _rest
 from tango_cnc.link._client import Failed, Job
 from tango_cnc.link._layout import read_layout
 from tango_cnc.link._measure import Wanted, measure
@@ -399,7 +399,7 @@ def patched(monkeypatch, clock: FakeClock) -> None:
     moves_remembered(monkeypatch)
     monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
-    monkeypatch.setattr(_measure, "make_plan", replanned)
+    monkeypatch.setattr(_rest, "make_plan", replanned)
     monkeypatch.setattr(_measure, "plan_hash", hashed)
     monkeypatch.setattr(_measure, "durations", lasting)
     monkeypatch.setattr("tango_cnc.link.protocols.modbus.read_layout", layout)
