@@ -23,6 +23,7 @@ from tango_cnc.report.answer import answer
 from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
+from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import IDLE, WHOLE, SignIns, User, add_user
@@ -373,3 +374,49 @@ def test_a_cell_that_cannot_be_read_is_told_and_hides_no_other(tmp_path: Path) -
         text = site.get("/").text
         assert "HU40T-like" in text and "machine.yaml" in text
         assert site.get("/machine/bad").status_code == 200
+
+
+def test_what_is_simulated_is_marked_on_every_page(tmp_path: Path) -> None:
+    """Run, trend, nights, machines and alarms: no number of a simulated machine stands without its mark."""
+    records = [{**night("HU40T-like", i, "changed" if i == 1 else "good"), "simulated": True} for i in range(3)]
+    records[1]["alarms"] = [knock("2026-10-25")]
+    folder = cell(tmp_path / "one", records=records)
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        run = Recorded(folder, 20, simulated=True)
+        run.begin()
+        for path in ("/", "/alarms", *(f"/machine/HU40T-like{p}" for p in ("", "/run", "/trend", "/nights", "/night/2"))):
+            assert "SIMULATED" in site.get(path).text, path
+        assert "SIMULATED" not in site.get("/machine/HU40T-like/files").text
+
+
+def test_what_was_measured_has_no_such_mark(site: TestClient) -> None:
+    for path in ("/", "/alarms", *(f"/machine/HU40T-like{p}" for p in PAGES)):
+        assert "SIMULATED" not in site.get(path).text, path
+
+
+def test_a_list_of_nights_says_once_what_they_have_in_common(tmp_path: Path) -> None:
+    parts = {"text": say("judged.doubtful"), "who": "Ann has it", "more": "", "part": "", "gap": "", "now": ""}
+    same = say("night.words.changed_since_night", night="2026-10-24", **parts)
+    folder = cell(tmp_path / "one", records=[night("HU40T-like", i, "changed", headline=same) for i in range(4)])
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        text = site.get("/machine/HU40T-like/nights").text
+    assert text.count("Ann has it") == 1 and text.count("Still changed since the night of Sat 24 Oct 2026") == 3
+
+
+def test_a_machine_that_was_never_measured_says_what_to_do(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        text = site.get("/machine/HU40T-like").text
+        assert "Not known" in text and "never measured" in text and "tango nightly -C one" in text
+        assert "Yes, but: 0. No: 0. Not known: 1." in site.get("/").text
+
+
+def test_a_fault_that_a_full_measurement_has_confirmed_is_not_measured_in_full_again() -> None:
+    """However many short checks came after it."""
+    alarm = knock("2026-11-05") | {"night": "2026-11-05", "now": "still there: +19.9 µm", "total": 0.0199}
+    alarm["do"] = texts()("cause.axis_location.do", effect="19.8 µm")
+    for confirmed in ("2026-11-06", None):
+        record = night("M", 14, "changed", kind="check", standing=[alarm | {"confirmed": confirmed}])
+        first = morning.render(record).partition("For the engineer")[0]
+        assert ("The full measurement has found it again." in first) == bool(confirmed)
+        assert ("Run the full measurement." in first) != bool(confirmed)

@@ -17,6 +17,7 @@ from ...report.charts import tip
 from ...report.faults import earlier, sentence
 from ...report.morning import LEVELS, context, last_within, last_written, strip
 from ...report.plain import plain
+from ...report.repeated import shortened
 from ...report.units import Units
 from ..app import machine_of, needs, page, state_of
 from ..live import Run, journals, minutes_left, quiet
@@ -141,7 +142,7 @@ def _curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
 
 
 def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Mapping[int, str]:
-    """request, machine, nights → {entry: what the night said, in the words of the shop}."""
+    """request, machine, nights → {entry: what the night said, in the words of the shop}; what the one above said is left out."""
     state, history = state_of(request), machine.history
     if history is None or not nights:
         return {}
@@ -150,8 +151,8 @@ def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Ma
 
     def made() -> dict[int, str]:
         records = history.records_of([n.entry for n in nights])
-        said = {n.entry: records.get(n.entry, {}).get("headline") or n.headline for n in nights}
-        return {entry: sentence(plain(t.of(text), u, t, axes), Units()) for entry, text in said.items()}
+        said = shortened([records.get(n.entry, {}).get("headline") or n.headline for n in nights])
+        return {n.entry: sentence(plain(t.of(text), u, t, axes), Units()) for n, text in zip(nights, said, strict=True)}
 
     return state.places.kept(key, made, 600)
 

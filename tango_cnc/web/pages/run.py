@@ -17,6 +17,7 @@ from starlette.routing import Route
 from ...link.entries import Reading
 from ...records import Cell
 from ...report.svg import BLUE, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
+from ...report.texts import Texts
 from ..app import machine_of, needs, page, state_of
 from ..live import Run, journals, quiet, title
 from ..places import Machine
@@ -92,7 +93,7 @@ def _drawn(request: Request, run: Run, cell: Cell | None) -> str:
         "run": run,
         "done": len(run.readings),
         "left": "" if run.remaining is None else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
-        "deviations": Markup(_deviations(run, t("web.deviation"), t("table.touch"), unit, k)),
+        "deviations": Markup(_deviations(run, t, unit, k)),
         "drift": Markup(_drift(run, t("web.drift"), unit, k)),
         "map": Markup(_map(run, cell, t("web.map"))) if cell is not None else "",
         "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
@@ -111,15 +112,16 @@ def _row(e: Reading, k: float) -> dict[str, Any]:
     }
 
 
-def _deviations(run: Run, heading: str, label: str, unit: str, k: float) -> str:
+def _deviations(run: Run, t: Texts, unit: str, k: float) -> str:
     good = [(e.touch, e.deviation_um * k) for e in run.readings if e.status == "ok" and e.deviation_um is not None]
     bad = [e.touch for e in run.readings if e.status != "ok"]
     x, y = (np.array(v, dtype=float) for v in (zip(*good, strict=True) if good else ((), ())))
     most = max(run.head.touches if run.head is not None else (), default=1)
     level = float(np.median(y)) if len(y) else 0.0
-    crosses = Series(np.array(bad, dtype=float), np.full(len(bad), level), "crosses", RED, size=4)
-    series = [s for s in (Series(x, y, "dots", BLUE, size=2.2), crosses) if len(s.x)]
-    return chart(series, Frame(860, 230, heading, label, unit, x_range=(0.0, float(most) + 1)))
+    crosses = Series(np.array(bad, dtype=float), np.full(len(bad), level), "crosses", RED, t("web.no_contact"), size=4)
+    dots = Series(x, y, "dots", BLUE, t("web.contact") if bad else "", size=2.2)
+    series = [s for s in (dots, crosses) if len(s.x)]
+    return chart(series, Frame(860, 230, t("web.deviation"), t("table.touch"), unit, x_range=(0.0, float(most) + 1)))
 
 
 def _drift(run: Run, heading: str, unit: str, k: float) -> str:
