@@ -78,8 +78,14 @@ def test_a_drift_of_two_microns_a_night_is_named_with_its_rate_before_the_limit_
 
 @pytest.mark.long
 def test_a_knock_that_nobody_has_answered_is_told_every_morning_until_somebody_has(tell: Tell) -> None:
-    records = tell(Story((Event(2, {"EY0C": 0.020}),), wander=0.0), 4, answer=3)
-    assert [r["verdict"] for r in records] == ["good", "changed", "changed", "good"]
+    records = tell(Story((Event(2, {"EY0C": 0.020}),), wander=0.0), 5, answer=4)
+    assert [r["verdict"] for r in records] == ["good", "changed", "changed", "changed", "good"]
+    assert [r["kind"] for r in records] == ["full", "check", "full", "check", "check"]
+    for later in records[2:4]:  # what a full night has found again is not to be measured once more, on no later morning
+        told = message(later, (), ())[1]
+        assert later["standing"][0]["confirmed"] == "2026-10-03" and "Run the full measurement" not in told
+        assert "The full measurement has found it again. Ask who was at the machine." in told
+    assert "Run the full measurement" in message(records[1], (), ())[1]
     alarm = records[1]["alarms"][0]
     assert alarm["on_part_um"] == pytest.approx(40, abs=2)  # a part that was set up at C 0 and is turned to C 180
     assert "C is turned by 180°" in alarm["on_part"]

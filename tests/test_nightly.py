@@ -26,6 +26,8 @@ def test_thirty_nights_alarm_on_the_right_ones_and_name_the_cause(root: Path, tm
             20: ("temperature", "temperature"),
         }
         assert abs(found[12]["size"] - 0.020) < 4 * found[12]["std"]
+        assert 0 < found[20]["std"] < 0.3 * found[20]["size"]  # mm at the pose where it is largest
+        assert records[19]["residual"]["rms_um"] < 2 * records[0]["residual"]["rms_um"]  # what the temperature did is explained
         assert [i for i, record in enumerate(records, 1) if record["kind"] == "full"] == [1, 13, 21]
         assert len(history.open_alarms(cell.machine.name)) == 2 and history.verify() == ()
 

@@ -88,6 +88,11 @@ NEWEST = (  # entry of every machine
     .join(t.machine, t.machine.c.id == t.entry.c.machine_id)
     .join(_numbers, (_numbers.c.machine_id == t.entry.c.machine_id) & (_numbers.c.number == t.entry.c.number))
 )
+SIMULATED = (  # the canonical text of a record has its members so; in a sentence the quotation marks are escaped
+    select(t.night.c.entry_id)
+    .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
+    .where(_OF_MACHINE, t.night_record.c.json.like('%,"simulated":true,%'))
+)
 ADD_ENTRY = insert(t.entry).returning(t.entry.c.id)
 ADD: dict[str, Insert] = {
     table.name: insert(table) for table in (t.night, t.night_record, t.night_parameter, t.night_readings, t.night_estimate)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..records import InputError
+from ..texts import say
 from .records import Trend
 from .store import History
 
@@ -47,7 +48,10 @@ def picture(history: History, machine: str, trends: Sequence[Trend], file: Path,
             axis.set_title(f"one false alarm in {drawn.nights_to_false_alarm:.0f} nights", fontsize=8, loc="right")
         for alarm in alarms:
             axis.axvline(alarm, color="tab:red", lw=1, alpha=0.6)
-    axes[0, 0].set_title(f"{machine}: 95 % intervals, alarms in red" if chart is None else machine, fontsize=10, loc="left")
+    title = f"{machine}: 95 % intervals, alarms in red" if chart is None else machine
+    if history.simulated(machine):
+        title = f"{say('audit.simulated')}\n{title}"
+    axes[0, 0].set_title(title, fontsize=10, loc="left")
     figure.autofmt_xdate()
     figure.tight_layout()
     try:

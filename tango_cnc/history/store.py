@@ -185,6 +185,10 @@ class History:
         rows = self._rows(asked.RECORDS_OF, {"entries": list(entries)}) if entries else ()
         return {row.entry_id: _whole.record(row.json, row.entry_id) for row in rows}
 
+    def simulated(self, machine: str) -> frozenset[int]:
+        """machine → entries of its nights whose readings come from no machine."""
+        return frozenset(row.entry_id for row in self._rows(asked.SIMULATED, {"machine": self._machine(machine)}))
+
     def readings_of(self, entries: Sequence[int]) -> dict[int, str]:
         """numbers of entries → {number: text of its readings.csv}; what has none is left out."""
         rows = self._rows(asked.READINGS_OF, {"entries": list(entries)}) if entries else ()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
 
+from ..history import Stored
 from ..records import Array, Cell
 from ..report.texts import texts
 from ..report.units import shown
@@ -38,6 +39,13 @@ class Known:
     def worst(self, moved: Array) -> float:
         """(p,) change of the unknowns → µm at the worst pose of the volume."""
         return float(np.linalg.norm(self.lever @ moved, axis=1).max()) * 1e3
+
+    def spread(self, directions: Array, size: Array, std: Array) -> float:
+        """(p, m) directions, (m,) sizes, (m,) their standard deviations → mm, of the error at the pose where it is largest."""
+        error = self.lever @ (directions @ size)
+        pose = int(np.argmax(np.linalg.norm(error, axis=1)))
+        along = (self.lever[pose] @ directions).T @ error[pose] / max(float(np.linalg.norm(error[pose])), 1e-12)
+        return float(np.linalg.norm(along * np.where(np.isfinite(std), std, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -128,7 +136,7 @@ def _said(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
     h = named.hypothesis
     if h.cause == "temperature":
         worst = k.worst(h.directions @ named.size)
-        return worst / 1e3, 0.0, texts()("changed.temperature", size=f"{worst:.1f} µm")
+        return worst / 1e3, k.spread(h.directions, named.size, named.std), texts()("changed.temperature", size=f"{worst:.1f} µm")
     if h.cause == "ball" or (len(h.axes) == 3 and h.cause in ("table", "stylus")):
         size = named.length
         towards = ", ".join(f"{a} {v * 1e3:+.1f} µm" for a, v in zip(h.axes, named.size, strict=True))
@@ -172,7 +180,11 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
     full = next((n.night for n in past.nights(machine, last=LISTED) if n.kind == "full" and n.status == "complete"), "")
     found = []
-    for stored in past.alarmed(machine, LISTED):
+    alarmed = past.alarmed(machine, LISTED)
+    full = _full(past, machine, alarmed[-1].night.start_utc) if alarmed else ()
+    if kind == "full":
+        full = (("~", {"night": today, "parameters": parameters}), *full)  # after every moment
+    for stored in alarmed:
         for alarm in stored.record["alarms"]:
             decision = last.get(alarm["id"])
             if decision is not None and decision.action in ("accept", "repaired"):
@@ -184,12 +196,45 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
             answered = decision is not None and decision.action == "acknowledge"
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
+            if confirmed := _confirmed(alarm, stored, full):
+                told |= {"confirmed": confirmed, "do": _after_full(alarm)}
             told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
             told["confirmed"] = full if full > stored.record["night"] and told["now"] else None
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)
     return found
+
+
+def _full(past: Past, machine: str, since_utc: str) -> tuple[tuple[str, Mapping[str, Any]], ...]:
+    """history, machine, a moment → begin and record of the full nights after it that came to their end, newest first."""
+    nights = [n for n in past.nights(machine, last=LISTED) if n.start_utc > since_utc]
+    nights = [n for n in nights if n.kind == "full" and n.status == "complete"]
+    records = past.records_of([n.entry for n in nights])
+    return tuple((n.start_utc, records[n.entry]) for n in nights)
+
+
+def _confirmed(alarm: Mapping[str, Any], stored: Stored, full: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
+    """alarm, its night, full nights since → date of the newest that has found the change again; '' where none has."""
+    for begun, record in full:
+        now = (record.get("parameters") or {}).get(alarm["parameter"])
+        total = _total(alarm, stored.record, record.get("parameters") or {})
+        if begun > stored.night.start_utc and now is not None and now.get("seen") and total is not None:
+            return str(record["night"]) if abs(total - alarm["size"]) < _slack(alarm, stored.record, now) else ""
+    return ""
+
+
+def _after_full(alarm: Mapping[str, Any]) -> str:
+    """alarm that a full night has found again → what to do now; the full night is not asked for once more."""
+    t = texts()
+    key = "confirmed.square" if alarm["do"] == t("part.square_do") else f"confirmed.{alarm['cause']}"
+    return t(key) if key in t else str(alarm["do"])
+
+
+def _slack(alarm: Mapping[str, Any], record: Mapping[str, Any], now: Mapping[str, Any]) -> float:
+    """alarm, record of its night, the parameter as another night has it → by how much its change may differ and be the same."""
+    then = record["parameters"][alarm["parameter"]]
+    return max(3 * math.hypot(now["std"], then["std"]), 0.25 * abs(alarm["size"]))
 
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:
@@ -200,7 +245,7 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
         return ""
     spread = math.hypot(now["std"], then["std"])
     told = value(change, now["unit"], spread)
-    slack = max(3 * spread, 0.25 * abs(alarm["size"]))
+    slack = _slack(alarm, record, now)
     if abs(change - alarm["size"]) < slack:
         return say(f"night.alarms.{'confirmed' if kind == 'full' and now.get('seen') else 'still_there'}", told=told)
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)

@@ -13,6 +13,7 @@ from typing import Any
 from ... import __version__
 from ...files import write_text
 from ...records import InputError
+from ...texts import say
 from ..store import History
 
 ENDINGS = (".xml",)
@@ -46,13 +47,13 @@ def certificate(machine: str, entry: int, record: Any) -> ET.Element:
     _sub(core, "countryCodeISO3166_1").text = "ZZ"
     _sub(core, "usedLangCodeISO639_1").text = "en"
     _sub(core, "mandatoryLangCodeISO639_1").text = "en"
-    _sub(core, "uniqueIdentifier").text = f"tango-{record['night']}-{entry}"
+    _sub(core, "uniqueIdentifier").text = f"tango-{'simulated-' if record.get('simulated') else ''}{record['night']}-{entry}"
     _sub(core, "beginPerformanceDate").text = _date(record["start_utc"])
     _sub(core, "endPerformanceDate").text = _date(record["end_utc"])
     _sub(core, "performanceLocation").text = "customer"
     items = _sub(admin, "items")
     item = _sub(items, "item")
-    _content(_sub(item, "name"), machine)
+    _content(_sub(item, "name"), f"{machine} (simulated)" if record.get("simulated") else machine)
     identification = _sub(_sub(item, "identifications"), "identification")
     _sub(identification, "issuer").text = "owner"
     _sub(identification, "value").text = machine
@@ -87,10 +88,9 @@ def certificate(machine: str, entry: int, record: Any) -> ET.Element:
 
 
 def _statements(admin: ET.Element, record: Any) -> None:
-    statement = _sub(_sub(admin, "statements"), "statement")
-    _content(
-        _sub(statement, "declaration"), f"{record['headline']}. Standard deviations state scatter, not what repeats in every touch."
-    )
+    declaration = _sub(_sub(_sub(admin, "statements"), "statement"), "declaration")
+    said = f"{record['headline']}. Standard deviations state scatter, not what repeats in every touch."
+    _content(declaration, f"{say('audit.simulated')}. {said}" if record.get("simulated") else said)
 
 
 def _contact(parent: ET.Element, name: str) -> None:
