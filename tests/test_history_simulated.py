@@ -63,7 +63,9 @@ def test_status_and_fleet_say_so(cell: Path) -> None:
 def test_certificate_and_measured_values_say_so(cell: Path, tmp_path: Path, ending: str) -> None:
     command("history", "export", tmp_path / f"x.{ending}", "-C", cell)
     text = (tmp_path / f"x.{ending}").read_text(encoding="utf-8")
-    assert SAID in text and (ending != "xml" or (f"tango-simulated-{newest(cell).night}-4" in text and "trunnion (simulated)" in text))
+    assert SAID in text and (
+        ending != "xml" or (f"tango-simulated-{newest(cell).night}-4" in text and "trunnion (simulated)" in text)
+    )
 
 
 def test_of_a_machine_that_was_measured_only_the_simulated_nights_are_called_so(tmp_path: Path) -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
 
-from ..history import Stored
 from ..records import Array, Cell
 from ..report.texts import texts
 from ..report.units import shown
@@ -179,12 +178,9 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
         return []
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
     full = next((n.night for n in past.nights(machine, last=LISTED) if n.kind == "full" and n.status == "complete"), "")
+    full = today if kind == "full" else full
     found = []
-    alarmed = past.alarmed(machine, LISTED)
-    full = _full(past, machine, alarmed[-1].night.start_utc) if alarmed else ()
-    if kind == "full":
-        full = (("~", {"night": today, "parameters": parameters}), *full)  # after every moment
-    for stored in alarmed:
+    for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
             decision = last.get(alarm["id"])
             if decision is not None and decision.action in ("accept", "repaired"):
@@ -196,45 +192,12 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
             answered = decision is not None and decision.action == "acknowledge"
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
-            if confirmed := _confirmed(alarm, stored, full):
-                told |= {"confirmed": confirmed, "do": _after_full(alarm)}
             told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
             told["confirmed"] = full if full > stored.record["night"] and told["now"] else None
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)
     return found
-
-
-def _full(past: Past, machine: str, since_utc: str) -> tuple[tuple[str, Mapping[str, Any]], ...]:
-    """history, machine, a moment → begin and record of the full nights after it that came to their end, newest first."""
-    nights = [n for n in past.nights(machine, last=LISTED) if n.start_utc > since_utc]
-    nights = [n for n in nights if n.kind == "full" and n.status == "complete"]
-    records = past.records_of([n.entry for n in nights])
-    return tuple((n.start_utc, records[n.entry]) for n in nights)
-
-
-def _confirmed(alarm: Mapping[str, Any], stored: Stored, full: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
-    """alarm, its night, full nights since → date of the newest that has found the change again; '' where none has."""
-    for begun, record in full:
-        now = (record.get("parameters") or {}).get(alarm["parameter"])
-        total = _total(alarm, stored.record, record.get("parameters") or {})
-        if begun > stored.night.start_utc and now is not None and now.get("seen") and total is not None:
-            return str(record["night"]) if abs(total - alarm["size"]) < _slack(alarm, stored.record, now) else ""
-    return ""
-
-
-def _after_full(alarm: Mapping[str, Any]) -> str:
-    """alarm that a full night has found again → what to do now; the full night is not asked for once more."""
-    t = texts()
-    key = "confirmed.square" if alarm["do"] == t("part.square_do") else f"confirmed.{alarm['cause']}"
-    return t(key) if key in t else str(alarm["do"])
-
-
-def _slack(alarm: Mapping[str, Any], record: Mapping[str, Any], now: Mapping[str, Any]) -> float:
-    """alarm, record of its night, the parameter as another night has it → by how much its change may differ and be the same."""
-    then = record["parameters"][alarm["parameter"]]
-    return max(3 * math.hypot(now["std"], then["std"]), 0.25 * abs(alarm["size"]))
 
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:
@@ -245,7 +208,7 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
         return ""
     spread = math.hypot(now["std"], then["std"])
     told = value(change, now["unit"], spread)
-    slack = _slack(alarm, record, now)
+    slack = max(3 * spread, 0.25 * abs(alarm["size"]))
     if abs(change - alarm["size"]) < slack:
         return say(f"night.alarms.{'confirmed' if kind == 'full' and now.get('seen') else 'still_there'}", told=told)
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)

@@ -50,7 +50,7 @@ def faults(
             a = {
                 **a,
                 **{key: standing[str(a["id"])].get(key) for key in ("total", "now")},
-                "confirmed": bool(standing[str(a["id"])].get("confirmed")) or _confirmed(standing[str(a["id"])], known),
+                "confirmed": _confirmed(standing[str(a["id"])], known),
             }
         one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
         told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
