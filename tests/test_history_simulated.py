@@ -47,7 +47,7 @@ def test_nights_of_a_machine_without_a_b_axis_are_measured_and_know_its_limits(c
 
 @pytest.mark.parametrize(
     "words",
-    [("list",), ("list", "--last", "1"), ("show",), ("causes",), ("plot",)],
+    [("list",), ("list", "--last", "1"), ("show",), ("plot",)],
     ids=lambda words: "-".join(words),
 )
 def test_what_shows_simulated_nights_says_so(cell: Path, words: tuple[str, ...]) -> None:
