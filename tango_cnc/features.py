@@ -37,16 +37,18 @@ def _known(artefact: Artefact, touched: Sequence[Id]) -> bool:
 
 
 def completing(artefact: Artefact, ball: Id, touched: Sequence[Id]) -> tuple[Id, ...]:
-    """artefact, ball, facets of it that are touched → facets of which one more touch makes its centre known.
+    """artefact, ball, facet of every touch → facets of the ball of which one more touch makes its centre known.
 
     Where one does not: facets that do together. None where no facets of it do.
     """
-    others = [f.id for f in artefact.facets.values() if f.ball == ball and f.id not in set(touched)]
-    if any(_known(artefact, [*touched, name]) for name in others):
-        return tuple(name for name in others if _known(artefact, [*touched, name]))
+    own = [name for name in touched if artefact.facets[name].ball == ball]
+    others = [f.id for f in artefact.facets.values() if f.ball == ball and f.id not in set(own)]
+    if one := tuple(name for name in others if _known(artefact, [*own, name])):
+        return one
     for count in (2, 3):
-        if found := [more for more in combinations(others, count) if _known(artefact, [*touched, *more])]:
-            return found[0]
+        for more in combinations(others, count):
+            if _known(artefact, [*own, *more]):
+                return more
     return ()
 
 

@@ -18,8 +18,10 @@ from tango_cnc.design.propose import Setting, Wish
 from tango_cnc.estimate import estimate
 from tango_cnc.features import bar_left_out, completing, loose
 from tango_cnc.files import read_cell, read_world
+from tango_cnc.identify import select
+from tango_cnc.model import STYLUS
 from tango_cnc.plan import last_moves, plan
-from tango_cnc.records import Approach, Artefact, Cell, World
+from tango_cnc.records import Approach, Artefact, Cell, InputError, World
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 EQUATOR = ("102", "103", "104", "105")
@@ -102,6 +104,10 @@ def test_why_the_scale_bar_is_not_used_and_what_to_touch(touched: tuple[str, ...
     assert found is None if said is None else re.search(said, str(found))
 
 
+def test_what_completes_a_ball_does_not_depend_on_touches_elsewhere() -> None:
+    assert completing(artefact(), "1", ("104", "1", "13", "201", "3")) == completing(artefact(), "1", ("104",)) == ("101", "103")
+
+
 def test_a_ball_with_facets_on_its_equator_alone_cannot_be_completed() -> None:
     whole = artefact()
     fewer = replace(whole, facets={name: f for name, f in whole.facets.items() if name != "101"})
@@ -126,4 +132,24 @@ def test_what_a_design_promises_is_what_check_and_estimate_say(name: str, minute
         found.seconds <= 60 * minutes
         and bar_left_out(ready.problem.choice.cell.artefact, [t.facet for t in found.plan.touches]) is None
     )
+    compare(ready, found, read_world(EXAMPLES / name / "world.yaml"))
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("name", ["trunnion", "hu40t", "fork_head", "split", "huron", "three_axis_calibrated"])
+def test_limits_are_kept_in_a_time_that_nobody_states(name: str, seed: int) -> None:
+    rng, cell = np.random.default_rng(seed), read_cell(EXAMPLES / name)
+    usual = propose.setting(cell, wish("D", 30, cell))  # a name that no plan could see is refused, which is another test
+    model, terms = usual.problem.choice.selection.model, propose.usual_terms(goals.read("locations"), cell.terms)
+    known = {c.name for c in select(model.touches, terms, 3).model.coefficients} - set(STYLUS)
+    names = rng.choice(sorted(known), min(2, len(known)), replace=False).tolist()
+    asked = ",".join(f"{n}={rng.uniform(2, 10):.2g}" for n in names)
+    ready = propose.setting(cell, replace(wish(asked, None, cell), terms=terms))
+    try:
+        found = propose.propose(ready)
+    except InputError as error:
+        assert "keeps these limits" in str(error) and "--minutes: found" not in str(error)
+        return
+    assert found.value <= 1
     compare(ready, found, read_world(EXAMPLES / name / "world.yaml"))

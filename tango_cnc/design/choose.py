@@ -37,6 +37,7 @@ CLOSE = 0.015  # of the time
 TRIMS = 12
 WORSE = 4  # plans in a row that are no better than the best so far
 PART = 0.8  # of the time left over that is used at once
+AGAIN, GAIN = 3, 0.99  # times that a plan is made better at the same visits at most, and of φ what is worth another time
 SHARP = 3.0  # power of each variance by which the worst of many counts more
 Mask = NDArray[np.bool_]
 
@@ -63,12 +64,18 @@ def chosen(problem: Problem) -> Chosen:
     rows, relaxed = _in_a_row(problem, costs, again, relaxed)
     found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
     best = min((found, last), (first, relaxed), key=lambda each: each[0].value)
+    with suppress(NoTime):  # the turns of that plan say what turns cost
+        best = min(best, _tried(rows, costs_of(found), SHAKES, last), key=lambda each: each[0].value)
     if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
         best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
-    plans = [best[0]]
+    made, relaxed = best
     with suppress(NoTime):
-        plans.append(_at_the_same_visits(*best))
-    return certified(min(plans, key=lambda each: each.value), _lifted(best[0].problem, best[1]))
+        for _ in range(AGAIN):
+            finer = _at_the_same_visits(made, relaxed)
+            better, made = finer.value < GAIN * made.value, min(finer, made, key=lambda each: each.value)
+            if not better:
+                break
+    return certified(made, _lifted(made.problem, relaxed))
 
 
 def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:
@@ -97,6 +104,8 @@ def _at_the_same_visits(found: Chosen, relaxed: Relaxed) -> Chosen:
     number = {tuple(sorted(i.position.items())): j for j, i in enumerate(problem.choice.cell.strategy.indexations)}
     visits = list(dict.fromkeys(number[tuple(sorted(i.position.items()))] for i in found.cell.strategy.indexations))
     light = lighter(problem.ordered(visits))
+    made = {(number[tuple(sorted(i.position.items()))], facet) for i in found.cell.strategy.indexations for facet in i.facets}
+    now = np.array([pair in made for pair in zip(light.choice.pose.tolist(), light.choice.facet, strict=True)])
     some = np.flatnonzero(np.isin(light.choice.pose, visits))
     rows, pose = light.choice.rows[some], np.searchsorted(np.sort(visits), light.choice.pose[some])
     of_pose = [np.flatnonzero(pose == j) for j in range(len(visits))]
@@ -105,15 +114,17 @@ def _at_the_same_visits(found: Chosen, relaxed: Relaxed) -> Chosen:
     _enough(problem, seconds, touch, visit)
     here = relax(rows, of_pose, light.held, costs, seconds, light.criterion)
     mask = np.zeros(len(light.choice.pose), dtype=np.bool_)
-    mask[some[whole(rows, pose, of_pose, light.held, costs, seconds, here, SHAKES)]] = True
+    mask[some[whole(rows, pose, of_pose, light.held, costs, seconds, here, SHAKES, now[some])]] = True
     return _fitted(problem, mask, _lifted(problem, relaxed), [j for j in visits if mask[light.choice.pose == j].any()])
 
 
 def costs_of(found: Chosen) -> tuple[float, float, float]:
     """plan → s of a facet, of a visit, and of all else: the gate, and the first indexation once more."""
     touch, visit = found.costs
-    visits = len({tuple(sorted(i.position.items())) for i in found.cell.strategy.indexations})
-    facets = len(found.time) / found.problem.times - found.problem.repeats
+    indexations = found.cell.strategy.indexations
+    visits = len({tuple(sorted(i.position.items())) for i in indexations})
+    again = indexations[-1].facets if len(indexations) > visits else ()
+    facets = (len(found.time) - len(again)) / found.problem.times
     return touch, visit, found.seconds - touch * facets - visit * visits
 
 

@@ -73,7 +73,8 @@ def volume(lever: Levers, scale: Array) -> Criterion:
 def of_limits(choice: Candidates, limits: Mapping[str, float], seen: bool = False) -> Criterion:
     """candidates, limits (µm, µrad … as on the terminal) by name → worst ratio of a variance to its limit's square.
 
-    `seen`: what has no limit is to be seen, to `SEEN` at a touch. An estimate without it would take it for what has one.
+    `seen`: what has no limit is to be seen, to `SEEN` at a touch: an estimate without it would take it for what has one. So are
+    the balls of a scale bar, which is not used otherwise.
 
     Raises InputError for a name that no plan could estimate.
     """
@@ -93,10 +94,19 @@ def of_limits(choice: Candidates, limits: Mapping[str, float], seen: bool = Fals
         rows.append(row)
     if seen and rows:
         named = {names[name] for name in limits}
-        for j in range(len(model.coefficients)):
+        for j in [*range(len(model.coefficients)), *_bar(choice)]:
             if j not in named:
                 rows.append(np.eye(len(choice.scale))[j] * choice.sigma / SEEN)
     return Criterion("limits", None, np.array(rows)) if rows else Criterion("D")
+
+
+def _bar(choice: Candidates) -> list[int]:
+    """candidates → unknowns that are centres of the balls of a scale bar; none where facets are calibrated."""
+    bar, model = choice.cell.artefact.scale_bar, choice.selection.model
+    if bar is None or model.calibrated:
+        return []
+    centres = {f"E{c}ball{ball}" for ball in bar.balls for c in "XYZ"}
+    return [j for j, name in enumerate(model.names) if name in centres]
 
 
 def usual_limits(model: Model, reach: float) -> dict[str, float]:

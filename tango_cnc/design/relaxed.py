@@ -112,7 +112,7 @@ def relax(
             whole = np.zeros(len(rows))
             whole[active] = state.slope(some)
             rate = np.bincount(owner, weights=whole[touched], minlength=len(keys)) / price
-            weight = weight * (rate / rate.max()) ** POWER
+            weight = weight * (np.maximum(rate, 0.0) / rate.max()) ** POWER  # rounding may leave it below zero
             weight *= seconds / (weight @ price)
         gradient = state.slope(rows)
         ratio, chosen = best_visits(gradient, of_pose, costs)

@@ -62,7 +62,7 @@ def broken_off(found: Chosen, fractions: Sequence[float] = FRACTIONS) -> Array:
     """chosen plan, parts of its time → φ of what the touches made by then determine; inf where they do not determine it."""
     problem, values = found.problem, []
     for part in fractions:
-        made = int((found.time <= part * found.seconds).sum())
+        made = int((found.time <= part * found.seconds + 1e-6).sum())
         facets = [touch.facet for touch in found.plan.touches[:made]]
         told = information(problem.choice, facets, found.rows[:made])
         values.append(value(problem.criterion, told) if determined(problem, told) else np.inf)

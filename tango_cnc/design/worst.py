@@ -13,7 +13,7 @@ from .criterion import Criterion, parts, value
 from .exchange import Draft
 
 LEVELS = 12  # choices with more weight on what is worst
-UNSTICK = 40  # times that some is given up at random for what takes most out of what is worst
+UNSTICK = 80  # times that some is given up at random for what takes most out of what is worst
 FEWER = 60  # unknowns; with more of them swaps are not judged by the worst itself
 NEAR = 1.4  # times what is best so far; what is worse is not looked at more closely
 GAINS = 1e-4  # of φ: a swap that gains less is not made
