@@ -22,7 +22,7 @@ from sim_controller.simulate import simulate
 from tango_cnc import terms
 from tango_cnc.diagnose import Finding, _seen, diagnose
 from tango_cnc.diagnose._candidates import candidate
-from tango_cnc.diagnose._search import Chosen
+from tango_cnc.diagnose._catalogue import Chosen
 from tango_cnc.diagnose._size import _one, _told
 from tango_cnc.diagnose.sentences import advice, chance, covariate, meaning, minutes, said
 from tango_cnc.diagnose.words import telling

@@ -22,6 +22,7 @@ from ..terms._shape import spec
 from ..touches import Misnamed, from_readings, misnamed
 from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable
 from ._candidates import candidate
+from ._catalogue import Chosen
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
 from ._look import explained, kernels
@@ -31,7 +32,6 @@ from ._refused import refused, shift_of
 from ._richer import Richer, richer
 from ._rows import Rows
 from ._scatter import Scatter
-from ._search import Chosen
 from ._seen import Test
 from ._size import size
 from ._volume import Volume, volume

@@ -14,8 +14,9 @@ import numpy as np
 from ..texts import say
 from ..touches import Touches
 from ._candidates import Candidate, candidate
+from ._catalogue import Chosen, columns_of, refined, total
 from ._explain import DECISIVE, Explanation
-from ._search import CLOSE, Chosen, columns_of, refined, total
+from ._search import CLOSE
 from ._seen import taken
 from ._space import below, best_noise, scan
 

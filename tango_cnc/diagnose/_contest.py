@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from .. import terms as families
 from ..records import Array
+from ._catalogue import Chosen
 from ._rows import Rows
-from ._search import Chosen
 from ._smooth import Kernel, groups, scaled, window
 from ._space import orthonormal
 

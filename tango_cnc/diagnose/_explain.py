@@ -10,28 +10,22 @@ from scipy import linalg, special
 
 from ..records import Array
 from ._candidates import VISIBLE, Candidate
-from ._search import (
-    CLOSE,
-    FEW,
-    UNDECIDED,
+from ._catalogue import (
     Catalogue,
     Chosen,
     Compatible,
     Limits,
     Plausible,
     Rebuild,
-    best_addition,
     calibrate,
     catalogue,
     columns_of,
     kind,
     p_value,
-    ranked,
     refined,
-    rival,
-    select,
     total,
 )
+from ._search import CLOSE, FEW, UNDECIDED, best_addition, ranked, rival, select
 from ._space import Space, below, best_noise, fine_noise, level, orthonormal, space
 
 SHARE = 0.25  # of what a nameless shape explains: named companions that explain less only mop up behind it

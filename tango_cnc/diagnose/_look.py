@@ -15,12 +15,12 @@ from ..records import Array, InputError
 from ..touches import Touches
 from . import _explain, _scatter, _variances
 from ._candidates import Candidate, candidate, named, outliers, shapes
+from ._catalogue import Chosen, columns_of
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
 from ._moments import Moment
 from ._rows import Rows
 from ._scatter import Scatter
-from ._search import Chosen, columns_of
 from ._smooth import kernels as kernels_of
 
 ROUNDS = 3  # of weighting rough facets and searching again

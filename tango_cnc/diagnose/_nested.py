@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array
+from ._catalogue import Chosen
 from ._explain import Explanation
 from ._gain import add, residual_maker, rms
 from ._records import SUBSETS
-from ._search import Chosen
 from ._space import RIDGE
 
 ALONE = 0.4  # part of a pattern in one group above which the other groups cannot know of it

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from ..estimate import Estimate
+from ._catalogue import Chosen
 from ._gain import Gain
 from ._records import SUBSETS, Size, Why
-from ._search import Chosen
 
 MAJORITY = 3  # of the subsets
 

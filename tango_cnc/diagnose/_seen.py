@@ -15,10 +15,10 @@ from ..records import Array
 from ..texts import joined, say
 from ..touches import Touches
 from ._candidates import candidate, covariates
+from ._catalogue import Chosen, columns_of
 from ._explain import Explanation
 from ._gain import residual_maker
 from ._records import Remainder
-from ._search import Chosen, columns_of
 from ._space import UNSEEN
 
 BINS = 8

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from ..records import Array
 from ..texts import say
 from ..touches import Touches
+from ._catalogue import Chosen, columns_of
 from ._closed import closed
 from ._contest import Outcome, Picked, posterior, refinement
 from ._explain import Explanation
 from ._gain import rms
 from ._records import Again, Remainder
 from ._rows import Rows
-from ._search import Chosen, columns_of
 from ._space import orthonormal
 
 ALIKE = 0.75  # correlation from which a shape is one that was learned: more than half of the variance is common

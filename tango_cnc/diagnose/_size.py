@@ -10,9 +10,9 @@ import numpy as np
 from ..records import Array
 from ..terms import causes
 from ..touches import Touches
+from ._catalogue import Chosen, searched_range
 from ._explain import Explanation, values
 from ._records import Size
-from ._search import Chosen, searched_range
 from ._space import orthonormal
 
 SIGMAS = 2.0  # standard deviations within which a size is wanted to be: as far as that its likelihood is followed

@@ -11,9 +11,9 @@ from scipy import special
 from ..records import Array
 from ..terms import scattering
 from ..touches import Touches
+from ._catalogue import columns_of
 from ._explain import RANDOM, ROUGH, SHARE, Explanation, Rough, gain
 from ._records import Finding, Remainder, Size
-from ._search import columns_of
 from ._space import level
 
 LOUDER = 1.1  # times the stated repeatability: less than this nobody asks about

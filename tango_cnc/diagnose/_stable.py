@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ..records import Array
 from ..touches import Touches
+from ._catalogue import Chosen
 from ._contest import Field, Outcome, contest, shortlist
 from ._explain import Explanation
 from ._records import SUBSETS
-from ._search import Chosen
 from ._space import space
 
 # Without the scale bar the scale is free, and at the real positions, 0.1 mm beside the nominal ones, that looks like a faint lever.

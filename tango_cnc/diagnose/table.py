@@ -20,7 +20,7 @@ from ..files.checked import complaint, printable, read_text, suggestion
 from ..records import Array, InputError
 from . import _explain, _gain
 from ._candidates import Candidate
-from ._search import Chosen
+from ._catalogue import Chosen
 
 KINDS = ("time", "order", "position", "angle", "category")
 MOST_ROWS = 2500
