@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from tango_cnc.cli import guarded, tango
-from tango_cnc.design import goals, order
+from tango_cnc.design import goals, order, region
 from tango_cnc.design.candidates import candidates
 from tango_cnc.design.criterion import Criterion, State, swaps, value
 from tango_cnc.design.exchange import Draft
@@ -288,3 +289,15 @@ def test_the_strategy_that_is_written_is_one_that_check_and_plan_take(goal: str,
     assert first.position == last.position and set(last.facets) <= set(first.facets)
     # A check rests on the full run: alone it need not determine every parameter, which `tango check` says with status 1.
     assert guarded(tango.main, ["check", "-C", str(folder)], standalone_mode=False) in ((0, 1) if goal == "check" else (0,))
+
+
+def test_the_region_is_printed_with_the_spans_that_its_poses_have() -> None:
+    """Beyond 90° of the trunnion the tool would come from below the table: the number of a plan is not of these poses."""
+    machine, artefact = (lambda cell: (cell.machine, cell.artefact))(read_cell(Path("examples/trunnion")))
+    where = region.region(machine, artefact)
+    position = region.poses(machine, where)
+    low, high = re.search(r"A (-\d+) … (\d+), C -180 … 180° \(A: ", region.counted(machine, where, position)).groups()  # type: ignore[union-attr]
+    assert -92 <= int(low) <= -85 and 85 <= int(high) <= 92
+    assert "A -120 … 120" in region.text(where)
+    ends = np.where(np.arange(len(machine.names)) == machine.column("A"), math.radians(120), 0.0)
+    assert region.counted(machine, where, np.vstack([position, ends, -ends])) == region.text(where)

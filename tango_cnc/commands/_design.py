@@ -44,7 +44,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "criterion": {"value": amount, "unit": unit},
         "determined": determined(found.problem, found.information),
         "approach": why,
-        "region": region.text(ready.where),
+        "region": region.counted(found.cell.machine, ready.where, ready.lever.position),
         "correlation_with_time": _with_time(found),
         "expected_std": {n: {"std": s, "unit": u} for n, (s, u) in propose.std_of(ready, found.information).items()},
         "not_identifiable": [c.text for c in ready.problem.choice.selection.unseen],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ..verify.volume import set_up, setup_lever
 POSES = 512  # of a sequence that fills the region evenly (Halton 1960)
 HEIGHT = 0.5  # of the smaller side of the table: how tall a part is taken to be when nobody says it
 WHOLE = math.radians(15)
+SPARSE = math.radians(10)  # by how much the poses of a whole span may fall short of its ends, there being so few
 BELOW = -0.02  # cosine between tool and table beyond which the tool would come from below
 
 
@@ -96,6 +97,17 @@ def text(where: Region) -> str:
     box = ", ".join(f"{n} {low:.0f} … {high:.0f}" for n, low, high in zip("XYZ", where.low, where.high, strict=True))
     turns = ", ".join(f"{n} {math.degrees(a):.0f} … {math.degrees(b):.0f}" for n, (a, b) in where.spans.items())
     return f"{box} mm" + (f", {turns}°" if turns else "")
+
+
+def counted(machine: Machine, where: Region, position: Array) -> str:
+    """machine, region, its (m, k) poses mm rad → the region as text, each span as its poses have it."""
+    spans = {
+        name: (float(position[:, i].min()), float(position[:, i].max())) for name in where.spans for i in [machine.column(name)]
+    }
+    cut = [n for n, (low, high) in where.spans.items() if spans[n][0] - low + high - spans[n][1] > SPARSE]
+    shown = replace(where, spans={n: spans[n] if n in cut else span for n, span in where.spans.items()})
+    why = "beyond that the tool would come from below the table, or a linear axis is at its end"
+    return text(shown) + (f" ({', '.join(cut)}: {why})" if cut else "")
 
 
 @dataclass(frozen=True)
