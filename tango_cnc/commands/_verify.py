@@ -6,7 +6,7 @@ import csv
 import dataclasses
 import io
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 import numpy as np
@@ -30,9 +30,41 @@ from .iso230 import thermal_of
 SUBSETS: tuple[tuple[TermItem, ...], ...] = (("S1",), ("S2",), ("S3",), ("S4",))
 
 
-def write_sphere(cell: Cell, options: dict[str, Any]) -> None:
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """What the command line states, under the names of its options."""
+
+    folder: Path
+    file: Path | None
+    terms: str | None
+    degree: int
+    subsets: bool
+    hold: tuple[str, ...]
+    one: bool
+    size: int | None
+    cmm_file: Path | None
+    cmm_scale: bool
+    ball: bool
+    sphere_cell: Path | None
+    write_sphere: Path | None
+    sphere_at: str
+    sphere_diameter: float
+    volumetric: bool
+    levels: int | None
+    over: Literal["travel", "probed"]
+    map_file: Path | None
+    world_file: Path | None
+    after_file: Path | None
+    limit_um: float | None
+    picture_folder: Path | None
+    despite: bool
+    json_file: str | None
+
+
+def write_sphere(cell: Cell, options: Options) -> None:
     """cell, options → a cell that touches a sphere. Raises InputError for a folder in use or a sphere out of reach."""
-    folder: Path = options["write_sphere"]
+    folder = options.write_sphere
+    assert folder is not None
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder}: already there and not empty; give a new folder, nothing is ever overwritten")
     artefact, strategy = _sphere(cell, options)
@@ -46,21 +78,21 @@ def write_sphere(cell: Cell, options: dict[str, Any]) -> None:
     write_text(folder / "tango.yaml", dump(tango))
     count = sum(len(i.facets) for i in strategy.indexations)
     click.echo(f"{folder} holds a cell with {count} touches on a sphere at {len(strategy.indexations)} indexations")
-    click.echo(f"Next: tango run -C {folder}, then tango verify -C {options['folder']} --sphere-cell {folder}")
+    click.echo(f"Next: tango run -C {folder}, then tango verify -C {options.folder} --sphere-cell {folder}")
 
 
-def _sphere(cell: Cell, options: dict[str, Any]) -> tuple[Any, Any]:
+def _sphere(cell: Cell, options: Options) -> tuple[Any, Any]:
     try:
-        centre = [float(value) for value in options["sphere_at"].split(",")]
+        centre = [float(value) for value in options.sphere_at.split(",")]
     except ValueError:
         centre = []
     if len(centre) != 3 or not np.all(np.isfinite(centre)):
-        raise InputError(f"--sphere-at: found {options['sphere_at']!r}; allowed: three numbers of mm, e.g. 0,150,100")
-    if not options["sphere_diameter"] > 0:
-        raise InputError(f"--sphere-diameter: found {options['sphere_diameter']:g}; allowed: greater than 0 mm")
+        raise InputError(f"--sphere-at: found {options.sphere_at!r}; allowed: three numbers of mm, e.g. 0,150,100")
+    if not options.sphere_diameter > 0:
+        raise InputError(f"--sphere-diameter: found {options.sphere_diameter:g}; allowed: greater than 0 mm")
     unturned = [i for i in cell.strategy.indexations if not i.position.get("S", 0.0)]
     seen: dict[tuple[tuple[str, float], ...], Any] = {tuple(sorted(i.position.items())): i for i in unturned}
-    return sphere.sphere_cell(cell.machine, list(seen.values()), centre, options["sphere_diameter"] / 2, cell.strategy.approach)
+    return sphere.sphere_cell(cell.machine, list(seen.values()), centre, options.sphere_diameter / 2, cell.strategy.approach)
 
 
 @dataclasses.dataclass
@@ -71,7 +103,7 @@ class Verification:
     readings: Readings
     terms: tuple[TermItem, ...]
     result: Estimate
-    options: dict[str, Any]
+    options: Options
     judgement: Judgement
 
     def __post_init__(self) -> None:
@@ -84,27 +116,27 @@ class Verification:
     @property
     def pictures(self) -> bool:
         """→ whether pictures are wanted."""
-        return self.options["picture_folder"] is not None
+        return self.options.picture_folder is not None
 
     def choices(self) -> list[tuple[str, tuple[TermItem, ...]]]:
         """→ (name, terms) of the sets to compare, the cell's own among them."""
-        every = [*(SUBSETS if self.options["subsets"] else ()), self.terms]
+        every = [*(SUBSETS if self.options.subsets else ()), self.terms]
         named = {_spelt(terms): terms for terms in every}
         return list(named.items())
 
     def groups(self) -> held_out.Groups:
         """→ groups of indexations to hold out."""
         number = held_out.indexations(self.readings, self.cell.machine)
-        groups: list[tuple[int, ...]] = [numbers(text) for text in self.options["hold"]]
-        if self.options["size"] is not None:
-            groups += held_out.dealt(number, self.options["size"])
-        if self.options["one"] or not groups:
+        groups: list[tuple[int, ...]] = [numbers(text) for text in self.options.hold]
+        if self.options.size is not None:
+            groups += held_out.dealt(number, self.options.size)
+        if self.options.one or not groups:
             groups += held_out.leave_one_out(number)
         return tuple(groups)
 
     def held_out(self) -> None:
         """Predicts each group from all other indexations."""
-        groups, degree = self.groups(), self.options["degree"]
+        groups, degree = self.groups(), self.options.degree
         rows, found = [["predicted without", "terms", *summary.FIGURES, "predicted/expected"]], {}
         what = f"{len(groups)} groups in turn" if len(groups) > 1 else f"indexations {', '.join(map(str, groups[0]))}"
         for name, terms in self.choices():
@@ -129,19 +161,19 @@ class Verification:
             names = {int(i): held_out.in_words(self.readings, self.cell.machine, [i]) for i in np.unique(own.indexation)}
             self.drawn["held_out"] = pictures.held_out(own.indexation, own.residual, own.expected, names)
 
-    def cmm(self) -> None:
-        """Compares estimated facets and predicted tips with the CMM file."""
-        measured = cmm.read_cmm(self.options["cmm_file"], self.cell.artefact)
+    def cmm(self, file: Path) -> None:
+        """file of a CMM → estimated facets and predicted tips compared with it."""
+        measured = cmm.read_cmm(file, self.cell.artefact)
         rows, found, panels = [["against the CMM", "terms", *summary.FIGURES]], {}, {}
         thermal = thermal_of(self.cell.folder)
         thermal = thermal if thermal is not None and thermal.table is not None else None
-        model, free = self.result.model, self.options["cmm_scale"]
+        model, free = self.result.model, self.options.cmm_scale
         longer = cmm.NOT if thermal is None else grown(thermal, model.bar is not None or bool(model.calibrated))
         for name, terms in self.choices():
             result = (
                 self.result
                 if name == _spelt(self.terms)
-                else estimate(self.cell.machine, self.cell.artefact, self.readings, terms, self.options["degree"])
+                else estimate(self.cell.machine, self.cell.artefact, self.readings, terms, self.options.degree)
             )
             table_ = cmm.compare_artefact(result, measured, longer, free)
             tips = cmm.compare_tips(result, self.readings, measured, None, longer, free)
@@ -166,19 +198,19 @@ class Verification:
 
     def sphere(self) -> None:
         """Foretells or evaluates the sphere test."""
-        if self.options["sphere_cell"]:
-            other = read_cell(self.options["sphere_cell"])
+        if self.options.sphere_cell:
+            other = read_cell(self.options.sphere_cell)
             if other.machine.topology != self.cell.machine.topology:
                 raise InputError(f"--sphere-cell: found topology {other.machine.topology}; allowed: {self.cell.machine.topology}")
-            file = current(self.options["sphere_cell"])
+            file = current(self.options.sphere_cell)
             touches = sphere.measured(other.machine, other.artefact, read_readings(file, other.machine, other.artefact))
             what = "measured"
         else:
             artefact, strategy = _sphere(self.cell, self.options)
-            if self.options["world_file"]:
+            if self.options.world_file:
                 from sim_controller.simulate import simulate
 
-                world = dataclasses.replace(read_world(self.options["world_file"]), facets={})
+                world = dataclasses.replace(read_world(self.options.world_file), facets={})
                 readings = simulate(self.cell.machine, artefact, strategy, world)
                 touches, what = sphere.measured(self.cell.machine, artefact, readings), "of the simulated machine"
             else:
@@ -203,19 +235,19 @@ class Verification:
         machine, touches = self.cell.machine, self.result.model.touches
         own = np.array(touches.position)
         own[:, machine.column("S")] = 0.0
-        grid = volume.grid(machine, touches, self.options["levels"], self.options["over"])
+        grid = volume.grid(machine, touches, self.options.levels, self.options.over)
         chart = volume.volume(self.result, np.vstack([grid, own]))
         sizes = {"error": chart.size}
-        if self.options["world_file"]:
+        if self.options.world_file:
             from sim_controller.world import tip_in_table, true_machine
 
-            world = dataclasses.replace(read_world(self.options["world_file"]), stylus={}, facets={})
+            world = dataclasses.replace(read_world(self.options.world_file), stylus={}, facets={})
             true = tip_in_table(true_machine(machine, world), chart.position, np.zeros_like(chart.position))
             before = volume.of_tips(chart, true, touches)
             sizes = {"before": np.linalg.norm(before, axis=1), "after": np.linalg.norm(before - chart.error, axis=1)}
-        elif self.options["after_file"]:
-            again = read_readings(self.options["after_file"], machine, self.cell.artefact)
-            later = volume.volume(estimate(machine, self.cell.artefact, again, self.terms, self.options["degree"]), chart.position)
+        elif self.options.after_file:
+            again = read_readings(self.options.after_file, machine, self.cell.artefact)
+            later = volume.volume(estimate(machine, self.cell.artefact, again, self.terms, self.options.degree), chart.position)
             sizes = {
                 "before": chart.size,
                 "after": np.linalg.norm(volume.of_tips(chart, tip(chain(machine), chart.position) + later.error, touches), axis=1),
@@ -246,9 +278,9 @@ class Verification:
             self.lines.append(f"travel beyond the touched range: {', '.join(_range(touches, n) for n in far)}")
         if unseen := [c.names[0] for c in self.result.selection.unseen]:
             self.lines.append(f"not contained, since the touches cannot see it: {', '.join(unseen)}")
-        if self.options["map_file"] is not None:
-            write_text(self.options["map_file"], map_csv(machine, chart, sizes))
-            self.lines.append(f"map of {len(chart.position)} poses: {self.options['map_file']}")
+        if self.options.map_file is not None:
+            write_text(self.options.map_file, map_csv(machine, chart, sizes))
+            self.lines.append(f"map of {len(chart.position)} poses: {self.options.map_file}")
         if self.pictures:
             names = (*machine.linear, *machine.rotary)
             columns = [machine.column(n) for n in names]
@@ -258,17 +290,19 @@ class Verification:
 
     def finish(self) -> int:
         """→ exit status; writes pictures, JSON or text."""
-        limit = self.options["limit_um"]
+        limit = self.options.limit_um
         failed = {} if limit is None else {name: worst for name, worst in self.limited.items() if worst * 1e3 > limit}
         if limit is not None:
-            self.data |= {"limit_um": limit, "passed": not failed and not status(self.judgement, self.options["despite"])}
+            self.data |= {"limit_um": limit, "passed": not failed and not status(self.judgement, self.options.despite)}
             for name, worst in self.limited.items():
                 verdict = "exceeds" if name in failed else "within"
                 self.lines.append(f"{name}: {worst * 1e3:.2f} µm, {verdict} the limit of {limit:g} µm")
+        folder = self.options.picture_folder
         for name, drawn in self.drawn.items():
-            file = pictures.write(drawn, self.options["picture_folder"] / f"{name}.png")
+            assert folder is not None  # nothing is drawn without
+            file = pictures.write(drawn, folder / f"{name}.png")
             click.echo(f"picture: {file}", err=True)
-        if not write_json(self.options["json_file"], self.data):
+        if not write_json(self.options.json_file, self.data):
             click.echo("\n".join(self.lines))
         return int(bool(failed))
 

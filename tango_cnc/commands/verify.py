@@ -13,7 +13,7 @@ from ..records import InputError
 from ..report import pictures
 from ._common import Output, cell_option, json_option
 from ._trust import despite_option, judged, status
-from ._verify import Verification, write_sphere
+from ._verify import Options, Verification, write_sphere
 
 PLACE = "Understand 40"  # in the list of commands
 
@@ -46,33 +46,34 @@ path = click.Path(path_type=Path)
 @click.option("--pictures", "picture_folder", type=path, metavar="DIR", help="Write pictures there (needs matplotlib).")
 @despite_option
 @json_option
-def command(**options: Any) -> int:
+def command(**given: Any) -> int:
     """Checks the estimate against what it has not seen: held-out indexations, a CMM, a sphere, the whole working volume.
 
     Without a choice, each indexation is predicted from all others. Exit status 1 when --limit-um is exceeded, or
     when the estimate is implausible.
     """
-    folder: Path = options["folder"]
-    if options["picture_folder"] is not None:
+    options = Options(**given)
+    folder = options.folder
+    if options.picture_folder is not None:
         pictures.needed()
     cell = read_cell(folder)
-    if options["write_sphere"]:
+    if options.write_sphere:
         write_sphere(cell, options)
         return 0
-    if options["limit_um"] is not None and not options["limit_um"] > 0:
-        raise InputError(f"--limit-um: found {options['limit_um']:g}; allowed: greater than 0 µm")
-    source = current(folder, options["file"])
+    if options.limit_um is not None and not options.limit_um > 0:
+        raise InputError(f"--limit-um: found {options.limit_um:g}; allowed: greater than 0 µm")
+    source = current(folder, options.file)
     readings = read_readings(source, cell.machine, cell.artefact)
-    terms = cell.terms if options["terms"] is None else read_terms(options["terms"], folder)
-    result, judgement = judged(cell, readings, terms, options["degree"], source=source)
+    terms = cell.terms if options.terms is None else read_terms(options.terms, folder)
+    result, judgement = judged(cell, readings, terms, options.degree, source=source)
     job = Verification(cell, readings, terms, result, options, judgement)
-    other = options["cmm_file"] or options["ball"] or options["sphere_cell"] or options["volumetric"]
-    if options["hold"] or options["one"] or options["size"] or not other:
+    other = options.cmm_file or options.ball or options.sphere_cell or options.volumetric
+    if options.hold or options.one or options.size or not other:
         job.held_out()
-    if options["cmm_file"]:
-        job.cmm()
-    if options["ball"] or options["sphere_cell"]:
+    if options.cmm_file:
+        job.cmm(options.cmm_file)
+    if options.ball or options.sphere_cell:
         job.sphere()
-    if options["volumetric"]:
+    if options.volumetric:
         job.volume()
-    return job.finish() or status(judgement, options["despite"])
+    return job.finish() or status(judgement, options.despite)
