@@ -12,6 +12,7 @@ import pytest
 import yaml
 from support import blind
 
+from sim_controller.effects import names as simulated
 from sim_controller.simulate import simulate
 from tango_cnc import terms
 from tango_cnc.diagnose import Diagnosis
@@ -77,7 +78,8 @@ def test_what_was_estimated_does_the_same_in_the_simulated_machine(name: str, be
         compared += 1
         values *= 1e-3 / np.abs(columns @ values).max()
         effects = terms.effects(name, machine, setting, values)
-        assert effects
+        missing = {str(effect["cause"]) for effect in effects} - set(simulated())
+        assert effects and not missing, f"write sim_controller/effects/{name}.py (docs/effects.md, One more)"
         change = changed(bench, yaml.safe_load(yaml.safe_dump(effects)))
         assert np.abs(change - columns @ values).max() < 0.02 * np.abs(change).max(), (setting, effects)
     assert compared, f"{offered} moves no touch of this plan: state another `example` in tango_cnc/terms/{name}.py"

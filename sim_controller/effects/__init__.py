@@ -14,7 +14,7 @@ A file `<cause>.py` holds one function
   early, outside of where it is: the `r` of the catalogue of causes.
 """
 
-from ._apply import Effect, checked, described, disturbance
+from ._apply import Effect, checked, described, disturbance, names
 from ._history import Disturbance, History, lever, unit
 
-__all__ = ["Disturbance", "Effect", "History", "checked", "described", "disturbance", "lever", "unit"]
+__all__ = ["Disturbance", "Effect", "History", "checked", "described", "disturbance", "lever", "names", "unit"]
