@@ -12,8 +12,9 @@ PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 demo: .venv/base.stamp
 	$(BIN)/tango demo
 
+# One worker more than there are cores: many tests wait for a line. Who has nothing left takes tests of the others.
 test: .venv/test.stamp
-	$(PYTEST) --dist loadscope
+	$(BIN)/python -m pytest -n $$(n=$$(getconf _NPROCESSORS_ONLN); [ $$n -lt 4 ] && echo $$((n + 1)) || echo 4) --dist worksteal
 
 # Three at a time: the real control is waited for, not computed. What hangs is named after half an hour instead of holding up everything.
 check-long: .venv/test.stamp

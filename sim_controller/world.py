@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -59,6 +60,22 @@ class TrueMachine:
     stylus: Array  # (3,) mm, in the spindle frame
     stylus_tip: Array  # (3,) mm, nominal tip at the zero pose, machine frame
     control: Control | None = None  # what is compensated in the control; None: nothing
+
+    @cached_property
+    def by_axis(self) -> Mapping[str, tuple[Term, ...]]:
+        """→ the errors of each axis."""
+        return {joint.name: tuple(e for e in self.errors if e[0].axis == joint.name) for joint in (*self.workpiece, *self.tool)}
+
+    @cached_property
+    def to_table(self) -> Array | None:
+        """→ (1, 4, 4) machine frame → frame of the last axis under the table, at the zero pose; None without such an axis."""
+        return transforms.inverse(self.workpiece[-1].frame) if self.workpiece else None
+
+    @cached_property
+    def tip_in_spindle(self) -> Array:
+        """→ (4,) tip in the frame of the spindle, with the stylus as it is."""
+        nominal: Array = transforms.inverse(self.tool[-1].frame)[0] @ np.append(self.stylus_tip, 1.0)
+        return nominal + np.append(self.stylus, 0.0)
 
 
 def true_machine(machine: Machine, world: World, control: Control | None = None) -> TrueMachine:
@@ -115,23 +132,25 @@ def place(true: TrueMachine, positions: Array, directions: Array, extra: Mapping
     """(n, k) mm rad, (n, k) −1 0 1 → tip and table. Raises InputError as `tip_in_table` (thesis eq. 4-4 … 4-7, 6-2)."""
     if true.control is not None:
         positions = true.control(positions, directions)
-    more = tuple((coefficient(name, true.machine), value) for name, value in (extra or {}).items())
-    table = _branch(true.workpiece, positions, directions, (*true.errors, *more))
-    spindle = _branch(true.tool, positions, directions, (*true.errors, *more))
-    if true.workpiece:
-        table = table @ transforms.inverse(true.workpiece[-1].frame)
-    nominal = transforms.inverse(true.tool[-1].frame)[0] @ np.append(true.stylus_tip, 1.0)
-    tip = spindle @ (nominal + np.append(true.stylus, 0.0))
+    errors = true.by_axis
+    if extra:
+        more = [(coefficient(name, true.machine), value) for name, value in extra.items()]
+        errors = {name: (*own, *(e for e in more if e[0].axis == name)) for name, own in errors.items()}
+    table = _branch(true.workpiece, positions, directions, errors)
+    spindle = _branch(true.tool, positions, directions, errors)
+    if true.to_table is not None:
+        table = table @ true.to_table
+    tip = spindle @ true.tip_in_spindle
     in_table = np.einsum("nij,nj->ni", transforms.inverse(table), tip)
     return Placement(in_table[:, :3], table[:, :3, :3], spindle[:, :3, :3])
 
 
-def _branch(joints: Iterable[Joint], positions: Array, directions: Array, errors: Iterable[Term]) -> Array:
+def _branch(joints: Iterable[Joint], positions: Array, directions: Array, errors: Mapping[str, Iterable[Term]]) -> Array:
     """joints from the foundation outwards → (n, 4, 4) frame of the last one → machine frame."""
     pose = transforms.translation(np.zeros((len(positions), 3)))
     for joint in joints:
         command, last = positions[:, joint.column], directions[:, joint.column]
-        own = [(c, value) for c, value in errors if c.axis == joint.name]
+        own = errors[joint.name]
         if not own:
             perfect = joint.sense * command
             motion = transforms.rotation(joint.base, perfect) if joint.rotary else transforms.shift(joint.base, perfect)

@@ -7,6 +7,7 @@ import math
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -27,13 +28,18 @@ from tango_cnc.records import InputError, World
 AT_TWENTY = Thermal(Known(20.0, 0.02), Known(20.0, 0.02), Known(11.5e-6, 0.1e-6), Known(11.5e-6, 0.1e-6))
 
 
-def machines(seeds: range) -> Iterator[tuple[World, Estimate, Sheet]]:
+@lru_cache(maxsize=2)
+def machine(seed: int) -> tuple[World, Estimate, Sheet]:
+    """A machine of its own errors, its estimate and its figures; several tests look at the first two."""
     cell, world = example("trunnion")
-    for seed in seeds:
-        rng = np.random.default_rng([26, seed])
-        one = replace(world, errors={k: v * rng.normal() for k, v in world.errors.items()}, seed=seed)
-        result = measured(cell, one)
-        yield one, result, signed(result, LENGTH, AT_TWENTY)
+    rng = np.random.default_rng([26, seed])
+    one = replace(world, errors={k: v * rng.normal() for k, v in world.errors.items()}, seed=seed)
+    result = measured(cell, one)
+    return one, result, signed(result, LENGTH, AT_TWENTY)
+
+
+def machines(seeds: range) -> Iterator[tuple[World, Estimate, Sheet]]:
+    return (machine(seed) for seed in seeds)
 
 
 def covered(seeds: range, file: Path) -> tuple[int, int, int]:
@@ -95,11 +101,18 @@ def test_a_parameter_that_the_fit_does_not_hold_is_refused_with_those_that_it_do
         parameters(result, ["EX0Q"], sheet)
 
 
-@pytest.fixture
-def cell(tmp_path: Path) -> Path:
-    folder = tmp_path / "cell"
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example cell with its readings; nobody changes it."""
+    folder = tmp_path_factory.mktemp("acceptance") / "cell"
     shutil.copytree(ROOT / "examples" / "trunnion", folder)
     assert CliRunner().invoke(tango, ["simulate", "-C", str(folder)]).exit_code == 0
+    return folder
+
+
+@pytest.fixture
+def cell(simulated: Path, tmp_path: Path) -> Path:
+    folder = Path(shutil.copytree(simulated, tmp_path / "cell"))
     (folder / "part.yaml").write_text(
         "places:\n  P: {X: -60, Y: -60, Z: 0}\n  Q: {X: 60, Y: -60, Z: 0}\n  R: {X: 60, Y: 6000, Z: 0}\n"
         "checks:\n  - {name: width, kind: distance, of: [P, Q]}\n  - {name: away, kind: position, of: R}\n",

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 from support.linkparts import job
-from support.runs import Result
+from support.runs import STRATEGY, Result
 from support.simulated_runs import controller
 
 from tango_cnc.commands.init import write_example
@@ -53,6 +53,7 @@ def test_codes_and_records_are_counted():
 @pytest.fixture
 def cell(tmp_path):
     write_example(tmp_path / "cell", "hu40t")
+    (tmp_path / "cell" / "strategy.yaml").write_text(STRATEGY)  # what is heard depends on no number of touches
     return tmp_path / "cell"
 
 
