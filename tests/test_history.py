@@ -13,7 +13,9 @@ from support.histories import COMPENSATION, EVENTS, knowledge, record
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, History, add_compensations, compensations, opened
+from tango_cnc.history.picture import standardised
 from tango_cnc.records import InputError, LinkError
+from tango_cnc.state import charts
 
 
 @pytest.fixture
@@ -177,3 +179,18 @@ def test_a_history_whose_end_was_cut_off_shows_against_the_hash_of_a_message(his
     assert CliRunner().invoke(tango, where[:-2], standalone_mode=False).return_value == 0  # the chain itself is whole
     cut = CliRunner().invoke(tango, where, standalone_mode=False)
     assert cut.return_value == 1 and "was cut off" in cut.output
+
+
+def test_a_chart_divides_every_change_by_what_was_expected_of_its_night(history: History) -> None:
+    """Full nights move a value ten times as far as checks, as they should: no chart takes that for an alarm. A knock is one."""
+    rng, value, size = np.random.default_rng(2), 0.0, 0
+    for day in range(1, 31):
+        size = 1e-3 if day % 5 == 0 else 1e-4
+        step = size * float(rng.normal()) if day != 20 else 8e-3
+        value += step
+        told = {"EX0C": {"value": value, "std": 1e-4, "unit": "mm", "change": step, "change_std": size}}
+        history.add_night(record(day, machine="K", parameters=told))
+    trend = history.trend("K", "EX0C")
+    assert list(np.flatnonzero(charts.shewhart(standardised(history, trend)).alarm)) == [19]
+    history.add_night(record(31, machine="K", parameters={"EX0C": {"value": value, "std": 1e-4, "unit": "mm"}}))
+    assert len(standardised(history, history.trend("K", "EX0C"))) == 31  # a night from before that was kept

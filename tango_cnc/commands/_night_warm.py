@@ -11,6 +11,7 @@ from ..link._sensors import FILE, read_sensors
 from ..link.transport._sensors import Watch
 from ..nightly import Finding
 from ..records import InputError
+from ..texts import say
 
 LOOK = 0.1  # s between two looks at what has come
 
@@ -49,9 +50,9 @@ def warmth(folder: Path, settings: Nightly) -> Warmth:
     name = ", ".join(wanted)
     if len(found) < len(wanted):
         silent = ", ".join(n for n in wanted if values[n] is None)
-        return Warmth(None, f"{silent} said nothing for {sensors.old:g} s")
+        return Warmth(None, say("preflight.warm.silent", silent=silent, old=f"{sensors.old:g}"))
     value = sum(found) / len(found)
-    return Warmth(value, f"{name} {value:.1f} °C" if len(found) == 1 else f"mean of {name} {value:.1f} °C")
+    return Warmth(value, say(f"preflight.warm.{'one' if len(found) == 1 else 'mean'}", name=name, value=f"{value:.1f}"))
 
 
 def warm(folder: Path, settings: Nightly) -> tuple[Finding, bool]:
@@ -62,15 +63,14 @@ def warm(folder: Path, settings: Nightly) -> tuple[Finding, bool]:
     assert settings.temperature is not None
     low, high = settings.temperature
     now = warmth(folder, settings)
-    asked = f"{low:g} … {high:g} °C are asked for"
     if now.value is None:
-        return Finding("warm", False, now.words, f"is its agent or broker there? {FILE} says where it is asked"), False
+        return Finding("warm", False, now.words, say("preflight.warm.agent_do", file=FILE)), False
+    asked = say("preflight.warm.asked", now=now.words, low=f"{low:g}", high=f"{high:g}")
     if now.value > high:
-        return Finding("warm", False, f"{now.words}, {asked}", "let the machine or the shop cool down"), False
+        return Finding("warm", False, asked, say("preflight.warm.hot_do")), False
     if now.value >= low:
-        return Finding("warm", True, f"{now.words}, {asked}"), False
+        return Finding("warm", True, asked), False
     if settings.warm_up_minutes:
-        first = f"it warms up first, {settings.warm_up_minutes:g} min at most"
-        return Finding("warm", True, f"{now.words}, {asked}: {first}"), True
-    advice = "let the machine run before the night, or state warm_up_minutes in nightly.yaml"
-    return Finding("warm", False, f"cold: {now.words}, {asked}", advice), False
+        first = say("preflight.warm.first", asked=asked, minutes=f"{settings.warm_up_minutes:g}")
+        return Finding("warm", True, first), True
+    return Finding("warm", False, say("preflight.warm.cold", asked=asked), say("preflight.warm.cold_do")), False

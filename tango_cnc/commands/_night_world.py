@@ -278,6 +278,6 @@ class RealControl:
             if now.value is not None and now.value >= low:
                 return
             if time.monotonic() >= end:
-                raise LinkError(f"cold: {now.words} after {minutes:g} min of warm-up, {low:g} °C are asked for")
+                raise LinkError(say("preflight.warm.still_cold", now=now.words, minutes=f"{minutes:g}", low=f"{low:g}"))
             number += 1
             self._run(own, made, folder / f"warm-up-{number}.csv")

@@ -8,12 +8,26 @@ from pathlib import Path
 
 import numpy as np
 
-from ..records import InputError
+from ..records import Array, InputError
 from ..texts import say
 from .records import Trend
 from .store import History
 
 SCALE = {"mm": (1e3, "µm"), "rad": (1e6, "µrad"), "mm/mm": (1e6, "µm/m")}
+
+
+def standardised(history: History, trend: Trend) -> Array:
+    """history, n nights of a parameter → (n,) change of each night in standard deviations, as it was expected of a quiet machine.
+
+    What a short and a full night change differs by design: by one scatter for both, a chart would alarm five times as often. Nights
+    from before that was kept are divided by what is usual among them.
+    """
+    records = history.records_of(trend.entries)
+    told = [records[entry]["parameters"][trend.name] for entry in trend.entries]
+    step = np.diff(trend.value, prepend=trend.value[:1])
+    usual = 1.4826 * float(np.median(np.abs(step[1:]))) if len(step) > 1 else 1.0
+    pairs = [(p.get("change"), p.get("change_std")) for p in told]
+    return np.array([(c or 0.0) / s if s else 0.0 if s == 0 else d / (usual or 1.0) for (c, s), d in zip(pairs, step, strict=True)])
 
 
 def picture(history: History, machine: str, trends: Sequence[Trend], file: Path, chart: str | None = None) -> None:
@@ -39,9 +53,7 @@ def picture(history: History, machine: str, trends: Sequence[Trend], file: Path,
             axis.plot(when, value, marker=".", lw=1)
             axis.set_ylabel(f"{name}\n{unit}")
         else:
-            step = np.diff(trend.value, prepend=trend.value[:1])
-            usual = 1.4826 * float(np.median(np.abs(step[1:]))) if len(step) > 1 else 1.0
-            drawn = charts.KINDS[chart](step / (usual or 1.0))
+            drawn = charts.KINDS[chart](standardised(history, trend))
             axis.plot(when, drawn.value, marker=".", lw=1)
             axis.plot(when, drawn.high, "r--", when, drawn.low, "r--", lw=0.8)
             axis.set_ylabel(f"{name}\n{chart}")

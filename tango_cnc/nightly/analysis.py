@@ -49,10 +49,17 @@ LEARNED_EVERY = 10  # measured nights between two times that the rates are learn
 COVER = 1.959964  # standard deviations of 95 %
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
 RECENT = 40  # nights that are looked at first: nearly always as many as are needed
+UNMOVED = 1e-4  # of a variance: touches that take out less change nothing
 SET_APART = 7  # nights looked back over for one that measured
 SLOPE = 21  # nights that a rate is told from
 NEAR = {"mm": 0.05, "": 1e-4}  # mm, rad …: a machine that has moved less is linear to a few nm
 READ = Callable[[str], Readings]
+
+
+def _expected(before: float, after: float) -> float:
+    """standard deviation before and after the touches of tonight → that of the change which they make to a quiet machine."""
+    known = before**2 - after**2
+    return 0.0 if abs(known) < UNMOVED * before**2 else float(np.sqrt(known)) if known > 0 else before  # opened for an alarm
 
 
 def _full(night: Night) -> bool:
@@ -402,6 +409,7 @@ class Nights:
                 **{"value": mean, "unit": self.followed.units[i], "std": float(std[i])},
                 **{"low": mean - COVER * float(std[i]), "high": mean + COVER * float(std[i])},
                 "change": None if first else mean - float(ahead.mean[i]),
+                "change_std": None if first else _expected(float(before[i]), float(std[i])),
                 "rate_per_day": slopes.get(name),
                 "seen": bool(std[i] < 0.98 * before[i]),
             }
