@@ -42,24 +42,16 @@ from . import parts
 from .alarms import Known, alarm_of, ignored, since, standing
 from .doubt import Judged, believed
 from .ports import Measured, Past
-from .trend import as_alarm, behind, drift
+from .trend import SLOPE, as_alarm, behind, drift, slopes
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
 COVER = 1.959964  # standard deviations of 95 %
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
 RECENT = 40  # nights that are looked at first: nearly always as many as are needed
-UNMOVED = 1e-4  # of a variance: touches that take out less change nothing
 SET_APART = 7  # nights looked back over for one that measured
-SLOPE = 21  # nights that a rate is told from
 NEAR = {"mm": 0.05, "": 1e-4}  # mm, rad …: a machine that has moved less is linear to a few nm
 READ = Callable[[str], Readings]
-
-
-def _expected(before: float, after: float) -> float:
-    """standard deviation before and after the touches of tonight → that of the change which they make to a quiet machine."""
-    known = before**2 - after**2
-    return 0.0 if abs(known) < UNMOVED * before**2 else float(np.sqrt(known)) if known > 0 else before  # opened for an alarm
 
 
 def _full(night: Night) -> bool:
@@ -401,7 +393,7 @@ class Nights:
         self, records: Sequence[Mapping[str, Any]], ahead: State, after: State, what: Seen, first: bool
     ) -> dict[str, Any]:
         std, before, gained = after.std, ahead.std, {}
-        slopes = {} if first else self._slopes(records)
+        slopes = {} if first else slopes(records)
         for i in self.followed.machine:
             name = self.followed.selection.label(self.followed.names[i])
             mean = float(after.mean[i])
@@ -409,33 +401,11 @@ class Nights:
                 **{"value": mean, "unit": self.followed.units[i], "std": float(std[i])},
                 **{"low": mean - COVER * float(std[i]), "high": mean + COVER * float(std[i])},
                 "change": None if first else mean - float(ahead.mean[i]),
-                "change_std": None if first else _expected(float(before[i]), float(std[i])),
+                "change_std": None if first else parts.expected(float(before[i]), float(std[i])),
                 "rate_per_day": slopes.get(name),
                 "seen": bool(std[i] < 0.98 * before[i]),
             }
         return gained
-
-    def _slopes(self, records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-        """records newest first → {parameter: its slope a day over the last nights}, where that is larger than chance."""
-        records = [r for r in records[:SLOPE] if r.get("parameters") and r.get("state")]
-        recent = []
-        for r in records:  # newest first, as far as the last change
-            recent.append(r)
-            if r["alarms"]:
-                break
-        if len(recent) < 5:
-            return {}
-        day = np.array([r["state"]["day"] for r in recent])
-        names = [n for n in recent[0]["parameters"] if all(n in r["parameters"] for r in recent)]
-        values = np.array([[r["parameters"][n]["value"] for n in names] for r in recent]).reshape(len(recent), -1)
-        std = np.array([recent[0]["parameters"][n]["std"] for n in names])
-        centred = day - day.mean()
-        slope = centred @ values / (centred @ centred)
-        rest = values - values.mean(axis=0) - np.outer(centred, slope)
-        spread = np.sqrt(np.sum(rest**2, axis=0) / max(len(rest) - 2, 1) / (centred @ centred))
-        # What wanders looks like a slope: only one that is far beyond its own scatter is told.
-        told = (np.abs(slope) > 6 * spread) & (np.abs(slope) * np.ptp(day) > 4 * std)
-        return {n: float(slope[i]) for i, n in enumerate(names) if told[i]}
 
     def _limits(self, after: State, chart: Any) -> list[dict[str, Any]]:
         found = []

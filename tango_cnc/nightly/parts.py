@@ -14,6 +14,8 @@ from ..state import Frame, Named, Seen, State, Tonight, reopened
 from ..state.filter import sigma_of
 from ..texts import say
 
+UNMOVED = 1e-4  # of a variance: touches that take out less change nothing
+
 
 def part_of(strategy: Strategy, touches: Sequence[int]) -> tuple[Strategy, list[int]]:
     """strategy, numbers of touches (empty: all) → the strategy of these alone, and their numbers."""
@@ -89,3 +91,9 @@ def warmer(ahead: State, warmth: Mapping[str, Array]) -> float | None:
 def told(values: Sequence[float] | Array) -> dict[str, float]:
     """(n,) °C → mean, first and last."""
     return {"mean": float(np.mean(values)), "first": float(values[0]), "last": float(values[-1])}
+
+
+def expected(before: float, after: float) -> float:
+    """standard deviation before and after the touches of tonight → that of the change which they make to a quiet machine."""
+    known = before**2 - after**2
+    return 0.0 if abs(known) < UNMOVED * before**2 else float(np.sqrt(known)) if known > 0 else before  # opened for an alarm

@@ -25,6 +25,7 @@ AT_ONCE = 0.7  # share of a change that one night makes: no drift, but a step
 MONTH = 30  # nights that what stands behind a limit is looked for over
 SPANS = 7  # measured nights that a drift is looked for over
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
+SLOPE = 21  # nights that a rate is told from
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 
 
@@ -177,3 +178,26 @@ def behind(k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: 
         },
         **{"on_part": found.on_part, "do": found.do},
     }
+
+
+def slopes(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """records newest first → {parameter: its slope a day over the last nights}, where that is larger than chance."""
+    records = [r for r in records[:SLOPE] if r.get("parameters") and r.get("state")]
+    recent = []
+    for r in records:  # newest first, as far as the last change
+        recent.append(r)
+        if r["alarms"]:
+            break
+    if len(recent) < 5:
+        return {}
+    day = np.array([r["state"]["day"] for r in recent])
+    names = [n for n in recent[0]["parameters"] if all(n in r["parameters"] for r in recent)]
+    values = np.array([[r["parameters"][n]["value"] for n in names] for r in recent]).reshape(len(recent), -1)
+    std = np.array([recent[0]["parameters"][n]["std"] for n in names])
+    centred = day - day.mean()
+    slope = centred @ values / (centred @ centred)
+    rest = values - values.mean(axis=0) - np.outer(centred, slope)
+    spread = np.sqrt(np.sum(rest**2, axis=0) / max(len(rest) - 2, 1) / (centred @ centred))
+    # What wanders looks like a slope: only one that is far beyond its own scatter is told.
+    told = (np.abs(slope) > 6 * spread) & (np.abs(slope) * np.ptp(day) > 4 * std)
+    return {n: float(slope[i]) for i, n in enumerate(names) if told[i]}
