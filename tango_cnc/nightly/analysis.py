@@ -393,7 +393,7 @@ class Nights:
         self, records: Sequence[Mapping[str, Any]], ahead: State, after: State, what: Seen, first: bool
     ) -> dict[str, Any]:
         std, before, gained = after.std, ahead.std, {}
-        slopes = {} if first else slopes(records)
+        moving = {} if first else slopes(records)
         for i in self.followed.machine:
             name = self.followed.selection.label(self.followed.names[i])
             mean = float(after.mean[i])
@@ -402,7 +402,7 @@ class Nights:
                 **{"low": mean - COVER * float(std[i]), "high": mean + COVER * float(std[i])},
                 "change": None if first else mean - float(ahead.mean[i]),
                 "change_std": None if first else parts.expected(float(before[i]), float(std[i])),
-                "rate_per_day": slopes.get(name),
+                "rate_per_day": moving.get(name),
                 "seen": bool(std[i] < 0.98 * before[i]),
             }
         return gained
