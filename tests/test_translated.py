@@ -20,6 +20,7 @@ from tango_cnc.cli import tango
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.history import opened
+from tango_cnc.nightly.words import message
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, Readings
 from tango_cnc.report.facts import Paper, Wishes, gather
@@ -166,3 +167,25 @@ def test_nights_of_no_machine_say_so(nights: Path) -> None:
     with opened(str(nights), create=False) as history:
         record = history.night(history.nights()[0].entry).record
     assert "SIMULATED" in morning(record) and "SIMULATED" not in morning({**record, "simulated": False})
+
+
+@pytest.mark.long
+def test_the_mail_and_the_lists_of_a_shop(nights: Path, shop: Path, tmp_path: Path) -> None:
+    """`templates` in nightly.yaml: what the terminal says of a history, and every message, are in the other letters."""
+    cell = read_cell(ROOT / "examples" / "hu40t")
+    names = names_of(cell)
+    ignored = re.compile(r"\x1b\[\d+m|tango \S+(?: \S+)*? --owner …|[0-9a-f]{32,}|\S*/\S*|pretravel|rad|\bnan\b|tango nightly --status")
+
+    def left(text: str) -> list[str]:
+        return english(html.escape(ignored.sub(" ", text)), *names)
+
+    t = texts_of(shop)
+    with opened(str(nights), create=False) as history:
+        for night in history.nights(cell.machine.name):
+            subject, text = message(history.night(night.entry).record, (), (), (3, "0" * 64), (), t)
+            assert left(f"{subject}\n{text}") == [], night.night
+    (tmp_path / "nightly.yaml").write_text(f"nightly: 1\ntemplates: {shop}\n", encoding="utf-8")
+    for words in (("list",), ("show", "last"), ("plot", "EX0C"), ("compare", "1"), ("causes",), ("verify",)):
+        found = CliRunner().invoke(tango, ["history", *words, "-C", str(tmp_path), "--history", str(nights)])
+        assert found.exception is None, (words, found.output)
+        assert left(found.output) == [], words

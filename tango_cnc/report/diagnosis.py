@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..diagnose import Diagnosis, Finding, Remainder, Test
-from ..diagnose.sentences import advice, also, covariate, dropped, meaning, said, towards, unexplained
+from ..diagnose.sentences import advice, also, cause_name, covariate, dropped, meaning, said, towards, unexplained
 from ..diagnose.words import as_text, telling
 from ..terms._shape import values
 from .over import covariate_of, shown_over
@@ -19,7 +19,7 @@ from .texts import texts
 COLUMNS = 3  # of small pictures side by side
 FIRST = 6  # covariates that are drawn large; the others follow at the end
 
-HEAD = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Diagnosis</title><style>
+HEAD = """<!doctype html><html lang="{language}"><head><meta charset="utf-8"><title>{title}</title><style>
 body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#1f2933}
 h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}img{max-width:100%}pre{background:#f4f6f8;padding:1rem;overflow:auto}
 .verdict{padding:.6rem 1rem;border-left:.4rem solid;background:#f4f6f8;font-size:1.1rem}
@@ -29,21 +29,23 @@ td,th{padding:.2rem .8rem;text-align:right}td:first-child,th:first-child{text-al
 
 def page(d: Diagnosis) -> str:
     """diagnosis → HTML that stands alone. Raises InputError when matplotlib is not installed."""
-    title = html.escape(texts()("diagnosis_page.title", machine=d.before.model.touches.machine.name))
-    parts = [HEAD, f"<h1>{title}</h1>", f'<p class="verdict {d.verdict}">{html.escape(_short(d))}</p>']
+    t = texts()
+    title = html.escape(t("diagnosis_page.title", machine=d.before.model.touches.machine.name))
+    head = HEAD.replace("{language}", t("language")).replace("{title}", title)
+    parts = [head, f"<h1>{title}</h1>", f'<p class="verdict {d.verdict}">{html.escape(_short(d))}</p>']
     parts += [_head("left"), _image(course(d))]
     if d.tests:
         parts += [_head("depends"), f"<p>{html.escape(_dependence_words(d))}</p>"]
         parts.append(_image(dependence(d, d.tests[:FIRST])))
     for i, f in enumerate(d.findings, 1):
-        parts += [f"<h2>{i}. {html.escape(f.cause.replace('_', ' '))}</h2>", f"<p><b>{html.escape(said(f))}.</b></p>"]
+        parts += [f"<h2>{i}. {html.escape(cause_name(f.cause))}</h2>", f"<p><b>{html.escape(said(f))}.</b></p>"]
         parts += [_line("means", meaning(f)), _line("todo", advice(f))]
         if f.pattern.any():
             parts.append(_image(seen(d, f)))
         if f.gain is not None:
             parts.append(_gains(f))
         if f.alternatives:
-            names = ", ".join(dict.fromkeys(a for a, _, _ in f.alternatives))
+            names = ", ".join(cause_name(a) for a in dict.fromkeys(a for a, _, _ in f.alternatives))
             parts.append(_line("twins", names))
         if f.aliases:
             parts.append(_line("also", also(f)))
@@ -99,10 +101,15 @@ def _image(drawn: Any) -> str:
 
 def _gains(f: Finding) -> str:
     assert f.gain is not None
-    rows = [("fitted touches", f.gain.before, f.gain.after)]
-    rows += [(f"held-out {name}", *pair) for name, pair in f.gain.schemes.items() if name != "facets"]
-    body = "".join(f"<tr><td>{name}</td><td>{a * 1e3:.2f}</td><td>{b * 1e3:.2f}</td></tr>" for name, a, b in rows)
+    rows = [(texts()("diagnosis.fitted"), f.gain.before, f.gain.after)]
+    rows += [(_held(name), *pair) for name, pair in f.gain.schemes.items() if name != "facets"]
+    body = "".join(f"<tr><td>{html.escape(name)}</td><td>{a * 1e3:.2f}</td><td>{b * 1e3:.2f}</td></tr>" for name, a, b in rows)
     return f"<table>{_row('table.rms_um', 'table.without', 'table.with_it')}{body}</table>"
+
+
+def _held(scheme: str) -> str:
+    t, key = texts(), f"diagnosis.held_{scheme}"
+    return t(key) if key in t else t("diagnosis.held", scheme=scheme)
 
 
 def course(d: Diagnosis) -> Any:
@@ -121,7 +128,7 @@ def course(d: Diagnosis) -> Any:
             ax.axhspan(-2e3 * d.noise, 2e3 * d.noise, color=PALE, alpha=0.45, lw=0)
             ax.plot(minutes[~out], 1e3 * values[~out], ".", color=GOOD, ms=4)
             ax.plot(minutes[out], 1e3 * values[out], "x", color=BAD, ms=6)
-            ax.set_title(f"{title}: rms {1e3 * float(np.sqrt(np.mean(values**2))):.2f} µm", loc="left")
+            ax.set_title(f"{title}: {texts()('table.rms', unit='µm')} {1e3 * float(np.sqrt(np.mean(values**2))):.2f}", loc="left")
             ax.set_ylabel("µm")
         limit = 1.15e3 * float(np.max(np.abs(d.before.residuals[~out]))) if (~out).any() else 1.0
         axes[0].set_ylim(-limit, limit)
@@ -171,7 +178,7 @@ def shape(d: Diagnosis, r: Remainder) -> Any:
             turning = f.covariate in touches.machine.rotary or f.covariate == "S"
             x = np.degrees(known[f.covariate][first]) if turning else known[f.covariate][first]
             ax.plot(x, 1e3 * measured, ".", color=PALE, ms=4, label=texts()("diagnosis.measured"))
-            ax.plot(x, 1e3 * r.pattern, ".", color=BAD, ms=4, label="shape")
+            ax.plot(x, 1e3 * r.pattern, ".", color=BAD, ms=4, label=texts()("diagnosis.shape"))
             ax.set_xlabel(f"{covariate(f.covariate)}{', deg' if turning else ''}")
             ax.set_ylabel("µm")
         grid[0].legend(fontsize=7)
@@ -211,6 +218,6 @@ def seen(d: Diagnosis, f: Finding) -> Any:
         span = 1e3 * float(np.max(np.abs(visible))) or 1.0
         right.plot([-span, span], [-span, span], color=INK, lw=0.8)
         right.set_title(texts()("diagnosis.seen_right"), loc="left")
-        right.set_xlabel("expected, µm")
-        right.set_ylabel("measured, µm")
+        right.set_xlabel(texts()("diagnosis.expected", unit="µm"))
+        right.set_ylabel(texts()("diagnosis.measured_in", unit="µm"))
     return drawn
