@@ -186,6 +186,19 @@ def test_inches_change_every_length_and_no_ratio(facts: Facts) -> None:
     assert "µm" not in " ".join(t for t in outline(page.render(inch)).text if "uncertainty" not in t and "µm/m" not in t)
 
 
+def test_the_places_of_slices_and_covariates_are_in_inch_too(facts: Facts) -> None:
+    """A slice at Z 336 mm stands at 13.2 in, and no axis of a picture says mm."""
+    from tango_cnc.report.charts import _placed
+    from tango_cnc.report.slices import _placed as place
+
+    inch = replace(facts, wishes=replace(facts.wishes, units=Units("inch")))
+    text = page.render(inch)
+    assert not re.findall(r">[^<]*\bmm<", text) and re.findall(r">Z, in<", text)
+    assert place("Z", 335.9, True, Units("inch")) == "Z 13.2" and place("Z", -335.9, True, Units()) == "Z −336"
+    assert place("B", 75.2, False, Units("inch")) == "B 75°"
+    assert _placed(np.array([254.0]), "mm", "µin")[0] == pytest.approx(10) and _placed(np.array([1.0]), "deg", "µin")[1] == "deg"
+
+
 LEVELS = [("good",), ("good", "look"), ("stop", "good"), ("look", "stop", "look")]
 
 

@@ -174,7 +174,9 @@ def test_the_mail_and_the_lists_of_a_shop(nights: Path, shop: Path, tmp_path: Pa
     """`templates` in nightly.yaml: what the terminal says of a history, and every message, are in the other letters."""
     cell = read_cell(ROOT / "examples" / "hu40t")
     names = names_of(cell)
-    ignored = re.compile(r"\x1b\[\d+m|tango \S+(?: \S+)*? --owner …|[0-9a-f]{32,}|\S*/\S*|pretravel|rad|\bnan\b|tango nightly --status")
+    ignored = re.compile(
+        r"\x1b\[\d+m|tango \S+(?: \S+)*? --owner …|[0-9a-f]{32,}|\S*/\S*|pretravel|rad|\bnan\b|tango nightly --status"
+    )
 
     def left(text: str) -> list[str]:
         return english(html.escape(ignored.sub(" ", text)), *names)

@@ -18,6 +18,7 @@ from .facts import Facts
 from .over import covariate_of, shown_over
 from .svg import BLUE, CYCLE, INK, LINE, ORANGE, RED, SOFT, Frame, Kind, Mark, Series, chart, label
 from .texts import Texts
+from .units import Units
 
 FIRST = 6  # covariates of a diagnosis that are drawn
 
@@ -200,12 +201,20 @@ def course(d: Diagnosis, t: Texts, unit: str, k: float) -> list[str]:
     return drawn
 
 
+def _placed(x: Array, unit_x: str, unit: str) -> tuple[Array, str]:
+    """places in the unit of people, that unit, unit of errors → the same in inch where errors are in µin."""
+    inch = Units("inch")
+    if unit != inch.small or unit_x not in ("mm", "mm/min"):
+        return x, unit_x
+    return x * inch.per_mm, unit_x.replace("mm", inch.large)
+
+
 def dependence(d: Diagnosis, t: Texts, unit: str, k: float) -> list[str]:
     """diagnosis → means over the covariates that matter most, before and with the causes, with the band of a right model."""
     after = {x.covariate: x for x in d.tests_after}
     found = []
     for test in d.tests[:FIRST]:
-        x, unit_x = shown_over(d, test, t)
+        x, unit_x = _placed(*shown_over(d, test, t), unit)
         order = np.argsort(x)
         x, late = x[order], after.get(test.covariate)
         series = [
@@ -229,6 +238,7 @@ def finding(d: Diagnosis, f: Finding, t: Texts, unit: str, k: float) -> list[str
         return []
     m = d.before.model.touches
     about, x, unit_x = covariate_of(d, f, t)
+    x, unit_x = _placed(x, unit_x, unit)
     basis = d.explanation.place.basis
     others = sum((o.pattern for o in d.findings if o is not f), np.zeros(len(m)))
     visible, rest = (basis @ (basis.T @ d.searched(x)) for x in (f.pattern, d.before.residuals - others))

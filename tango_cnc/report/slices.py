@@ -31,7 +31,7 @@ class Slice:
     size: Array
     std: Array
     extrapolated: NDArray[np.bool_]
-    rest: str
+    rest: tuple[tuple[str, float, bool], ...]  # the other axes: name, mm or deg, whether it is linear
 
 
 def planes(machine: Machine) -> list[tuple[str, str]]:
@@ -75,12 +75,12 @@ def cut(chart: VolumeMap, machine: Machine, first: int) -> list[Slice]:
         y = np.array(at[::POINTS, machine.column(b)])
         if a in machine.rotary:
             x, y = np.degrees(x), np.degrees(y)
-        rest = []
+        rest: list[tuple[str, float, bool]] = []
         for name in (*machine.linear, *machine.rotary):
             if name not in (a, b):
                 value = float(at[0, machine.column(name)])
                 shown = float(np.degrees(value)) if name in machine.rotary else value
-                rest.append(f"{name} {round(shown)}{'°' if name in machine.rotary else ''}")
+                rest.append((name, shown, name in machine.linear))
         shape = (POINTS, POINTS)
         found.append(
             Slice(
@@ -91,7 +91,7 @@ def cut(chart: VolumeMap, machine: Machine, first: int) -> list[Slice]:
                 chart.size[rows].reshape(shape),
                 chart.std[rows].reshape(shape),
                 chart.extrapolated[rows].reshape(shape),
-                ", ".join(rest),
+                tuple(rest),
             )
         )
     return found
@@ -130,12 +130,20 @@ def picture(found: Sequence[Slice], machine: Machine, units: Units, words: dict[
     return "".join(parts)
 
 
+def _placed(name: str, value: float, linear: bool, units: Units) -> str:
+    """axis, where it stands (mm or deg), whether it is linear, units → X 13.2 or B 0°."""
+    if not linear:
+        return f"{name} {round(value)}°"
+    return f"{name} {value * units.per_mm:.{0 if units.system == 'mm' else 1}f}".replace("-", "−")
+
+
 def _slice(s: Slice, left: float, top: float, side: float, most: float, machine: Machine, units: Units) -> list[str]:
     n = len(s.x)
     cell = side / n
+    rest = ", ".join(_placed(*axis, units) for axis in s.rest)
     parts = [
         f'<text x="{left:g}" y="{top - 8:g}" font-weight="600">{s.across} – {s.up}'
-        f'<tspan font-weight="400" fill="{SOFT}">   {escape(s.rest)}</tspan></text>'
+        f'<tspan font-weight="400" fill="{SOFT}">   {escape(rest)}</tspan></text>'
     ]
     for row in range(n):
         for column in range(n):
