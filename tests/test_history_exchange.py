@@ -154,3 +154,14 @@ def test_old_cells_become_nights_and_an_etalon_file(root: Path, history_place: C
     }
     other = command("export", "--history", place, "-C", root / "examples" / "trunnion", "--as", "isg", file)
     assert "its machine is" in str(other.exception)
+
+
+def test_the_certificate_of_a_simulated_night_says_so_first() -> None:
+    from support.nights import night
+
+    from tango_cnc.history.exchange.dcc import certificate
+
+    for simulated in (True, False):
+        text = ET.tostring(certificate("M", 3, night("M", 3) | {"simulated": simulated}), encoding="unicode")
+        assert ("SIMULATED: these readings come from no machine." in text) == simulated
+        assert ("tango-simulated-2026-10-27-3" in text) == simulated

@@ -378,3 +378,11 @@ def test_what_a_cause_says_can_be_translated(tmp_path: Path) -> None:
     (tmp_path / "texts.toml").write_text('[diagnosed.chip]\nmeaning = "ein Span"\n', encoding="utf-8")
     assert texts_of(tmp_path)("diagnosed.chip.meaning") == "ein Span"
     assert all(texts()(f"diagnosed.{name}.{what}") for name in causes() for what in ("text", "says", "meaning", "advice"))
+
+
+@pytest.mark.parametrize(("limit", "status"), [("50", 1), ("500", 0)])
+@pytest.mark.long
+def test_a_machine_beyond_its_limit_ends_with_a_status_of_its_own(limit: str, status: int, folder: Path) -> None:
+    """The numbers can be used, the machine cannot: a script sees it."""
+    found = report(folder, "--no-diagnosis", "--no-pictures", "-o", str(folder / "limit.html"), "--limit-um", limit)
+    assert found.exception is None and found.return_value == status

@@ -11,6 +11,7 @@ from typing import Any
 from ..files import read_cell, read_readings
 from ..files.checked import complaint
 from ..files.nightly import Nightly
+from ..files.origin import by_no_machine, read_origin
 from ..files.readjson import read_json
 from ..history import History
 from ..nightly import Finding, Measured, Ports, night
@@ -34,7 +35,8 @@ class _Old:
         """→ the readings that there are."""
         hashes = tuple((key, str(self._origin.get(f"{key}_hash", ""))) for key in ("plan", "program"))
         seconds = float(self._readings.time.max() - self._readings.time.min())
-        return Measured(self._readings, self._text, len(self._readings), seconds, "", hashes)
+        made_up = bool(self._origin.get("simulated"))
+        return Measured(self._readings, self._text, len(self._readings), seconds, "", hashes, simulated=made_up)
 
 
 def _begun(file: Path, stamp: object) -> datetime | None:
@@ -57,6 +59,8 @@ def imported(history: History, folders: Sequence[Path]) -> Iterator[tuple[Path, 
         beside = file.with_suffix(".json")
         origin = read_json(beside, "what 'tango run' wrote") if beside.exists() else {}
         when = _begun(beside, origin.get("start_utc")) or datetime.fromtimestamp(file.stat().st_mtime, UTC)
+        if by_no_machine(read_origin(file) or {}):
+            origin = {**origin, "simulated": True}
         found.append((when, cell, readings, file.read_text(encoding="utf-8"), origin))
     found.sort(key=lambda item: item[0])
     for when, cell, *_ in found:

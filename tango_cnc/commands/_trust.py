@@ -109,6 +109,8 @@ def said_of_origin(origin: Origin) -> str:
 
 def usable(judgement: Judgement, despite: bool, what: str) -> None:
     """judgement, --despite, what would be made of the estimate → nothing. Raises TangoError when it may not be used."""
+    for text in judgement.remarks:
+        click.echo(f"note: {text}", err=True)
     if status(judgement, despite):
         lines = "\n".join(told(judgement))
         why = "implausible" if judgement.verdict == "implausible" else "incomplete"

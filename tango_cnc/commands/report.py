@@ -81,7 +81,7 @@ def command(
     """Writes one page that stands alone: verdict, what to do, parameters with intervals, pictures, statement of uncertainty.
 
     It needs no network and no other file. The verdict is the worst of plausibility, completeness, fit, prediction, diagnosis
-    and limit.
+    and limit. Exit status 1 where the numbers must not be used, and where the tool tip is beyond its limit.
     """
     if pdf_file is not None and not pdf.available():
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'")
@@ -126,7 +126,8 @@ def command(
         click.echo(terminal.summary(found))
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
-    return status(judgement, despite) or int(data["overall"] == "stop" and not despite)
+    crossed = any(c.name == "limit" and c.level != "good" and not c.open for c in verdict(found, texts()).checks)
+    return status(judgement, despite) or int(crossed or (data["overall"] == "stop" and not despite))
 
 
 def overall(judgement: Judgement, found: Facts) -> Judgement:
