@@ -87,20 +87,20 @@ def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     assert isinstance(blind.exception, InputError) and "--present" in str(blind.exception)
     assert run("simulate", "-C", mill, "--compensation", folder, "-o", mill / "after.csv", "--seed", 99).exit_code == 0
     done = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "after.csv", "--json", "-")
-    assert done.exit_code == 0 and json.loads(done.output)["verdict"] == "kept"
+    assert done.exit_code == 0 and json.loads(done.stdout)["verdict"] == "kept"
     # A second one on top: what is in the control stays, and hardly anything changes.
     again = run(
         "compensate", "-C", mill, "--target", "siemens", "--present", folder, "--readings", mill / "after.csv", "--dry-run",
         "--json", "-", *("--volume", _volume(folder)),
     )  # fmt: skip
     assert again.exit_code == 0, again.exception
-    values = json.loads(again.output)["values"]
+    values = json.loads(again.stdout)["values"]
     assert max(abs(v["new"] - v["present"]) for v in values) < 0.2 * max(abs(v["present"]) for v in values)
     assert [e["event"] for e in loop.history(mill)] == ["proposed", "written", "kept"]
     # The nights' history has the same, newest first, in its chain; taking it out again is one more entry with its reason.
-    listed = json.loads(run("history", "list", "-C", mill, "--json", "-").output)["compensations"]
+    listed = json.loads(run("history", "list", "-C", mill, "--json", "-").stdout)["compensations"]
     assert [e["event"] for e in listed] == ["kept", "written", "proposed"]
-    outcome = json.loads(done.output)
+    outcome = json.loads(done.stdout)
     for name in ("before_um", "promised_um", "measured_um"):
         assert listed[0][name] == outcome[name]
     assert listed[2]["promised_um"] == listed[0]["promised_um"] < listed[2]["before_um"]
@@ -119,7 +119,7 @@ def test_a_history_that_cannot_be_written_gets_the_event_later(cell: Path, tmp_p
     assert done.exit_code == 0 and "no such folder" in done.output
     (mill / "away").mkdir()
     assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
-    listed = json.loads(run("history", "list", "-C", mill, "--json", "-").output)["compensations"]
+    listed = json.loads(run("history", "list", "-C", mill, "--json", "-").stdout)["compensations"]
     assert [e["event"] for e in listed] == ["written", "proposed"]
 
 
@@ -199,7 +199,7 @@ def test_a_sign_trial_decides_by_touches(cell: Path, tmp_path: Path, sign: int, 
     assert run("simulate", "-C", mill, "--compensation", trial, "-o", mill / "after.csv", "--seed", 5).exit_code == 0
     rest = ["--sign-of", trial, "--readings", mill / "simulated.csv", "--after", mill / "after.csv"]
     judged = CliRunner().invoke(tango, [str(a) for a in ["compensate", "-C", mill, *rest, "--json", "-"]], standalone_mode=False)
-    assert json.loads(judged.output)["verdict"] == said and judged.return_value == code
+    assert json.loads(judged.stdout)["verdict"] == said and judged.return_value == code
     same = run(
         "compensate", "-C", mill, "--sign-of", trial, "--readings", mill / "simulated.csv", "--after", mill / "simulated.csv"
     )

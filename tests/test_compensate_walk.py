@@ -40,7 +40,7 @@ def judged(cell: Path, number: int, readings: Path) -> dict[str, object]:
     if asked.exception is not None and "--tcp" in str(asked.exception):
         asked = run("compensate", "-C", cell, "--measured", number, "--readings", readings, "--json", "-", "--tcp")
     assert asked.exception is None or isinstance(asked.exception, SystemExit), (target, asked.exception)
-    return dict(json.loads(asked.output))
+    return dict(json.loads(asked.stdout))
 
 
 @pytest.mark.long
@@ -71,7 +71,7 @@ def test_the_loop_is_walked(measured: dict[str, Path], target: str, name: str, t
     events = [(e["compensation"], e["event"]) for e in loop.history(cell)]
     assert events == [(1, "proposed"), (1, "written"), (1, "kept"), (1, "rolled back"), (2, "proposed"), (2, "written"),
                       (2, "rolled back")]  # fmt: skip
-    listed = json.loads(run("history", "list", "-C", cell, "--json", "-").output)["compensations"]
+    listed = json.loads(run("history", "list", "-C", cell, "--json", "-").stdout)["compensations"]
     assert [(e["number"], e["event"]) for e in reversed(listed)] == events
 
 

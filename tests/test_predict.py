@@ -83,7 +83,7 @@ def test_the_command_tells_deviation_causes_and_features(tmp_path: Path) -> None
     common = ["predict", str(program), "-C", str(cell), "--zero", "X=0,Y=0,Z=60", "--tool-length", "150"]
     done = run.invoke(tango, [*common, "--features", str(wanted), "--json", "-", "--picture", str(tmp_path / "p.png")])
     assert done.exit_code == 0, done.exception
-    data = json.loads(done.output)
+    data = json.loads(done.stdout)
     assert [f["name"] for f in data["features"]] == ["distance A B", "circularity N20"]
     assert data["largest_um"] > data["rms_um"] > 5 and data["causes"][0]["name"] == "EY0C"
     assert (tmp_path / "p.png").stat().st_size > 10_000
