@@ -138,7 +138,7 @@ def _head(judgement: Judgement) -> str:
     if judgement.verdict == "implausible":
         return "IMPLAUSIBLE: do not act on these numbers"
     if judgement.incomplete:
-        return "INCOMPLETE: too little of the plan was measured to act on these numbers; --despite takes what there is"
+        return "INCOMPLETE: too little was measured to act on these numbers; --despite takes what there is"
     return "DOUBTFUL: look at this before you act on the numbers"
 
 

@@ -22,13 +22,12 @@ from .directions import approaches
 from .groups import common
 from .search import place, suspects
 from .setup import stylus
+from .spare import spare
 from .words import beyond_text
 
 ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
-MANY = 0.1  # share of outliers that makes a result doubtful
 EXPLAINED = 0.1  # mm: a mistake that leaves less explains the readings
 GROSS = 5.0  # mm, root mean square of all touches as the cell states it, beyond which the whole cell is wrong
-MOST = 0.35  # share of outliers beyond which nobody knows which touches are right
 NOISY = 4.0  # times the stated repeatability that a touch may scatter before the result is doubtful
 DIRECT = ("another_program", "copied_positions", "constant_column")  # seen in the readings without any fit
 STRUCTURED = 3.0  # times the white scatter that a walk or seating may have before the result is doubtful
@@ -56,7 +55,9 @@ def judge(
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
     else:
         told = list(bounds(result))
+        lost = sum(len(r.touches) for r in found if r.lost)
         found += _fit(cell, result, told)
+        found += spare(result, lost)
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
         bad |= {name for r in found for name in r.moves}
@@ -127,15 +128,6 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
     found += _noise(result)
     found += common(result)
     found += stylus(cell, told)
-    share = len(result.outliers) / len(result.residuals)
-    if share > MANY:
-        text = say(
-            "plausible.judge.touches_do_not_fit",
-            count=len(result.outliers),
-            count2=len(result.residuals),
-            numbers=listed(result.outliers.tolist()),
-        )
-        found.append(Remark("implausible" if share > MOST else "doubtful", text))
     return found
 
 

@@ -37,6 +37,7 @@ class Remark(NamedTuple):
     file: str = "readings"  # in which the mistake is: readings, machine, artefact, strategy
     sure: bool = False  # it explains the result, whatever else is tried
     moves: tuple[str, ...] = ()  # coefficients that it makes untrusted
+    lost: bool = False  # `touches` are planned ones that are missing
 
 
 def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None) -> Iterator[Remark]:
@@ -88,9 +89,9 @@ def _missing(touches: Asked, readings: Readings) -> Iterator[Remark]:
             verdict: Verdict = "implausible" if share < HARDLY else "doubtful"
             there = say("plausible.readings.there", expected=expected - len(lacking)) if share < ENOUGH else ""
             told = joined("", (text, ": ", there, hint))
-            yield Remark(verdict, told, numbers, "missing_touches", "touch", hint, incomplete=share < ENOUGH)
+            yield Remark(verdict, told, numbers, "missing_touches", "touch", hint, incomplete=share < ENOUGH, lost=True)
         else:
-            yield Remark("trustworthy", text, numbers)
+            yield Remark("trustworthy", text, numbers, lost=True)
     if beyond := sorted({int(t) for t in readings.touch if not 1 <= t <= len(touches)}):
         yield Remark(
             "doubtful",

@@ -1,0 +1,39 @@
+"""Touches that have no weight, and what is left to check a fit with: few touches to spare show no mistake, and small deviations.
+
+A robust fit that drops touches until the others agree always finds some that agree. With hardly more of them than unknowns they
+agree whatever is wrong, and the standard deviations come out small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..estimate import Estimate
+from ..texts import say
+from .data import Remark, listed
+
+MANY = 0.1  # share of touches that do not fit, which makes a result doubtful
+MOST = 0.35  # share without weight beyond which nobody knows which touches are right
+FEWEST = 10  # touches to spare, below which a fit cannot show that it is wrong
+FEW = 20  # the same where a large part of the touches was not used
+LARGE = 0.2  # share of all planned touches that is a large part of them
+
+
+def spare(result: Estimate, lost: int) -> Iterator[Remark]:
+    """estimate, planned touches that are missing → remarks on touches without weight and on too few to spare."""
+    n, out, idle = len(result.residuals), result.outliers, int(result.unused.sum())
+    everything = tuple(c.name for c in result.model.coefficients)
+    if idle > MOST * n or len(out) > MANY * n:
+        text = say("plausible.judge.touches_do_not_fit", count=len(out), count2=n, numbers=listed(out.tolist()))
+        if idle > len(out):
+            text = say("plausible.judge.touches_without_weight", text=text, idle=idle, more=idle - len(out))
+        most = idle > MOST * n
+        yield Remark("implausible" if most else "doubtful", text, moves=everything if most else ())
+    unused = (idle + lost) / max(n + lost, 1)
+    if result.dof < FEWEST or (result.dof < FEW and unused > LARGE):
+        yield Remark(
+            "implausible" if idle > LARGE * n else "doubtful",
+            say("plausible.judge.few_to_spare", used=n - idle, unknowns=len(result.values), dof=result.dof),
+            incomplete=True,
+            moves=everything,
+        )

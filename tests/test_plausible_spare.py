@@ -1,0 +1,57 @@
+"""Touches without weight count, for whatever reason; a fit with few touches to spare is never believed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.coverage import pushed
+
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import Estimate, estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.judgement import Judgement
+from tango_cnc.noise import honest
+from tango_cnc.plausible import judge
+from tango_cnc.plausible.spare import FEW, FEWEST, MOST
+from tango_cnc.records import Cell, Readings
+
+Measured = tuple[Cell, Readings]
+
+
+@pytest.fixture(scope="module")
+def measured(pytestconfig: pytest.Config) -> Measured:
+    folder = pytestconfig.rootpath / "examples" / "trunnion"
+    cell = read_cell(folder)
+    return cell, simulate(cell.machine, cell.artefact, cell.strategy, read_world(folder / "world.yaml"), seed=31)
+
+
+def judged(cell: Cell, readings: Readings) -> tuple[Judgement, Estimate]:
+    result = honest(estimate(cell.machine, cell.artefact, readings, cell.terms))
+    return judge(cell, readings, result, search=False), result
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_late_touches_that_leave_hardly_any_with_weight_are_implausible(measured: Measured, seed: int) -> None:
+    cell, readings = measured
+    late = np.random.default_rng(seed).random(len(readings)) < 0.3
+    judgement, result = judged(cell, pushed(cell, readings, np.where(late, -0.05, 0.0)))
+    assert result.unused.mean() > MOST > result.out.mean(), "more are without weight than do not fit"
+    assert judgement.verdict == "implausible"
+    assert any(f"{int(result.unused.sum())} touches have no weight" in reason for reason in judgement.reasons)
+    assert {*result.parameters, *result.setup} <= set(judgement.untrusted)
+
+
+def test_few_touches_to_spare_are_incomplete_and_no_parameter_is_trusted(measured: Measured) -> None:
+    cell, readings = measured
+    whole = judged(cell, readings)[1]
+    some = np.ones(len(readings), dtype=bool)
+    some[np.random.default_rng(3).permutation(len(readings))[: whole.dof - FEWEST + 4]] = False
+    judgement, result = judged(cell, readings.rows(some))
+    assert result.dof < FEWEST < FEW < whole.dof
+    assert judgement.incomplete and {*result.parameters, *result.setup} <= set(judgement.untrusted)
+    assert any(f"leave {result.dof} degrees of freedom" in reason for reason in judgement.reasons)
+
+
+def test_a_sound_cell_has_nothing_of_this(measured: Measured) -> None:
+    judgement, _ = judged(*measured)
+    assert (judgement.verdict, judgement.untrusted, judgement.incomplete) == ("trustworthy", (), False)
