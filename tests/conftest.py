@@ -25,7 +25,7 @@ PACKAGES = {
     "socat": "socat",
     "pg_lsclusters": "postgresql",
 }
-PACKAGES |= {"sshd": "openssh-server", "mosquitto": "mosquitto"}
+PACKAGES |= {"sshd": "openssh-server", "mosquitto": "mosquitto", "mosquitto_passwd": "mosquitto", "unshare": "util-linux"}
 
 # The same examples everywhere and every time; how long one takes depends on who shares the machine.
 settings.register_profile("tango", deadline=None, derandomize=True)

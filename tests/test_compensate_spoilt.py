@@ -183,3 +183,11 @@ def test_a_control_reads_no_file_outside_of_the_folder(tmp_path: Path, name: str
     (folder / "compensation.ini").write_text(f"[JOINT_0]\nCOMP_FILE = {name}\n")
     with pytest.raises(InputError, match="no file"):
         read(folder, example("trunnion")[0].machine)
+
+
+def test_a_line_that_differs_is_shown_as_far_as_anybody_reads(tmp_path: Path) -> None:
+    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    (kept.folder / "settings.txt").write_text("9" * 5000)
+    with pytest.raises(TangoError, match=r"settings.txt:1: found") as refused:
+        loop.check(kept.folder)
+    assert len(str(refused.value)) < 800

@@ -70,3 +70,11 @@ def test_a_message_shows_the_beginning_and_the_end_of_what_is_too_long() -> None
     shown = printable("found " + "x" * 5000 + "; correct it", 100)
     assert len(shown) < 120 and shown.startswith("found x") and shown.endswith("; correct it")
     assert printable("\ud800") == "\\ud800"
+
+
+def test_a_certificate_says_no_length_that_nothing_has(tmp_path: Path) -> None:
+    cell(tmp_path)
+    for length in ("9" * 5000, "1000000000"):
+        (tmp_path / "acceptance.yaml").write_text(TEXTS["acceptance.yaml"].replace("304.6686", length), encoding="utf-8")
+        with pytest.raises(InputError, match=r"value: .*at most .* mm"):
+            READERS["acceptance.yaml"].read(tmp_path)

@@ -83,3 +83,10 @@ def test_a_backup_of_a_damaged_file_is_refused_and_nothing_is_left(tmp_path: Pat
     with opened(file, create=False) as history, pytest.raises(LinkError, match=r"malformed|not what was copied"):
         copied(history, tmp_path / "copy.db")
     assert not (tmp_path / "copy.db").exists() and file.exists()
+
+
+def test_a_long_name_of_a_schema_is_cut_in_the_message(tmp_path: Path) -> None:
+    file = spoilt(tmp_path, "UPDATE alembic_version SET version_num = ?", "[" * 3000)
+    with pytest.raises(InputError, match="newer version") as refused, opened(file, create=False):
+        pass
+    assert len(str(refused.value)) < 300

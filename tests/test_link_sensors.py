@@ -1,6 +1,7 @@
 """Temperatures of the shop beside a run: an MTConnect agent, a real MQTT broker, and what happens when they fail."""
 
 import contextlib
+import getpass
 import http.server
 import json
 import math
@@ -164,6 +165,48 @@ def test_messages_of_a_broker_count_and_kept_ones_do_not(tmp_path):
             broker.terminate()
     watch.close()
     assert math.isclose(watch.values()["room"], 19.5)  # the broker is gone, the value not yet old
+
+
+@pytest.mark.long
+@pytest.mark.system("mosquitto", "mosquitto_passwd")
+def test_a_broker_that_asks_for_a_password_dies_and_comes_back(tmp_path):
+    """Who has the password hears; values of a broker that is gone grow old, and come again with it."""
+    port, word = free_port(), "geheim9"
+    subprocess.run(["mosquitto_passwd", "-b", "-c", tmp_path / "words", "anna", word], check=True, capture_output=True)
+    user = f"user {getpass.getuser()}\n"  # whose files these are
+    (tmp_path / "conf").write_text(
+        f"listener {port} 127.0.0.1\nallow_anonymous false\npassword_file {tmp_path / 'words'}\npersistence false\n{user}"
+    )
+    url = f"mqtt://anna@127.0.0.1:{port}/shop/room"
+    sensors = Sensors((Sensor("room", "mqtt", url, password=word), Sensor("other", "mqtt", url, password="x")), old=1.0)
+
+    def broker():
+        process = subprocess.Popen(["mosquitto", "-c", tmp_path / "conf"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        listening(port, process)
+        return process
+
+    def says(value):
+        account = {"username": "anna", "password": word}
+        publish.single("shop/room", value, hostname="127.0.0.1", port=port, auth=account)
+        return watch.values()["room"] == float(value)
+
+    watch, first = Watch(sensors), broker()
+    try:
+        watch.start()
+        until(lambda: says("19.5"))
+        first.kill()
+        first.wait()
+        until(lambda: watch.values()["room"] is None)
+        first = broker()
+        for _ in range(5):  # paho waits a second, then two, between two attempts
+            with contextlib.suppress(AssertionError):
+                until(lambda: says("20.5"))
+                break
+        assert watch.values() == {"room": 20.5, "other": None}
+    finally:
+        watch.close()
+        first.kill()
+        first.wait()
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 
-from ..files.checked import Node, Scalar, load
+from ..files.checked import FURTHEST, Node, Scalar, load
 
 PEOPLE = (
     *("laboratory", "address", "location", "customer", "contact", "number", "item", "method", "specification"),
@@ -177,4 +177,7 @@ def _millimetres(node: Node) -> float:
     found = QUANTITY.fullmatch(_said(node))
     if found is None or found[2] not in UNITS:
         raise node.wrong(f"a number and its unit, {', '.join(UNITS)}, such as 304.6686 mm or 0.5 µm")
-    return float(found[1]) * UNITS[found[2]]
+    value = float(found[1]) * UNITS[found[2]]
+    if value > FURTHEST:
+        raise node.wrong(f"at most {FURTHEST:g} mm")
+    return value

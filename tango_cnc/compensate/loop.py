@@ -185,7 +185,8 @@ def _same(file: Path, text: str) -> None:
         a = found_lines[i] if i < len(found_lines) else "the end of the file"
         b = wanted[i] if i < len(wanted) else "the end of the file"
         if a != b:
-            raise TangoError(f"{file}:{i + 1}: found {a!r}; written was {b!r}; do not load this folder: propose anew")
+            found, written = printable(repr(a), 200), printable(repr(b), 200)
+            raise TangoError(f"{file}:{i + 1}: found {found}; written was {written}; do not load this folder: propose anew")
 
 
 def present(folder: Path) -> dict[str, float]:

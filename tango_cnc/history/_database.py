@@ -11,6 +11,7 @@ from sqlalchemy import Connection, Engine, create_engine, event, inspect, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, StatementError
 
+from ..nearest import printable
 from ..records import InputError, LinkError
 
 HEAD = "0002"
@@ -110,8 +111,9 @@ def _migrate(engine: Engine) -> None:
         found = _version(connection)
         known = {step.revision for step in ScriptDirectory.from_config(config).walk_revisions()}
         if found is not None and found not in known:
+            named = printable(repr(found), 40)
             raise InputError(
-                f"history: its schema is {found!r}, of a newer version of tango_cnc; allowed: up to {HEAD!r}. Install that version"
+                f"history: its schema is {named}, of a newer version of tango_cnc; allowed: up to {HEAD!r}. Install that version"
             )
         config.attributes["connection"] = connection
         command.upgrade(config, "head")

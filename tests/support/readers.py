@@ -317,7 +317,8 @@ def _measured(folder: Path) -> Any:
     cell = whole(folder)
     found = read_readings(folder / "readings.csv", cell.machine, cell.artefact)
     temperatures = [value for values in found.temperatures.values() for value in values]
-    gaps = re.findall(r"(?m),(?=,|$)", (folder / "readings.csv").read_bytes().decode("utf-8", "replace"))  # cells without a value
+    text = (folder / "readings.csv").read_bytes().decode("utf-8", "replace")
+    gaps = re.findall(r"(?m)(?:,|^)[\s\"]*(?=,|$)", text)  # cells without a value
     if np.isnan(temperatures).sum() <= len(gaps):
         temperatures = [value for value in temperatures if not math.isnan(value)]
     others = {field.name: getattr(found, field.name) for field in fields(found) if field.name != "temperatures"}
