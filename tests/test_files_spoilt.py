@@ -78,3 +78,19 @@ def test_a_certificate_says_no_length_that_nothing_has(tmp_path: Path) -> None:
         (tmp_path / "acceptance.yaml").write_text(TEXTS["acceptance.yaml"].replace("304.6686", length), encoding="utf-8")
         with pytest.raises(InputError, match=r"value: .*at most .* mm"):
             READERS["acceptance.yaml"].read(tmp_path)
+
+
+@pytest.mark.parametrize("datum", ["null", "5", "A", "{A: C}"])
+def test_a_datum_that_is_no_list_is_refused_with_its_line(tmp_path: Path, datum: str) -> None:
+    cell(tmp_path)
+    text = TEXTS["features.yaml"].replace("datum: [A, C, D]", f"datum: {datum}")
+    (tmp_path / "features.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"features.yaml:6: checks\[2\].datum: found"):
+        READERS["features.yaml"].read(tmp_path)
+
+
+def test_a_setting_of_a_port_is_shown_as_far_as_anybody_reads(tmp_path: Path) -> None:
+    (tmp_path / "ports.txt").write_text(f"serial:///dev/ttyUSB0?{'[' * 1500}=1")
+    with pytest.raises(InputError, match="unknown setting") as refused:
+        READERS["ports"].read(tmp_path)
+    assert len(str(refused.value)) < 2000

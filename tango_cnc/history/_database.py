@@ -11,7 +11,7 @@ from sqlalchemy import Connection, Engine, create_engine, event, inspect, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, StatementError
 
-from ..nearest import printable
+from ..files.checked import printable
 from ..records import InputError, LinkError
 
 HEAD = "0002"

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, unquote, urlsplit
 
+from ..files.checked import printable
 from ..records import InputError
 from ._secrets import SECRET, revealed, shown
 from .protocols import schemes
@@ -75,7 +76,7 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
     if scheme in ("socket", "rfc2217", "tcp", "rsh", "opcua") and not _host(target):
         raise InputError(
-            f"port {url!r}: found {target!r}; allowed: host:port, port 1 … {LAST_PORT}, e.g. socket://192.168.1.20:8193"
+            f"port {url!r}: found {printable(repr(target), 80)}; allowed: host:port, port 1 … {LAST_PORT}, e.g. socket://192.168.1.20:8193"
         )
     if scheme in REMOTE:
         place, _, path = target.rpartition("@")[2].partition("/")
@@ -97,12 +98,12 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
     settings = _settings(query, url)
     for name, text in settings:
         if [other for other, _ in settings].count(name) > 1:
-            raise InputError(f"port {url!r}: found {name!r} more than once; allowed: each setting once")
+            raise InputError(f"port {url!r}: found {printable(repr(name), 80)} more than once; allowed: each setting once")
         value = text or "yes" if name == "exclusive" else text
         if name not in known:
-            raise InputError(f"port {url!r}: found the unknown setting {name!r}; allowed: {', '.join(known)}")
+            raise InputError(f"port {url!r}: found the unknown setting {printable(repr(name), 80)}; allowed: {', '.join(known)}")
         if known[name] and value not in known[name] and not (name == "baud" and re.fullmatch("[1-9][0-9]{0,7}", value)):
-            raise InputError(f"port {url!r}: {name}: found {value!r}; allowed: {', '.join(known[name])}")
+            raise InputError(f"port {url!r}: {name}: found {printable(repr(value), 80)}; allowed: {', '.join(known[name])}")
         if name in LINE:
             line[name] = value
         if name in options:

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from ..compensate.fit import Known
-from ..files.checked import Node, load
+from ..files.checked import Node, load, printable
 from ..records import Array, InputError
 from .follow import Motion, Setup, positions
 from .predict import beyond, drawn, machinery, points_of
@@ -79,12 +79,13 @@ def _check(node: Node, places: Mapping[str, object]) -> Check:
     wanted = {"distance": 2, "squareness": 4, "position": 1, "circularity": 1}[kind]
     if len(of) != wanted:
         raise fields["of"].wrong(f"{wanted} of the places for {kind}", f"{len(of)}")
-    datum = tuple(str(item) for item in fields["datum"].plain()) if "datum" in fields else ()
+    datum = tuple(str(item.plain()) for item in fields["datum"].list()) if "datum" in fields else ()
     if datum and (kind != "position" or len(datum) < 3):
         raise fields["datum"].wrong("three or more places, for a position", f"{len(datum)} for {kind}")
     for name in (*(of if kind != "circularity" else ()), *datum):
         if name not in places:
-            raise fields["of"].wrong(f"places that are listed under 'places': {', '.join(places)}", repr(name))
+            known = printable(", ".join(places), 300)
+            raise fields["of"].wrong(f"places that are listed under 'places': {known}", printable(repr(name), 80))
     return Check(fields["name"].text() if "name" in fields else f"{kind} {' '.join(of)}", kind, of, datum)
 
 
