@@ -194,3 +194,10 @@ def test_a_chart_divides_every_change_by_what_was_expected_of_its_night(history:
     assert list(np.flatnonzero(charts.shewhart(standardised(history, trend)).alarm)) == [19]
     history.add_night(record(31, machine="K", parameters={"EX0C": {"value": value, "std": 1e-4, "unit": "mm"}}))
     assert len(standardised(history, history.trend("K", "EX0C"))) == 31  # a night from before that was kept
+
+
+def test_a_parameter_that_goes_one_way_is_read_back_with_its_night(history: History) -> None:
+    """`trend` of a record is one thing, `behind` a list of them."""
+    trend = {"parameter": "EX0C", "text": "EX0C moves", "size": 0.002}
+    entry = history.add_night(record(5, trend=trend, behind=[{"what": "volume", "text": "EX0C moves"}]))
+    assert history.night(entry).record["trend"] == trend and history.verify() == ()

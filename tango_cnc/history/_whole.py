@@ -28,9 +28,9 @@ NIGHT = {
     "alarms": [ALARM],
     "standing?": [ALARM],
     "parameters?": {"*": {"value": float, "std": float, "unit?": str, "change?": float, "low?": float, "high?": float}},
-    **{f"{name}?": [{}] for name in ("preflight", "limits", "trend", "behind")},
+    **{f"{name}?": [{}] for name in ("preflight", "limits", "behind")},
     **{f"{name}?": {} for name in ("change", "residual", "volume", "diagnosis", "plausible", "temperatures", "next", "artefacts")},
-    **{f"{name}?": {} for name in ("hashes", "versions", "said")},
+    **{f"{name}?": {} for name in ("hashes", "versions", "said", "trend", "state")},
     **dict.fromkeys(("touches?", "planned?", "duration_s?"), float),
 }
 
