@@ -33,9 +33,14 @@ AGREES = 0.05  # mm between a touch and the table that was found
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
 LEAST = 8  # touches that have to agree
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
+NEAR = 5.0  # mm
 NEARER = (
     "Measure the place of the table with a rule to 5 mm, correct it in artefact.yaml, then 'tango locate --within 5': its searches "
     "are shorter, and the stem of the stylus meets less"
+)
+FARTHER = (
+    "It may stand farther away than these searches reach: measure its place with a rule again, correct it in artefact.yaml, or "
+    "search farther, 'tango locate' without --within"
 )
 ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
 
@@ -62,8 +67,7 @@ def strategy(cell: Cell, count: int = TOUCHES, within: float = FARTHEST) -> Plan
     It touches facets of one indexation that together tell all six freedoms, searched from far. Raises InputError where no
     indexation has facets that tell them.
     """
-    lever = max((math.hypot(*f.point) for f in cell.artefact.facets.values()), default=0.0)
-    off = min(within + math.radians(turned(within)) * lever, 60.0)
+    off = _off(cell.artefact, within)
     approach = Approach(off + CLEAR, off, FEED)
     best: tuple[float, Indexation] | None = None
     short: list[str] = []
@@ -93,6 +97,18 @@ def strategy(cell: Cell, count: int = TOUCHES, within: float = FARTHEST) -> Plan
     )
 
 
+def _off(artefact: Artefact, within: float) -> float:
+    """artefact, mm by which it may stand elsewhere → mm by which a facet may be elsewhere."""
+    lever = max((math.hypot(*f.point) for f in artefact.facets.values()), default=0.0)
+    return min(within + math.radians(turned(within)) * lever, 60.0)
+
+
+def _advice(plan: Plan) -> str:
+    """plan of the locating cycle → what to do where it did not find the table: shorter searches, or longer ones."""
+    short = plan.strategy.approach.search <= _off(plan.artefact, NEAR) + 1e-6
+    return FARTHER if short else NEARER
+
+
 def _reached(cell: Cell, indexation: Indexation, approach: Approach) -> tuple[tuple[str, ...], str]:
     """cell, indexation, approach from far → its facets that a plan can touch so, and in words why not the others."""
     if not indexation.facets:
@@ -118,14 +134,14 @@ def locate(plan: Plan, readings: Readings) -> Located:
     if len(met) < least:
         raise InputError(
             f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed. "
-            f"{NEARER}"
+            f"{_advice(plan)}"
         )
     kept, found, residual = _agreeing(facets, tip, plan.machine.probe.tip_radius, least)
     if kept is None:
         worst = int(np.argmax(np.abs(residual)))
         raise InputError(
             f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from where the others place the table; allowed: "
-            f"{AGREES:g} mm. Was another facet touched, or something that is not the table? {NEARER}"
+            f"{AGREES:g} mm. Was another facet touched, or something that is not the table? {_advice(plan)}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
     artefact = moved(plan.artefact, found[:3], found[3:])

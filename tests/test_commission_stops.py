@@ -13,12 +13,14 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.controls import golden
 
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
+from tango_cnc.commission.timing import expected
 from tango_cnc.files.commissioning import read_commissioning
 from tango_cnc.records import Plan
 
@@ -86,7 +88,10 @@ def test_a_stop_that_is_no_belief_has_advice_too(text: str, word: str) -> None:
     assert word in commission.stopped_by(text) and text in commission.stopped_by(text)
 
 
-@pytest.mark.parametrize(("step", "verdict"), [(0.1, "FAIL"), (0.01, "FAIL"), (0.00254, "PASS"), (0.001, "PASS"), (0.0, "PASS")])
+USELESS = (0.1, 0.0254, 0.0127, 0.0125, 0.01, 0.007, 0.005)
+
+
+@pytest.mark.parametrize(("step", "verdict"), [*((s, "FAIL") for s in USELESS), *((s, "PASS") for s in (0.00254, 0.001, 0.0))])
 def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict: str) -> None:
     whole = air()
     away = tuple(replace(t, end=tuple(v + 0.0037 * (t.number + i) for i, v in enumerate(t.end))) for t in whole.touches)
@@ -97,6 +102,16 @@ def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict
         place = dict(zip(names, touch.end, strict=True))
         found[touch.number] = (0, {n: round(v / step) * step if step and n in made.machine.linear else v for n, v in place.items()})
     assert verdicts(commission.Seen(made, found, True, True))["records"] == verdict
+
+
+def test_moves_that_took_no_time_prove_no_pace() -> None:
+    made = air()
+    found = {t.number: (0, dict(zip(made.machine.names, t.end, strict=True))) for t in made.touches}
+    needed = expected(made, 3000.0)
+    clock = dict(zip(found, np.cumsum([needed[n] for n in found]), strict=True))
+    for speed, verdict in ((1.0, "PASS"), (0.8, "PASS"), (0.0, "OPEN")):
+        times = {number: speed * float(at) for number, at in clock.items()}
+        assert verdicts(commission.Seen(made, found, True, True, times=times))["pace"] == verdict
 
 
 def test_round_numbers_are_no_coarse_steps() -> None:

@@ -168,3 +168,18 @@ def test_two_touches_that_met_the_same_wall_are_not_believed_against_one_that_is
     monkeypatch.setattr(locate, "FARTHEST", 10.0)
     monkeypatch.setattr(locate, "TURNED", 1.5)
     assert found_to(seed) is None
+
+
+@pytest.mark.parametrize(("within", "advice"), [(20.0, "tango locate --within 5"), (5.0, "without --within")])
+def test_what_was_just_done_is_no_advice(within: float, advice: str) -> None:
+    cycle = locate.strategy(CELL, within=within)
+    count, axes = len(cycle.touches), len(cycle.machine.names)
+    one, motion = np.ones(count, dtype=np.int64), np.zeros((count, axes), dtype=np.int64)
+    position = np.array([touch.end for touch in cycle.touches])
+    facets = tuple(touch.facet for touch in cycle.touches)
+    status = ("ok",) * 7 + ("miss",) * (count - 7)
+    few = Readings(
+        cycle.machine.names, np.arange(1, count + 1), np.zeros(count), facets, position, motion, status, one, one, 300.0 * one
+    )
+    with pytest.raises(InputError, match=advice):
+        locate.locate(cycle, few)

@@ -48,8 +48,8 @@ def command(
 ) -> None:
     """Finds where the table stands, when its file is right to 20 mm and 3 degrees only.
 
-    Nine slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the cell's own
-    file stays as it is: look at the numbers, then copy it.
+    Eight or nine slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the
+    cell's own file stays as it is: look at the numbers, then copy it.
     """
     from .. import locate
     from ..link.lock import holding

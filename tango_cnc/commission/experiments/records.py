@@ -9,7 +9,9 @@ import numpy as np
 from ..digits import lost
 from ..experiment import Experiment, Seen, Verdict
 
-COARSE = (1.0, 0.1, 0.01)  # mm: steps of positions that are useless here; 0.0001 inch is none of them
+COARSE = 0.004  # mm: steps of positions from here on are useless; 0.0001 inch is none of them
+USUAL = (1.0, 0.5, 0.25, 0.2, 0.125)  # steps in powers of ten of mm and of inches, which rounded records still show
+EXACT = 1e-6  # mm
 FEW = 6  # numbers that a step has to be seen in
 
 
@@ -20,12 +22,12 @@ def judge(seen: Seen) -> Verdict:
     if not seen.records:
         return Verdict("OPEN", "nothing was recorded")
     if step := coarse(seen):
-        return Verdict("FAIL", f"positions come in steps of {step:g} mm; allowed: 0.001 mm or finer", step, "mm")
+        return Verdict("FAIL", f"positions come in steps of {step:.5g} mm; allowed: 0.001 mm or finer", step, "mm")
     return Verdict("PASS", f"{len(seen.records)} records read", float(len(seen.records)), "records")
 
 
 def coarse(seen: Seen) -> float | None:
-    """→ mm between two positions that the control can store, where that is a step of `COARSE`, the largest of them; else None.
+    """→ mm between two positions that the control can store, where that is `COARSE` or more, the largest of them; else None.
 
     Recorded places are multiples of it, and the places that the axes were sent to are not.
     """
@@ -36,12 +38,25 @@ def coarse(seen: Seen) -> float | None:
         if touch.number in seen.records
         for name in linear
     ]
+    if len(pairs) < FEW:
+        return None
     recorded, sent = np.array(pairs).T
-    for step in COARSE:
-        off = [np.abs(values - step * np.round(values / step)) for values in (recorded, sent)]
-        if len(pairs) >= FEW and off[0].max() < 1e-6 and np.count_nonzero(off[1] > step / 20) >= FEW // 2:
-            return step
+    apart = np.diff(np.unique(recorded))
+    apart = apart[apart > EXACT]
+    least = float(apart.min()) if len(apart) else 0.0  # a whole number of steps
+    parts = least / np.arange(1, int(least / COARSE + EXACT) + 1)
+    usual = [unit * share * 10.0**-power for unit in (1.0, 25.4) for share in USUAL for power in range(4)]
+    digit = next((d for d in (0.01, 0.001, 0.0001) if _off(recorded, d).max() < EXACT), 0.0)
+    for step in sorted({*parts.tolist(), *(s for s in usual if s >= COARSE)}, reverse=True):
+        rounded = digit / 2 if digit < step / 5 and _off(np.array([step]), digit or step)[0] > EXACT else 0.0
+        if _off(recorded, step).max() < rounded + EXACT and np.count_nonzero(_off(sent, step) > step / 20) >= FEW // 2:
+            return float(step)
     return None
+
+
+def _off(values: np.ndarray, step: float) -> np.ndarray:
+    """(n,) mm, mm → (n,) mm to the nearest multiple of the step."""
+    return np.asarray(np.abs(values - step * np.round(values / step)))
 
 
 EXPERIMENT = Experiment(
