@@ -411,6 +411,17 @@ def test_a_machine_that_was_never_measured_says_what_to_do(tmp_path: Path) -> No
         assert "Yes, but: 0. No: 0. Not known: 1." in site.get("/").text
 
 
+def test_the_first_run_of_a_machine_is_seen_as_one(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        run = Recorded(folder, 20, simulated=True)
+        run.begin()
+        run.touch()
+        fleet, machine = site.get("/").text, site.get("/machine/HU40T-like").text
+    assert "Measuring: 1." in fleet and "Not known: " not in fleet and "SIMULATED" in fleet
+    assert "<b>Measuring</b>" in machine and "Keep the door shut" in machine and "tango nightly" not in machine
+
+
 def test_a_fault_that_a_full_measurement_has_confirmed_is_not_measured_in_full_again() -> None:
     """However many short checks came after it."""
     alarm = knock("2026-11-05") | {"night": "2026-11-05", "now": "still there: +19.9 µm", "total": 0.0199}

@@ -20,7 +20,7 @@ from ...report.units import Units
 from ..app import State, needs, page, state_of
 from ..places import Row
 from ..places import told as verdict_of
-from .machine import busy_of, written_of
+from .machine import busy_of, run_of, written_of
 
 
 def fleet(request: Request) -> Response:
@@ -47,7 +47,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
             row.record, u, t, waiting["night"] if waiting else "", row.before, axes, complete if s is not None and s.late else ""
         )
     )
-    busy = busy_of(request, row.machine)
+    run, busy = run_of(request, row.machine), busy_of(request, row.machine)
     if busy and told is not None:
         told = measuring(told, t)
     verdict = "" if told is None else f"morning.{told.state}"
@@ -58,11 +58,11 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "slug": row.machine.slug,
         "name": row.machine.name,
         "trouble": row.machine.trouble,
-        "simulated": made_up(row),
+        "simulated": made_up(row) or (bool(busy) and run is not None and run.simulated),
         "night": row.nights[0].night if row.nights else "",
-        "may": "none" if told is None else told.may,
+        "may": ("wait" if busy else "none") if told is None else told.may,
         "level": "none" if told is None else told.level,
-        "answer": t("web.no_history") if told is None else told.word,
+        "answer": t("may.measuring" if busy else "web.no_history") if told is None else told.word,
         "word": busy or (t(verdict) if verdict in t else ""),
         "why": "" if told is None else told.why,
         "numbers": "" if told is None else told.numbers,
