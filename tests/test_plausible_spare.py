@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.coverage import pushed
@@ -55,3 +57,16 @@ def test_few_touches_to_spare_are_incomplete_and_no_parameter_is_trusted(measure
 def test_a_sound_cell_has_nothing_of_this(measured: Measured) -> None:
     judgement, _ = judged(*measured)
     assert (judgement.verdict, judgement.untrusted, judgement.incomplete) == ("trustworthy", (), False)
+
+
+def test_where_most_touches_missed_these_come_first_and_no_mistake_is_said_to_fit(measured: Measured) -> None:
+    cell, readings = measured
+    some = np.random.default_rng(4).random(len(readings)) < 0.3
+    longer = replace(cell, machine=replace(cell.machine, probe=replace(cell.machine.probe, length=cell.machine.probe.length + 12)))
+    few = replace(readings, status=tuple("ok" if s else "miss" for s in some))
+    result = honest(estimate(longer.machine, longer.artefact, few, longer.terms))
+    judgement = judge(longer, few, result)
+    first, *others = judgement.suspicions
+    assert judgement.incomplete and first.kind == "missing_touches"
+    assert "compare directions and points of the axes" in first.text
+    assert others and not any(s.fits or s.text.startswith("the readings fit") for s in others)

@@ -20,7 +20,7 @@ from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches
 from .groups import common
-from .search import place, suspects
+from .search import less, place, suspects
 from .setup import stylus
 from .spare import spare
 from .words import beyond_text
@@ -100,6 +100,9 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     first = [s for s in own if s.text in sure] + [s for s in first if s.text not in sure]
     kinds = {s.kind for s in first if s.text in sure}
     rest = [s for s in tried if s.kind not in kinds]
+    if any(r.incomplete for r in found):  # so few touches fit many mistakes, and those that are missing say the most
+        first += [s for s in own if s.kind == "missing_touches" and s not in first]
+        rest = [less(s) for s in rest]
     return (*first, *rest, *(s for s in own if s not in first))
 
 

@@ -87,6 +87,8 @@ def _missing(touches: Asked, readings: Readings) -> Iterator[Remark]:
         if share < NEEDED:
             hint = say("plausible.readings.go_on_with_tango_run") if gone else say("plausible.readings.look_for_what_kept_them")
             verdict: Verdict = "implausible" if share < HARDLY else "doubtful"
+            if not gone and share < ENOUGH:
+                hint = say("plausible.readings.compare_with_machine", hint=hint)
             there = say("plausible.readings.there", expected=expected - len(lacking)) if share < ENOUGH else ""
             told = joined("", (text, ": ", there, hint))
             yield Remark(verdict, told, numbers, "missing_touches", "touch", hint, incomplete=share < ENOUGH, lost=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +132,13 @@ def _told(cell: Cell, case: Case, tried: Sequence[_Tried]) -> tuple[Suspicion, .
             Suspicion(t.kind, text, file, h.key, change, line, h.touches, case.stated.size, t.explained.size, fits, odds, equally)
         )
     return tuple(found)
+
+
+def less(suspicion: Suspicion) -> Suspicion:
+    """suspicion → the same, of which it is not said that the readings fit."""
+    if not suspicion.fits:
+        return suspicion
+    return replace(suspicion, text=say("mistake.search.less_left", what=suspicion.text.removeprefix(SAID)), fits=False)
 
 
 def _text(tried: _Tried) -> str:
