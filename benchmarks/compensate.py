@@ -46,7 +46,7 @@ def main(blocks: int) -> None:
             begin = time.process_time()
             (folder / "copy.nc").write_text("".join(f"{line}\n" for line in source.read_text().splitlines()))
             floor = time.process_time() - begin
-            common = ["compensate", str(source), "-C", str(folder / "cell"), "-o", str(folder / "out.nc")]
+            common = ["compensate", str(source), "-C", str(folder / "cell"), "-o", str(folder / "out.nc"), "--simulated"]
             used, memory = run(*tango, *common, "--zero", "X=0,Y=0,Z=-100", "--tool-length", "150")
             print(
                 f"{count:7d} blocks: {used:5.1f} s of one core, {1e6 * used / count:.0f} µs a block, "

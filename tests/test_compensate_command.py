@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 from support.compensated import ROOT
 
 from tango_cnc.cli import guarded, tango
+from tango_cnc.commands import predict
 from tango_cnc.compensate import loop, targets
 from tango_cnc.records import InputError, TangoError
 
@@ -36,7 +37,7 @@ def copied(cell: Path, to: Path) -> Path:
 
 def test_it_writes_files_undo_steps_and_a_record(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
-    done = run("compensate", "-C", mill, "--target", "linuxcnc")
+    done = run("compensate", "-C", mill, "--target", "linuxcnc", "--simulated")
     assert done.exit_code == 0, done.output
     folder = mill / "compensations" / "001-linuxcnc"
     written = {f.name for f in folder.iterdir()}
@@ -45,6 +46,25 @@ def test_it_writes_files_undo_steps_and_a_record(cell: Path, tmp_path: Path) -> 
     assert all(up == down == nominal for nominal, up, down in zip(undo[::3], undo[1::3], undo[2::3], strict=True))
     assert run("compensate", "--check", folder).exit_code == 0
     assert [e["event"] for e in loop.history(mill)] == ["proposed"]
+
+
+def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, tmp_path: Path) -> None:
+    mill = copied(cell, tmp_path / "mill")
+    part, out = tmp_path / "part.ngc", tmp_path / "out.ngc"
+    part.write_text("G21 G90 G94\nG1 X0 Y0 Z0 F500\nG1 X10\nM2\n")
+    for wanted in (["--target", "linuxcnc"], [part, "-o", out, "--zero", "X=0,Y=0,Z=0"]):
+        refused = run("compensate", "-C", mill, *wanted)
+        assert isinstance(refused.exception, TangoError) and "--simulated" in str(refused.exception)
+        assert not (mill / "compensations").exists() and not out.exists()
+        assert run("compensate", "-C", mill, *wanted, "--simulated").exit_code == 0
+    folder = mill / "compensations" / "001-linuxcnc"
+    for name in ("steps.txt", loop.REMARK):
+        assert (folder / name).read_text().splitlines()[0] == loop.SIMULATED
+    assert next(iter(json.loads((folder / loop.RECORD).read_text()).items())) == ("simulated", loop.SIMULATED)
+    assert run("compensate", "--check", folder).exit_code == 0
+    assert any("SIMULATED READINGS, FOR NO MACHINE" in line for line in out.read_text().splitlines()[:2])
+    foretold = run("predict", "-C", mill, part, "--zero", "X=0,Y=0,Z=0")
+    assert foretold.output.splitlines()[0] == predict.SIMULATED
 
 
 def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> None:
@@ -78,12 +98,12 @@ def test_wrong_input_is_answered(cell: Path, arguments: list[str], said: str) ->
 
 def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
-    assert run("compensate", "-C", mill, "--target", "siemens").exit_code == 0
+    assert run("compensate", "-C", mill, "--target", "siemens", "--simulated").exit_code == 0
     folder = mill / "compensations" / "001-siemens"
     early = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "simulated.csv")
     assert isinstance(early.exception, InputError) and "noted as proposed" in str(early.exception)
     assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
-    blind = run("compensate", "-C", mill, "--target", "siemens")
+    blind = run("compensate", "-C", mill, "--target", "siemens", "--simulated")
     assert isinstance(blind.exception, InputError) and "--present" in str(blind.exception)
     assert run("simulate", "-C", mill, "--compensation", folder, "-o", mill / "after.csv", "--seed", 99).exit_code == 0
     done = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "after.csv", "--json", "-")
@@ -115,7 +135,7 @@ def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
 def test_a_history_that_cannot_be_written_gets_the_event_later(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     (mill / "nightly.yaml").write_text("nightly: 1\nhistory: away/history.db\n")
-    done = run("compensate", "-C", mill, "--target", "siemens")
+    done = run("compensate", "-C", mill, "--target", "siemens", "--simulated")
     assert done.exit_code == 0 and "no such folder" in done.output
     (mill / "away").mkdir()
     assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
@@ -125,7 +145,7 @@ def test_a_history_that_cannot_be_written_gets_the_event_later(cell: Path, tmp_p
 
 def test_readings_that_see_little_of_it_decide_nothing(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
-    assert run("compensate", "-C", mill, "--target", "siemens").exit_code == 0
+    assert run("compensate", "-C", mill, "--target", "siemens", "--simulated").exit_code == 0
     assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
     same = run("compensate", "-C", mill, "--measured", 1, "--readings", mill / "simulated.csv")
     assert isinstance(same.exception, InputError) and "that the compensation was made from" in str(same.exception)
@@ -146,9 +166,9 @@ def test_it_asks_whether_the_second_run_saw_the_kinematics(tmp_path: Path) -> No
     cradle = tmp_path / "cradle"
     shutil.copytree(ROOT / "examples" / "trunnion", cradle)
     assert run("simulate", "-C", cradle).exit_code == 0
-    done = run("compensate", "-C", cradle, "--target", "linuxcnc", "-o", tmp_path / "elsewhere")
+    done = run("compensate", "-C", cradle, "--target", "linuxcnc", "--simulated", "-o", tmp_path / "elsewhere")
     assert "has no number" in done.output and "--written 1" not in done.output
-    assert run("compensate", "-C", cradle, "--target", "linuxcnc").exit_code == 0
+    assert run("compensate", "-C", cradle, "--target", "linuxcnc", "--simulated").exit_code == 0
     assert run("compensate", "-C", cradle, "--written", 1).exit_code == 0
     folder, verdicts = cradle / "compensations" / "001-linuxcnc", []
     for switch in ("--no-tcp", "--tcp"):
@@ -177,7 +197,10 @@ def _volume(folder: Path) -> str:
 def test_a_wrong_sign_is_rolled_back(cell: Path, tmp_path: Path) -> None:
     """The control adds where the file was made for one that takes away: the second measurement says so."""
     mill = copied(cell, tmp_path / "mill")
-    assert run("compensate", "-C", mill, "--target", "siemens", "--set", "sign_cec=1", "--set", "sign_enc=-1").exit_code == 0
+    assert (
+        run("compensate", "-C", mill, "--target", "siemens", "--simulated", "--set", "sign_cec=1", "--set", "sign_enc=-1").exit_code
+        == 0
+    )
     folder = mill / "compensations" / "001-siemens"
     assert run("compensate", "-C", mill, "--written", 1).exit_code == 0
     assert run("simulate", "-C", mill, "--compensation", folder, "-o", mill / "after.csv").exit_code == 0
@@ -193,7 +216,7 @@ def test_a_sign_trial_decides_by_touches(cell: Path, tmp_path: Path, sign: int, 
     """The simulated control adds CEC to the command: a file made for that is right, the other one is found out."""
     mill = copied(cell, tmp_path / "mill")
     trial = tmp_path / "trial"
-    common = ["compensate", "-C", mill, "--target", "siemens", "--set", f"sign_cec={sign}"]
+    common = ["compensate", "-C", mill, "--target", "siemens", "--simulated", "--set", f"sign_cec={sign}"]
     done = run(*common, "--sign-trial", "CEC X to Y", "-o", trial)
     assert done.exit_code == 0 and "1. Load" in done.output, done.exception
     assert run("simulate", "-C", mill, "--compensation", trial, "-o", mill / "after.csv", "--seed", 5).exit_code == 0

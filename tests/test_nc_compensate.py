@@ -157,14 +157,14 @@ def test_the_command_says_what_it_did_and_keeps_the_source(tmp_path: Path) -> No
     assert CliRunner().invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
     source, target = tmp_path / "part.nc", tmp_path / "out.nc"
     source.write_bytes(SAME["rs274"].replace("\n", "\r\n").encode())
-    common = ["compensate", str(source), "-C", str(cell), "-o", str(target)]
+    common = ["compensate", str(source), "-C", str(cell), "-o", str(target), "--simulated"]
     lacking = CliRunner().invoke(tango, common)
     assert isinstance(lacking.exception, InputError) and "--zero" in str(lacking.exception) and not target.exists()
     done = CliRunner().invoke(tango, [*common, "--zero", "X=0,Y=0,Z=-50", "--diff", str(tmp_path / "diff.txt")])
     assert done.exit_code == 0, done.exception
     assert "µm after" in done.output and source.read_bytes() == SAME["rs274"].replace("\n", "\r\n").encode()
     assert b"\r\n" in target.read_bytes() and "- N10 G1 X40." in (tmp_path / "diff.txt").read_text()
-    itself = CliRunner().invoke(tango, [*common[:-1], str(source), "--zero", "X=0,Y=0,Z=0"])
+    itself = CliRunner().invoke(tango, [*common[:-2], str(source), "--simulated", "--zero", "X=0,Y=0,Z=0"])
     assert isinstance(itself.exception, InputError)
     source.write_text("G21 G90\nG0 X0. Y0. Z5.\nG41 D1\n")
     before = target.read_bytes()

@@ -129,7 +129,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
     setup, found, account = setup_of(cell, options), found_of(result), Account()
     settings = Settings(options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None)
     digest = hashlib.sha256(repr(list(zip([c.name for c in found.coefficients], found.values, strict=True))).encode())
-    mark = mark_text(digest.hexdigest()[:12], setup.zero)
+    mark = mark_text(digest.hexdigest()[:12], setup.zero, simulated=options["of_no_machine"])
     ends = ends_of(source)
     target.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
@@ -152,6 +152,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
     count = max(account.count, 1)
     return {
         "format": "tango-compensated-program/1",
+        **({"simulated": True} if options["of_no_machine"] else {}),
         "program": str(target),
         "language": language.__name__.rpartition(".")[2],
         "already_compensated": account.marked,

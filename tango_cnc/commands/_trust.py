@@ -107,6 +107,11 @@ def said_of_origin(origin: Origin) -> str:
     return "readings of the simulated machine" if by_no_machine(origin.known) else ""
 
 
+def made_up(readings: Path) -> bool:
+    """readings.csv → whether a simulator made them."""
+    return by_no_machine(look_up(readings).known)
+
+
 def usable(judgement: Judgement, despite: bool, what: str) -> None:
     """judgement, --despite, what would be made of the estimate → nothing. Raises TangoError when it may not be used."""
     for text in judgement.remarks:

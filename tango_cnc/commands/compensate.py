@@ -19,7 +19,7 @@ from ..touches import from_readings
 from . import _compensate, _program
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
-from ._trust import despite_option, judged, usable
+from ._trust import despite_option, judged, made_up, usable
 
 PLACE = "Act 10"  # in the list of commands
 
@@ -70,6 +70,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--decimals", type=click.IntRange(2, 6), default=4, show_default=True, help="With PROGRAM: of the words.")
 @click.option("--no-rotary", is_flag=True, help="With PROGRAM: leave rotary words as they are.")
 @despite_option
+@click.option("--simulated", is_flag=True, help="Write files although the readings are simulated: to try them on no machine.")
 @click.option("--diff", type=Output(), metavar="FILE", help="With PROGRAM: every block that changed, before and after.")
 @json_option
 def command(**options: Any) -> int:
@@ -98,7 +99,8 @@ def command(**options: Any) -> int:
     if options["sign_of"] is not None:
         return _sign_of(cell, options)
     if options["source"] is not None:
-        data = _program.program(cell, _estimate(cell, options), options["source"], options)
+        result, options["of_no_machine"] = _estimate(cell, options), _consented(cell.folder, options)
+        data = _program.program(cell, result, options["source"], options)
         if not write_json(options["json_file"], data):
             click.echo(_program.said(data))
         return 0
@@ -123,7 +125,8 @@ def command(**options: Any) -> int:
     capped(proposal, options["cap_mm"], options["cap_deg"])
     if options["dry_run"]:
         return 0
-    kept = loop.store(folder, proposal, _now(), options["out"], _rows(current(folder, options["file"])))
+    simulated = _consented(folder, options)
+    kept = loop.store(folder, proposal, _now(), options["out"], _rows(current(folder, options["file"])), simulated=simulated)
     if options["out"] is None:
         recorded(folder)
     click.echo(_next(kept, proposal, counted=options["out"] is None), err=taken)
@@ -141,6 +144,20 @@ def _estimate(cell: Cell, options: dict[str, Any]) -> Estimate:
     result, judgement = judged(cell, readings, terms, options["degree"], source=source)
     usable(judgement, options["despite"], "compensate")
     return result
+
+
+def _consented(folder: Path, options: dict[str, Any]) -> bool:
+    """cell, options → whether its readings are simulated. Raises TangoError where nobody has agreed to files of such readings."""
+    source = current(folder, options["file"])
+    if not made_up(source):
+        return False
+    if not options["simulated"]:
+        raise TangoError(
+            f"compensate: found {source}, which a simulator has made: its errors are those of no machine. Nothing was written. "
+            "Allowed: readings of a machine ('tango run'); --simulated to try the files where no machine is"
+        )
+    click.echo(loop.SIMULATED, err=True)
+    return True
 
 
 def _rows(readings: Path) -> list[str]:
@@ -165,7 +182,8 @@ def _present(folder: Path, options: dict[str, Any]) -> dict[str, float] | None:
 
 
 def _next(kept: loop.Kept, proposal: Proposal, *, counted: bool) -> str:
-    steps = "\n".join(f"  {step}" for step in kept.record["steps"])
+    lines = [*([kept.record["simulated"]] if "simulated" in kept.record else []), *kept.record["steps"]]
+    steps = "\n".join(f"  {line}" for line in lines)
     names = ", ".join(proposal.files)
     after = (
         f"Then: tango compensate --written {kept.number}, measure again, and tango compensate --measured {kept.number} "
@@ -243,13 +261,14 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
 
 
 def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str, Any]) -> int:
+    simulated = _consented(cell.folder, options)
     changed, changes = trial.trial(proposal, options["trial_of"])
     touches = result.model.touches
     number, size = trial.best(proposal.held, changes, touches)
     first = cell.folder / loop.FOLDER / f"sign-trial-{options['target']}"
     free = (place for i in count(1) if not (place := first if i == 1 else first.with_name(f"{first.name}-{i}")).exists())
     folder = options["out"] or next(free)
-    loop.store(cell.folder, changed, _now(), folder)
+    loop.store(cell.folder, changed, _now(), folder, simulated=simulated)
     facet = touches.facet[list(touches.number).index(number)]
     tcp = any(h.tcp for h in proposal.held if h.place in changes)
     click.echo(

@@ -15,8 +15,9 @@ from ..records import InputError, TangoError
 from ..report import pictures
 from . import _program, _test
 from ._common import Output, cell_option, json_option, table, write_json
-from ._trust import despite_option, judged, usable
+from ._trust import despite_option, judged, made_up, usable
 
+SIMULATED = "PREDICTED FROM SIMULATED READINGS: it says nothing of a machine"
 PLACE = "Act 20"  # in the list of commands
 
 
@@ -54,10 +55,12 @@ def command(**options: Any) -> int:
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
     result, judgement = judged(cell, readings, terms, options["degree"], source=origin)
     usable(judgement, options["despite"], "predict")
+    simulated = made_up(origin)
+    first = [SIMULATED] if simulated else []
     if options["test"] is not None:
         shown, text, differs = _test.foretold(cell.folder, result, options)
-        if not write_json(options["json_file"], shown):
-            click.echo(text)
+        if not write_json(options["json_file"], {"simulated": True, **shown} if simulated else shown):
+            click.echo("\n".join([*first, text]))
         return differs
     setup, known = _program.setup_of(cell, options), _program.found_of(result)
     source: Path = options["source"]
@@ -72,8 +75,8 @@ def command(**options: Any) -> int:
     data = _data(source, way, found)
     if options["picture"] is not None:
         _draw(options["picture"], way)
-    if not write_json(options["json_file"], data):
-        click.echo(_text(data))
+    if not write_json(options["json_file"], {"simulated": True, **data} if simulated else data):
+        click.echo("\n".join([*first, _text(data)]))
     limit = options["limit_um"]
     return 1 if limit is not None and way.largest > limit else 0
 

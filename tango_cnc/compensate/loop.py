@@ -29,6 +29,8 @@ from .space import Held, Poses, sample
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
 IN_CONTROL = ("written", "kept", "not as promised", "undecided")  # after these events the control has it
+REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
+SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
 SEEN = 0.9  # of what was changed, so that touches can decide
 LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
 FIGURE = {"value": float, "low?": float, "high?": float}
@@ -56,21 +58,29 @@ class Kept:
     record: dict[str, Any]
 
 
-def store(cell: Path, proposal: Proposal, now: str, folder: Path | None = None, rows: Sequence[str] = ()) -> Kept:
-    """folder of a cell, proposal, UTC, check values of the rows of its readings → its folder, whole; its first line of history."""
+def store(
+    cell: Path, proposal: Proposal, now: str, folder: Path | None = None, rows: Sequence[str] = (), *, simulated: bool = False
+) -> Kept:
+    """folder of a cell, proposal, UTC, check values of the rows of its readings → its folder, whole; its first line of history.
+
+    `simulated`: the readings come from no machine. Then steps, record and a file beside them say so first.
+    """
     number = max((k.number for k in found(cell)), default=0) + 1
     place = folder or cell / FOLDER / f"{number:03d}-{proposal.target}"
     if place.exists() and any(place.iterdir()):
         raise InputError(f"-o: found {place}, which is not empty; allowed: a new folder")
     steps = [f"{i}. {text}" for i, text in enumerate(proposal.module.steps(proposal.request), 1)]
-    record = as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
+    first = {"simulated": SIMULATED} if simulated else {}
+    record = first | as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
     record["readings_rows"] = list(rows)
     record["digest"] = digest(record)
     for name, text in proposal.files.items():
         write_text(place / name, text)
     for name, text in proposal.undo.items():
         write_text(place / "undo" / name, text)
-    write_text(place / "steps.txt", "".join(f"{step}\n" for step in steps))
+    write_text(place / "steps.txt", "".join(f"{line}\n" for line in (*first.values(), *steps)))
+    if simulated:
+        write_text(place / REMARK, f"{SIMULATED}\n")
     write_text(place / RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     kept = Kept(number, place, record)
     if folder is None:
@@ -168,7 +178,7 @@ def check(folder: Path) -> dict[str, Any]:
             if not file.exists():
                 raise TangoError(f"{file}: found no such file; do not load this folder: propose anew")
             _same(file, text)
-        known_names = {*record[part], RECORD, "steps.txt", "undo"}
+        known_names = {*record[part], RECORD, REMARK, "steps.txt", "undo"}
         there = base.iterdir() if base.is_dir() else ()  # of files without undo nothing is written there
         if strangers := sorted(f.name for f in there if f.name not in known_names):
             raise TangoError(f"{base}: found {', '.join(strangers)}, which this program has not written; take it away first")

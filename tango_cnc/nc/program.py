@@ -271,7 +271,8 @@ def _judge(
     account.count += len(at)
 
 
-def mark_text(digest: str, zero: Mapping[str, float]) -> str:
-    """hash of the errors, zero of the program → the text of the mark."""
+def mark_text(digest: str, zero: Mapping[str, float], *, simulated: bool = False) -> str:
+    """hash of the errors, zero of the program, whether they are those of no machine → the text of the mark."""
     place = " ".join(f"{a}{v:g}" for a, v in zero.items())
-    return f"{MARK} {digest} ZERO {place}"
+    warning = " FROM SIMULATED READINGS, FOR NO MACHINE" if simulated else ""
+    return f"{MARK}{warning} {digest} ZERO {place}"
