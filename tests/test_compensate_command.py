@@ -52,10 +52,13 @@ def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, t
     mill = copied(cell, tmp_path / "mill")
     part, out = tmp_path / "part.ngc", tmp_path / "out.ngc"
     part.write_text("G21 G90 G94\nG1 X0 Y0 Z0 F500\nG1 X10\nM2\n")
-    for wanted in (["--target", "linuxcnc"], [part, "-o", out, "--zero", "X=0,Y=0,Z=0"]):
+    for written, wanted in (
+        (mill / "compensations", ["--target", "linuxcnc"]),
+        (out, [part, "-o", out, "--zero", "X=0,Y=0,Z=0"]),
+    ):
         refused = run("compensate", "-C", mill, *wanted)
         assert isinstance(refused.exception, TangoError) and "--simulated" in str(refused.exception)
-        assert not (mill / "compensations").exists() and not out.exists()
+        assert not written.exists()
         assert run("compensate", "-C", mill, *wanted, "--simulated").exit_code == 0
     folder = mill / "compensations" / "001-linuxcnc"
     for name in ("steps.txt", loop.REMARK):
