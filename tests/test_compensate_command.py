@@ -51,7 +51,7 @@ def test_it_writes_files_undo_steps_and_a_record(cell: Path, tmp_path: Path) -> 
 def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     part, out = tmp_path / "part.ngc", tmp_path / "out.ngc"
-    part.write_text("G21 G90 G94\nG1 X0 Y0 Z0 F500\nG1 X10\nM2\n")
+    part.write_text("G21 G90 G94\nG1 X0. Y0. Z0. F500.\nG1 X10.\nM2\n")
     for written, wanted in (
         (mill / "compensations", ["--target", "linuxcnc"]),
         (out, [part, "-o", out, "--zero", "X=0,Y=0,Z=0"]),
