@@ -67,7 +67,7 @@ def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, t
     assert run("compensate", "--check", folder).exit_code == 0
     assert any("SIMULATED READINGS, FOR NO MACHINE" in line for line in out.read_text().splitlines()[:2])
     foretold = run("predict", "-C", mill, part, "--zero", "X=0,Y=0,Z=0")
-    assert foretold.output.splitlines()[0] == predict.SIMULATED
+    assert foretold.stdout.splitlines()[0] == predict.SIMULATED
 
 
 def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> None:
