@@ -77,13 +77,13 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
     try:
         result = call(*args, **kwargs)
     except TangoError as error:
-        click.echo(f"tango: {printable(str(error), MESSAGE)}", err=True)
+        _say(f"tango: {printable(str(error), MESSAGE)}")
         return error.exit_code
     except click.ClickException as error:
         error.show()
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
-        click.echo("tango: stopped by the user", err=True)
+        _say("tango: stopped by the user")
         return 130
     except BrokenPipeError:
         return 0
@@ -91,9 +91,19 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         if error.filename is None:
             raise
         where = error.filename2 or error.filename
-        click.echo(f"tango: {where}: {error.strerror}; check the path, its permissions and the room on the disk", err=True)
+        _say(f"tango: {where}: {error.strerror}; check the path, its permissions and the room on the disk")
         return 2
     return result if isinstance(result, int) else 0
+
+
+def _say(sentence: str) -> None:
+    """A terminal that was closed shows nothing any more; the exit status stays what it is, also when Python ends and flushes."""
+    try:
+        click.echo(sentence, err=True)
+    except OSError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        for handle in (1, 2):
+            os.dup2(nowhere, handle)
 
 
 def main() -> None:

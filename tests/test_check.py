@@ -136,7 +136,7 @@ def test_what_cannot_be_seen_without_the_touches_that_are_left_out_is_named(cell
     assert call("check", "-C", cell) == 1
     said = capsys.readouterr().out
     assert re.search(r"with them \(--obstructed warn, .*\) .*EC0B, EZt could be seen", said)
-    assert "cannot be seen: EZt, EZZ1, EC0B each move" in said
+    assert "cannot be seen: EZt, EZZ1, EC0B cannot be separated from the positions of the facets" in said
 
 
 def test_what_plan_refuses_is_said_in_its_words_and_what_is_left_is_checked(

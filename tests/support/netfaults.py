@@ -26,7 +26,7 @@ from sim_controller.probing import rig
 from support import linkfaults
 from support.opcua import Gone
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link import _measure
+from tango_cnc.link import _measure, _rest
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link.transport import _lsv2, _opcua, _remote, _stores
 from tango_cnc.plan import plan
@@ -286,7 +286,7 @@ def patched(monkeypatch) -> None:
     monkeypatch.setattr(linkfaults, "TOUCHES", TOUCHES)
     linkfaults.moves_remembered(monkeypatch)
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
-    monkeypatch.setattr(_measure, "make_plan", linkfaults.replanned)
+    monkeypatch.setattr(_rest, "make_plan", linkfaults.replanned)
     monkeypatch.setattr(_measure, "plan_hash", linkfaults.hashed)
     monkeypatch.setattr(_measure, "durations", linkfaults.lasting)
     for name, value in {"LOOK": 0.005, "AGAIN": 0.4, "BETWEEN": 0.02}.items():
