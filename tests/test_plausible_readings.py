@@ -67,6 +67,46 @@ def test_rounded_positions_are_named_with_their_digit_and_first(cell: Cell, twic
     assert judgement.suspicions[0].kind == "rounded_positions"
 
 
+def doubts(cell: Cell, readings: Readings, kind: str) -> list[Remark]:
+    return [r for r in remarks(cell, readings) if r.kind == kind]
+
+
+@pytest.mark.parametrize(
+    "rows, axes, step", [("second half", "XYZ", 0.01), ("all", "X", 0.01), ("all", "XYZ", 0.005), ("second half", "Z", 0.1)]
+)
+def test_positions_rounded_in_a_part_are_named(cell: Cell, twice: Readings, rows: str, axes: str, step: float) -> None:
+    position = np.array(twice.position)
+    half = np.arange(len(position)) >= (len(position) // 2 if rows == "second half" else 0)
+    for axis in axes:
+        i = twice.axes.index(axis)
+        position[half, i] = np.round(position[half, i] / step) * step
+    (remark,) = doubts(cell, replace(twice, position=position), "rounded_positions")
+    assert remark.verdict == "doubtful" and remark.key == ", ".join(axes) and f"whole multiples of {step:g} mm" in remark.text
+    assert set(remark.touches) <= set(twice.touch[half].tolist())
+
+
+@pytest.mark.parametrize("digit", [1e-3, 1e-4])
+@pytest.mark.parametrize("example", ["trunnion", "hu40t", "fork_head", "split"])
+def test_honest_digits_are_not_taken_for_rounded_ones(example: str, digit: float, root: Path) -> None:
+    own = read_cell(root / "examples" / example)
+    readings = simulate(own.machine, own.artefact, own.strategy, read_world(root / "examples" / example / "world.yaml"), seed=8)
+    position = np.array(readings.position)
+    position[:, :3] = np.round(position[:, :3] / digit) * digit
+    assert (
+        doubts(own, readings, "rounded_positions") == [] == doubts(own, replace(readings, position=position), "rounded_positions")
+    )
+
+
+@pytest.mark.parametrize("jitter", [2e-5, 1e-4])
+def test_a_cycle_that_was_pasted_and_shaken_a_little_is_named(cell: Cell, twice: Readings, jitter: float) -> None:
+    copy = pasted(twice)
+    position = np.array(copy.position)
+    position[copy.cycle == 2, :3] += np.random.default_rng(3).normal(0, jitter, (int((copy.cycle == 2).sum()), 3))
+    (remark,) = doubts(cell, replace(copy, position=position), "copied_positions")
+    assert remark.verdict == "doubtful" and "cycle 2 agrees with cycle 1" in remark.text
+    assert doubts(cell, twice, "copied_positions") == []
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("axis", ["X", "C"])
 def test_an_axis_the_wrong_way_on_the_first_example_is_no_traceback(axis: str, root: Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from ..records import Array, Machine, Readings
 
 ALIKE = 0.02  # of the stated repeatability: of honest touches one in a hundred comes so near to the one before
+QUIET = 0.2  # of the stated repeatability: cycles that agree better were copied, or it is stated far too large
 SHARE = 0.9  # of the touches of two cycles that have to be alike
 FEWEST = 10  # touches that both have
 FINEST = 1e-5  # mm: differences below this are rounding
@@ -24,6 +25,29 @@ def copied(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, in
 
     Positions whose last digit is coarser than the repeatability say nothing: two honest touches often read the same there.
     """
+    known = set()
+    for later, earlier, apart in _pairs(machine, readings):
+        shift = np.median(apart, axis=0)
+        alike = np.all(np.abs(apart - shift) < max(ALIKE * machine.probe.repeatability, FINEST), axis=1)
+        if alike.mean() > SHARE and later not in known:
+            known.add(later)
+            yield later, earlier, bool(np.any(np.abs(shift) > FINEST))
+
+
+def too_alike(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
+    """machine, readings → (day, cycle), (day, cycle) before it, mm that a touch scatters by, where that is too little.
+
+    Half of the touches decide, so that single bad ones do not hide it; the axis that moves farthest from touch to touch counts.
+    """
+    for later, earlier, apart in _pairs(machine, readings):
+        away = np.abs(apart - np.median(apart, axis=0)).max(axis=1)
+        scatter = float(np.median(away)) / 0.6745 / np.sqrt(2)  # of normal noise, half lies within 0.6745 standard deviations
+        if scatter < QUIET * machine.probe.repeatability:
+            yield later, earlier, scatter
+
+
+def _pairs(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, int], tuple[int, int], Array]]:
+    """→ (day, cycle), (day, cycle) before it, (n, k) mm between their positions; none where the digits cannot tell."""
     used = readings.rows(readings.ok)
     columns = [used.axes.index(name) for name in used.axes if name in machine.linear]
     passes = list(dict.fromkeys(zip(used.day.tolist(), used.cycle.tolist(), strict=True)))
@@ -34,14 +58,8 @@ def copied(machine: Machine, readings: Readings) -> Iterator[tuple[tuple[int, in
     for i, later in enumerate(passes):
         for earlier in passes[:i]:
             _, a, b = np.intersect1d(used.touch[own[later]], used.touch[own[earlier]], return_indices=True)
-            if len(a) < FEWEST:
-                continue
-            apart = used.position[own[later][a]][:, columns] - used.position[own[earlier][b]][:, columns]
-            shift = np.median(apart, axis=0)
-            alike = np.all(np.abs(apart - shift) < max(ALIKE * repeats, FINEST), axis=1)
-            if alike.mean() > SHARE:
-                yield later, earlier, bool(np.any(np.abs(shift) > FINEST))
-                break
+            if len(a) >= FEWEST:
+                yield later, earlier, used.position[own[later][a]][:, columns] - used.position[own[earlier][b]][:, columns]
 
 
 def last_digit(values: Array) -> float:

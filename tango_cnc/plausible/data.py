@@ -13,7 +13,8 @@ from ..judgement import Verdict
 from ..kinematics import chain, tip
 from ..records import Array, Cell, Readings
 from ..texts import joined, say
-from .copies import copied, last_digit
+from .copies import copied, last_digit, too_alike
+from .rounding import partly
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
 ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
@@ -48,7 +49,7 @@ def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None
     pasted = list(_pasted(cell, readings))
     yield from pasted or _echoed(readings)
     yield from _clock(readings)
-    yield from _rounded(readings)
+    yield from _rounded(cell, readings)
     yield from _alike(readings)
     yield from _nominal(cell, readings)
     yield from _another_strategy(cell, touches, readings)
@@ -135,6 +136,7 @@ def _echoed(readings: Readings) -> Iterator[Remark]:
 def _pasted(cell: Cell, readings: Readings) -> Iterator[Remark]:
     found = list(copied(cell.machine, readings))
     if not found:
+        yield from _agreeing(cell, readings)
         return
     (day, cycle), (first_day, first), shifted = found[0]
     days = len({d for pair in found for d, _ in pair[:2]}) > 1
@@ -159,6 +161,21 @@ def _pasted(cell: Cell, readings: Readings) -> Iterator[Remark]:
     )
 
 
+def _agreeing(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    for (_, cycle), (_, first), scatter in too_alike(cell.machine, readings):
+        change = say("plausible.readings.delete_or_state_repeatability", cycle=cycle)
+        text = say(
+            "plausible.readings.cycles_agree_better",
+            cycle=cycle,
+            first=first,
+            scatter=f"{1e3 * scatter:.2g}",
+            stated=f"{1e3 * cell.machine.probe.repeatability:.2g}",
+            change=change,
+        )
+        yield Remark("doubtful", text, (), "copied_positions", "cycle", change)
+        return
+
+
 def _clock(readings: Readings) -> Iterator[Remark]:
     back = [
         int(readings.touch[i + 1]) for i in np.flatnonzero(np.diff(readings.time) < 0) if readings.day[i + 1] == readings.day[i]
@@ -181,16 +198,18 @@ def coarse(readings: Readings) -> float:
     return digit if digit >= COARSE else 0.0
 
 
-def _rounded(readings: Readings) -> Iterator[Remark]:
+def _rounded(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    change = say("plausible.readings.record_all_digits_control_has")
     if digit := coarse(readings):
-        yield Remark(
-            "doubtful",
-            say("plausible.readings.every_position_whole_multiple_mm", digit=f"{digit:g}"),
-            (),
-            "rounded_positions",
-            "X, Y, Z",
-            say("plausible.readings.record_all_digits_control_has"),
-        )
+        text = say("plausible.readings.every_position_whole_multiple_mm", digit=f"{digit:g}")
+        yield Remark("doubtful", text, (), "rounded_positions", "X, Y, Z", change)
+        return
+    if found := list(partly(cell, readings)):
+        axes = ", ".join(name for name, _, _ in found)
+        touches = tuple(sorted({t for _, _, numbers in found for t in numbers}))
+        step = f"{max(step for _, step, _ in found):g}"
+        text = say("plausible.readings.positions_of_axes_rounded", axes=axes, numbers=listed(touches), step=step, change=change)
+        yield Remark("doubtful", text, touches, "rounded_positions", axes, change)
 
 
 def _alike(readings: Readings) -> Iterator[Remark]:
