@@ -242,6 +242,13 @@ def test_without_a_report_the_page_says_how_to_write_one(site: TestClient, folde
     assert answer.headers["content-security-policy"].startswith("sandbox allow-scripts;")
 
 
+def test_an_old_night_says_so_and_leads_to_the_newest(site: TestClient) -> None:
+    old, newest = (site.get(f"/machine/HU40T-like/night/{n}").text for n in (13, 30))
+    assert "This is an old night" in old and 'class="button" href="/machine/HU40T-like">Go to the last night' in old
+    assert "this morning" not in old and "Might parts be made then?" in old and "Next night" not in old
+    assert "old night" not in newest and "May I make parts?" in newest
+
+
 def test_files_are_offered_and_nothing_else(site: TestClient, folder: Path) -> None:
     (folder / "program").mkdir(exist_ok=True)
     (folder / "program" / "O0001.nc").write_text("%\n", encoding="utf-8")
@@ -377,16 +384,15 @@ def test_a_cell_that_cannot_be_read_is_told_and_hides_no_other(tmp_path: Path) -
 
 
 def test_what_is_simulated_is_marked_on_every_page(tmp_path: Path) -> None:
-    """Run, trend, nights, machines and alarms: no number of a simulated machine stands without its mark."""
+    """Run, trend, nights, files, machines and alarms: no number of a simulated machine stands without its mark."""
     records = [{**night("HU40T-like", i, "changed" if i == 1 else "good"), "simulated": True} for i in range(3)]
     records[1]["alarms"] = [knock("2026-10-25")]
     folder = cell(tmp_path / "one", records=records)
     with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         run = Recorded(folder, 20, simulated=True)
         run.begin()
-        for path in ("/", "/alarms", *(f"/machine/HU40T-like{p}" for p in ("", "/run", "/trend", "/nights", "/night/2"))):
+        for path in ("/", "/alarms", *(f"/machine/HU40T-like{p}" for p in ("", "/run", "/trend", "/nights", "/night/2", "/files"))):
             assert "SIMULATED" in site.get(path).text, path
-        assert "SIMULATED" not in site.get("/machine/HU40T-like/files").text
 
 
 def test_what_was_measured_has_no_such_mark(site: TestClient) -> None:
@@ -419,6 +425,9 @@ def test_the_first_run_of_a_machine_is_seen_as_one(tmp_path: Path) -> None:
         run.touch()
         fleet, machine = site.get("/").text, site.get("/machine/HU40T-like").text
     assert "Measuring: 1." in fleet and "Not known: " not in fleet and "SIMULATED" in fleet
+    assert (
+        "SIMULATED" in machine and "never measured" not in fleet + machine and "first measurement" in fleet and "first" in machine
+    )
     assert "<b>Measuring</b>" in machine and "Keep the door shut" in machine and "tango nightly" not in machine
 
 

@@ -67,13 +67,15 @@ def context(
     written: str = "",
     busy: str = "",
     now: datetime | None = None,
+    newer: int = 0,
 ) -> dict[str, Any]:
     """record, decisions about its alarms, units, texts → values for the page.
 
     `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
     where the record names nobody; `late`: date since when a complete night is missing; `within`: date of the last night within
     every limit, where that is over; `written`: date on which a compensation was last written; `busy`: how long the machine
-    still measures; `now`: what the age of the night is told by.
+    still measures; `now`: what the age of the night is told by; `newer`: how many nights came
+    after this one.
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
@@ -107,6 +109,7 @@ def context(
         "who": _who(told.may, asked, found, t),
         "nobody": found[0]["nobody"] if found else not asked["owner"],
         "busy": busy,
+        "newer": newer,
         "answer": told,
         "headline": sentence(t.of(record.get("headline") or ""), u),
         "level": told.level,

@@ -10,8 +10,10 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
-from ..app import machine_of, needs, page, role_of
+from ...report.days import at
+from ..app import machine_of, needs, page, role_of, state_of
 from ..settings import may
+from .machine import run_of, simulated
 
 OWN = ("report.html", "report.pdf", "readings.csv", "readings.json", "estimate.json", "commissioning.yaml")
 FOLDERS = ("program", "compensations")
@@ -39,9 +41,21 @@ def files(request: Request) -> Response:
     rows = []
     for name, file in (offered(found.folder) if found.folder is not None else {}).items():
         stat = file.stat()
-        changed = datetime.fromtimestamp(stat.st_mtime, UTC).strftime("%Y-%m-%d %H:%M UTC")
+        changed = at(datetime.fromtimestamp(stat.st_mtime, UTC).isoformat(), state_of(request).texts)
         rows.append((name, f"{stat.st_size / 1000:,.1f} kB", changed))
-    return page(request, "files.html", machine=found, rows=rows, may_write=_may_write(request))
+    run = run_of(request, found)
+    made_up = simulated(request, found) or (run is not None and run.simulated)
+    programs, locked = (any(name.startswith(f"{folder}/") for name, _, _ in rows) for folder in FOLDERS)
+    return page(
+        request,
+        "files.html",
+        machine=found,
+        rows=rows,
+        may_write=_may_write(request),
+        simulated=made_up,
+        programs=programs,
+        locked=locked and not _may_write(request),
+    )
 
 
 def file(request: Request) -> Response:

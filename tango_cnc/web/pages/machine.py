@@ -37,6 +37,7 @@ def machine(request: Request) -> Response:
     run = run_of(request, found)
     values: dict[str, Any] = {"machine": found, "nights": nights[:10], "run": run, "known": False}
     values["silent"] = None if run is None else quiet(run, time.time())
+    values["busy"] = busy_of(request, found)
     if nights and found.history is not None:
         history, entry, allowed = found.history, nights[0].entry, limits_of(request, found)
         signs = [(n.night, told(n, allowed)) for n in nights]
@@ -52,7 +53,7 @@ def machine(request: Request) -> Response:
             late=state.places.late(found),
             within=last_within(signs),
             written=written_of(found),
-            busy=busy_of(request, found),
+            busy=values["busy"],
             now=datetime.now(UTC),
         )
         values["known"] = True

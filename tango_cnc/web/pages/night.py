@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
 from ...records import InputError
+from ...report.days import days_between
 from ...report.morning import context
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
@@ -22,7 +25,9 @@ def night(request: Request) -> Response:
     entry = int(request.path_params["entry"])
     record = record_of(found, entry)
     assert found.history is not None
-    nights = [n for n in state.places.nights(found, ANOTHER) if n.entry <= entry]
+    every = state.places.nights(found, ANOTHER)
+    place = next((i for i, n in enumerate(every) if n.entry == entry), 0)
+    nights, now = every[place:], datetime.now(UTC)
     values = context(
         record,
         found.history.decisions(found.name),
@@ -32,9 +37,13 @@ def night(request: Request) -> Response:
         machine=state.places.geometry(found),
         owner=state.places.owner(found),
         written=written_of(found),
+        now=now,
+        newer=place,
     )
     written = [name for name in NAMES if file_of_night(found, record, name) is not None]
-    return page(request, "night.html", machine=found, entry=entry, written=written, **values)
+    age = days_between(record.get("night"), now.astimezone().date())
+    newest = every[0].night if place else ""
+    return page(request, "night.html", machine=found, entry=entry, written=written, newest=newest, age=age, **values)
 
 
 def record_of(machine: Machine, entry: int) -> dict[str, object]:
