@@ -257,7 +257,8 @@ def call(*arguments: object) -> int:
 def test_from_the_command_line_only_what_is_new_is_tried(
     control: tuple[Path, str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tango_cnc.commission.experiments.pace.FASTER", -1.0)  # this control moves in no time
+    pace = sys.modules["tango_cnc.commission.experiments.pace"]  # the package has its experiment under this name
+    monkeypatch.setattr(pace, "FASTER", -1.0)  # this control moves in no time
     cell, port = control
     tries = ("commission", "-C", cell, "--port", port, "--answers", "yes", "--json", "-")
     plans = ("plan", "-C", cell, "--json", "-")

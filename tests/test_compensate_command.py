@@ -182,7 +182,8 @@ def test_it_asks_whether_the_second_run_saw_the_kinematics(tmp_path: Path) -> No
         asked = run("compensate", "-C", cradle, "--measured", 1, "--readings", after)
         assert isinstance(asked.exception, InputError) and "x-rot-point" in str(asked.exception)
         loop.note(cradle, loop.one(cradle, 1), "2026-01-01T00:00:00Z", "written")
-        verdicts.append(run("compensate", "-C", cradle, "--measured", 1, "--readings", after, switch).output.split(": ")[1])
+        said = run("compensate", "-C", cradle, "--measured", 1, "--readings", after, switch).output
+        verdicts.append(said[said.index("compensation 1:") :].split(": ")[1])
         loop.note(cradle, loop.one(cradle, 1), "2026-01-01T00:00:00Z", "written")
     assert verdicts == ["kept", "kept"]
     # Nothing in the control: what the kinematics would hold is calculated, and that alone has not helped.
