@@ -119,12 +119,20 @@ def test_a_cell_without_a_scale_bar_says_nothing_of_one() -> None:
     assert bar_left_out(read_cell(EXAMPLES / "split").artefact, ()) is None
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("goal", ["locations", "volume", "D", "A", "condition"])
-@pytest.mark.parametrize(
-    ("name", "minutes"),
-    [("trunnion", 8), ("hu40t", 14), ("fork_head", 22), ("split", 12), ("huron", 14), ("three_axis_calibrated", 5)],
-)
+MINUTES = {"trunnion": 8, "hu40t": 14, "fork_head": 22, "split": 12, "huron": 14, "three_axis_calibrated": 5}
+WHOLE = MINUTES | {"split": 32}  # all error motions of that machine take longer
+EVERY = [
+    *(pytest.param(name, MINUTES[name], "locations", marks=pytest.mark.long) for name in MINUTES),
+    pytest.param("trunnion", WHOLE["trunnion"], "volume", marks=pytest.mark.long),
+    *(
+        pytest.param(name, WHOLE[name], goal, marks=pytest.mark.campaign)
+        for name in WHOLE
+        for goal in ("volume", "D", "A", "condition")
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "minutes", "goal"), EVERY)
 def test_what_a_design_promises_is_what_check_and_estimate_say(name: str, minutes: float, goal: str) -> None:
     _, ready = given(name, goal, minutes)
     found = propose.propose(ready)
