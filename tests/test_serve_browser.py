@@ -158,9 +158,11 @@ def test_the_morning_fits_one_screen_of_a_phone(site: Site, browser: webdriver.C
 def test_what_can_be_pressed_is_reached_by_keyboard_and_seen(site: Site, browser: webdriver.Chrome) -> None:
     sized(browser, DESK)
     browser.get(f"{site.base}/alarms")
+    browser.find_element(By.CSS_SELECTOR, ".answer summary").click()
     wanted = {
         e.get_attribute("outerHTML")
         for e in browser.find_elements(By.CSS_SELECTOR, "main a, main button, main input:not([type=hidden])")
+        if e.is_displayed()  # the first alarm is unfolded
     }
     seen = set()
     for _ in range(60):
@@ -193,6 +195,10 @@ def test_an_alarm_is_acknowledged(site: Site, browser: webdriver.Chrome) -> None
     sized(browser, PHONE)
     browser.get(f"{site.base}/machine/HU40T-like/night/13")
     browser.find_element(By.LINK_TEXT, "Open alarms").click()
+    assert not browser.find_element(By.CSS_SELECTOR, "input[name=note]").is_displayed()
+    browser.find_element(By.CSS_SELECTOR, ".answer summary").click()
+    assert not browser.find_elements(By.CSS_SELECTOR, ".decide input:checked")  # nothing is decided beforehand
+    browser.find_element(By.CSS_SELECTOR, "input[value=acknowledge]").click()
     browser.find_element(By.CSS_SELECTOR, "input[name=note]").send_keys("I look at it before the first shift")
     browser.find_element(By.CSS_SELECTOR, ".decide button.main").click()
     wait(lambda: "No alarm is open." in browser.page_source)

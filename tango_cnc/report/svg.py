@@ -8,6 +8,7 @@ draws the same.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
@@ -124,7 +125,9 @@ class _Plot:
         self.x0, self.x1 = self._range("x")
         self.y0, self.y1 = self._range("y")
         self.left, self.right = 58.0, frame.width - 14.0
-        self.top = (24.0 if frame.title else 10.0) + 17.0 * len(self.rows)
+        self.title = textwrap.wrap(frame.title, max(int((frame.width - 72) / 6.9), 12))
+        self.head = 8.0 + 16.0 * len(self.title) if self.title else 10.0
+        self.top = self.head + 17.0 * len(self.rows)
         self.bottom = frame.height - (38.0 if frame.x_label else 24.0)
 
     def _legend_rows(self) -> list[list[Series]]:
@@ -172,8 +175,8 @@ class _Plot:
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {f.width:g} {f.height:g}" width="{f.width:g}" '
             f'height="{f.height:g}" role="img" aria-label="{said}" font-family="{escape(FONT)}" font-size="11" fill="{INK}">'
         ]
-        if f.title:
-            parts.append(f'<text x="{self.left:g}" y="15" font-size="12.5" font-weight="600">{escape(f.title)}</text>')
+        for i, line in enumerate(self.title):
+            parts.append(f'<text x="{self.left:g}" y="{15 + 16 * i}" font-size="12.5" font-weight="600">{escape(line)}</text>')
         parts += self._legend()
         parts += self._grid()
         for s in self.series:
@@ -189,7 +192,7 @@ class _Plot:
     def _legend(self) -> list[str]:
         parts = []
         for i, row in enumerate(self.rows):
-            at, y = self.left, (34.0 if self.frame.title else 16.0) + 17 * i
+            at, y = self.left, self.head + (10.0 if self.title else 6.0) + 17 * i
             for s in row:
                 parts += self._swatch(s, at, y - 4)
                 parts.append(f'<text x="{at + 24:.1f}" y="{y:.1f}" fill="{SOFT}">{escape(s.label)}</text>')

@@ -26,7 +26,7 @@ from ..places import measured_before as before
 
 PAGE = 50  # nights of one page of the list
 ANOTHER = 10_000
-QUARTER, FEW = 90, 12  # nights of the curve, and of that on a phone
+QUARTER = 90  # nights of the curve; on a phone it has those of the strip
 
 
 def machine(request: Request) -> Response:
@@ -137,7 +137,7 @@ def _curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
         return None
     limit = allowed["volume"] * u.per_micron if "volume" in allowed else None
     wide, narrow = (
-        tip(part, limit, u.small, state.texts, *size) for part, size in ((found, (860, 240)), (found[-FEW:], (360, 250)))
+        tip(part, limit, u.small, state.texts, *size) for part, size in ((found, (860, 240)), (found[-STRIP:], (360, 270)))
     )
     return Markup(wide), Markup(narrow)
 

@@ -24,6 +24,7 @@ from ..places import Machine
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
+WIDE, NARROW = 860.0, 360.0  # px of a chart on a desk and on a phone
 
 
 def run(request: Request) -> Response:
@@ -93,8 +94,8 @@ def _drawn(request: Request, run: Run, cell: Cell | None) -> str:
         "run": run,
         "done": len(run.readings),
         "left": "" if run.remaining is None else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
-        "deviations": Markup(_deviations(run, t, unit, k)),
-        "drift": Markup(_drift(run, t("web.drift"), unit, k)),
+        "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)],
+        "drift": [Markup(_drift(run, t("web.drift"), unit, k, wide)) for wide in (WIDE, NARROW)],
         "map": Markup(_map(run, cell, t("web.map"))) if cell is not None else "",
         "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
         "unit": unit,
@@ -112,7 +113,7 @@ def _row(e: Reading, k: float) -> dict[str, Any]:
     }
 
 
-def _deviations(run: Run, t: Texts, unit: str, k: float) -> str:
+def _deviations(run: Run, t: Texts, unit: str, k: float, wide: float) -> str:
     good = [(e.touch, e.deviation_um * k) for e in run.readings if e.status == "ok" and e.deviation_um is not None]
     bad = [e.touch for e in run.readings if e.status != "ok"]
     x, y = (np.array(v, dtype=float) for v in (zip(*good, strict=True) if good else ((), ())))
@@ -121,15 +122,15 @@ def _deviations(run: Run, t: Texts, unit: str, k: float) -> str:
     crosses = Series(np.array(bad, dtype=float), np.full(len(bad), level), "crosses", RED, t("web.no_contact"), size=4)
     dots = Series(x, y, "dots", BLUE, t("web.contact") if bad else "", size=2.2)
     series = [s for s in (dots, crosses) if len(s.x)]
-    return chart(series, Frame(860, 230, t("web.deviation"), t("table.touch"), unit, x_range=(0.0, float(most) + 1)))
+    return chart(series, Frame(wide, 230, t("web.deviation"), t("table.touch"), unit, x_range=(0.0, float(most) + 1)))
 
 
-def _drift(run: Run, heading: str, unit: str, k: float) -> str:
+def _drift(run: Run, heading: str, unit: str, k: float, wide: float) -> str:
     rows = [(e.time_s / 60, e.drift_um * k) for e in run.readings if e.drift_um is not None]
     if not rows:
         return ""
     x, y = (np.array(v, dtype=float) for v in zip(*rows, strict=True))
-    return chart([Series(x, y, "squares", GREEN, size=2.6)], Frame(860, 180, heading, "min", unit))
+    return chart([Series(x, y, "squares", GREEN, size=2.6)], Frame(wide, 190, heading, "min", unit))
 
 
 def _map(run: Run, cell: Cell, heading: str) -> str:

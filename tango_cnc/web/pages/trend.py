@@ -53,8 +53,8 @@ def trends(request: Request) -> Response:
             "alarm": alarm,
             "x_label": f"{series.start_utc[0][:10]} … {series.start_utc[-1][:10]}",
         }
-        wide, high = (880, 340) if wanted else (425, 240)
-        charts.append((name, Markup(drawn(points, unit, state.texts, wide, high))))
+        sizes = ((880, 340), (360, 300)) if wanted else ((425, 240),)
+        charts.append((name, [Markup(drawn(points, unit, state.texts, *size)) for size in sizes]))
     return page(
         request, "trend.html", machine=found, charts=charts, names=list(every), wanted=wanted, simulated=simulated(request, found)
     )
