@@ -29,7 +29,7 @@ def test_a_run_ends_with_the_touch_that_reaches_the_goal_and_the_rest_can_be_mad
         asked = ["run", "-C", str(cell), "--port", f"serial://{port}", "--yes"]
         assert guarded(tango.main, [*asked, "--until", "EY0C=2,EA0C=5"], standalone_mode=False) == 0
         first = len(list(csv.DictReader((cell / "readings.csv").open(encoding="utf-8"))))
-        assert 60 < first < 150
+        assert 60 < first < 300  # of 393; a ball that is not complete yet counts as facets, as the estimate takes it
         assert "--until: reached" in capfd.readouterr().err
         told = cell / "estimate.json"
         assert guarded(tango.main, ["estimate", "-C", str(cell), "--json", str(told)], standalone_mode=False) == 0
