@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from support.histories import COMPENSATION, EVENTS, knowledge, record
 
 from tango_cnc.cli import tango
-from tango_cnc.history import Decision, History, add_compensations, compensations, opened
+from tango_cnc.history import Decision, History, _chain, add_compensations, compensations, opened
 from tango_cnc.history.picture import standardised
 from tango_cnc.records import InputError, LinkError
 from tango_cnc.state import charts
@@ -50,11 +50,19 @@ def test_rows_cannot_be_changed_through_the_database(history: History, tmp_path:
     assert history.verify() == ()
 
 
+NUMBERS = ("alarms", "p_value", "touches", "rms_um", "volume_um", "duration_s")
 SPOILT = {
-    "a number of a night": "UPDATE night SET rms_um = 0.1, verdict = 'good ' WHERE entry_id = 2",
+    "a word of a night": "UPDATE night SET verdict = 'good ' WHERE entry_id = 2",
+    **{f"{column} of a night": f"UPDATE night SET {column} = {column} + 1 WHERE entry_id = 2" for column in NUMBERS},
+    "a night of another machine": "UPDATE night SET machine_id = 2 WHERE entry_id = 2",
     "a parameter": "UPDATE night_parameter SET value = 0 WHERE entry_id = 2",
+    "the unit of a parameter": "UPDATE night_parameter SET unit = 'rad' WHERE entry_id = 2",
+    "the moment of a parameter": "UPDATE night_parameter SET start_utc = '2027-10-02T02:00:00Z' WHERE entry_id = 2",
+    "a parameter of another machine": "UPDATE night_parameter SET machine_id = 2 WHERE entry_id = 2",
     "the readings": "UPDATE night_readings SET csv = (SELECT csv FROM night_readings WHERE entry_id = 1)",
     "the covariance": "UPDATE night_estimate SET numbers = (SELECT numbers FROM night_estimate WHERE entry_id = 1)",
+    "two names of the estimate": 'UPDATE night_estimate SET names = \'["EA0B", "EX0C", "EXt", "EZf3"]\' WHERE entry_id = 2',
+    "a name of the estimate": "UPDATE night_estimate SET names = replace(names, 'EX0C', 'EY0C') WHERE entry_id = 2",
     "the record": "UPDATE night_record SET json = replace(json, 'nothing has', 'much has') WHERE entry_id = 2",
     "a decision": "UPDATE decision SET owner = 'somebody else'",
     "an event of a compensation": "UPDATE compensation SET measured_um = 0.1",
@@ -69,8 +77,10 @@ def test_who_removes_the_triggers_and_changes_something_is_found(tmp_path: Path,
     file = tmp_path / "history.db"
     with opened(file) as history:
         for day in (1, 2, 3):
-            alarms = [{"id": f"2026-10-{day:02d}-1"}]
-            history.add_night(record(day, alarms=alarms), f"touch\n{day}\n", knowledge(day))
+            told = {"change": {"p_value": 0.4}, "residual": {"rms_um": 0.7}, "volume": {"worst_um": 12.5}}
+            told |= {"alarms": [{"id": f"2026-10-{day:02d}-1"}]}
+            history.add_night(record(day, **told), f"touch\n{day}\n", knowledge(day))
+        history.add_night(record(1, "another"))
         history.decide("M", Decision("2026-10-03-1", "accept", "Ann"))
         add_compensations(history, "M", "/cells/m", EVENTS)
         assert history.verify() == ()
@@ -81,7 +91,18 @@ def test_who_removes_the_triggers_and_changes_something_is_found(tmp_path: Path,
     plain.commit()
     plain.close()
     with opened(file) as history:
-        assert history.verify()
+        assert history.verify("M")
+
+
+def test_a_history_from_before_names_were_hashed_verifies_as_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as earlier, opened(tmp_path / "history.db") as history:
+        earlier.setattr(_chain, "content_of_night", lambda *held: _chain.content_without_names(*held[:3]))
+        for day in (1, 2):
+            history.add_night(record(day), f"touch\n{day}\n", knowledge(day))
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(record(3), "touch\n3\n", knowledge(3))
+        history.add_night(record(4))
+        assert history.verify() == ()
 
 
 def test_a_decision_needs_an_alarm_an_owner_and_a_known_action(history: History) -> None:

@@ -27,8 +27,15 @@ def sha256(data: str | bytes) -> str:
     return hashlib.sha256(data.encode() if isinstance(data, str) else data).hexdigest()
 
 
-def content_of_night(record: str, readings: str | None, numbers: bytes | None) -> str:
-    """record as stored, SHA-256 of readings.csv, bytes of the estimate → SHA-256 of all that a night holds."""
+def content_of_night(record: str, readings: str | None, numbers: bytes | None, names: str | None) -> str:
+    """record as stored, SHA-256 of readings.csv, bytes of the estimate, its names as stored → SHA-256 of all that a night holds."""
+    if names is None:
+        return content_without_names(record, readings, numbers)
+    return sha256(canonical([sha256(record), readings, None if numbers is None else sha256(numbers), sha256(names)]))
+
+
+def content_without_names(record: str, readings: str | None, numbers: bytes | None) -> str:
+    """The same as it was hashed up to November 2026. A night that was added since never has this hash, whatever its names are."""
     return sha256(canonical([sha256(record), readings, None if numbers is None else sha256(numbers)]))
 
 

@@ -56,23 +56,14 @@ class History:
             raise InputError(f"history: the record of a night has a number that is not finite ({error})") from None
         numbers = None if knowledge is None else _packed(knowledge)
         csv_hash = None if readings is None else _chain.sha256(readings)
-        residual, change, volume = record.get("residual") or {}, record.get("change") or {}, record.get("volume") or {}
-        row = {
-            **{key: record[key] for key in _NIGHT[:7]},
-            "alarms": len(record.get("alarms", ())),
-            "p_value": change.get("p_value"),
-            "touches": int(record.get("touches") or 0),
-            "rms_um": residual.get("rms_um"),
-            "volume_um": volume.get("worst_um"),
-            "duration_s": float(record.get("duration_s") or 0.0),
-        }
-        content = _chain.content_of_night(text, csv_hash, numbers)
+        names = None if knowledge is None else json.dumps(knowledge.names)
+        content = _chain.content_of_night(text, csv_hash, numbers, names)
         with self._writing() as connection:
             machine, entry = self._linked(
                 connection, record["machine"], record.get("cell", ""), "night", record["end_utc"], content
             )
             own = {"entry_id": entry, "machine_id": machine}
-            connection.execute(asked.ADD[t.night.name], {**own, **row})
+            connection.execute(asked.ADD[t.night.name], {**own, **_columns(record)})
             connection.execute(asked.ADD[t.night_record.name], {"entry_id": entry, "json": text})
             parameters = [
                 {**own, "name": name, "start_utc": record["start_utc"], **{key: p[key] for key in ("value", "std", "unit")}}
@@ -86,9 +77,7 @@ class History:
                 own_readings = {"entry_id": entry, "rows": count, "sha256": csv_hash, "csv": packed}
                 connection.execute(asked.ADD[t.night_readings.name], own_readings)
             if knowledge is not None:
-                connection.execute(
-                    asked.ADD[t.night_estimate.name], {"entry_id": entry, "names": json.dumps(knowledge.names), "numbers": numbers}
-                )
+                connection.execute(asked.ADD[t.night_estimate.name], {"entry_id": entry, "names": names, "numbers": numbers})
         return entry
 
     def decide(self, machine: str, decision: Decision) -> int:
@@ -320,28 +309,29 @@ class History:
                 return
             if row.previous != previous or row.hash != _chain.link(name, row.number, row.kind, row.utc, row.content, row.previous):
                 yield f"{what} does not fit the entry before it: one of them was changed"
-            content = self._content(row.id) if row.kind == "night" else None
+            contents = self._contents(machine, row.id) if row.kind == "night" else ()
             if row.kind == "decision" and row.id in decisions:
-                content = _chain.content_of_decision(decisions[row.id]._asdict())
+                contents = (_chain.content_of_decision(decisions[row.id]._asdict()),)
             if row.kind == "compensation" and row.id in compensations:
-                content = _chain.content_of_compensation(compensations[row.id]._asdict())
-            if content != row.content:
+                contents = (_chain.content_of_compensation(compensations[row.id]._asdict()),)
+            if row.content not in contents:
                 yield f"{what} is not what was added"
             previous = row.hash
         of_machine = select(t.night.c.entry_id).where(t.night.c.machine_id == machine)
         loose = {r.entry_id for r in self._rows(of_machine)} | set(decisions) | set(compensations)
         yield from (f"{name}: entry {i} is not in the chain" for i in sorted(loose - {row.id for row in rows}))
 
-    def _content(self, entry: int) -> str | None:
+    def _contents(self, machine: int, entry: int) -> tuple[str, ...]:
+        """id of a machine, of its entry → what its content may be: of today, and of a night from before names were in it."""
         found = self._rows(
             select(t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate.c.names, t.night_estimate.c.numbers)
             .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
             .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
             .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
-            .where(t.night.c.entry_id == entry)
+            .where(t.night.c.entry_id == entry, t.night.c.machine_id == machine)
         )
         if not found:
-            return None
+            return ()
         row = found[0]
         try:
             record = _whole.record(row.json, entry)
@@ -349,17 +339,17 @@ class History:
             if row.names is not None:
                 _whole.knowledge(row.names, row.numbers)
         except InputError:
-            return None
-        listed = {key: record[key] for key in _NIGHT[:7]} | {"alarms": len(record.get("alarms", ()))}
+            return ()
         c = t.night_parameter.c
-        parameters = {p.name: p for p in self._rows(select(c.name, c.value, c.std).where(c.entry_id == entry))}
-        said = record.get("parameters") or {}
-        same = set(parameters) == set(said) and all(
-            p.value == said[n]["value"] and p.std == said[n]["std"] for n, p in parameters.items()
-        )
-        if not same or any(getattr(row, key) != value for key, value in listed.items()):
-            return None
-        return _chain.content_of_night(row.json, csv, row.numbers)
+        wanted = select(c.name, c.value, c.std, c.unit, c.start_utc, c.machine_id).where(c.entry_id == entry)
+        parameters = {tuple(p) for p in self._rows(wanted)}
+        own, said = (record["start_utc"], machine), record.get("parameters") or {}
+        if parameters != {(n, p["value"], p["std"], p.get("unit"), *own) for n, p in said.items()}:
+            return ()
+        if any(getattr(row, key) != value for key, value in _columns(record).items()):
+            return ()
+        held = (row.json, csv, row.numbers)
+        return _chain.content_of_night(*held, row.names), _chain.content_without_names(*held)
 
     # ----------------------------------------------------------------------------------------------------------------
 
@@ -395,6 +385,20 @@ def opened(where: str | Path, create: bool = True) -> Iterator[History]:
         yield history
     finally:
         history.close()
+
+
+def _columns(record: Mapping[str, Any]) -> dict[str, Any]:
+    """record of a night → its columns in a list: all of them come from the record, so a change of one shows."""
+    residual, change, volume = record.get("residual") or {}, record.get("change") or {}, record.get("volume") or {}
+    return {
+        **{key: record[key] for key in _NIGHT[:7]},
+        "alarms": len(record.get("alarms", ())),
+        "p_value": change.get("p_value"),
+        "touches": int(record.get("touches") or 0),
+        "rms_um": residual.get("rms_um"),
+        "volume_um": volume.get("worst_um"),
+        "duration_s": float(record.get("duration_s") or 0.0),
+    }
 
 
 def _night(row: Row[Any]) -> Night:
