@@ -64,6 +64,15 @@ def test_an_indexation_that_was_clamped_elsewhere_is_set_aside_and_feeds_no_name
     assert np.sqrt(np.mean(d.after.residuals**2)) < 1.1 * blind.NOISE
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("peak", "seed"), [(0.008, 41), (0.005, 43), (0.003, 48)])
+def test_what_went_away_and_came_back_is_one_window_and_no_two_knocks(peak: float, seed: int) -> None:
+    d = told("open_door", peak, seed)
+    assert [m.kind for m in d.events] == ["window"] and not d.findings
+    assert d.verdict == "explained" and "pulse" in d.terms_text
+    assert np.sqrt(np.mean(d.after.residuals**2)) < 1.1 * blind.NOISE
+
+
 def test_a_learned_shape_that_has_no_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="tango diagnose --learn"):
         read_terms("[S3, {cause: learned, name: ram}]", tmp_path)

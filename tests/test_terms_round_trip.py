@@ -34,7 +34,7 @@ SETTINGS: dict[str, list[dict[str, Any]]] = {
     "moving_mass": [{"name": "EAZ", "by": "Y"}, {"name": "EBX", "by": "B"}],
     "step": [{"at": 150, "frame": "machine"}, {"at": 150, "frame": "table"}],
     "probe_hysteresis": [{"frame": "spindle"}],
-    "pulse": [{"at": 100, "until": 140}, {"at": 50, "until": 58, "axis": "C"}],
+    "pulse": [{"at": 100, "until": 140}, {"at": 100, "until": 140, "frame": "table"}, {"at": 50, "until": 58, "axis": "C"}],
     "backlash": [{"axis": "Y"}],
     "ambient_cycle": [{"period": 600.0}],
 }

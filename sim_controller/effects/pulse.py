@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from tango_cnc.records import InputError, Vector
@@ -20,9 +22,10 @@ def disturb(
     until: int,
     direction: Vector | None = None,
     axis: RotaryAxis | None = None,
+    frame: Literal["machine", "table"] = "machine",
 ) -> Disturbance:
-    """n touches → from touch `at` to `until` everything on the table is off by `amplitude` mm along `direction` (machine
-    frame), or `axis` stands `amplitude` rad too far. Raises InputError for both or none of the two.
+    """n touches → from touch `at` to `until` everything on the table is off by `amplitude` mm along `direction` of that
+    frame, or `axis` stands `amplitude` rad too far. Raises InputError for both or none of the two.
     """
     if (direction is None) == (axis is None):
         raise InputError("direction, axis: found both or none of them; allowed: one of them")
@@ -30,4 +33,5 @@ def disturb(
     if axis is not None:
         return Disturbance(errors={positioning(axis): np.asarray(amplitude * on, dtype=float)})
     assert direction is not None
-    return Disturbance(work=amplitude * np.outer(on, unit(direction)))
+    moved = amplitude * np.outer(on, unit(direction))
+    return Disturbance(work=moved) if frame == "machine" else Disturbance(table=moved)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 
 from .. import terms as families
 from ..records import Array, TermItem
 from ._candidates import pattern
+from ._catalogue import Chosen
 from ._contest import Outcome
 from ._explain import Explanation
 from ._rows import Rows
@@ -29,8 +33,11 @@ class Moment:
 
 
 def moments(means: Rows, found: Explanation, outcome: Outcome, weight: Array) -> list[Moment]:
-    """rows, explanation, outcome of the contest → what it put down to one moment or pose."""
-    touches, name = means.whole, families.serving("moment")
+    """rows, explanation, outcome of the contest → what it put down to one moment or pose.
+
+    Two named interruptions of which the second takes the first one back are one window, and no two knocks.
+    """
+    touches = means.whole
     result = []
     for p in outcome.events:
         setting = p.kernel.setting
@@ -40,11 +47,46 @@ def moments(means: Rows, found: Explanation, outcome: Outcome, weight: Array) ->
             rows = np.flatnonzero(touches.indexation == setting["indexation"])
             first, last = int(rows[0]), int(rows[-1])
         axis = setting.get("axis")
-        detail = {"at": first + 1, "until": last + 1} | ({"axis": axis} if axis else {})
-        columns = pattern(touches, families.cause(name, touches.machine, detail))
-        design = found.place.basis.T @ (columns * weight[:, None])
-        values = np.linalg.lstsq(design, found.place.y, rcond=1e-9)[0]
         kind = "window" if p.kernel.kind == "window" else "indexation"
-        size = float(np.abs(columns @ values).max())
-        result.append(Moment(kind, first, last, axis, {"cause": name, **detail}, columns, size, p.score))
-    return result
+        result.append(_moment(means, found, weight, kind, first, last, {"axis": axis} if axis else {}, p.score))
+    return [*result, *_there_and_back(means, found, outcome.named, weight)]
+
+
+def _moment(
+    means: Rows, found: Explanation, weight: Array, kind: str, first: int, last: int, where: dict[str, Any], score: float
+) -> Moment:
+    name = families.serving("moment")
+    detail = {"at": first + 1, "until": last + 1, **where}
+    columns = pattern(means.whole, families.cause(name, means.whole.machine, detail))
+    design = found.place.basis.T @ (columns * weight[:, None])
+    values = np.linalg.lstsq(design, found.place.y, rcond=1e-9)[0]
+    size = float(np.abs(columns @ values).max())
+    return Moment(kind, first, last, where.get("axis"), {"cause": name, **detail}, columns, size, score)
+
+
+def _there_and_back(means: Rows, found: Explanation, named: Sequence[Chosen], weight: Array) -> list[Moment]:
+    """Pairs of interruptions in one frame whose three further numbers the residuals do not ask for (Schwarz 1978)."""
+    place, interruption = found.place, families.serving("interruption")
+    result: list[Moment] = []
+    steps = sorted((c for c in named if c.candidate.cause == interruption), key=lambda c: int(c.candidate.setting["at"]))
+    for first, second in combinations(steps, 2):
+        frame = str(first.candidate.setting["frame"])
+        if frame != second.candidate.setting["frame"] or not means.all:
+            continue
+        at, until = (int(c.candidate.setting["at"]) for c in (first, second))
+        where = {} if frame == "machine" else {"frame": frame}
+        one = _moment(means, found, weight, "window", at - 1, until - 2, where, 0.0)
+        window = place.basis.T @ (one.columns * weight[:, None])
+        beside = [c.columns for c in named if c is not first and c is not second]
+        pair = _misfit(place.y, [*beside, first.columns, second.columns])
+        more = first.columns.shape[1] + second.columns.shape[1] - window.shape[1]
+        if _misfit(place.y, [*beside, window]) - pair < more * np.log(len(place.y)):
+            result.append(one)
+    return result[:1]
+
+
+def _misfit(y: Array, columns: Sequence[Array]) -> float:
+    """data (m,), columns → minus twice the log likelihood at its best, without what is common to all."""
+    design = np.hstack(columns)
+    left = y - design @ np.linalg.lstsq(design, y, rcond=1e-9)[0]
+    return float(len(y) * np.log(left @ left))

@@ -60,7 +60,9 @@ def _own_sizes(model: Model) -> Array:
         x = model.touches.axis(axis)
         span = float(np.ptp(x))
         shape = np.vander((x - x.mean()) / (span or 1.0), max(power for _, power in places) + 1, increasing=True)
-        own = np.abs(np.diag(linalg.lapack.dgeqrf(np.asfortranarray(shape), overwrite_a=True)[0]))  # the triangle of a QR, and no more
+        own = np.abs(
+            np.diag(linalg.lapack.dgeqrf(np.asfortranarray(shape), overwrite_a=True)[0])
+        )  # the triangle of a QR, and no more
         for j, power in places:
             size[j] = own[power] * span**power
     return size

@@ -21,9 +21,14 @@ def variants(touches: Touches) -> Variants:
 
 
 def cause(
-    machine: Machine, at: float, until: float, axis: str | None = None, direction: Sequence[float] | None = None
+    machine: Machine,
+    at: float,
+    until: float,
+    axis: str | None = None,
+    direction: Sequence[float] | None = None,
+    frame: str = "machine",
 ) -> list[Coefficient]:
-    """machine, first and last touch (1 = first touch used) → displacement x y z in mm, machine frame; or an angle."""
+    """machine, first and last touch (1 = first touch used) → displacement x y z in mm of that frame; or an angle."""
     first, last = int(at), int(until)
 
     def inside(t: Touches) -> Array:
@@ -33,7 +38,7 @@ def cause(
     if axis is not None:
         need("pulse", "axis", axis, machine.rotary)
         return [Coefficient(label("pulse", first, last, axis), "rad", Slot(axis, "motion"), inside)]
-    return displaced(label("pulse", first, last), "machine", inside, direction)
+    return displaced(label("pulse", first, last, *(() if frame == "machine" else (frame,))), frame, inside, direction)
 
 
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
@@ -41,6 +46,8 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     base = {"cause": "pulse", "at": int(setting["at"]), "until": int(setting["until"])}
     if setting.get("axis") is not None:
         return [base | {"axis": setting["axis"], "amplitude": float(values[0])}]
+    if (frame := str(setting.get("frame", "machine"))) != "machine":
+        base |= {"frame": frame}
     if len(values) == 1:
         return [base | {"amplitude": float(values[0]), "direction": [float(x) for x in setting["direction"]]}]
     return [base | vector(values)]
@@ -49,7 +56,7 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
 TERM = Cause(
     text="some touches in a row were made while something was elsewhere (one clamping, an open door, a knock that went back)",
     source="change-point model; thesis section 7.3 (dismount and remount)",
-    frame="machine",
+    frame="machine or table",
     mistaken=("step", "indexation_seating"),
     says="touches {at} to {until} are off by {size} {towards}",
     meaning="these touches say nothing about the machine as it usually is; they would pull the estimate",
