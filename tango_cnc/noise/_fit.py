@@ -10,12 +10,12 @@ from scipy import linalg, special
 
 from ..estimate import SIGMA_FLOOR, Estimate, Noise
 from ..records import Array
+from ._start import positive, reachable
 from ._system import System, drifting, system
 
 WORTH = 4.0  # twice the gain in log likelihood that a component needs
 STEPS = np.arange(-10.0, 10.5, 0.5)  # of the logarithm of a component's variance over the white one
 MISSED = 1.0  # of twice the log likelihood, at most, between a minimum and the nearest step: 0.25² times half of 32 groups
-LAPLACE = 0.01  # mm: mean size of a touch's residual that the start takes for granted beside what was known before
 LARGEST = 1500  # touches of which the noise is taken apart
 FAINT = 1e-4  # share of the largest singular value below which touches tell nothing of a direction
 ROUNDS = 8  # of looking again at who fits
@@ -30,8 +30,11 @@ ROUGH = 1e-3  # chance that a facet is called rough by mistake, all facets toget
 FINEST = 1e-5  # mm: residuals below this are rounding, and are left alone
 
 
-def by_noise(result: Estimate) -> Estimate:
-    """estimate → the same model with parameters, standard deviations and outliers by the noise that its residuals show."""
+def by_noise(result: Estimate, settled: bool = True) -> Estimate:
+    """estimate → the same model with parameters, standard deviations and outliers by the noise that its residuals show.
+
+    `settled`: it is where least squares leaves it, so that white noise alone asks for nothing more.
+    """
     touches = result.model.touches
     if result.sigma < FINEST or result.dof < 8:
         return result
@@ -53,7 +56,7 @@ def by_noise(result: Estimate) -> Estimate:
     if not np.array_equal(decided, keep):
         fitted = gls(s, decided, rough)
     change = fitted.change
-    if fitted.white and keep.all() and np.all(rough == 1):
+    if settled and fitted.white and keep.all() and np.all(rough == 1):
         return replace(result, rejected=np.zeros(len(touches), dtype=np.bool_), noise=Noise(result.sigma))
     facets = {f: float(fitted.sigma * r) for f, r in zip(touches.facet, rough, strict=True) if r > 1}
     undecided = tuple(int(i) for i in touches.number[keep & ~decided])
@@ -102,9 +105,9 @@ def _undecided(keep: NDArray[np.bool_], group: NDArray[np.int64]) -> NDArray[np.
     """
     rate = max(float((~keep).mean()), 1 / len(keep))
     found = np.zeros(len(keep), dtype=np.bool_)
-    if rate > HALF:
-        return found  # something else is wrong
     for one in np.unique(group[~keep]):
+        if rate > HALF and one >= 0:
+            continue  # something else is wrong
         rows = group == one
         count = rows.sum() / (3 if one < 0 else 1)
         odds = (rate / (1 - rate)) ** (count - 2 * (rows & ~keep).sum())
@@ -122,45 +125,6 @@ def _thinned(left: Array) -> float:
     inside = float(np.mean(size < CUT))
     near = float(np.mean(np.abs(size / CUT - 1) < 0.2)) / 0.4
     return inside / max(inside - near, 0.5)
-
-
-def _solved(jacobian: Array, right: Array, weight: Array, s: System, sigma: float) -> Array:
-    """weighted least squares → unknowns (scaled)."""
-    normal = (jacobian.T * weight) @ jacobian + sigma**2 * s.known.T @ s.known
-    normal[np.diag_indices_from(normal)] += 1e-12
-    pull = jacobian.T @ (weight * right) + sigma**2 * s.known.T @ s.known_gaps
-    return _positive(normal, pull)
-
-
-def _positive(normal: Array, pull: Array) -> Array:
-    """positive definite matrix, right-hand side → solution, the shortest one where a wrong cell leaves directions open."""
-    try:
-        return np.asarray(linalg.cho_solve(linalg.cho_factor(normal, check_finite=False), pull, check_finite=False))
-    except linalg.LinAlgError:
-        return np.asarray(linalg.pinvh(normal, check_finite=False) @ pull)
-
-
-def reachable(s: System) -> NDArray[np.bool_]:
-    """→ (n,) touches that a robust fit reaches: least absolute deviations by reweighting, then bisquare with that scale."""
-    n, p = s.jacobian.shape
-    left = s.gaps
-    size = float(np.median(np.abs(left))) + SIGMA_FLOOR
-    for k in range(30):
-        weight = 1 / np.maximum(np.abs(left), max(size * 0.5 ** min(k, 12), SIGMA_FLOOR)) / LAPLACE
-        normal = (s.jacobian.T * weight) @ s.jacobian + s.known.T @ s.known
-        normal[np.diag_indices_from(normal)] += s.prior + 1e-9
-        pull = s.jacobian.T @ (weight * s.gaps) + s.known.T @ s.known_gaps + s.prior * s.values
-        left = s.gaps - s.jacobian @ _positive(normal, pull)
-    # A fit of p unknowns passes through p touches: the median is taken over what is left of the others.
-    scale = max(1.4826 * float(np.median(np.sort(np.abs(left))[p // 2 :])), SIGMA_FLOOR)
-    for _ in range(10):
-        weight = np.clip(1 - (left / (4.685 * scale)) ** 2, 0.0, None) ** 2
-        if (weight > 0).sum() <= p:
-            return np.ones(n, dtype=np.bool_)
-        left = s.gaps - s.jacobian @ _solved(s.jacobian, s.gaps, weight, s, scale)
-        inside = np.abs(left) < 4.685 * scale
-        scale = max(float(np.sqrt(np.sum(weight * left**2) / max(np.sum(weight) * (1 - p / n), 1.0))) * 1.2, SIGMA_FLOOR)
-    return np.asarray(inside)
 
 
 @dataclass(frozen=True)
@@ -227,7 +191,7 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
     normal[np.arange(p), np.arange(p)] += sigma**2 * s.prior
     pull = both.T @ gaps + sigma**2 * known.T @ s.known_gaps
     pull[:p] += sigma**2 * s.prior * s.values
-    inverse = _positive(normal, np.eye(len(normal)))
+    inverse = positive(normal, np.eye(len(normal)))
     found = inverse @ pull
     change = -found[:p] * s.scale
     covariance = sigma**2 * inverse[:p, :p] * np.outer(s.scale, s.scale)

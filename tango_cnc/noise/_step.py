@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 
 from ..estimate import Estimate, Jump
 from ..records import Array
-from ._fit import LARGEST, Fitted, gls, reachable
+from ._fit import LARGEST, Fitted, gls
+from ._start import reachable
 from ._system import System, system, widened
 
 FEWEST = 4  # touches before and after
 WORTH = 60.0  # white variances that a step has to take out of the residuals before it is tried
 FAINT = 1e-3  # share of what a displacement does to the touches below which other unknowns stand for it
 LEFT = 0.4  # of what the fit without it leaves, at most, that a step may leave
+UNFIT = 0.1  # share of touches that it may leave unfit: a shift makes some of any wrong touches fit
 LOST = 7.0  # what each touch without weight costs: as much as one that is a hundred times off
 WHITE = 1.3  # times the white scatter beside walk and seating that it may leave: a drift leaves more
 TIMES = 3.0  # white standard deviations that it has to be
@@ -53,7 +55,8 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
         cost, before = _cost(other, plain, other, white), _cost(plain, plain, other, white)
         shift = other[0].change[-3:]
         lost = cost + LOST * float((~other[1]).sum())
-        if other[0].sigma < WHITE * white and cost < LEFT * before and lost < least and np.linalg.norm(shift) > TIMES * white:
+        good = other[0].sigma < WHITE * white and (~other[1]).mean() < UNFIT and cost < LEFT * before
+        if good and lost < least and np.linalg.norm(shift) > TIMES * white:
             best, least = (name, at, until, other[0]), lost
     if best is None:
         return None

@@ -30,6 +30,7 @@ class System:
     values: Array  # (p,), over scale
     prior: Array  # (p,) one over the variance of what was known of each before, times scale squared; 0 where nothing was
     least: float  # mm: no touch is taken to be better than a fifth of the stated repeatability
+    repeats: float  # mm, the stated repeatability
     walk: Array  # (n, a), functions by day, the slowest first, each along x y z
     seats: Array  # (n, b)
 
@@ -51,8 +52,9 @@ def system(result: Estimate) -> System:
     known_gaps = result.known_residuals * result.known_weights / result.sigma
     prior = (scale / _before(result)) ** 2
     jacobian, values = result.jacobian[:n] * scale, result.values / scale
-    least = max(touches.machine.probe.repeatability / 5, SIGMA_FLOOR)
-    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, walk, seats)
+    repeats = max(touches.machine.probe.repeatability, SIGMA_FLOOR)
+    least = max(repeats / 5, SIGMA_FLOOR)
+    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, repeats, walk, seats)
 
 
 def _before(result: Estimate) -> Array:

@@ -20,9 +20,11 @@ from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches
 from .groups import common
+from .late import late
 from .search import less, place, suspects
 from .setup import stylus
 from .spare import spare
+from .spindle import still
 from .words import beyond_text
 
 ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
@@ -87,7 +89,7 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     tried = suspects(cell, readings)
     # Where every touch is centimetres off, or another mistake explains a bar, that is a symptom like any other.
     gross = bool(tried) and tried[0].before > GROSS
-    other = bool(tried) and tried[0].kind != "scale_bar"
+    other = bool(tried) and tried[0].kind != "scale_bar" and tried[0].fits is not False
     sure = {r.text for r in found if r.sure and not gross and not (other and r.kind == "scale_bar")}
     direct = [s for s in own if s.kind in DIRECT and (not s.touches or len(s.touches) > len(readings) / 2)]
     alike = len(readings) > 1 and not np.ptp(readings.position, axis=0).any()  # such readings fit anything
@@ -129,7 +131,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
             )
         )
     found += _noise(result)
-    found += common(result)
+    found += [*late(result), *common(result), *still(result)]
     found += stylus(cell, told)
     return found
 

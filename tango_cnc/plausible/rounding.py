@@ -13,7 +13,7 @@ import numpy as np
 from ..kinematics import chain, inverse
 from ..records import Array, Cell, Readings
 
-STEPS = (0.1, 0.05, 0.01, 0.005)  # mm
+STEPS = (0.1, 0.05, 0.0254, 0.01, 0.005, 0.00254)  # mm; 0.001 and 0.0001 inch too
 SHARE = 0.05  # of a search that an axis makes: with less, it may stand at the round number of the program
 FEWEST = 20  # positions in a row that are all whole multiples: by chance with steps of 1 µm, one in 10^13
 

@@ -1,4 +1,4 @@
-"""A position was copied from row to row: one axis stands still to the last digit, while the facets ask it to move."""
+"""A position was copied: an axis stands still to the last digit while the facets ask it to move, or a whole row is another's."""
 
 from __future__ import annotations
 
@@ -6,18 +6,22 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...texts import say
+from ..data import listed
 from ._case import Case, Hypothesis
 
 FEWEST = 5  # rows in a row
+PASTED = 2  # rows, at least, that are those of others
 AWAY = 1.0  # mm beside or beyond the contact, of more than half of them
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
-    """case → the readings without the longest run of rows with one position of an axis that does not fit."""
+    """case → the readings without the longest run of rows with one position of an axis that does not fit; without pasted rows."""
     machine, readings = case.machine, case.readings
     wrong = np.maximum(np.abs(case.stated.gaps), case.stated.beside) > AWAY
+    yield from _pasted(case, wrong)
     found = []
     for name in machine.linear:
         values = readings.position[:, machine.column(name)]
@@ -43,6 +47,29 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         ),
         "readings",
         name,
+        say("mistake.copied_positions.again"),
+        readings=readings.rows(keep),
+        touches=touches,
+        price=5.0,
+    )
+
+
+def _pasted(case: Case, wrong: NDArray[np.bool_]) -> Iterator[Hypothesis]:
+    """Rows far from their facet whose linear axes are where they are in a row that fits: no two touches end on the same digits."""
+    machine, readings = case.machine, case.readings
+    place = np.round(readings.position[:, [machine.column(name) for name in machine.linear]], 7)
+    right = {tuple(row): i for i, row in enumerate(place.tolist()) if not wrong[i]}
+    pairs = [(i, right[key]) for i in np.flatnonzero(wrong) if (key := tuple(place[i].tolist())) in right]
+    if len(pairs) < PASTED or len(pairs) > len(readings) / 2:
+        return
+    keep = np.ones(len(readings), dtype=np.bool_)
+    keep[[i for i, _ in pairs]] = False
+    touches = tuple(int(readings.touch[i]) for i, _ in pairs)
+    others = listed([int(readings.touch[j]) for _, j in pairs])
+    yield Hypothesis(
+        say("mistake.copied_positions.pasted", listed=listed(touches), others=others),
+        "readings",
+        ", ".join(machine.linear),
         say("mistake.copied_positions.again"),
         readings=readings.rows(keep),
         touches=touches,

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from ...texts import say
-from ._case import Case, Hypothesis, moved_column
+from ...texts import joined, say
+from ._case import Case, Hypothesis, moved_column, with_positions
 
 RATIOS = (2.0, 0.5, 0.9, 1 / 0.9, 10.0, 0.1)  # 0.9: 400 gon are a turn
 GON = 0.9
@@ -18,6 +18,20 @@ GON = 0.9
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """case → each rotary axis that turned, in the ratios that people mix up, then in any ratio near 1."""
     machine, readings = case.machine, case.readings
+    turning = [name for name in machine.rotary if np.ptp(readings.position[:, machine.column(name)])]
+    if len(turning) > 1:
+        for ratio in (GON, 1 / GON):
+            position = np.array(readings.position)
+            position[:, [machine.column(name) for name in turning]] *= ratio
+            names = joined(say("mistake.unit.and"), turning)
+            yield Hypothesis(
+                say(f"mistake.rotary_gain.{'gon' if ratio == GON else 'taken_for_gon'}_many", names=names),
+                "readings",
+                ", ".join(turning),
+                say("mistake.rotary_gain.see_units", names=names, ratio=f"{ratio:g}"),
+                readings=with_positions(readings, position),
+                price=1.5,
+            )
     for name in machine.rotary:
         column = machine.column(name)
         angle = readings.position[:, column]

@@ -10,10 +10,12 @@ from ...texts import say
 from ._case import Case, Hypothesis
 
 NEAR = 0.05  # mm
+SEEN = 0.02  # mm: balls of a known radius are touched from all sides and show a tip that is off by this
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """case → a tip of any radius."""
+    balls = any(case.artefact.facets[f].ball is not None for f in case.readings.facet)
     yield Hypothesis(
         say("mistake.tip_radius.readings_fit_tip_has_another"),
         "machine",
@@ -22,7 +24,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         free=["radius"],
         words=partial(_words, case.machine),
         price=1.5,
-        least={"radius": case.artefact.tolerances.common},
+        least={"radius": SEEN if balls else case.artefact.tolerances.common},
     )
 
 
@@ -36,6 +38,6 @@ def _words(machine: Machine, values: Mapping[str, float]) -> tuple[str, str]:
         )
     why = say("mistake.tip_radius.diameter_given_for_radius") if abs(2 * radius - given) < NEAR else ""
     why = say("mistake.tip_radius.radius_given_as_part") if abs(radius - 2 * given) < NEAR else why
-    return say("mistake.tip_radius.readings_fit_tip_has_radius", radius=f"{radius:.2f}", why=why), say(
-        "mistake.tip_radius.write_tip_radius_measure", radius=f"{radius:.2f}"
+    return say("mistake.tip_radius.readings_fit_tip_has_radius", radius=f"{radius:.3g}", why=why), say(
+        "mistake.tip_radius.write_tip_radius_measure", radius=f"{radius:.3g}"
     )

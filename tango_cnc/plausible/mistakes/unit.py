@@ -18,6 +18,7 @@ ANGLES = {
     math.pi / 180: "degrees",
     360.0: "turns",
     1 / 3600: "seconds",
+    1 / 60: "minutes",
     1e-3: "thousandths",
 }
 
