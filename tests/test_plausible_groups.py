@@ -97,7 +97,8 @@ def test_residuals_that_follow_the_feed_are_named(cell: Cell, readings: Readings
     fast = np.arange(len(readings)) % 3 == 0
     late = pushed(cell, readings, np.where(fast, -0.030, -0.003))  # 1 ms at 1800 and at 180 mm/min
     judgement = judged(cell, replace(late, feed=np.where(fast, 1800.0, 180.0)))
-    assert re.search("the position is latched (0.99|1) ms too late", only(judgement, "doubtful"))
+    # A third of the touches is at the other feed, and has no weight beside the rest: so few are left that nothing is trusted.
+    assert re.search("the position is latched (0.99|1) ms too late", only(judgement, "implausible"))
     assert "EXX1" in judgement.untrusted
 
 

@@ -1,0 +1,159 @@
+"""Touches that are wrong to one side, a spindle that stands still, and single mistakes that outsiders made: named, with numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.coverage import pushed
+
+from sim_controller.simulate import simulate
+from tango_cnc.estimate import Estimate, estimate
+from tango_cnc.files import read_cell, read_world
+from tango_cnc.judgement import Judgement
+from tango_cnc.kinematics import chain, tip
+from tango_cnc.noise import honest
+from tango_cnc.plausible import judge
+from tango_cnc.records import Array, Cell, Readings, TangoError, World
+
+Measured = tuple[Cell, World, Readings]
+
+
+@pytest.fixture(scope="module")
+def measured(pytestconfig: pytest.Config) -> Measured:
+    folder = pytestconfig.rootpath / "examples" / "trunnion"
+    cell, world = read_cell(folder), read_world(folder / "world.yaml")
+    return cell, world, simulate(cell.machine, cell.artefact, cell.strategy, world, seed=31)
+
+
+def judged(cell: Cell, readings: Readings) -> Judgement:
+    try:
+        return judge(cell, readings, honest(estimate(cell.machine, cell.artefact, readings, cell.terms)))
+    except TangoError:
+        return judge(cell, readings, None)
+
+
+def farthest(result: Estimate, world: World) -> float:
+    """The largest deviation from the truth, in standard deviations."""
+    return max(abs(p.value - world.errors.get(name, 0.0)) / p.std for name, p in result.parameters.items())
+
+
+@pytest.mark.parametrize(
+    ("share", "size"), [(0.4, 0.1), pytest.param(0.4, 0.01, marks=pytest.mark.long), pytest.param(0.5, 0.1, marks=pytest.mark.long)]
+)
+def test_touches_late_to_one_side_are_told_from_the_others(measured: Measured, share: float, size: float) -> None:
+    cell, world, readings = measured
+    late = np.random.default_rng(5).random(len(readings)) < share
+    spoilt = pushed(cell, readings, np.where(late, -size, 0.0))
+    result = honest(estimate(cell.machine, cell.artefact, spoilt, cell.terms))
+    judgement = judge(cell, spoilt, result)
+    agree = np.mean(result.out == late)
+    assert max(agree, 1 - agree) > 0.95, "which are late and which early is one and the same where both are half"
+    assert judgement.verdict == "implausible" and {*result.parameters, *result.setup} <= set(judgement.untrusted)
+    assert judgement.suspicions[0].kind == "late_touches"
+    if share < 0.5:
+        assert f"read {size * 1000:.3g}"[:6] in judgement.suspicions[0].text
+        assert farthest(result, world) < 4
+
+
+@pytest.mark.long
+def test_late_touches_of_all_sizes_are_told_from_the_others(measured: Measured) -> None:
+    cell, world, readings = measured
+    rng = np.random.default_rng(5)
+    late = rng.random(len(readings)) < 0.4
+    spoilt = pushed(cell, readings, np.where(late, -0.3 * rng.random(len(readings)), 0.0))
+    result = honest(estimate(cell.machine, cell.artefact, spoilt, cell.terms))
+    assert farthest(result, world) < 4 and np.mean(result.out == late) > 0.95
+    assert judge(cell, spoilt, result).suspicions[0].kind == "late_touches"
+
+
+def test_a_dozen_touches_that_met_nothing_bend_no_parameter(measured: Measured) -> None:
+    cell, world, readings = measured
+    wrong = np.zeros(len(readings))
+    wrong[np.random.default_rng(3).choice(len(readings), 12, replace=False)] = -4.0
+    plain = estimate(cell.machine, cell.artefact, pushed(cell, readings, wrong), cell.terms)
+    assert abs(plain.parameters["EY0C"].value - world.errors["EY0C"]) > 0.02, "least squares follows them"
+    assert farthest(honest(plain), world) < 4
+    assert set(np.flatnonzero(wrong) + 1) <= set(honest(plain).outliers.tolist())
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_a_spindle_that_stands_still_is_not_trusted_with_its_place(measured: Measured, turns: bool) -> None:
+    cell, world, readings = measured
+    standing = tuple(replace(i, position={**i.position, "S": 0.0}) for i in cell.strategy.indexations)
+    strategy = cell.strategy if turns else replace(cell.strategy, indexations=standing)
+    made = simulate(cell.machine, cell.artefact, strategy, world, seed=32)
+    judgement = judged(cell, replace(made, position=readings.position + (made.position - readings.position) * _linear(cell)))
+    if turns:
+        assert judgement.verdict == "trustworthy" and not judgement.suspicions
+    else:
+        assert judgement.verdict == "doubtful" and {"EX0S", "EY0S", "EXt", "EYt"} <= set(judgement.untrusted)
+        assert judgement.suspicions[0].kind == "spindle_still"
+
+
+def _linear(cell: Cell) -> Array:
+    return np.array([name in cell.machine.linear for name in cell.machine.names], dtype=float)
+
+
+def _columns(change: Callable[[Cell, Array], None]) -> Callable[[Cell, Readings], Readings]:
+    def spoilt(cell: Cell, readings: Readings) -> Readings:
+        position = np.array(readings.position)
+        change(cell, position)
+        return replace(readings, position=position)
+
+    return spoilt
+
+
+def _gon(cell: Cell, p: Array) -> None:
+    p[:, [cell.machine.column(n) for n in "AC"]] /= 0.9
+
+
+def _screw(cell: Cell, p: Array) -> None:
+    p[:, cell.machine.column("Z")] *= 1.003
+
+
+def _offset(cell: Cell, p: Array) -> None:
+    p[:, cell.machine.column("Y")] += 5.0
+
+
+def _signless(cell: Cell, p: Array) -> None:
+    half, x = len(p) // 2, cell.machine.column("X")
+    p[half:, x] = np.abs(p[half:, x])
+
+
+def _pasted(cell: Cell, p: Array) -> None:
+    p[90:102, :3] = p[50:62, :3]
+
+
+def _tool_centre(cell: Cell, p: Array) -> None:
+    p[:, :3] = tip(chain(cell.machine), p)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "word"),
+    [
+        (_gon, "rotary_gain", "A and C are in gon"),
+        pytest.param(_offset, "zero_offset", "Y by -5.0", marks=pytest.mark.long),
+        pytest.param(_screw, "linear_gain", "Z goes 0.997", marks=pytest.mark.long),
+        pytest.param(_signless, "lost_sign", "X has the other sign", marks=pytest.mark.long),
+        pytest.param(_pasted, "copied_positions", "these rows were copied", marks=pytest.mark.long),
+        pytest.param(_tool_centre, "tool_centre_point", "tool center point", marks=pytest.mark.long),
+    ],
+)
+def test_a_mistake_is_named_first_and_fits(measured: Measured, change: Callable[[Cell, Array], None], kind: str, word: str) -> None:
+    cell, _, readings = measured
+    judgement = judged(cell, _columns(change)(cell, readings))
+    first = judgement.suspicions[0]
+    assert judgement.verdict == "implausible"
+    assert (first.kind, first.fits) == (kind, True) and word in first.text
+
+
+@pytest.mark.long
+def test_a_tip_that_is_a_tenth_too_small_shows_on_the_balls(measured: Measured) -> None:
+    cell, _, readings = measured
+    machine = replace(cell.machine, probe=replace(cell.machine.probe, tip_radius=cell.machine.probe.tip_radius + 0.1))
+    judgement = judged(replace(cell, machine=machine), readings)
+    assert judgement.verdict != "trustworthy"
+    assert judgement.suspicions[0].kind == "tip_radius" and "radius of 3" in judgement.suspicions[0].text
