@@ -7,9 +7,12 @@ import re
 from dataclasses import dataclass, replace
 from typing import Any
 
+from tango_cnc.nearest import printable
 from tango_cnc.records import InputError
 
 CODES = re.compile(r"[A-Z0-9 .\-]*")  # what an option may put into a program: words, no brackets, comments or line ends
+MOST = 1000  # characters of a value: no word of a control, name of a file or list of G codes has a tenth of it
+SHOWN = 200  # characters of a wrong value
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,9 @@ def stated(option: Option, value: Any) -> Any:
         words = {int: "a whole number", float: "a number", str: "a text", bool: "true or false", dict: "a mapping (key: value)"}
         allowed = ", ".join(str(c) for c in option.choices) or words.get(kind, kind.__name__)
         allowed += f", or {option.instead}" * bool(option.instead)
-        raise InputError(f"controller.{option.name}: found {value!r}; allowed: {allowed} ({option.meaning})")
+        raise InputError(f"controller.{option.name}: found {printable(repr(value), SHOWN)}; allowed: {allowed} ({option.meaning})")
+    if len(repr(value)) > MOST:
+        raise InputError(f"controller.{option.name}: found {printable(repr(value), SHOWN)}; allowed: at most {MOST} characters")
     if kind is float and not math.isfinite(value):
         raise InputError(f"controller.{option.name}: found {value!r}; allowed: a finite number")
     if option.codes and not CODES.fullmatch(value):

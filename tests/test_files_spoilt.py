@@ -94,3 +94,13 @@ def test_a_setting_of_a_port_is_shown_as_far_as_anybody_reads(tmp_path: Path) ->
     with pytest.raises(InputError, match="unknown setting") as refused:
         READERS["ports"].read(tmp_path)
     assert len(str(refused.value)) < 2000
+
+
+@pytest.mark.parametrize("value", ["9" * 5000, f"'{'A' * 5000}'", f"{{a: {'9' * 3000}}}"])
+@pytest.mark.parametrize("key", ["program_number", "probe_on", "must_be_off"])
+def test_a_key_of_a_post_is_shown_as_far_as_anybody_reads(tmp_path: Path, key: str, value: str) -> None:
+    cell(tmp_path)
+    (tmp_path / "tango.yaml").write_text(TEXTS["tango.yaml"].replace("program_number: 8700", f"{key}: {value}"))
+    with pytest.raises(InputError, match=rf"controller.{key}") as refused:
+        READERS["profile"].read(tmp_path)
+    assert len(str(refused.value)) < 1000

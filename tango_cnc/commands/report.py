@@ -7,6 +7,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -159,6 +160,7 @@ def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) ->
     return Paper(made, __version__, versions, operator, owner, tuple(files), origin, simulated, source.name, measured)
 
 
+@cache
 def _version(name: str) -> str:
     from importlib.metadata import version
 

@@ -6,15 +6,21 @@ import random
 import sqlite3
 import zlib
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
+
+from sqlalchemy import Engine, create_engine
 
 from support.histories import EVENTS, knowledge, record
 from support.mutants import BYTES, Reader, spoilt
-from tango_cnc.history import Decision, History, add_compensations, compensations, opened
+from tango_cnc.history import Decision, History, _database, add_compensations, compensations, opened
 from tango_cnc.records import InputError, LinkError
 
+ANEW = 0.1  # part of the files that are read as the first one of a process
+ENGINES: dict[str, Engine] = {}
 ODD = [None, 0, -1, 1 << 62, 2.5, 9e999, "", "x", b"", b"x", "2026-10-01", "{}", "[]", "null", "9" * 400, "\x00"]
 
 
@@ -99,6 +105,13 @@ def rewritten(data: bytes, rng: random.Random) -> bytes:
     return made
 
 
+def _engine(url: Any, **more: Any) -> Engine:
+    """As SQLAlchemy's, but one for the same name: what it has compiled is most of the time of a small file. The pool is new."""
+    if str(url) not in ENGINES:
+        ENGINES[str(url)] = create_engine(url, **more)
+    return ENGINES[str(url)]
+
+
 def read(folder: Path) -> Any:
     """folder with history.db → what commands and pages ask a history for: some of it, which depends on the file."""
     file = folder / "history.db"
@@ -107,7 +120,8 @@ def read(folder: Path) -> Any:
     chance = random.Random(zlib.crc32(file.read_bytes()))
     refused: list[Exception] = []
     found: list[Any] = []
-    with opened(file, create=False) as history:
+    engines = nullcontext() if chance.random() < ANEW else patch.object(_database, "create_engine", _engine)
+    with engines, opened(file, create=False) as history:
         for question in chance.sample(QUESTIONS, 5):
             try:
                 found.append(question(history, chance))

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from tango_cnc.records import InputError
+from tango_cnc.records import Array, InputError
 
 SLOW = 1.0  # s of computing for a file of some kB
 HANGS = 10.0  # s of computing after which a reader is stopped
@@ -39,7 +39,7 @@ WORDS += ["[]", "{}", "[[[", "{a: ", "*a", "&a ", "&a [*a]", "<<: *a", "!!python
 WORDS += ["- ", ": ", "\t", "\n", "\r", "\x1a", "#", "'", '"', "|", ">", "%", "@", ",", ";", "{'a': 1}"]
 WORDS += ["[" * 3000, "{" * 3000, '{"a":' * 3000]
 BYTES = [word.encode() for word in WORDS]
-WORD = re.compile(rb"[\w.+-]+")
+IN_WORD = np.array([bool(re.match(rb"[\w.+-]", bytes([value]))) for value in range(256)], np.int8)
 
 
 def spoilt(data: bytes, rng: random.Random) -> bytes:
@@ -58,11 +58,18 @@ def spoilt(data: bytes, rng: random.Random) -> bytes:
             case 3:
                 made[at:at] = made[other : other + rng.randrange(1, 60)]
             case _:
-                words = list(WORD.finditer(made))
-                if words:
-                    word = rng.choice(words)
-                    made[word.start() : word.end()] = rng.choice(BYTES)
+                words = _words(made)
+                if len(words):
+                    start, end = words[rng.choice(range(len(words)))]
+                    made[start:end] = rng.choice(BYTES)
     return bytes(made)
+
+
+def _words(data: bytearray) -> Array:
+    """bytes → (n, 2) where words begin and end."""
+    inside = np.zeros(len(data) + 2, np.int8)
+    inside[1:-1] = IN_WORD[np.frombuffer(data, np.uint8)]
+    return np.flatnonzero(np.diff(inside)).reshape(-1, 2)
 
 
 @dataclass(frozen=True)
