@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from .files.shape import misfit
 from .kinematics import chain, spindle_axis
 from .records import Array, Cell, Id, Indexation
 
 AWAY = -0.02  # least cosine between normal and spindle: other facets face away, and plans leave them out
+MEANT = [{"position": {"*": float}, "facets": [str]}]  # of readings.json: until.strategy
 BEFORE = re.compile(r"touch (\d+) ")  # records of versions before 0.2 have the sentences alone, not the numbers
 
 
@@ -42,8 +44,10 @@ def as_run(cell: Cell, run: Mapping[str, Any] | None) -> Cell:
     """cell, readings.json → the cell with the touches that a run to a goal meant to make, where `run --until` made the readings."""
     try:
         meant = (run or {})["until"]["strategy"]
-        indexations = tuple(Indexation(dict(i["position"]), tuple(i["facets"])) for i in meant)
-    except (ValueError, KeyError, TypeError):
+        if misfit(meant, MEANT):
+            return cell
+        indexations = tuple(Indexation({n: float(v) for n, v in i["position"].items()}, tuple(i["facets"])) for i in meant)
+    except (KeyError, TypeError, OverflowError):
         return cell
     if not all(facet in cell.artefact.facets for i in indexations for facet in i.facets):
         return cell

@@ -9,18 +9,26 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
+from support.histories import record
 from support.mutants import campaign
 from support.readers import READERS, TEXTS, cell
 
 from tango_cnc import files
+from tango_cnc.asked import as_run, asked
 from tango_cnc.files.readjson import parse_json
+from tango_cnc.history import opened
+from tango_cnc.link.lock import NAME, holding
 from tango_cnc.nearest import printable
+from tango_cnc.readback.expressions import expression
 from tango_cnc.records import InputError
+from tango_cnc.report import morning
 
 FEW = 8
-SILENT = ("message", "readings.origin.json", "trusted-posts.txt")  # what is spoilt there is no value, no origin, no trust
+# What is spoilt there is no value, no origin, no trust, no goal of a run, no holder; a message is sent as it is.
+SILENT = ("message", "readings.origin.json", "trusted-posts.txt", "readings.json-of-a-run", "lock", "night-begun", "night-message")
 MANY = int(os.environ.get("TANGO_MUTANTS", "100000"))
 FIRST = int(os.environ.get("TANGO_SEED") or "1000000")
 
@@ -104,3 +112,51 @@ def test_a_key_of_a_post_is_shown_as_far_as_anybody_reads(tmp_path: Path, key: s
     with pytest.raises(InputError, match=rf"controller.{key}") as refused:
         READERS["profile"].read(tmp_path)
     assert len(str(refused.value)) < 1000
+
+
+def test_a_shops_template_reaches_nothing_beyond_its_page(tmp_path: Path) -> None:
+    shop = tmp_path / "shop"
+    shop.mkdir()
+    for text, said in {
+        "{{ ''.__class__.__mro__[1].__subclasses__() }}": "unsafe",
+        "{% for i in range(10 ** 9) %}{% endfor %}": "too big|range",
+        "{% include 'morning.html' %}": "recursion",
+        "{{ 1 / 0 }}": "ZeroDivisionError",
+        "{{ t('nothing') }}": "KeyError",
+    }.items():
+        (shop / "morning.html").write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=rf"(?i)morning.html.*({said})"):
+            morning.render(record(1), folder=shop)
+    (shop / "morning.html").write_bytes(b"\xff")
+    with pytest.raises(InputError, match="UTF-8"):
+        morning.render(record(1), folder=shop)
+
+
+@pytest.mark.parametrize("text", ["[" * 1900, '{"what": "x", "pid": "1"}', "[]", "\0"])
+def test_a_lock_whose_text_names_nobody_holds_nothing(tmp_path: Path, text: str) -> None:
+    (tmp_path / NAME).write_text(text, encoding="utf-8")
+    with holding(tmp_path, "tango run"):
+        assert "tango run" in (tmp_path / NAME).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("position", [{"B": None}, {"B": {}}, {"B": "1"}, {"B": 10**400}, []])
+def test_a_goal_with_a_position_that_is_none_is_left_out(tmp_path: Path, position: Any) -> None:
+    cell(tmp_path)
+    one = files.read_cell(tmp_path)
+    run = {"until": {"strategy": [{"position": position, "facets": ["1"]}]}}
+    assert as_run(one, run) is one and len(asked(one, run))
+
+
+def test_an_expression_deeper_than_any_control_takes_is_refused() -> None:
+    for text in ("[" * 3000, "-" * 3000 + "1", "1" + "+1" * 400, "#[" * 50 + "1" + "]" * 50):
+        with pytest.raises(ValueError, match="no control takes"):
+            expression(text)
+    assert expression("[" * 40 + "#1" + "]" * 40)(lambda name: 2.0) == 2.0
+
+
+def test_a_history_of_long_names_lists_them_as_far_as_anybody_reads(tmp_path: Path) -> None:
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(record(1, "M" * 3000))
+        with pytest.raises(InputError, match="no machine") as refused:
+            history.trend("another", "EX0C")
+    assert len(str(refused.value)) < 1500

@@ -63,7 +63,7 @@ class RealDisk:
         """A file of a night; one that is there with the same text is left alone, another text goes beside it."""
         file = self.folder / "nights" / stamp / name
         if file.exists():
-            if file.read_text(encoding="utf-8") == text:
+            if file.read_text(encoding="utf-8", errors="surrogateescape") == text:
                 return
             file = file.with_name(f"{file.stem}.again{file.suffix}")
         write_text(file, text)
@@ -71,7 +71,7 @@ class RealDisk:
     def read(self, stamp: str, name: str) -> str | None:
         """→ text of a file of a night, None where there is none."""
         file = self.folder / "nights" / stamp / name
-        return file.read_text(encoding="utf-8") if file.exists() else None
+        return file.read_text(encoding="utf-8", errors="surrogateescape") if file.exists() else None
 
     def post(self, stamp: str, text: str) -> None:
         """Puts a message into the outbox."""
@@ -107,7 +107,7 @@ def _texts(folder: Path) -> list[tuple[str, str]]:
     found = []
     for file in sorted(f for f in folder.iterdir() if not f.name.startswith(".")):
         with suppress(FileNotFoundError, IsADirectoryError):  # another night has just taken it away
-            found.append((file.name, file.read_text(encoding="utf-8")))
+            found.append((file.name, file.read_text(encoding="utf-8", errors="replace")))
     return found
 
 

@@ -64,11 +64,11 @@ def _files(folder: Path, name: str) -> list[Path]:
     """folder, dotted name → the files that Python would run for it: packages on the way, the module, its compiled forms."""
     found: list[Path] = []
     for part in filter(None, name.split(".")):
-        if not folder.is_dir():
+        if not os.path.isdir(folder):  # False, too, for a name that no folder can have
             break
         found += sorted(f for f in folder.iterdir() if f.name.split(".")[0] == part and f.suffix in RUN and f.is_file())
         folder = folder / part
-        if folder.is_dir():
+        if os.path.isdir(folder):
             found += sorted(f for f in folder.iterdir() if f.name.split(".")[0] == "__init__" and f.suffix in RUN and f.is_file())
     return found
 

@@ -23,6 +23,7 @@ import numpy as np
 from sqlalchemy import Connection, Engine, Row, Select, func, insert, select
 from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError
 
+from ..nearest import printable
 from ..records import InputError, LinkError
 from . import _asked as asked
 from . import _chain, _whole
@@ -96,9 +97,7 @@ class History:
             raise InputError("decision: found no owner; allowed: the name of who decides")
         known = {alarm["id"] for stored in self.alarmed(machine) for alarm in stored.record["alarms"]}
         if decision.alarm not in known:
-            raise InputError(
-                f"decision: found no alarm {decision.alarm!r} of {machine}; allowed: {', '.join(sorted(known)[-5:]) or 'none yet'}"
-            )
+            raise InputError(f"decision: found no alarm {decision.alarm!r} of {machine}; allowed: {_listed(sorted(known)[-5:])}")
         row = {key: getattr(decision, key) for key in ("alarm", "action", "until", "owner", "note")}
         row["utc"] = decision.utc or _stamp(datetime.now(UTC))
         with self._writing() as connection:
@@ -214,7 +213,7 @@ class History:
             wanted = wanted.where(c.start_utc >= _date(since))
         rows = self._rows(wanted.order_by(c.start_utc, c.entry_id))
         if not rows and name not in (known := self.parameters(machine)):
-            raise InputError(f"history: {machine} has no parameter {name!r}; allowed: {', '.join(known) or 'none yet'}")
+            raise InputError(f"history: {machine} has no parameter {name!r}; allowed: {_listed(known)}")
         entries, when, value, std, unit = zip(*rows, strict=True) if rows else ((), (), (), (), ("",))
         return Trend(machine, name, unit[0], tuple(entries), tuple(when), np.array(value, float), np.array(std, float))
 
@@ -357,7 +356,7 @@ class History:
         if name not in self._ids:
             rows = self._rows(select(t.machine.c.id).where(t.machine.c.name == name))
             if not rows:
-                raise InputError(f"history: found no machine {name!r}; allowed: {', '.join(self.machines()) or 'none yet'}")
+                raise InputError(f"history: found no machine {name!r}; allowed: {_listed(self.machines())}")
             self._ids[name] = int(rows[0].id)
         return self._ids[name]
 
@@ -399,6 +398,10 @@ def _columns(record: Mapping[str, Any]) -> dict[str, Any]:
         "volume_um": volume.get("worst_um"),
         "duration_s": float(record.get("duration_s") or 0.0),
     }
+
+
+def _listed(names: Sequence[str]) -> str:
+    return printable(", ".join(names)) or "none yet"
 
 
 def _night(row: Row[Any]) -> Night:

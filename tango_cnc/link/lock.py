@@ -20,12 +20,14 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from ..files.shape import misfit
 from ..records import LinkError
 
 NAME = ".tango.lock"
 ME = secrets.token_hex(8)  # this process; the system gives its number to another one some day
 BEYOND = 1 << 30  # on Windows a locked byte cannot be read: one far beyond the text
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # a file system without locks
+HOLDER = {"what": str, "pid": int, "host": str, "since": str, "process": str, "thread": int}
 LONGEST = 2000  # bytes that are read of a lock
 
 
@@ -133,9 +135,10 @@ def _holder(handle: int) -> Holder | None:
     """open lock file → whom its text names; None where a program stopped before it had written one."""
     os.lseek(handle, 0, os.SEEK_SET)
     try:
-        return Holder(**json.loads(os.read(handle, LONGEST)))
-    except (ValueError, TypeError):
+        found = json.loads(os.read(handle, LONGEST))
+    except (ValueError, RecursionError):
         return None
+    return None if misfit(found, HOLDER) else Holder(**{key: found[key] for key in HOLDER})
 
 
 def _name(handle: int, what: str) -> None:

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 
 from ..files.nightly import Nightly
+from ..files.readjson import parse_json
+from ..files.shape import misfit
 from ..history import FORMAT, Knowledge
 from ..records import InputError, LinkError, TangoError
 from ..report.texts import texts, texts_of
@@ -27,6 +29,7 @@ from .words import headline, message
 
 MISSED = 7  # nights that were missed and are put on record one by one
 REACHED = "# has reached "  # below a message that waits for others
+KEPT = {"record": {}, "readings?": str, "knowledge?": {"names": [str], "values": [float], "covariance": [[float]]}}
 UNKEPT = "unkept.json"  # file of a night that the history did not take
 EXIT = {"good": 0, "changed": 1, "out_of_limits": 1, "doubtful": 1, "not_measured": 3}
 
@@ -187,13 +190,18 @@ def _added(world: Ports, stamp: str) -> bool:
     if text is None:
         return False
     try:
-        kept = json.loads(text)
+        kept = parse_json(text)
         state = kept["knowledge"]
-        known = (
-            None if state is None else Knowledge(tuple(state["names"]), np.array(state["values"]), np.array(state["covariance"]))
-        )
+        if misfit(kept, KEPT):
+            return False
+        known = None
+        if state is not None:
+            p, values, covariance = len(state["names"]), np.array(state["values"], float), np.array(state["covariance"], float)
+            if values.shape != (p,) or covariance.shape != (p, p):
+                return False
+            known = Knowledge(tuple(state["names"]), values, covariance)
         world.past.add_night(kept["record"], kept["readings"], known)
-    except (ValueError, KeyError, TypeError, InputError):  # not whole: the night counts as cut off, its files stay
+    except (ValueError, KeyError, TypeError, OverflowError, InputError):  # not whole: the night counts as cut off, its files stay
         return False
     return True
 

@@ -11,6 +11,8 @@ Value = float | None  # None: a variable that holds nothing
 Get = Callable[[int | str], Value]
 Expression = Callable[[Get], Value]
 
+LONGEST = 300  # characters of an expression; a longer one would be as deep as Python can go
+DEEPEST = 40  # brackets in it
 TOKEN = re.compile(r"\s*(\d+\.?\d*|\.\d+|#<\w+>|\*\*|[A-Z]{2,4}|[-+*/#\[\]])")
 FUNCTIONS: dict[str, Callable[[float], float]] = {
     "ABS": abs,
@@ -38,6 +40,8 @@ LEVELS: tuple[dict[str, Callable[[float, float], float]], ...] = (
 @lru_cache(maxsize=4096)
 def expression(text: str) -> Expression:
     """text → function of the variables. Raises ValueError for what is no expression."""
+    if len(text) > LONGEST or text.count("[") > DEEPEST:
+        raise ValueError(f"an expression of {len(text)} characters and {text.count('[')} brackets, which no control takes")
     tokens, at = [], 0
     while at < len(text):
         match = TOKEN.match(text, at)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
+from ..nearest import printable
 from ..records import InputError, Plan
 from .expressions import Value, expression
 from .phases import BEGUN, OWED, TOLD, Action, Phase, after
@@ -403,7 +404,10 @@ def numbered(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
     return ((number, line.strip()) for number, line in enumerate(lines, 1))
 
 
+SAID = 2000  # characters of what is wrong with a line
+
+
 def at_line(number: int, line: str, error: InputError) -> InputError:
     """line (0: none of them) and what is wrong with it → the error that says where."""
     where = f"program line {number} {line[:80]!r}" if number else "program"
-    return InputError(f"{where}: {error}. The program is not the plan")
+    return InputError(f"{where}: {printable(str(error), SAID)}. The program is not the plan")

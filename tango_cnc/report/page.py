@@ -8,10 +8,12 @@ from typing import Any
 
 import jinja2
 import numpy as np
+from jinja2.sandbox import SandboxedEnvironment
 from markupsafe import Markup
 
 from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning, said, unexplained
-from ..records import Array, InputError, Machine
+from ..nearest import printable
+from ..records import Array, InputError, Machine, TangoError
 from ..verify.summary import pose_text
 from . import charts, slices
 from .audit import audit, source
@@ -34,7 +36,7 @@ def environment(folder: Path | None = None) -> jinja2.Environment:
         if not folder.is_dir():
             raise InputError(f"--templates: found {folder}, which is no folder; allowed: a folder with templates or texts.toml")
         places.insert(0, jinja2.FileSystemLoader(folder))
-    return jinja2.Environment(
+    return SandboxedEnvironment(  # a cell from elsewhere may name templates: they compute nothing beyond the page
         loader=jinja2.ChoiceLoader(places), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
 
@@ -44,9 +46,24 @@ def rendered(env: jinja2.Environment, name: str, context: Mapping[str, Any]) -> 
     try:
         return env.get_template(name).render(**context)
     except jinja2.TemplateSyntaxError as error:
-        raise InputError(f"{error.filename or error.name}:{error.lineno}: {error.message}; correct the template") from None
+        where = f"{error.filename or error.name}:{error.lineno}"
+        raise InputError(f"{where}: {printable(str(error.message))}; correct the template") from None
     except (jinja2.UndefinedError, jinja2.TemplateNotFound) as error:
-        raise InputError(f"{name}: {error.message}; allowed: what the template of the program uses (docs/report.md)") from None
+        said = printable(str(error.message))
+        raise InputError(f"{name}: {said}; allowed: what the template of the program uses (docs/report.md)") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: it is not UTF-8 text; save the template as UTF-8") from None
+    except TangoError:
+        raise
+    except Exception as error:
+        if not _of_a_shop(env):
+            raise
+        said = printable(str(error), 200)
+        raise InputError(f"{name}: {said} ({type(error).__name__}); correct the template, or one that it includes") from None
+
+
+def _of_a_shop(env: jinja2.Environment) -> bool:
+    return isinstance(env.loader, jinja2.ChoiceLoader) and isinstance(env.loader.loaders[0], jinja2.FileSystemLoader)
 
 
 def render(f: Facts, folder: Path | None = None) -> str:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from tango_cnc.records import Array, InputError
+from tango_cnc.records import InputError
 
 SLOW = 1.0  # s of computing for a file of some kB
 HANGS = 10.0  # s of computing after which a reader is stopped
@@ -65,7 +65,7 @@ def spoilt(data: bytes, rng: random.Random) -> bytes:
     return bytes(made)
 
 
-def _words(data: bytearray) -> Array:
+def _words(data: bytearray) -> Any:
     """bytes → (n, 2) where words begin and end."""
     inside = np.zeros(len(data) + 2, np.int8)
     inside[1:-1] = IN_WORD[np.frombuffer(data, np.uint8)]

@@ -21,6 +21,7 @@ from postprocessors import _base as posts
 from sim_controller import compensation
 from support.databases import DATABASES
 from support.mutants import Reader, spoilt
+from support.shopfiles import SHOP
 from support.tables import TABLES
 from tango_cnc import conformity
 from tango_cnc.acceptance import read_order
@@ -471,6 +472,7 @@ READERS = {
     "plate.obj": Reader("plate.obj", _text("plate.obj"), lambda f: read_hull(f / "plate.obj")),
     "plate.ply": Reader("plate.ply", lambda f: PLY.encode(), lambda f: read_hull(f / "plate.ply")),
     "plate.stl": Reader("plate.stl", lambda f: STL.encode(), lambda f: read_hull(f / "plate.stl")),
+    **SHOP,
     **DATABASES,
     **TABLES,
 }
