@@ -29,10 +29,11 @@ from tango_cnc.nearest import printable, suggestion
 from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
 from ._confirmed import confirmed
-from ._options import GATE, UNPROVEN, memory, stated
+from ._options import GATE, KEPT, OBEYS, UNPROVEN, memory, stated
 from ._options import PROVES as PROVES
 from ._options import Option as Option
 from ._options import with_defaults as with_defaults
+from ._remedies import Remedies
 
 FOLDER = Path(__file__).parent
 BLANK = "000000000000"  # stands for the mark while the mark is computed
@@ -104,9 +105,11 @@ class Post:
     companions: Callable[[Job], Mapping[str, Lines]] = field(default=lambda job: {})  # file name → lines that the control needs too
     gate: Step | None = None  # the slow move before the first descent during which somebody touches the stylus
     memory: int = 0  # kB that a program may have where the profile states nothing; 0: it is never split for its size
+    remedies: Remedies = field(default_factory=dict)  # belief of 'tango commission' → what of the control itself mends it
 
     def __post_init__(self) -> None:
         further = ((GATE,) if self.gate is not None else ()) + ((memory(self.memory),) if self.memory else ())
+        further += (OBEYS, *((KEPT,) if self.link != "grbl" else ()))
         has = {option.name for option in self.options}
         object.__setattr__(self, "options", (*self.options, *(option for option in further if option.name not in has)))
 

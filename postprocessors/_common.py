@@ -123,8 +123,16 @@ def counted(job: Job) -> Iterator[str]:
 def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
     """job, form of a comment, notes on this control → what a person has to know before starting it, doubts last."""
     yield remark % "START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
-    for note in (*notes, *AFTER, *doubted(job, 110)):
+    for note in (*notes, *AFTER, *kept_in_mind(job), *doubted(job, 110)):
         yield remark % note
+
+
+def kept_in_mind(job: Job) -> Iterator[str]:
+    """job → the text of remarks on what the profile says of this control, and a person has to do in every run."""
+    if job.options.get("feed_override") == "acts":
+        yield "KEEP THE FEED OVERRIDE AT 100 PERCENT - IT ACTS ON MEASURING MOVES"
+    if job.options.get("records_file") == "anew":
+        yield "COPY THE FILE OF THE RECORDS BEFORE THE NEXT PROGRAM - THAT BEGINS IT ANEW"
 
 
 def doubted(job: Job, width: int) -> Iterator[str]:

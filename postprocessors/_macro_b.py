@@ -103,7 +103,7 @@ class _Steps:
         for remark in common.counted(job):
             yield f"({remark})"
         yield "(START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE)"
-        for remark in (*common.AFTER, *_left_on(job, self.words)):
+        for remark in (*common.AFTER, *common.kept_in_mind(job), *_left_on(job, self.words)):
             yield f"({remark})"
         for remark in common.doubted(job, 80):
             yield f"({remark})"

@@ -36,6 +36,22 @@ GATE = Option("gate", "finger", "what proves the probe alive; a facet where nobo
 UNPROVEN = "nothing proves the probe alive before the first descent: a flat battery drives the stylus into the table"
 
 
+OBEYS = Option(
+    "feed_override",
+    "ignored",
+    "whether the feed override acts on measuring moves; acts: the program and tango run ask for 100 %",
+    True,
+    ("ignored", "acts"),
+)
+KEPT = Option(
+    "records_file",
+    "kept",
+    "whether a program adds to the file of its records (kept) or begins it anew; anew: it has to be copied before the next one",
+    True,
+    ("kept", "anew"),
+)
+
+
 def memory(most: int) -> Option:
     """kB → the option of posts whose control keeps programs in a small memory."""
     return Option("memory", most, "kB that a program may have; a longer one is split", True, instead="none")

@@ -3,6 +3,7 @@
 from ._base import Post, with_defaults
 from ._macro_b import DOUBTS, OPTIONS, steps
 from ._macro_b_text import Words
+from ._remedies import BROTHER
 
 POST = Post(
     title="Brother Speedio",
@@ -10,6 +11,7 @@ POST = Post(
     language="macro_b",
     options=with_defaults(OPTIONS, program_number=7700, probe_on="G65 P8832", probe_off="G65 P8833"),
     memory=512,
+    remedies=BROTHER,
     doubts=(*DOUBTS, "G31, #5021, #5041, #5061 and DPRNT are those of Fanuc", "IF and THEN stand in one block"),
     **steps(Words()),
 )

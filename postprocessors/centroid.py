@@ -16,6 +16,7 @@ from tango_cnc.records import InputError
 from . import _common as common
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, early_distance, number
+from ._remedies import CENTROID
 
 FRAME, PLACE, FAR = 29100, 29110, 29130  # #29101 … machine minus work; #29111 … of the touch; #29131 … from the stand-off
 FLAG, MISSES, SUM, SPINDLE, TOUCH, SECONDS = 29110, 29109, 29118, 29119, 29120, 29121
@@ -222,6 +223,7 @@ POST = Post(
     language="centroid",
     options=OPTIONS,
     memory=512,
+    remedies=CENTROID,
     doubts=DOUBTS,
     stem=lambda job: "tango",
     link="file",

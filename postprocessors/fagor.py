@@ -20,6 +20,7 @@ from tango_cnc.records import InputError
 from . import _common as common
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, named, number, rolled
+from ._remedies import FAGOR
 
 VARIABLE = re.compile(r"V\.A\.[A-Z]{2,12}")
 STATE = re.compile(r"(V\.[A-Z0-9.]{2,20})?")
@@ -274,6 +275,7 @@ POST = Post(
     options=OPTIONS,
     summed=False,
     memory=512,
+    remedies=FAGOR,
     doubts=DOUBTS,
     stem=lambda job: named(job, "TANGO"),
     **common.steps(globals()),

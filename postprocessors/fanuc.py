@@ -3,5 +3,15 @@
 from ._base import Post
 from ._macro_b import DOUBTS, OPTIONS, steps
 from ._macro_b_text import Words
+from ._remedies import FANUC
 
-POST = Post(title="Fanuc macro B", extension="nc", language="macro_b", options=OPTIONS, memory=512, doubts=DOUBTS, **steps(Words()))
+POST = Post(
+    title="Fanuc macro B",
+    extension="nc",
+    language="macro_b",
+    options=OPTIONS,
+    memory=512,
+    remedies=FANUC,
+    doubts=DOUBTS,
+    **steps(Words()),
+)

@@ -34,6 +34,7 @@ from ._common import (
     unclamped,
     warned,
 )
+from ._remedies import GRBL
 
 RESET = "G17 G21 G40 G49 G80 G90 G94 M5"
 ROOM = {"grblHAL": 255, "FluidNC": 127, "grbl": 79}  # characters of a line, comments apart
@@ -158,6 +159,7 @@ POST = Post(
     extension="gcode",
     language="grbl",
     options=OPTIONS,
+    remedies=GRBL,
     doubts=DOUBTS,
     further=lambda given: () if given.get("control") == "grbl" else (LETTERS,),
     stem=lambda job: "tango",

@@ -7,6 +7,7 @@ on axes by their letters (G54 X, Y, Z, A, B). An optical probe needs a second af
 from ._base import Post, with_defaults
 from ._macro_b import DOUBTS, OPTIONS, steps
 from ._macro_b_text import Words
+from ._remedies import HAAS
 
 POST = Post(
     title="Haas",
@@ -22,6 +23,7 @@ POST = Post(
         wait="G103 P1",
     ),
     memory=512,
+    remedies=HAAS,
     doubts=(
         *DOUBTS,
         "dynamic work offset G254 and tool centre point control G234 are off, and so are the settings for mirror images",

@@ -55,6 +55,7 @@ from ._klartext import (
     reading,
     record_text,
 )
+from ._remedies import HEIDENHAIN
 
 NAME = "TANGO"
 FILE = re.compile(r"TNC:\\([A-Za-z0-9_]{1,16}\\){0,4}[A-Za-z0-9_]{1,16}\.[A-Za-z]{1,3}")
@@ -278,6 +279,7 @@ POST = Post(
     extension="H",
     language="klartext",
     options=OPTIONS,
+    remedies=HEIDENHAIN,
     doubts=DOUBTS,
     further=cycle_444.doubts,
     stem=lambda job: named(job, NAME),

@@ -22,6 +22,7 @@ from tango_cnc.records import InputError, Machine
 from . import _common as common
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, may_roll, number, rolled
+from ._remedies import LINUXCNC
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
 PATH = re.compile(r"[A-Za-z0-9._/-]{1,120}")
@@ -218,6 +219,7 @@ POST = Post(
     extension="ngc",
     language="rs274",
     options=OPTIONS,
+    remedies=LINUXCNC,
     doubts=DOUBTS,
     stem=lambda job: "tango",
     **common.steps(globals()),

@@ -17,6 +17,7 @@ from . import _common as common
 from . import _mach3_macros as basic
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, early_distance, number
+from ._remedies import MACH3
 
 CALLS = re.compile(rf"M({'|'.join(map(str, range(basic.START, basic.END + 1)))})\b")
 FILE = re.compile(r"[A-Z]:\\(?:[A-Za-z0-9_ -]{1,40}\\){0,6}[A-Za-z0-9_-]{1,40}\.[a-z]{1,4}")
@@ -168,6 +169,7 @@ POST = Post(
     extension="tap",
     language="mach3",
     options=OPTIONS,
+    remedies=MACH3,
     doubts=DOUBTS,
     stem=lambda job: "tango",
     link="file",

@@ -20,6 +20,7 @@ from ._common import axes, spares, spindle
 from ._macro_b import OPTIONS as FAMILY_OPTIONS
 from ._macro_b import steps
 from ._macro_b_text import FLAG, Words
+from ._remedies import MACH4
 
 START, RECORD, END, WAIT = 880, 881, 882, 883  # M codes
 SET, SUM, SPINDLE, TOUCH = 117, 118, 119, 120  # common variables: number of the set of scripts; what the record is made of
@@ -184,6 +185,7 @@ POST = Post(
     language="mach4",
     options=OPTIONS,
     memory=512,
+    remedies=MACH4,
     doubts=DOUBTS,
     link="file",
     companions=scripts,

@@ -3,6 +3,7 @@
 from ._base import Post, with_defaults
 from ._macro_b import DOUBTS, OPTIONS, steps
 from ._macro_b_text import Words
+from ._remedies import MAZAK
 
 POST = Post(
     title="Mazak EIA",
@@ -10,6 +11,7 @@ POST = Post(
     language="macro_b",
     options=with_defaults(OPTIONS, must_be_off={4011: 51, 4018: 16, 4019: 51.1}),
     memory=512,
+    remedies=MAZAK,
     doubts=(*DOUBTS, "#5021, #5041 and #5061 are those of Fanuc", "DPRNT goes to the port that parameters of the control choose"),
     **steps(Words()),
 )

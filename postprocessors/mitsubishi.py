@@ -7,6 +7,7 @@ radius compensation is alarm P608, one without feed P603.
 from ._base import Post, with_defaults
 from ._macro_b import DOUBTS, OPTIONS, steps
 from ._macro_b_text import Words
+from ._remedies import MITSUBISHI
 
 POST = Post(
     title="Mitsubishi M70 and M80",
@@ -14,6 +15,7 @@ POST = Post(
     language="macro_b",
     options=with_defaults(OPTIONS, must_be_off={4011: 51, 4018: 16, 4019: 51.1}),
     memory=512,
+    remedies=MITSUBISHI,
     doubts=(*DOUBTS, "#5021, #5041 and #5061 and DPRNT are those of Fanuc", "IF and THEN stand in one block"),
     **steps(Words()),
 )

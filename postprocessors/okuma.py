@@ -24,6 +24,7 @@ from tango_cnc.records import InputError
 from . import _common as common
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, early_distance, number
+from ._remedies import OKUMA
 
 VARIABLE = re.compile(r"[A-Z]{2,6}\?(\[\d{1,4}\])?")  # ? stands for the axis letter
 STATE = re.compile(r"([A-Z]{2,8}(\[\d{1,4}\])?)?")
@@ -308,6 +309,7 @@ POST = Post(
     language="osp",
     options=OPTIONS,
     memory=512,
+    remedies=OKUMA,
     doubts=DOUBTS,
     stem=lambda job: "TANGO",
     **common.steps(globals()),

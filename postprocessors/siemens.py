@@ -17,6 +17,7 @@ from . import _common as common
 from . import _siemens_handshake as handshake
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, number, rolled
+from ._remedies import SIEMENS
 
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
 FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
@@ -289,6 +290,7 @@ POST = Post(
     language="siemens",
     options=OPTIONS,
     memory=512,
+    remedies=SIEMENS,
     doubts=DOUBTS,
     further=lambda given: handshake.doubts(given.get("handshake", handshake.NONE)),
     stem=lambda job: "TANGO",

@@ -107,7 +107,7 @@ class Motion:
         self._pressed: _Pressed | None = None
         self._stuck = self._bounce = self._reset = False
         self._contacts: list[_Contact] = []
-        self._person, self._probe = person, probe
+        self._person, self._probe, self._wired = person, probe, probe
         self._slack = {name: math.radians(value) for name, value in (slack or {}).items()}  # a brake holds the axis back, deg
         self._begins_deflected = begins_deflected  # a probing move looks for an edge of the signal: one that is on changes nothing
         self._miss_stops = miss_stops  # a probing move that meets nothing is an alarm
@@ -125,6 +125,10 @@ class Motion:
     def freed(self) -> None:
         """The word that opens a brake was carried out: nothing holds a rotary axis back any more."""
         self._slack = {}
+
+    def watches(self, wired: bool) -> None:
+        """Whether the input that the control looks at is the one that the probe is wired to."""
+        self._probe = self._wired if wired else "other"
 
     def reads(self, text: str) -> None:
         """What stands on the screen now: a person who is there does what it says."""

@@ -59,6 +59,7 @@ def of_moves(plan: Plan, feed: float | None = None, moves: Iterable[tuple[Move, 
             "probe": approach.find.retreat / (approach.feed / 60),
         }
     search["prove"] = approach.standoff / (approach.feed / 60)
+    search["probe"] += plan.machine.overhead
     for move, touch in plan.served if moves is None else moves:
         yield search[move.kind] if move.kind in search else _move_time(axes, at, move, feed)
         if move.kind in search:

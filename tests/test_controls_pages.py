@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -44,3 +45,23 @@ def test_every_dialect_has_its_page_and_every_row_its_source() -> None:
     for page in PAGES.glob("*.md"):
         rows = re.findall(r"(?m)^\| (.*) \|$", page.read_text(encoding="utf-8"))
         assert rows and all(len(re.split(r" \| ", row)) == 3 and re.split(r" \| ", row)[2].strip() for row in rows), page
+
+
+def failed(name: str) -> str:
+    """dialect → the section of its page on what mends an experiment that has failed, where no key of the profile does."""
+    rows = [f"| `{belief}` | {what} | {source} |" for belief, (what, source) in sorted(load(name).remedies.items())]
+    text = "`tango commission` says it too. Every other belief is mended by a key, see docs/commissioning.md."
+    return "\n".join(["## When an experiment fails", "", text, "", "| belief | on this control | source |", "|---|---|---|", *rows])
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+def test_a_page_says_what_of_the_control_mends_an_experiment(name: str) -> None:
+    """TANGO_GOLDEN=write python -m pytest tests/test_controls_pages.py writes it."""
+    page = PAGES / f"{name}.md"
+    text = page.read_text(encoding="utf-8")
+    if os.environ.get("TANGO_GOLDEN") == "write":
+        kept = re.sub(r"(?s)## When an experiment fails\n.*?(?=\n## |\Z)", "", text)
+        before, _, after = kept.partition("## To the first reading")
+        page.write_text(f"{before.rstrip()}\n\n{failed(name)}\n\n## To the first reading{after}", encoding="utf-8")
+        return
+    assert failed(name) in text, "TANGO_GOLDEN=write python -m pytest tests/test_controls_pages.py writes it"

@@ -47,6 +47,7 @@ class Profile:
     probe: Mapping[str, float] = field(default_factory=lambda: {"P": 15.0})  # machine parameter 11, with its sign
     inches: bool = False  # the machine's own units, in which positions are read
     read_ahead: bool = True
+    orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     macros: tuple[str, ...] = ("M19",)  # M codes that the builder has made macros for
     old_contact: bool = False  # #24301 … are not written: those of the touch before remain
 
@@ -238,7 +239,8 @@ class Control:
         if code in (2, 30):
             raise Alarm("M2", "Z goes home and the program starts again", raw)
         if code == 19 and "M19" in self._profile.macros:
-            self._motion.rapid({"S": math.radians(values.get("R", 0.0) % 360)})
+            if self._profile.orient in values:
+                self._motion.rapid({"S": math.radians(values[self._profile.orient] % 360)})
         elif f"M{code}" not in self._profile.macros and code > 10:
             raise Alarm("CANCEL", f"M{code} is not defined", raw)
         self._note("m", code=code)

@@ -41,6 +41,12 @@ def unproven(found: dict[str, Proof]) -> list[Experiment]:
     return [e for e in experiments() if e.belief not in found or found[e.belief].verdict != "PASS"]
 
 
+def _here(post: Post, belief: str) -> str:
+    """post, belief → what of this control mends it, a sentence; empty where only the profile does."""
+    what, source = post.remedies.get(belief, ("", ""))
+    return f" On this control: {what} ({source})." if what else ""
+
+
 def told(cell: Cell, post: Post, judged: Sequence[Judged], mark: str, control: str, json_file: str | None) -> bool:
     """what came of a try → written into commissioning.yaml and shown, with what to do; whether a belief has failed."""
     assert cell.controller is not None
@@ -65,7 +71,7 @@ def told(cell: Cell, post: Post, judged: Sequence[Judged], mark: str, control: s
         return bool(failed)
     click.echo(table([["belief", "", "what was found"], *([p.belief, p.verdict, p.found] for p in proofs)], "<<<"))
     for one in failed:
-        click.echo(f"{one.belief}: {one.says}. It is not so. What to do: {one.advice}".rstrip())
+        click.echo(f"{one.belief}: {one.says}. It is not so. What to do: {one.advice}.{_here(post, one.belief)}")
     click.echo(f"→ {file}")
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")

@@ -38,8 +38,16 @@ def gate_of(cell: Cell, post: Post) -> str:
         return str(posts.settings(post, cell.controller.options).get("gate", "none"))
 
 
-def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which: str) -> None:
-    """Raises click.Abort unless the person at the machine agrees, also to what nobody has proven of this control."""
+def obeys(cell: Cell) -> bool:
+    """cell → whether its profile says that the feed override acts on measuring moves."""
+    return cell.controller is not None and cell.controller.options.get("feed_override") == "acts"
+
+
+def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which: str, dialled: bool = False) -> None:
+    """Raises click.Abort unless the person at the machine agrees, also to what nobody has proven of this control.
+
+    `dialled`: the feed override acts on measuring moves.
+    """
     from ..duration import duration, proof, spoken
 
     for text in unproven:
@@ -47,6 +55,8 @@ def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which
     if unproven:
         click.echo("'tango commission' tries these high above the table, in minutes; with --touch, at the table.", err=True)
 
+    if dialled:
+        click.echo("The feed override acts on measuring moves (feed_override: acts): turn it to 100 %, leave it there.", err=True)
     time = spoken(sum(duration(part, feed).values()) + proof(part, which, feed))
     click.echo(
         f"{part.machine.name} on {address} will make {len(part.touches)} touches in about {time}. "

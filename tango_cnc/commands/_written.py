@@ -13,7 +13,7 @@ import click
 from ..files import blamed_on, read_readings
 from ..records import Cell, Plan, Readings
 from ._common import attended, controller_of, start_patience
-from ._start import ask, unproven_of
+from ._start import ask, obeys, unproven_of
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -72,7 +72,7 @@ def conducted(
         if not yes and someone:
             if notice:
                 click.echo(notice, err=True)
-            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), gate)
+            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), gate, obeys(cell))
 
     wanted = Wanted(
         address,

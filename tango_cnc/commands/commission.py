@@ -16,6 +16,7 @@ from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
 from ._common import address_of, attended, cell_option, controller_of, dialect, json_option, start_patience
+from ._start import obeys
 from ._written import written
 from .check import positioning_feed
 
@@ -141,6 +142,7 @@ def command(
         seen, control = _tried(cell, post, made, programs, address, timeout, someone)
     feed = positioning_feed(cell)
     seen = replace(seen, largest=largest, stored=_file_of(address, post) is not None, feed=feed or seen.feed)
+    seen = replace(seen, obeys=obeys(cell), anew=controller.options.get("records_file") == "anew")
     if not seen.ended and not said and not seen.said and someone:
         said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
     if not seen.ended:

@@ -20,7 +20,7 @@ from ._common import Output, address_of, attended, cell_option, controller_of, d
 from ._live import Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
-from ._start import ask, gate_of, unproven_of
+from ._start import ask, gate_of, obeys, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
@@ -142,7 +142,7 @@ def command(
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
-            ask(program.plan, shown(address), positioning_feed(cell), unproven_of(cell, post), gate_of(cell, post))
+            ask(program.plan, shown(address), positioning_feed(cell), unproven_of(cell, post), gate_of(cell, post), obeys(cell))
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:

@@ -11,7 +11,7 @@ from .experiment import Seen
 
 WORD = re.compile(r"([A-Z]) *([+-]? *\d*\.?\d+)")
 SAME = 0.05  # mm or deg
-FIELDS = (10.0, 100.0, 1000.0)  # what a field of 1, 2 or 3 digits cannot hold
+FIELDS = (10.0, 100.0, 1000.0, 10_000.0)  # what a field of 1 to 4 digits cannot hold
 
 
 def clipped(plan: Plan, number: int, place: Mapping[str, float]) -> str:

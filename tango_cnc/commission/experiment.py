@@ -33,6 +33,8 @@ class Seen:
     stored: bool = True  # records come through a file that the control writes, not over a line
     kept: bool | None = None  # whether a second program left the records of the first in their file; None: not tried
     largest: float = 0.0  # mm or deg: the largest number of a record of the cell's own plan; 0: unknown
+    obeys: bool = False  # the profile says that the feed override acts on measuring moves
+    anew: bool = False  # the profile says that each program begins the file of its records anew
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class Experiment:
     settles: re.Pattern[str] = re.compile(r"(?!)")  # what of the list of unverified it proves
     asks: Callable[[Plan], Mapping[str, Question]] = nothing  # plan in the air → {what: what the person at the machine is asked}
     rests: tuple[str, ...] = ()  # options of the profile that it depends on: another value, and it is to be tried again
-    on: tuple[str, ...] = ()  # what else it depends on: linear (axes of machine.yaml), rotary, their points, port
+    on: tuple[str, ...] = ()  # what else it depends on: linear (axes of machine.yaml), rotary, their points, port, overhead
     touches: bool = False  # it needs the table: no move in the air shows it
 
 

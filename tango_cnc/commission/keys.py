@@ -29,10 +29,12 @@ def keys(machine: Machine, post: str, code: str, options: Mapping[str, Any], por
         own = {name: options[name] for name in experiment.rests if name in options}
         parts = {
             "linear": [(axis.name, axis.direction) for axis in machine.axes if axis.kind == "linear"],
-            "rotary": [(axis.name, axis.direction) for axis in machine.axes if axis.kind == "rotary"],
+            "rotary": [(axis.name, axis.direction, *["nearer"] * axis.nearer) for axis in machine.axes if axis.kind == "rotary"],
             "points": [(axis.name, axis.point) for axis in machine.axes if axis.kind == "rotary"],
             "port": port,
+            "overhead": machine.overhead or None,
         }
-        text = json.dumps([post, code, others, own, [parts[part] for part in experiment.on]], sort_keys=True, default=str)
+        on = [parts[part] for part in experiment.on if parts[part] is not None]
+        text = json.dumps([post, code, others, own, on], sort_keys=True, default=str)
         found[experiment.belief] = hashlib.sha256(text.encode()).hexdigest()[:12].upper()
     return found

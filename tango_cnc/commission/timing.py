@@ -8,7 +8,7 @@ from ..records import Plan
 
 def expected(plan: Plan, feed: float) -> dict[int, float]:
     """plan in the air, mm/min of guarded moves → {touch: s from the record before it to its own}; nothing stops a move there."""
-    found = dict.fromkeys((touch.number for touch in plan.touches), search(plan))
+    found = dict.fromkeys((touch.number for touch in plan.touches), search(plan) + plan.machine.overhead)
     for move, seconds in zip(plan.moves, of_moves(plan, feed), strict=True):
         if move.kind != "probe":
             found[move.touch] += seconds

@@ -103,7 +103,7 @@ def _controller(node: Node, machine: Machine) -> Controller:
 def read_machine(file: Path) -> Machine:
     """machine.yaml → machine. Raises InputError for a chain that is not 3 linear, 0–2 rotary axes and a spindle."""
     root = load(file)
-    fields = root.fields(["name", "topology", "axes", "probe"], ["styli", "tolerances"])
+    fields = root.fields(["name", "topology", "axes", "probe"], ["styli", "tolerances", "overhead"])
     topology = fields["topology"].text()
     match = TOPOLOGY.fullmatch(topology)
     letters = match["workpiece"] + match["tool"] if match else ""
@@ -129,6 +129,7 @@ def read_machine(file: Path) -> Machine:
         probe,
         Tolerances(**read_tolerances(fields.get("tolerances"), TOLERANCES)),
         (probe, *others) if others else (),
+        overhead=fields["overhead"].number(0, 3600) if "overhead" in fields else 0.0,
     )
 
 
@@ -141,7 +142,7 @@ def _axis(name: str, node: Node) -> Axis:
     endless = kind == "rotary" and "endless" in given and given["endless"].boolean()
     if kind != "spindle" and not endless:
         required.append("travel")
-    own = ["endless"] if kind == "rotary" else []
+    own = ["endless", "nearer"] if kind == "rotary" else []
     fields = node.fields(required, ["point", "travel", "rapid", "acceleration", "clamp_time", *own])
     fields["kind"].text([kind])
     scale = 1.0 if kind == "linear" else math.pi / 180
@@ -153,6 +154,9 @@ def _axis(name: str, node: Node) -> Axis:
         if low >= high:
             raise fields["travel"].wrong("[low, high] with low below high", f"[{low / scale:g}, {high / scale:g}]")
         travel = (low, high)
+    nearer = "nearer" in fields and fields["nearer"].boolean()
+    if nearer and (travel is None or travel[1] - travel[0] > math.radians(800)):
+        raise fields["nearer"].wrong("an axis with travel of at most 800 deg; another takes the nearer way anyway", "true")
     return Axis(
         name,
         kind,  # type: ignore[arg-type]
@@ -162,6 +166,7 @@ def _axis(name: str, node: Node) -> Axis:
         fields["rapid"].number(0.1, 1_000_000) * scale if "rapid" in fields else None,
         fields["acceleration"].number(0.001, 10_000) if "acceleration" in fields else None,
         fields["clamp_time"].number(0, 3600) if "clamp_time" in fields else 0.0,
+        nearer,
     )
 
 

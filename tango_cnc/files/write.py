@@ -67,7 +67,8 @@ def machine_text(machine: Machine) -> str:
     axes = {axis.name: _axis(axis) for axis in machine.axes}
     data = {"name": machine.name, "topology": machine.topology, "axes": axes, "probe": probe}
     given = tolerances_given(machine.tolerances)
-    return dump(data | ({"styli": styli} if styli else {}) | ({"tolerances": given} if given else {}))
+    overhead = {"overhead": machine.overhead} if machine.overhead else {}
+    return dump(data | ({"styli": styli} if styli else {}) | ({"tolerances": given} if given else {}) | overhead)
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
@@ -85,6 +86,8 @@ def _axis(axis: Axis) -> dict[str, Any]:
         data["acceleration"] = axis.acceleration
     if axis.clamp_time:
         data["clamp_time"] = axis.clamp_time
+    if axis.nearer:
+        data["nearer"] = True
     return data
 
 

@@ -24,6 +24,7 @@ class Axis:
     rapid: float | None = None  # mm/min or rad/min
     acceleration: float | None = None  # m/s² or rad/s²
     clamp_time: float = 0.0  # s
+    nearer: bool = False  # the control turns it to an angle by the nearer way, over 360 deg or not, whatever the numbers say
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ class Machine:
     tolerances: Tolerances = field(default_factory=Tolerances)
     styli: tuple[Probe, ...] = ()  # the probe with every stylus, the usual one first; empty: there is one
     stylus: int = 1  # which of them `probe` has
+    overhead: float = 0.0  # s that the control needs for each touch beside its moves
 
     @cached_property
     def names(self) -> tuple[str, ...]:

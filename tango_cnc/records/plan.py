@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -10,6 +11,7 @@ from .cell import Artefact, Machine, Strategy
 from .numbers import Id
 
 OFF = 1.5  # mm that a program goes off a facet, where nothing can guard it, before it goes back guarded
+STEP = math.radians(170)  # at most, of an axis that takes the nearer way: less than half a turn
 MoveKind = Literal["retract", "clear", "index", "approach", "find", "off", "near", "probe", "back", "prove"]
 
 
@@ -128,13 +130,21 @@ class Plan:
         elif linear := self._changes(at, turn.before, self.machine.linear):
             yield Move("retract", linear, touch)
         if turn.first is None and turn.preload is not None:
-            if loaded := self._changes(turn.before, turn.preload, turning):
-                yield Move("index", loaded, touch)
+            yield from self._turned(turn.before, turn.preload, touch)
             at = turn.preload
-        if turned := self._changes(at if turn.preload else turn.before, turn.after, turning):
-            yield Move("index", turned, touch)
+        yield from self._turned(at if turn.preload and at else turn.before, turn.after, touch)
         if lowered := self._changes(turn.after, turn.via or turn.after):
             yield Move("clear", lowered, touch)
+
+    def _turned(self, at: tuple[float, ...], to: tuple[float, ...], touch: int) -> Iterator[Move]:
+        """Rotary axes and spindle go there; an axis that takes the nearer way goes in steps of less than half a turn."""
+        for name in self.machine.rotary:
+            column = self.machine.column(name)
+            steps = math.ceil(abs(to[column] - at[column]) / STEP) if self.machine.axes[column].nearer else 1
+            for part in range(1, steps):
+                yield Move("index", {name: at[column] + part / steps * (to[column] - at[column])}, touch)
+        if turned := self._changes(at, to, (*self.machine.rotary, "S")):
+            yield Move("index", turned, touch)
 
     def _changes(self, at: tuple[float, ...] | None, to: tuple[float, ...], names: Sequence[str] | None = None) -> dict[str, float]:
         pairs = zip(self.machine.names, at or to, to, strict=True)

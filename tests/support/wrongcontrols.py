@@ -1,4 +1,5 @@
-"""Controls and machines on which exactly one belief is wrong, and what mends it: a word of the profile, of machine.yaml, or a hand.
+"""Controls and machines on which exactly one belief is wrong, and what mends it: a word of the profile, of machine.yaml, or of the
+control itself (a setting that the post names).
 
 A case is what the person at the machine has (habits of the control, wiring, brakes) and what the profile says before and after.
 """
@@ -15,9 +16,10 @@ import numpy as np
 
 from postprocessors._base import Post, load
 from sim_controller.world import nominal_machine, tip_in_table
-from tango_cnc.records import Machine, Plan
+from tango_cnc.records import Cell, Machine, Plan
 
 BRAKE = 11
+FAR = 12_000.0  # mm
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,10 @@ class Case:
     fails: str | None
     wrong: Mapping[str, Any] = field(default_factory=dict)  # of `ran`: habits, how the probe is wired, brakes
     stated: Mapping[str, Any] = field(default_factory=dict)  # of the profile, before
-    mended: Mapping[str, Any] | None = None  # of the profile, after; None: the habit is mended, not the profile
+    mended: Mapping[str, Any] | None = None  # of the profile, after, on the same wrong control
+    restated: Callable[[Machine, float], Machine] | None = None  # of machine.yaml and what was found: machine.yaml after it
+    stands: Callable[[Cell], Cell] = lambda cell: cell  # what cell it is
+    oriented: str = ""  # the word that turns this spindle
     names: str = ""  # word that the advice has to name
     printed: Callable[[bytes], bytes] = bytes  # what the line or file makes of the records
     truly: Callable[[Machine], Machine] | None = None  # the machine that really moves
@@ -42,6 +47,45 @@ def turned_round(machine: Machine, name: str) -> Machine:
         for axis in machine.axes
     )
     return replace(machine, axes=axes)
+
+
+def reversed_axis(name: str) -> Callable[[Machine, float], Machine]:
+    """letter → what is corrected in machine.yaml: its direction."""
+    return lambda machine, _: turned_round(machine, name)
+
+
+def nearer(machine: Machine, _: float) -> Machine:
+    """machine → its C is stated to take the nearer way."""
+    return replace(machine, axes=tuple(replace(axis, nearer=True) if axis.name == "C" else axis for axis in machine.axes))
+
+
+def slow(machine: Machine, found: float) -> Machine:
+    """machine, s a touch that were found → stated as what the control needs for itself."""
+    return replace(machine, overhead=round(found, 1))
+
+
+def far(cell: Cell) -> Cell:
+    """cell → the same with the zero of its X scale 12 m away: a long machine, whose numbers have five digits."""
+    machine, artefact = cell.machine, cell.artefact
+    by = FAR * np.array(machine.axis("X").direction)
+    carried = machine.workpiece_branch[machine.workpiece_branch.index("X") :] if "X" in machine.workpiece_branch else ()
+
+    def there(point: Any) -> tuple[float, float, float]:
+        x, y, z = (float(v) for v in np.array(point) + by)
+        return x, y, z
+
+    axes = []
+    for axis in machine.axes:
+        if axis.name == "X":
+            assert axis.travel is not None
+            axis = replace(axis, travel=(axis.travel[0] - FAR, axis.travel[1] - FAR))
+        elif axis.name in carried:
+            axis = replace(axis, point=there(axis.point))
+        axes.append(axis)
+    facets = {key: replace(facet, point=there(facet.point)) for key, facet in artefact.facets.items()}
+    balls = {key: replace(ball, centre=there(ball.centre)) for key, ball in artefact.balls.items()}
+    assert carried and not artefact.obstacles, "the golden cell has its X under the table, and nothing else on it"
+    return replace(cell, machine=replace(machine, axes=tuple(axes)), artefact=replace(artefact, facets=facets, balls=balls))
 
 
 def comma(text: bytes) -> bytes:
@@ -73,6 +117,11 @@ def elsewhere(text: bytes) -> bytes:
     return b"\n".join(re.sub(rb"([XK])( *-? *\d*\.\d+)", moved, line) if b"H" in line else line for line in text.split(b"\n"))
 
 
+def looks_at(name: str, which: int) -> object:
+    """siemens or fagor, input → the value of probe_state that goes with it."""
+    return True if name == "siemens" else f"V.G.PRBST{which}"
+
+
 def looks(post: Post) -> bool:
     """dialect → whether it looks at the probe before it moves, or refuses to: what it needs for that has a value."""
     stated = {option.name: option.default for option in post.options}
@@ -85,21 +134,29 @@ def cases(name: str) -> dict[str, Case]:
     found = {
         "alive": Case("alive", {"probe": "other"}, names="cable"),
         "deflected": Case(None if looks(post) else "deflected"),
-        "directions": Case("directions", truly=lambda machine: turned_round(machine, "X"), names="machine.yaml"),
+        "directions": Case(
+            "directions", truly=lambda machine: turned_round(machine, "X"), names="direction", restated=reversed_axis("X")
+        ),
         "frames": Case("frames", printed=elsewhere, names="position"),
         "miss": Case("miss", {"miss_stops": True}, names="parameter"),
         "rotary": Case("rotary", {"slack": {"B": 1.0}, "brake": BRAKE}, {}, {"unclamp": {"B": "M11"}}, "unclamp"),
-        "sense": Case("sense", truly=lambda machine: turned_round(machine, "C"), names="machine.yaml"),
+        "sense": Case("sense", truly=lambda machine: turned_round(machine, "C"), names="direction", restated=reversed_axis("C")),
         "records": Case("records", printed=comma, names="point"),
         "orientation": Case("orientation", person=False, names="orient"),
         "override": Case("override", person=False, names="feed hold"),
         "end": Case("end", printed=unended, names="file"),
         "widths": Case("widths", printed=narrow, names="digits"),
-        "pace": Case("pace", {"block_time": 4.0}, names="override"),
-        "feed": Case("feed", {"skip_obeys": True}, names="override"),
-        "append": Case("append", overwrites=True, names="append"),
-        "rollover": Case("rollover", {"short_way": ("C",)}, names="travel"),
+        "pace": Case("pace", {"block_time": 4.0}, names="overhead", restated=slow),
+        "feed": Case("feed", {"skip_obeys": True}, {}, {"feed_override": "acts"}, "feed_override"),
+        "append": Case("append", {}, {}, {"records_file": "anew"}, "records_file", overwrites=True),
+        "rollover": Case("rollover", {"short_way": ("C",)}, names="nearer", restated=nearer),
     }
+    word = next((option.default for option in post.options if option.name == "orient"), False)
+    if isinstance(word, str) and name != "grbl":
+        turns = {"habits": {"orient": "P"}}
+        found["orientation"] = Case("orientation", turns, {}, {"orient": "M19 P"}, "orient", person=False, oriented="M19 P")
+    if post.language == "macro_b" and name != "haas":  # whose fields grow
+        found["widths"] = Case("widths", {}, {}, {"print_format": "53"}, "print_format", stands=far)
     if post.language == "macro_b":  # they read positions by number and have a variable for the input
         numbers = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}
         found["frames"] = Case(
@@ -115,6 +172,9 @@ def cases(name: str) -> dict[str, Case]:
         found["miss"] = Case("miss", {"habits": {"miss": "alarm"}}, names="parameter")
         offset = {"contact_frame": "work", "g54": {"X": 5.0, "Y": 2.0}}
         found["frames"] = Case("frames", {"habits": offset}, names="contact")
+    if name in ("siemens", "fagor"):
+        found["alive"] = Case("alive", {"habits": {"probe_input": 2}}, {"probe_state": looks_at(name, 1)}, None, "probe_input")
+        found["alive"] = replace(found["alive"], mended={"probe_input": 2, "probe_state": looks_at(name, 2)})
     if name == "fagor":
         found["miss"] = Case("miss", {"habits": {"miss": "alarm"}}, names="parameter")
         found["records"] = Case("records", {"habits": {"identifiers": 4}}, names="output")
@@ -198,4 +258,6 @@ def _mended(case: Case | None) -> str:
         return "driver"
     if case.fails is None:
         return "looks"
-    return ", ".join(f"`{key}`" for key in case.mended) if case.mended else "hand"
+    if case.mended:
+        return ", ".join(f"`{key}`" for key in case.mended if case.mended[key] != case.stated.get(key))
+    return f"`{case.names}`" if case.restated else "setting"

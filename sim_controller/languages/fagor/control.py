@@ -61,6 +61,8 @@ class Profile:
     rollover: tuple[str, ...] = ()
     signed_direction: bool = False  # the sign of a roll-over axis' angle is its direction
     miss: Literal["silent", "alarm"] = "silent"  # G100 that meets nothing
+    orient: str = "S"  # letter of the angle behind M19; behind another one the spindle stays as it is
+    probe_input: int = 1  # that the probe is wired to, 1 or 2
     deflected: Literal["alarm", "ends", "ignore"] = "alarm"  # G100 with a probe that is deflected before it starts
     status: Literal["tells", "sticks", "never"] = "tells"  # MEASOK
     measured: Literal["all", "named"] = "all"  # axes that G100 measures
@@ -93,7 +95,7 @@ class Control:
         self._measured: dict[str, tuple[float, float]] = dict.fromkeys(profile.axes, (0.0, 0.0))  # machine, programmed
         self._ok: set[str] = set()
         self.files: dict[str, str] = {}
-        self._file, self._motion_code, self._feed = "", 0, 0.0
+        self._file, self._motion_code, self._feed, self._selected = "", 0, 0.0, 1
 
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
@@ -133,8 +135,8 @@ class Control:
     def _get(self, name: str, index: float | None) -> Value:
         if match := re.fullmatch(r"P(\d*)", name):
             return self._local.get(self._parameter(int(match[1]) if match[1] else int(index or -1)))
-        if index is None and name == "V.G.PRBST1":
-            return float(self._motion.deflected)
+        if index is None and name in ("V.G.PRBST1", "V.G.PRBST2"):
+            return float(self._motion.deflected and int(name[-1]) == self._profile.probe_input)
         kind, _, axis = name.rpartition(".")
         if index is None and kind.startswith("V.A.") and axis in self._profile.axes:
             return self._of_axis(kind[4:], axis)
@@ -184,6 +186,7 @@ class Control:
         elif match := re.fullmatch(r'#MSG \["([^"]*)"\]', text):
             self._note("message", text=match[1])
         elif re.fullmatch(r"#SELECT PROBE \[[12]\]", text):
+            self._selected = int(text[-2])
             self._note("probe", input=text[-2])
         elif match := re.fullmatch(r'#OPEN \["([A-Z]:[^"]+)"(?:,"([AD])")?\]', text):
             self._file = match[1]
@@ -241,7 +244,9 @@ class Control:
                 raise alarm("offset", text)
             self._axes.length = self._profile.tool_lengths[number] if number else 0.0
         if 19 in m_codes:
-            self._motion.rapid({"S": radians(rest.pop("S", 0.0) % 360)})
+            if (angle := rest.pop(self._profile.orient, None)) is not None:
+                self._motion.rapid({"S": radians(angle % 360)})
+            rest.pop("S", None)  # a speed
         self._feed = rest.pop("F", self._feed)
         for code in m_codes:
             self._note("stop" if code in (0, 1) else "m", why=f"M{code}")
@@ -309,6 +314,13 @@ class Control:
     def _probe(self, targets: dict[str, float]) -> None:
         """G100: where the probe was met, by machine and by programmed coordinates; MEASOK says whether it was."""
         self._ok = set()
+        self._motion.watches(self._selected == self._profile.probe_input)
+        try:
+            self._looking(targets)
+        finally:
+            self._motion.watches(True)
+
+    def _looking(self, targets: dict[str, float]) -> None:
         if self._motion.deflected and self._profile.deflected != "ends":
             if self._profile.deflected == "alarm":
                 raise alarm("probe", "deflected at the start of G100")

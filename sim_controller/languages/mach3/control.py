@@ -41,6 +41,7 @@ class Profile:
     inches: bool = False  # native units, in which machine positions are shown
     ahead: Mapping[str, float] = field(default_factory=lambda: {"N": 3.0})  # lines carried out after a stop
     shortest: float = 0.254  # mm, of a G31: RS274/NGC's hundredth of an inch, which Mach3 is remembered to have inherited
+    orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     one_axis: bool = False  # a motion board whose G31 moves the first axis only
 
 
@@ -167,7 +168,8 @@ class Control:
             Script(self._macros[f"m{code}.m1s"], self._host()).run()
             self._moving()
         elif code == 19:
-            self._motion.rapid({"S": math.radians(values.get("R", 0.0) % 360)})
+            if self._profile.orient in values:
+                self._motion.rapid({"S": math.radians(values[self._profile.orient] % 360)})
         elif code not in BUILT_IN:
             self._note("lost", text=f"M{code}", why="no macro of this name")
 

@@ -190,8 +190,8 @@ class Control:
         self._set_feed(found)
         self._axes.inch, self._axes.work = self._modal[6] == 20, int(self._modal[14])
         if 19 in m_codes:
-            angle = next((word.value for word in found if word.letter == "R"), 0.0)
-            self._motion.rapid({"S": math.radians(angle % 360)})
+            for angle in (word.value for word in found if word.letter == self._profile.orient):
+                self._motion.rapid({"S": math.radians(angle % 360)})
         self._move(g_codes, [word for word in found if word.letter not in "GMFST"], 19 in m_codes, block)
         if 31 in g_codes and self._profile.skip_feed == "own":
             self._feed = before

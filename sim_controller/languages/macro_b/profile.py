@@ -29,6 +29,7 @@ class Profile:
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
     macros_ahead: bool = False  # macro statements are carried out ahead of motion; G103 P1 and empty blocks end that (Haas)
     skip_word: str = "G31"  # how a skip move has to be written: G31 P1 with several inputs, else alarm P601 (M700V p. 555)
+    orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     reading_stops: bool = False  # what stands behind M30 is not read into the memory (3201#6)
     counts: bool = False  # variables of positions come in whole increments, as on the display
     probe_variable: int = 0  # system variable that is 1 while the probe is deflected, as old as the last wait; 0: there is none

@@ -72,6 +72,7 @@ class Profile:
     indexed: bool = True  # VSAP has an index, VAPA has none (lists of variables write VSAP*[ ] and VAPA*)
     wait: bool = True  # M331 waits; else it does not
     decimals: Decimal = Decimal(4)  # that PUT prints
+    orient: str = "RS"  # letter of the angle behind M19; behind another one the spindle stays as it is
     restart: bool = False  # sequence restart: VRSTT is 128
 
 
@@ -255,7 +256,9 @@ class Control:
         before = self._axes.machine
         self._frames(g_codes, rest, text)
         if 19 in m_codes:
-            self._motion.rapid({"S": radians(float(rest.pop("RS", "0")) % 360)})
+            if (angle := rest.pop(self._profile.orient, None)) is not None:
+                self._motion.rapid({"S": radians(float(angle) % 360)})
+            rest.pop("RS", None)
         if "F" in rest:
             self._feed = float(rest.pop("F"))
         self._move(g_codes, {letter: self._number(value) for letter, value in rest.items()}, text)

@@ -26,6 +26,7 @@ class Profile:
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg, active from the start
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # D → mm; D1 is active from the start
     rollover: tuple[str, ...] = ()  # modulo axes
+    probe_input: int = 1  # that the probe is wired to, 1 or 2
     deflected: Literal["alarm", "ignore"] = "alarm"  # MEAS with a probe that is deflected: alarm, or a move without an edge
     status: bool = True  # $AC_MEA tells contact from none; else it is always 1
     transformation: bool = False  # TRAORI is active from the start: SUPA does not undo it
@@ -105,12 +106,12 @@ class Axes:
 
     @property
     def measured(self) -> int:
-        """→ $AC_MEA[1]."""
+        """→ $AC_MEA of the input that was looked at last."""
         return self._seen
 
     @property
     def deflected(self) -> bool:
-        """→ $A_PROBE[1]."""
+        """→ $A_PROBE of the input that the probe is wired to."""
         return self._deflected
 
     def _end(self, targets: Mapping[str, Target], suppressed: bool) -> dict[str, float]:

@@ -39,6 +39,7 @@ class Control:
         self._variables: dict[str, Value] = {}
         self._types: dict[str, str] = {}
         self._motion_code, self._feed, self._message, self._executed = "G0", 0.0, "", False
+        self._measuring = 1  # input of the probe that MEAS has looked at last
 
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
@@ -181,12 +182,10 @@ class Control:
             return self.parameters.get(self._parameter(name, index), 0.0)
         elif name.startswith("$AA_") and isinstance(index, str):
             return self._axes.variable(name, index)
-        elif index == 1 and name == "$AC_MEA":
-            return self._axes.measured
-        elif index == 1 and name == "$A_PROBE":
-            return int(self._axes.deflected)
-        elif index == 2 and name in ("$AC_MEA", "$A_PROBE"):
-            return 0
+        elif index in (1, 2) and name == "$AC_MEA":
+            return self._axes.measured if index == self._measuring else 0
+        elif index in (1, 2) and name == "$A_PROBE":
+            return int(self._axes.deflected) if index == self._profile.probe_input else 0
         raise alarm("12550", name if index is None else f"{name}[{index}]")
 
     def _call(self, word: str, block: Block) -> None:
@@ -246,14 +245,16 @@ class Control:
             self._motion.dwell(float(match[1]))
             return
         targets: dict[str, Target] = {}
-        measure, suppressed, spindle = False, False, None
+        measure, suppressed, spindle = 0.0, False, None
         while reader.peek():
             word = reader.name()
             if word == "SUPA":
                 suppressed = True
             elif word == "MEAS":
                 reader.expect("=")
-                measure = abs(real(reader.value())) == 1
+                measure = abs(real(reader.value()))
+                if measure not in (1, 2):
+                    raise alarm("12550", block.raw)
             elif word == "SPOS":
                 reader.expect("=")
                 spindle = self._position(reader).value
@@ -274,8 +275,15 @@ class Control:
         if measure or self._motion_code == "G1":
             if self._feed <= 0:
                 raise alarm("10860", block.raw)
-            drive = self._axes.measure if measure else self._axes.move
-            drive(targets, self._feed, suppressed=suppressed)
+            if not measure:
+                self._axes.move(targets, self._feed, suppressed=suppressed)
+                return
+            self._measuring = int(measure)
+            self._motion.watches(measure == self._profile.probe_input)
+            try:
+                self._axes.measure(targets, self._feed, suppressed=suppressed)
+            finally:
+                self._motion.watches(True)
         else:
             self._axes.move(targets, None, suppressed=suppressed)
 

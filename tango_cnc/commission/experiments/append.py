@@ -13,6 +13,8 @@ def judge(seen: Seen) -> Verdict:
         return Verdict("OPEN", "no second program was run, or nobody has looked into the file after it")
     if seen.kept:
         return Verdict("PASS", "the file holds the records of both programs")
+    if seen.anew:
+        return Verdict("PASS", "the second program has begun the file anew, as the profile says")
     return Verdict("FAIL", "the second program has overwritten the records of the first")
 
 
@@ -22,8 +24,9 @@ EXPERIMENT = Experiment(
     "a program adds its records to their file, and does not begin it anew",
     "run two programs and look into the file of the records: it has two start marks",
     "have the file opened to append: A instead of O in extdev.ini (Siemens), ;A behind the name in output (Okuma), M_APPEND in the "
-    "mask (Heidenhain); else copy the file before each program, and keep the link connected while one runs",
+    "mask (Heidenhain). Where that cannot be, state records_file: anew: every program then asks for a copy of the file before the "
+    "next one, and 'tango run' has read it by then",
     judge,
-    rests=("output", "readings", "log", "mask"),
+    rests=("output", "readings", "log", "mask", "records_file"),
     on=("port",),
 )

@@ -21,6 +21,8 @@ def judge(seen: Seen) -> Verdict:
         return Verdict("OPEN", f"records come every {usual:.1f} s, faster than the moves: their times say nothing")
     if longer > ENOUGH * alone * (1 / DIAL - 1):
         text = f"at {100 * DIAL:.0f} % a move took {turned:.1f} s instead of {usual:.1f} s"
+        if seen.obeys:
+            return Verdict("PASS", f"the feed override acts on measuring moves, as the profile says: {text}", longer, "s a touch")
         return Verdict("FAIL", f"the feed override acts on measuring moves: {text}", longer, "s a touch")
     return Verdict("PASS", f"a move takes {usual:.1f} s, and {turned:.1f} s at {100 * DIAL:.0f} %", longer, "s a touch")
 
@@ -30,8 +32,8 @@ EXPERIMENT = Experiment(
     3,
     "the feed override of the panel does not change the feed of a measuring move",
     "turn the feed override to 25 % and look at a slow move in the air: it takes as long as before",
-    "keep the feed override at 100 % in every run: a touch at another feed is found in another place. A word that takes it out of "
-    "the operator's hand goes into reset, where the profile has that key",
+    "state feed_override: acts. Then every program and 'tango run' ask for an override of 100 %, because a touch at another feed "
+    "is found in another place. A word that takes it out of the operator's hand goes into reset, where the profile has that key",
     judge,
-    rests=("reset", "skip", "contact"),
+    rests=("reset", "skip", "contact", "feed_override"),
 )

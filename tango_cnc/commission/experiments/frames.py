@@ -32,8 +32,9 @@ EXPERIMENT = Experiment(
     "recorded positions are machine coordinates in mm, whatever offset, tool length and unit is active",
     "compare a record with the machine position on the display",
     "state axis_numbers; cancel scaling, rotation, mirror image and tool length, and state the words that do it (reset, trafoof, "
-    "cycle800, off); check the names of the position variables (contact, position, machine_position). A control that says contact "
-    "where nothing was met shows the same text: state met. So does one that reads positions ahead of its moves: state wait",
+    "cycle800, off); check the names of the position variables (contact and contact_frame, position, machine_position). A control "
+    "that says contact where nothing was met shows the same text: state met. So does one that reads positions ahead of its moves: "
+    "state wait",
     judge,
     re.compile(
         r"OFFSET|UNITS|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|TRIPPED ON THE WAY|"

@@ -33,8 +33,9 @@ EXPERIMENT = Experiment(
     "a touch takes the time of its moves: the control loses little between blocks",
     "compare the time of a touch with the prediction of 'tango plan'",
     "turn rapid and feed override to 100 %, single block and dry run off; where the program is drip-fed, a faster line, or run it "
-    "from memory; correct rapid, acceleration and clamp_time in machine.yaml. Else 'tango run' needs a longer --timeout",
+    "from memory; correct rapid, acceleration and clamp_time in machine.yaml. What is left is the control's own: state it as "
+    "overhead in machine.yaml, s a touch; predicted times and the patience of 'tango run' go by it",
     judge,
     rests=("wait",),
-    on=("port",),
+    on=("port", "overhead"),
 )

@@ -27,8 +27,8 @@ EXPERIMENT = Experiment(
     3,
     "a rotary axis with limits turns the way that its numbers go: from 350 to 10 deg it turns back by 340 deg",
     "look at the turn from 350 to 10 deg: the long way",
-    "where the axis has no limits, leave its travel out of machine.yaml; else state shortest, rotary, wrapped or rollover, "
-    "so that the control goes by the numbers",
+    "where the axis has no limits, state endless: true in place of its travel in machine.yaml. Else state nearer: true for it "
+    "there: every turn of half a turn or more is then made in steps, which go the way of the numbers on every control",
     judge,
     asks=asks,
     rests=("rollover", "rotary", "shortest", "wrapped"),

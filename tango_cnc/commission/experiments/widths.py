@@ -29,7 +29,7 @@ EXPERIMENT = Experiment(
     3,
     "a number of a record has room for all its digits before the point",
     "compare the longest number of a record with the position on the display",
-    "state print_format, conversion or places with room for more digits before the point (Fanuc: 44 has four)",
+    "state print_format, conversion or places with room for more digits before the point (Fanuc: 44 has four, 53 has five)",
     judge,
     rests=("print_format", "places", "conversion", "decimals", "mask"),
 )

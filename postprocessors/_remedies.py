@@ -1,0 +1,199 @@
+"""What of the control itself mends a belief of `tango commission` where no key of the profile does: a setting, by its name.
+
+{belief: (what to change, its source)}. Most names are remembered and say so: nobody has seen them on such a control.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+Remedies = Mapping[str, tuple[str, str]]
+UNCONFIRMED = "unconfirmed: remembered"
+OWN_FILE = (
+    "the end mark is the last line that the program writes: a file that ends before it was copied too early, or its disk is full"
+)
+
+MACRO_B: Remedies = {
+    "miss": (
+        "G31 itself says nothing of a miss: an alarm comes from a word of the builder in its place",
+        "B-63614EN p. 322 on the miss; the rest unconfirmed",
+    ),
+    "records": (
+        "ISO code for the port (parameter 0000#1 ISO; 20, 101 and 103 are port, form and baud rate); a comma in place of the "
+        "point comes from a converter on the line: no Fanuc prints one",
+        UNCONFIRMED,
+    ),
+    "override": (
+        "feed hold: #3004 is 0 and #3003 is 0; one of both that a program has left on holds it off until reset",
+        UNCONFIRMED,
+    ),
+    "end": (
+        "PCLOS ends what the port sends (DC4): handshake DC3/DC4 of the port, parameters 20 and 101; with a data server the "
+        "file is closed at reset",
+        UNCONFIRMED,
+    ),
+}
+FANUC = MACRO_B
+BROTHER: Remedies = {
+    **MACRO_B,
+    "records": ("output by Ethernet or RS-232, and its form, on the page of the communication parameters", UNCONFIRMED),
+    "end": ("the file of DPRNT is closed by PCLOS; fetch it after the program has ended", UNCONFIRMED),
+}
+HAAS: Remedies = {
+    **MACRO_B,
+    "widths": ("none is known: a field of DPRNT grows with its number; look at what copies the file", "96-8000 p. 116"),
+    "alive": (
+        "the probe is wired to the skip input of the I/O board: there is one, and G31 has no P. M59 P1134 has to switch it on",
+        UNCONFIRMED,
+    ),
+    "records": (
+        "Settings 11 to 14, 24, 25 and 37 of the port; Setting 261 to 263 where DPRNT goes",
+        "96-8000 p. 115; numbers unconfirmed",
+    ),
+    "end": ("PCLOS sends DC4 where Setting 14 is DC CODES; with Setting 261 on File the file is closed by it", UNCONFIRMED),
+}
+MITSUBISHI: Remedies = {
+    **MACRO_B,
+    "miss": (
+        "G31 completes at its end point and says nothing: an alarm comes from a macro of the builder",
+        "M700V p. 547; the rest unconfirmed",
+    ),
+    "records": ("the I/O parameters of the port (9001 and on): parity, EIA or ISO, CR and LF", UNCONFIRMED),
+    "end": ("PCLOS; the I/O parameters of the port, DC codes", UNCONFIRMED),
+}
+MAZAK: Remedies = {
+    **MITSUBISHI,
+    "records": ("parameters of DPR (DPRNT output) of the page of the I/O parameters: DPR1 and on", UNCONFIRMED),
+    "end": ("PCLOS; parameters DPR of the I/O page say where it goes and whether a file is closed", UNCONFIRMED),
+}
+CENTROID: Remedies = {
+    "alive": (
+        "machine parameter 11: the number of the input that the probe is wired to, negative where it opens",
+        "macros of Centroid",
+    ),
+    "frames": ("the machine's own units are millimeters: Setup, Config, Control, and scaling and mirror image off", UNCONFIRMED),
+    "miss": ("M115 … L1 goes on when nothing is met; a version of the control without L1 has to be updated", "operator's manual"),
+    "records": ("region of Windows: decimal symbol is the point", UNCONFIRMED),
+    "widths": ("none is known: M223 prints a number whole; look at what copies the file", UNCONFIRMED),
+    "orientation": (
+        "M19 is a macro of your own (mfunc19.mac): write it, or state orient: '' with one angle in strategy.yaml",
+        "operator's manual",
+    ),
+    "override": ("feed hold of the operator panel: the PLC program has to let it act on M115 and M125", UNCONFIRMED),
+    "end": (OWN_FILE, "own"),
+}
+FAGOR: Remedies = {
+    "miss": (
+        "G100 that ends without the probe is an error in some versions; which parameter allows it is not known: ask the maker",
+        UNCONFIRMED,
+    ),
+    "frames": ("cancel mirror image G11, G12, G13, pattern rotation G73 and scaling G72 in reset", UNCONFIRMED),
+    "records": ("conversion: the letter after % of a number with a point; #WRITE prints a point", UNCONFIRMED),
+    "widths": ("none is known: #WRITE prints a number whole; look at what copies the file", UNCONFIRMED),
+    "override": ("feed hold: the PLC mark _FEEDHOL has to act on G100 too", UNCONFIRMED),
+    "end": (OWN_FILE, "own"),
+}
+GRBL: Remedies = {
+    "alive": (
+        "the probe is at the probe pins of the board; $6 turns its polarity round, and ? shows Pn:P while it is touched",
+        "sources",
+    ),
+    "miss": (
+        "the probe pin: a filter or a shielded cable, as it flickers at the end of a move; $6, $19",
+        "sources; the cause inferred",
+    ),
+    "orientation": (
+        "a plugin that knows M19 R; else orient: '' with one angle in strategy.yaml, and no orient=m19 in the port's URL",
+        "sources",
+    ),
+    "override": ("feed hold is !, and the button of it has to be at the feed hold pin: $14 turns its polarity round", "sources"),
+}
+HEIDENHAIN: Remedies = {
+    "alive": (
+        "the probe is at the input of the touch probe (X12, X112 or X113), and its row in the probe table is the active one",
+        UNCONFIRMED,
+    ),
+    "frames": (
+        "basic rotation of the active line of the preset table: 0; scaling and mirror image off",
+        "cycles 7, 8, 10, 11 do not undo it: unconfirmed",
+    ),
+    "miss": (
+        "ERRORMODE of TCH PROBE 4: 1 makes no error of a probe that meets nothing; a version without it has to be updated",
+        UNCONFIRMED,
+    ),
+    "records": ("TOCHAR prints a point: look at what copies the file; a setting of FN 16 is not known", UNCONFIRMED),
+    "widths": ("none is known: TOCHAR makes a number whole; look at what copies the file", UNCONFIRMED),
+    "orientation": ("the builder's cycle 13 or M19 (CfgSpindle): else orient: false with one angle in strategy.yaml", UNCONFIRMED),
+    "override": ("NC stop of the panel: it acts on touches unless the PLC program locks it", UNCONFIRMED),
+    "end": ("the mask ends with M_CLOSE; fetch the file after the program has ended", "own; M_CLOSE unconfirmed"),
+}
+LINUXCNC: Remedies = {
+    "alive": ("net probe-in => motion.probe-input in HAL: the pin of the card that the probe is wired to", "g-code.adoc"),
+    "frames": ("rotation of the coordinate system: G10 L2 P0 R0 in MDI; G92.1 takes off what G92 has left", "g-code.adoc"),
+    "miss": (
+        "G38.3 goes on after a miss; an alarm comes from a remap of G38 in the ini file: REMAP under [RS274NGC]",
+        "remap.adoc",
+    ),
+    "records": ("LANG and LC_NUMERIC of whoever starts LinuxCNC: C or en_US.UTF-8", "inferred, not tried"),
+    "widths": ("none is known: (LOG,…) prints a number whole; look at what copies the file", "tried on 2.9"),
+    "orientation": ("spindle.0.orient in HAL; else orient: false with one angle in strategy.yaml", "motion(9)"),
+    "override": ("halui.program.pause or the pause button; motion.feed-hold acts unless M53 P0 has locked it", "g-code.adoc"),
+    "end": (OWN_FILE, "own"),
+}
+MACH3: Remedies = {
+    "alive": (
+        "Config, Ports and Pins, Input Signals: Probe is enabled, and port and pin are those of its cable",
+        "Using Mach3Mill",
+    ),
+    "frames": ("Config, Select Native Units: millimeters; scale factors of the axes are 1", "Using Mach3Mill"),
+    "miss": ("G31 says nothing of a miss; an error comes from the plugin of the motion board: its probe options", UNCONFIRMED),
+    "records": ("region of Windows: decimal symbol is the point", UNCONFIRMED),
+    "widths": ("none is known: Format has room for all digits; look at what copies the file", UNCONFIRMED),
+    "override": ("the plugin of the motion board: feed hold has to act on G31", UNCONFIRMED),
+    "end": (OWN_FILE, "own"),
+}
+MACH4: Remedies = {
+    "alive": ("Configure, Control, Input Signals: Probe (G31) is mapped to the input of its cable", UNCONFIRMED),
+    "deflected": ("none is known: G31 has to end at once, and that is up to the plugin of the motion board", UNCONFIRMED),
+    "frames": ("Configure, Control, Machine Units: millimeters; scaling and mirror image off in reset", UNCONFIRMED),
+    "miss": (
+        "G31 says nothing of a miss; an error comes from the plugin of the motion board: its probe options",
+        "Mill GCode Programming p. 94; the rest unconfirmed",
+    ),
+    "records": ("region of Windows: decimal symbol is the point", UNCONFIRMED),
+    "widths": ("none is known: the script prints a number whole; look at what copies the file", UNCONFIRMED),
+    "override": ("the plugin of the motion board: feed hold has to act on G31", UNCONFIRMED),
+    "end": (OWN_FILE, "own"),
+}
+OKUMA: Remedies = {
+    "widths": ("none is known: places: 11 or 12 gives PUT more room; look at what copies the file", UNCONFIRMED),
+    "alive": (
+        "the skip input that the probe is wired to; which it is, the builder says. Another skip word goes into skip",
+        UNCONFIRMED,
+    ),
+    "frames": ("the base of VSAP: a work offset or a tool length that G15 H0 leaves in; cancel it before the start", UNCONFIRMED),
+    "miss": (
+        "G31 that ends without a signal is an alarm by an optional parameter; its number is not known: ask the maker",
+        UNCONFIRMED,
+    ),
+    "records": ("PUT prints a point where the unit system is 1 mm, by an optional parameter; its number is not known", UNCONFIRMED),
+    "override": ("slide hold of the panel: it acts on G31 unless the builder has locked it", UNCONFIRMED),
+    "end": ("CLOSE C ends the file; fetch it after the program has ended", "programs of users"),
+}
+SIEMENS: Remedies = {
+    "miss": (
+        "MEAS itself says nothing of a miss: an alarm comes from a cycle or a synchronized action of the builder",
+        UNCONFIRMED,
+    ),
+    "records": ("SPRINT prints a point; with EXTOPEN look at the other side: who writes the share, and its code page", UNCONFIRMED),
+    "widths": ("none is known: SPRINT %.4F prints a number whole; look at what copies the file", UNCONFIRMED),
+    "orientation": (
+        "SPOS needs a spindle that is referenced and under position control (MD30300, MD35300); else orient: false with one angle",
+        UNCONFIRMED,
+    ),
+    "override": (
+        "feed stop of the panel: the PLC program sets DB21.DBX6.0 (feed disable) by it; it acts on MEAS blocks, which are G1",
+        UNCONFIRMED,
+    ),
+    "end": ("EXTCLOSE ends the file; it is closed at M30 and reset too: fetch it then", "Siemens 90277867"),
+}
