@@ -258,13 +258,14 @@ def _facets(result: Estimate) -> Iterator[Remark]:
         if not any(_together(dropped, pieces, choices=len(masks) * int(mask.sum()))):
             continue
         numbers = tuple(int(i) for i in touches.number[own])
+        off = abs(float(np.median(result.residuals[own])))
         change = say("plausible.groups.look_for_chip_burr_on", facet=facet)
         yield Remark(
             "doubtful",
             say(
                 "plausible.groups.facet_elsewhere_between_touches_than",
                 facet=facet,
-                median=f"{abs(np.median(result.residuals[own])) * 1000.0:.0f}",
+                median=f"{off * 1000.0:.0f}",
                 numbers=numbers[0],
                 numbers2=numbers[-1],
                 numbers3=listed(numbers),
@@ -273,7 +274,7 @@ def _facets(result: Estimate) -> Iterator[Remark]:
             "chip",
             "touch",
             change,
-            sure=True,
+            sure=off < touches.artefact.tolerances.facet,  # more is no chip: its line in artefact.yaml may be wrong
         )
 
 
