@@ -27,7 +27,7 @@ TOUCHES = 9
 FARTHEST = 20.0  # mm by which the table may stand elsewhere
 TURNED = 3.0  # deg by which it may be turned then
 LEAST_TURNED = 1.0  # deg, however near it is known to be
-FEED = 500.0  # mm/min: a search of centimetres at a measuring feed takes minutes
+FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minutes
 CLEAR = 10.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
 AGREES = 0.05  # mm between a touch and the table that was found
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
@@ -101,6 +101,20 @@ def _off(artefact: Artefact, within: float) -> float:
     """artefact, mm by which it may stand elsewhere → mm by which a facet may be elsewhere."""
     lever = max((math.hypot(*f.point) for f in artefact.facets.values()), default=0.0)
     return min(within + math.radians(turned(within)) * lever, 60.0)
+
+
+def beside(plan: Plan) -> tuple[tuple[str, ...], int]:
+    """plan of the locating cycle → facets with an edge nearer than they may be elsewhere; mm within which all but one have none.
+
+    Beyond an edge a displaced table shows the ball something else, and what is left may not tell its place. 20 mm: as far as it
+    searches; 0: not even a table that is known to 1 mm. The stem of the stylus may meet a wall earlier.
+    """
+    names = [touch.facet for touch in plan.touches]
+    room, off = _room(plan.artefact, names), plan.strategy.approach.search
+    spared = min(max(len(names) - LEAST, 0), ASTRAY)
+    least = float(np.sort(room)[spared])
+    most = next((within for within in range(int(FARTHEST), 0, -1) if _off(plan.artefact, within) <= least), 0)
+    return tuple(name for name, each in zip(names, room, strict=True) if each < off), most
 
 
 def _advice(plan: Plan) -> str:

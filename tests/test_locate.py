@@ -114,6 +114,23 @@ def test_it_takes_less_than_three_minutes() -> None:
     assert 6 <= len(made().touches) <= 10
 
 
+@pytest.mark.parametrize("example", ["hu40t", "split", "three_axis", "three_axis_calibrated"])
+def test_every_example_takes_less_than_three_minutes(example: str) -> None:
+    cell = read_cell(Path(__file__).parent.parent / "examples" / example)
+    assert sum(duration(locate.strategy(cell), 3000.0).values()) < 180
+
+
+def test_facets_near_an_edge_are_named_before_anything_moves_with_how_near_the_table_has_to_be_known() -> None:
+    """On the stepped block a wall is 20 mm deep, and its facets may be 36 mm elsewhere; on the HU40T one facet only is so near."""
+    assert locate.beside(made()) == (("11",), 20)
+    block = read_cell(Path(__file__).parent.parent / "examples" / "three_axis_calibrated")
+    far = locate.strategy(block)
+    near, most = locate.beside(far)
+    assert set(near) == {touch.facet for touch in far.touches} and most == 10
+    assert locate._off(block.artefact, most) <= 20.0 < locate._off(block.artefact, most + 2)
+    assert locate.beside(locate.strategy(block, within=most))[0] == ()
+
+
 @pytest.mark.parametrize("name", names())
 def test_every_dialect_has_the_program(name: str) -> None:
     post = load(name)

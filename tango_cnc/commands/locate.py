@@ -73,6 +73,13 @@ def command(
             f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
             f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared."
         )
+        near, most = locate.beside(made)
+        if most < within:
+            notice += (
+                f" Facets {', '.join(near)} have an edge nearer than that: a table more than {most} mm away may show the "
+                f"ball something else there. Then it is refused, and nothing is hit. 'tango locate --within {max(most, 1)}' is for "
+                "a table whose place is known so well."
+            )
         gate, again = str(options.get("gate", "finger")), "'tango locate' makes all of them again"
         address, many = address_of(cell, port), len(made.touches)
         with holding(folder, "tango locate"), Live(None) as live:
