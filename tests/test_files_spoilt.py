@@ -20,10 +20,10 @@ from tango_cnc import files
 from tango_cnc.asked import as_run, asked
 from tango_cnc.files.readjson import parse_json
 from tango_cnc.history import opened
-from tango_cnc.link.lock import NAME, holding
+from tango_cnc.link.lock import NAME, _alive, holding
 from tango_cnc.nearest import printable
 from tango_cnc.readback.expressions import expression
-from tango_cnc.records import InputError
+from tango_cnc.records import InputError, LinkError
 from tango_cnc.report import morning
 
 FEW = 8
@@ -160,3 +160,12 @@ def test_a_history_of_long_names_lists_them_as_far_as_anybody_reads(tmp_path: Pa
         with pytest.raises(InputError, match="no machine") as refused:
             history.trend("another", "EX0C")
     assert len(str(refused.value)) < 1500
+
+
+def test_a_holder_whose_name_no_terminal_can_show_is_named_all_the_same(tmp_path: Path) -> None:
+    other = {"what": "\ud800" * 900, "pid": 9**99, "host": "~", "since": "?", "process": "0a", "thread": 7}
+    (tmp_path / NAME).write_text(json.dumps(other), encoding="utf-8")
+    with pytest.raises(LinkError, match="is at work in this folder") as refused, holding(tmp_path, "tango run"):
+        pass
+    assert str(refused.value).encode() and len(str(refused.value)) < 1000 + len(str(tmp_path))
+    assert not _alive(9**99)

@@ -21,6 +21,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ..files.shape import misfit
+from ..nearest import printable
 from ..records import LinkError
 
 NAME = ".tango.lock"
@@ -48,7 +49,8 @@ class Holder:
 
     def named(self) -> str:
         """→ for people."""
-        return f"{self.what!r} (process {self.pid} on {self.host}, since {self.since})"
+        what, host, since = (printable(text, 200) for text in (self.what, self.host, self.since))
+        return f"{what!r} (process {self.pid} on {host}, since {since})"
 
 
 class HeldError(LinkError):
@@ -162,7 +164,7 @@ def _alive(pid: int) -> bool:
         return True
     try:
         os.kill(pid, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, OverflowError):  # or a number that no process has
         return False
     except OSError:
         return True
