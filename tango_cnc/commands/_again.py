@@ -93,7 +93,7 @@ class Again:
                     continue
                 kept = _Kept(stored, analysis, _measured(cell, stored, analysis.check is None))
                 world = Ports(
-                    Time(datetime.fromisoformat(one.start_utc)),
+                    Time(datetime.fromisoformat(one.start_utc).astimezone()),
                     *(Folder(lambda stamp, name, text: None), kept, Nobody(), after, kept, nullcontext()),
                 )
                 night(name, stored.record["cell"], quiet, world)

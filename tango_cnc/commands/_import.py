@@ -71,5 +71,5 @@ def imported(history: History, folders: Sequence[Path]) -> Iterator[tuple[Path, 
         settings = Nightly(every_days=1e6, diagnose=False, free_mb=0, full_every_days=1e-6)
         analysis = nights_of(cell, settings, plan(cell))
         old, nothing = _Old(cell, readings, text, origin), Folder(lambda stamp, name, text: None)
-        world = Ports(Time(when), nothing, old, Nobody(), history, analysis, nullcontext())
+        world = Ports(Time(when.astimezone()), nothing, old, Nobody(), history, analysis, nullcontext())
         yield cell.folder, night(cell.machine.name, str(cell.folder.resolve()), settings, world)

@@ -396,7 +396,7 @@ def simulate(output: Path, folder: Path, count: int, seed: int) -> None:
         raise InputError(f"{output}: it exists; allowed: a new file")
     cell, world = read_cell(folder), read_world(folder / "world.yaml")
     settings = replace(read_nightly(folder), diagnose=False)
-    last = (datetime.now(UTC) - timedelta(hours=3)).replace(hour=2, minute=0, second=0, microsecond=0)
+    last = (datetime.now().astimezone() - timedelta(hours=3)).replace(hour=2, minute=0, second=0, microsecond=0)
     first = last - timedelta(days=count - 1)
     with opened(output) as history:
         for record, _ in nights(cell, world, history, count, seed, settings=settings, first=first):

@@ -138,16 +138,17 @@ class _Held:
 def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
     """history, record of tonight → what its page is told by: decisions, last night that measured, last one in limits."""
     from ..history import compensations
-    from ..report.morning import last_within, last_written
+    from ..report.morning import last_within, last_written, never_within, volumes_of
 
     machine = record["machine"]
     with suppress(TangoError, OSError):
         if machine in history.machines():
             nights = history.nights(machine)
             last = next((n for n in nights if n.verdict != "not_measured"), None) if record["verdict"] == "not_measured" else None
-            within = last_within([(n.night, n.verdict) for n in nights])
+            signs = [(n.night, n.verdict) for n in nights]
             before = None if last is None else history.night(last.entry).record
-            known = {"decisions": history.decisions(machine), "before": before, "within": within}
+            known = {"decisions": history.decisions(machine), "before": before, "within": last_within(signs)}
+            known |= {"never": never_within(signs), "volumes": volumes_of(nights)}
             return known | {"written": last_written(compensations(history, machine))}
     return {}
 

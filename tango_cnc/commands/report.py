@@ -6,7 +6,7 @@ import hashlib
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from ..files.targets import KEPT, sources
 from ..judgement import Judgement
 from ..records import InputError
 from ..report import page, pdf, terminal
+from ..report.days import local_day
 from ..report.facts import Facts, Nights, Paper, Wishes, effects, gather, verdict
 from ..report.texts import texts
 from ..report.units import Units, shown
@@ -182,8 +183,8 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
         ]
         last = own[-1] if own else {"event": "proposed"}
         state = ": ".join(str(last[key]) for key in ("event", "text") if last.get(key))
-        date = str(kept.record.get("created_utc", ""))[:10]
-        found.append({"target": kept.record["target"], "date": date, "state": state, "rows": rows})
+        made = local_day(kept.record.get("created_utc"))
+        found.append({"target": kept.record["target"], "date": made, "state": state, "rows": rows})
     return found
 
 
@@ -200,7 +201,7 @@ def nights(folder: Path, machine: str) -> Nights | None:
             return None
         n = newest[0]
         said = history.night(n.entry).record.get("headline") or n.headline
-        return Nights(n.night, n.verdict, said, len(history.open_alarms(machine)))
+        return Nights(n.night, n.verdict, said, len(history.open_alarms(machine)), n.end_utc)
 
 
 def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:
@@ -214,21 +215,22 @@ def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any]
     with opened(file, create=False) as history:
         if machine not in history.machines():
             return None
-        known, alarms = history.parameters(machine), {s.night.start_utc for s in history.alarmed(machine, NIGHTS)}
+        known, alarms = history.parameters(machine), {s.night.entry for s in history.alarmed(machine, NIGHTS)}
         found = []
         for name in [n for n in names if n in known][:TRENDS]:
             t = history.trend(machine, name)
-            value, std, stamps = t.value[-NIGHTS:], t.std[-NIGHTS:], t.start_utc[-NIGHTS:]
+            value, std = t.value[-NIGHTS:], t.std[-NIGHTS:]
+            dates, entries = t.nights[-NIGHTS:], t.entries[-NIGHTS:]
             if len(value) < 2:
                 continue
             factor, unit = shown(t.unit)
-            first = datetime.fromisoformat(stamps[0]).date()
-            days = [(datetime.fromisoformat(s).date() - first).days for s in stamps]
+            first = date.fromisoformat(dates[0])
+            days = [(date.fromisoformat(d) - first).days for d in dates]
             found.append(
                 {
                     **{"title": name, "unit": unit, "days": days, "value": (value * factor).tolist()},
-                    **{"half": (INTERVAL * std * factor).tolist(), "alarm": [s in alarms for s in stamps]},
-                    "x_label": f"{stamps[0][:10]} … {stamps[-1][:10]}",
+                    **{"half": (INTERVAL * std * factor).tolist(), "alarm": [e in alarms for e in entries]},
+                    "x_label": f"{dates[0]} … {dates[-1]}",
                     "first": first,
                     "limit": allowed.get(name),
                 }

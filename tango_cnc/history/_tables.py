@@ -51,7 +51,7 @@ night = Table(
     metadata,
     Column("entry_id", ForeignKey("entry.id"), primary_key=True),
     Column("machine_id", ForeignKey("machine.id"), nullable=False),
-    Column("night", String(10), nullable=False),  # local date on which it began
+    Column("night", String(10), nullable=False),  # local date of the morning after it
     Column("start_utc", String(32), nullable=False),
     Column("end_utc", String(32), nullable=False),
     Column("kind", String(20), nullable=False),

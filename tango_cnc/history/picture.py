@@ -57,10 +57,10 @@ def picture(history: History, machine: str, trends: Sequence[Trend], file: Path,
             axis.plot(when, drawn.value, marker=".", lw=1)
             axis.plot(when, drawn.high, "r--", when, drawn.low, "r--", lw=0.8)
             axis.set_ylabel(f"{name}\n{chart}")
-            axis.set_title(f"one false alarm in {drawn.nights_to_false_alarm:.0f} nights", fontsize=8, loc="right")
+            axis.set_title(say("picture.one_false_alarm", nights=f"{drawn.nights_to_false_alarm:.0f}"), fontsize=8, loc="right")
         for alarm in alarms:
             axis.axvline(alarm, color="tab:red", lw=1, alpha=0.6)
-    title = f"{machine}: 95 % intervals, alarms in red" if chart is None else machine
+    title = say("picture.nights", machine=machine) if chart is None else machine
     if history.simulated(machine):
         title = f"{say('audit.simulated')}\n{title}"
     axes[0, 0].set_title(title, fontsize=10, loc="left")

@@ -26,7 +26,7 @@ class Night:
 
     entry: int  # unique in the history
     machine: str
-    night: str  # local date on which it began, 2026-11-23
+    night: str  # local date of the morning after it, 2026-11-23
     start_utc: str
     end_utc: str
     kind: str  # full, check, none
@@ -60,6 +60,7 @@ class Trend:
     unit: str
     entries: tuple[int, ...]
     start_utc: tuple[str, ...]
+    nights: tuple[str, ...]  # their dates
     value: Array  # (n,)
     std: Array  # (n,)
 

@@ -90,7 +90,7 @@ class History:
                 f"decision: {decision.action} with until {decision.until!r}; allowed: a date with ignore, and only there"
             )
         if decision.until is not None:
-            today = (decision.utc or _stamp(datetime.now(UTC)))[:10]
+            today = datetime.fromisoformat(decision.utc or _stamp(datetime.now(UTC))).astimezone().strftime("%Y-%m-%d")
             if _date(decision.until) < today:
                 raise InputError(f"decision: found until {decision.until!r}, which is over; allowed: {today} or later")
         if not decision.owner.strip():
@@ -207,15 +207,19 @@ class History:
     def trend(self, machine: str, name: str, since: str | None = None) -> Trend:
         """machine, parameter, from which local date → its values, oldest first. Raises InputError for a parameter never seen."""
         c = t.night_parameter.c
-        wanted = select(c.entry_id, c.start_utc, c.value, c.std, c.unit)
-        wanted = wanted.where(c.machine_id == self._machine(machine), c.name == name)
+        wanted = select(c.entry_id, c.start_utc, t.night.c.night, c.value, c.std, c.unit)
+        wanted = wanted.join(t.night, t.night.c.entry_id == c.entry_id).where(
+            c.machine_id == self._machine(machine), c.name == name
+        )
         if since is not None:
-            wanted = wanted.where(c.start_utc >= _date(since))
+            wanted = wanted.where(t.night.c.night >= _date(since))
         rows = self._rows(wanted.order_by(c.start_utc, c.entry_id))
         if not rows and name not in (known := self.parameters(machine)):
             raise InputError(f"history: {machine} has no parameter {name!r}; allowed: {_listed(known)}")
-        entries, when, value, std, unit = zip(*rows, strict=True) if rows else ((), (), (), (), ("",))
-        return Trend(machine, name, unit[0], tuple(entries), tuple(when), np.array(value, float), np.array(std, float))
+        entries, when, dates, value, std, unit = zip(*rows, strict=True) if rows else ((), (), (), (), (), ("",))
+        return Trend(
+            machine, name, unit[0], tuple(entries), tuple(when), tuple(dates), np.array(value, float), np.array(std, float)
+        )
 
     def alarmed(self, machine: str, last: int | None = None) -> tuple[Stored, ...]:
         """machine, how many → its nights with alarms, newest first; readings and unknowns are left out."""

@@ -15,6 +15,7 @@ from ..records import Array, Cell
 from ..report.texts import texts
 from ..report.units import shown
 from ..state import Frame, Named, State, Tonight
+from ..state.changes import change
 from ..state.filter import sigma_of
 from ..texts import instead, joined, say
 from .ports import Past
@@ -22,6 +23,7 @@ from .words import cause_texts, changed, value
 
 LAST_NIGHT = "last night"
 NEAR = 1.5  # days within which the night before is last night
+EVENING = timedelta(hours=6)  # before midnight: what begins later belongs to the next day
 LISTED = 60  # nights looked back over for the last one with a result
 OFFSET = re.compile(r"E[XYZ]0([ABC])")
 TURNED = re.compile(r"E[ABC]0([XYZABC])")
@@ -56,8 +58,16 @@ class Since:
 
 
 def date_of(day: float) -> str:
-    """days since 1970-01-01 UTC → 2026-11-23."""
-    return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).strftime("%Y-%m-%d")
+    """days since 1970-01-01 UTC → 2026-11-23, the date of the night that begins then."""
+    return night_of((datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).astimezone())
+
+
+def night_of(begun: datetime) -> str:
+    """moment at which a night begins, with its zone → 2026-11-23, the date of the morning after it.
+
+    It is read on that morning, so a night has this one date on every page: a night from 23:00 to 01:00 is of the second day.
+    """
+    return (begun + EVENING).strftime("%Y-%m-%d")
 
 
 def since(past: Past, machine: str, day: float) -> Since:
@@ -170,7 +180,9 @@ def ignored(past: Past, machine: str, alarm: Mapping[str, Any], day: float) -> b
 
 
 def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
-    """history, machine, day, what is known tonight, kind of night → alarms of other nights that nobody has closed, newest first.
+    """history, machine, day, what is known tonight, kind of night → alarms of other nights that nobody has closed.
+
+    Unanswered ones come first, and what does more to a part before what does less.
 
     Closed is accept, repaired, and ignore until its date has passed; who acknowledged one is named with it.
     """
@@ -197,7 +209,14 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)
-    return found
+    return sorted(found, key=_urgency)
+
+
+def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, float]:
+    """alarm of another night → its place: unanswered ones first, then by what they do to a part as far as they stand now."""
+    grown = abs(alarm["total"] / alarm["size"]) if alarm["total"] is not None and alarm["size"] else 1.0
+    answered = alarm["decision"] is not None
+    return answered, change(alarm["cause"]).of_the_probe, -abs(alarm["on_part_um"] or 0.0) * grown
 
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:

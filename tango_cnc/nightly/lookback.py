@@ -100,6 +100,7 @@ def smooth(history: History, machine: str, name: str) -> Trend:
         plain.unit,
         tuple(s.night.entry for s in stored),
         tuple(s.night.start_utc for s in stored),
+        tuple(s.night.night for s in stored),
         np.array([p.mean[place] for p in past]),
         np.sqrt([p.covariance[place, place] for p in past]),
     )

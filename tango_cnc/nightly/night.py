@@ -24,6 +24,7 @@ from ..history import FORMAT, Knowledge
 from ..records import InputError, LinkError, TangoError
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
+from .alarms import night_of
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .words import headline, message
 
@@ -52,7 +53,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     begun = world.clock.now()
     stamp = begun.astimezone(UTC).strftime("%Y-%m-%dT%H%M%SZ")
     base: dict[str, Any] = {
-        **{"format": FORMAT, "machine": machine, "cell": cell, "night": begun.strftime("%Y-%m-%d")},
+        **{"format": FORMAT, "machine": machine, "cell": cell, "night": night_of(begun)},
         **{"start_utc": stamp_of(begun), "kind": "none", "status": "failed", "why": "", "verdict": "not_measured"},
         **{"preflight": [], "touches": 0, "planned": 0, "machine_time_s": 0.0, "alarms": [], "limits": []},
         "owner": settings.owner or None,
@@ -137,15 +138,16 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: 
     said: list[str] = []
     known = {n.start_utc for n in world.past.nights(machine, last=30)} if world.past.knows(machine) else set()
     for stamp, started in world.disk.unfinished():
+        date = _date(started, now)
         if started not in known and _added(world, stamp):
             known.add(started)
-            said.append(say("night.night.its_result_was_kept_nights", started=started[:10], stamp=stamp))
+            said.append(say("night.night.its_result_was_kept_nights", started=date, stamp=stamp))
         if started not in known:
             why = _lost(world, stamp)
-            record = _empty(machine, cell, started, started[:10], "failed", why, stamp)
+            record = _empty(machine, cell, started, date, "failed", why, stamp)
             world.past.add_night(record)
             known.add(started)
-            said.append(joined("", (f"{started[:10]}: ", why)))
+            said.append(joined("", (f"{date}: ", why)))
         world.disk.ended(stamp)
     if not known:
         return said
@@ -157,11 +159,19 @@ def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: 
         why = (
             say("night.night.no_night_began")
             if missed <= MISSED or i
-            else say("night.night.no_night_began_nights_missing", missed=missed, last=max(known)[:10])
+            else say("night.night.no_night_began_nights_missing", missed=missed, last=_date(max(known), now))
         )
-        world.past.add_night(_empty(machine, cell, stamp_of(when), when.strftime("%Y-%m-%d"), "missed", why, ""))
-        said.append(joined("", (f"{when:%Y-%m-%d}: ", why)))
+        world.past.add_night(_empty(machine, cell, stamp_of(when), night_of(when), "missed", why, ""))
+        said.append(joined("", (f"{night_of(when)}: ", why)))
     return said
+
+
+def _date(started: str, now: datetime) -> str:
+    """start of a night (UTC), now in the zone of its clock → date of that night; what is no moment is cut to its date."""
+    try:
+        return night_of(datetime.fromisoformat(started).astimezone(now.tzinfo))
+    except ValueError:
+        return started[:10]
 
 
 def _lost(world: Ports, stamp: str) -> str:

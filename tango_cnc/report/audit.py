@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-
+from .days import at
 from .facts import Facts
 from .texts import Texts
 
@@ -12,16 +11,12 @@ def source(f: Facts, t: Texts) -> str:
     """facts, texts → the line below the title: readings file, its date, owner."""
     paper = f.paper
     owner = paper.owner or t("audit.unknown")
-    return t("report.source", file=paper.readings or "–", date=_moment(paper.measured) or t("audit.unknown"), owner=owner)
-
-
-def _moment(stamp: str) -> str:
-    """ISO 8601 → 2026-11-23 17:07 UTC; what is no date stays as it is on record."""
-    try:
-        moment = datetime.fromisoformat(stamp)
-    except ValueError:
-        return stamp
-    return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC" if moment.tzinfo is not None else stamp
+    return t(
+        "report.source",
+        file=paper.readings or "–",
+        date=at(paper.measured, t) if paper.measured else t("audit.unknown"),
+        owner=owner,
+    )
 
 
 def audit(f: Facts, t: Texts) -> list[tuple[str, str]]:

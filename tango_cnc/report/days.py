@@ -50,6 +50,15 @@ def at(utc: object, t: Texts) -> str:
     return f"{day(moment.date(), t)}, {clock(moment)}"
 
 
+def local_day(utc: object) -> str:
+    """moment (UTC) → 2026-11-22, its date in the zone of this computer; what is no moment is cut to its date."""
+    try:
+        moment = datetime.fromisoformat(str(utc or ""))
+    except ValueError:
+        return str(utc or "")[:10]
+    return (moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment).astimezone().strftime("%Y-%m-%d")
+
+
 def clock(moment: datetime) -> str:
     """moment → 03:04 CET, in the zone of this computer."""
     return moment.astimezone().strftime("%H:%M %Z")

@@ -29,7 +29,7 @@ from ..verify import held_out, volume
 from ..verify.held_out import HeldOut
 from ..verify.volume import VolumeMap
 from . import slices
-from .days import day
+from .days import at, day
 from .plain import plain
 from .texts import Texts, texts
 from .units import Units
@@ -78,6 +78,15 @@ class Nights:
     verdict: str  # good, changed, out_of_limits, doubtful, not_measured
     headline: str
     waiting: int  # alarms
+    ended_utc: str = ""
+
+    def beside(self, measured: str) -> str:
+        """moment at which the readings were made → whether they are older or newer than this night, or unknown."""
+        try:
+            made, ended = (datetime.fromisoformat(text) for text in (measured, self.ended_utc))
+            return "newer" if made > ended else "older"
+        except (ValueError, TypeError):  # no moment, or one without a zone
+            return "unknown"
 
 
 @dataclass(frozen=True)
@@ -322,11 +331,14 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     level: Level = "look" if n.waiting or n.verdict != "good" else "good"
     word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
     said = t.of(instead(n.headline, "last night", say("check.night_before", date=n.date)))  # a report is read tomorrow, too
+    age = n.beside(f.paper.measured)
     text = t(
         f"check.nights_{level}",
         date=day(n.date, t),
         said=plain(said.rstrip("."), f.wishes.units, t, f.cell.machine) + ".",
         count=n.waiting,
+        age=t(f"check.nights_{age}", date=at(f.paper.measured, t)),
     )
-    todo = t("todo.nights", owner=f.paper.owner) if f.paper.owner else t("todo.nights_nobody")
-    return [Check("nights", level, word, text, todo, trust=False)]
+    key = "todo.nights_newer" if age == "newer" else "todo.nights"
+    todo = t(key, owner=f.paper.owner) if f.paper.owner else t(f"{key}_nobody")
+    return [Check("nights", level, word, text, todo, trust=False, said=f"verdict.nights_{age}")]

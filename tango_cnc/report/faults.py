@@ -127,7 +127,7 @@ def _whole(
     """oldest alarm of a parameter, its size, that of all, whether it drifts, alarms → sentence, effect, advice as a whole."""
     factor, unit = shown(str(first.get("unit") or "mm"))
     size = amount(every * factor, unit, u, t)
-    text = moved(str(first["parameter"]), size, day(first.get("since"), t), t)
+    text = moved(str(first["parameter"]), size, _since({**first, "night": first["first"]}, t), t)
     whole: dict[str, Any] = {"text": sentence(plain(text, u, t, machine), Units())}
     if drifts:
         whole["text"] += f". {t('morning.drifts', steps=steps) if steps > 1 else t('morning.drifts_on')}"
@@ -164,10 +164,11 @@ def alarm(
     raw = a.get("text") or ""
     size, record, asked = _amount(a, u), record or {}, str(a.get("id") or "")[:10]
     owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
+    told = {**a, "night": asked}
     return {
         **a,
         "id": str(a.get("id") or ""),
-        "text": sentence(plain(t.of(earlier([a])[0]["text"] if a.get("since") else raw), u, t, machine), Units()),
+        "text": sentence(plain(t.of(_dated(told, raw, t)), u, t, machine), Units()),
         "recorded": sentence(t.of(raw), u),
         "night": asked,
         "first": asked,  # date of the first night on which it was seen
@@ -201,6 +202,25 @@ def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts) -> str:
     if days < 1:
         return t("morning.asked", owner=owner)
     return t("morning.asked_since", owner=owner, date=day(asked, t), days=days)
+
+
+def _dated(a: Mapping[str, Any], raw: str, t: Texts) -> str:
+    """alarm, its sentence, texts → the sentence with one date: of the night that found it where the one before was without it."""
+    since = str(a.get("since") or "")
+    if not since:
+        return raw
+    told = instead(raw, "last night", since)
+    return instead(told, since, _since(a, t)) if _at_once(a) else told
+
+
+def _at_once(a: Mapping[str, Any]) -> bool:
+    """alarm with its night → whether it came from one night to the next, so that its night says since when."""
+    return not a.get("rate_per_day") and days_between(a.get("since") or a["night"], a["night"]) == 1
+
+
+def _since(a: Mapping[str, Any], t: Texts) -> str:
+    """alarm with its night, texts → since when, in words."""
+    return t("morning.found", date=day(a["night"], t)) if _at_once(a) else day(a.get("since"), t)
 
 
 def sentence(text: Any, u: Units) -> str:

@@ -12,10 +12,10 @@ from markupsafe import Markup
 from ..records import InputError, Machine
 from . import svg
 from .answer import answer, measuring
-from .days import day, ended
+from .days import day, ended, local_day
 from .faults import alarm, begun, faults, sentence
 from .page import environment, rendered, value_text
-from .plain import plain
+from .plain import amount, plain
 from .texts import Texts, texts_of
 from .units import Units
 from .verdict import Level
@@ -30,6 +30,7 @@ LEVELS: Mapping[str, Level] = {
     "doubtful": "stop",
 }
 LISTED = 3  # faults below the first one
+LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still be told as the same
 
 
 def render(
@@ -39,16 +40,20 @@ def render(
     folder: Path | None = None,
     before: Mapping[str, Any] | None = None,
     within: str = "",
+    never: str = "",
+    volumes: Mapping[str, float] | None = None,
     written: str = "",
 ) -> str:
     """tango-night/1, decisions, units, a shop's templates, last night that measured, date of the last one in limits,
-    date on which a compensation was last written → HTML alone.
+    of the first one where none was, {date: µm at the tool tip}, date on which a compensation was last written → HTML alone.
 
     Raises InputError.
     """
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
-    values = context(record, decisions, units, texts_of(folder), before=before, within=within, written=written)
+    values = context(
+        record, decisions, units, texts_of(folder), before=before, within=within, never=never, volumes=volumes, written=written
+    )
     return rendered(environment(folder), "morning.html", values)
 
 
@@ -64,6 +69,8 @@ def context(
     owner: str = "",
     late: str = "",
     within: str = "",
+    never: str = "",
+    volumes: Mapping[str, float] | None = None,
     written: str = "",
     busy: str = "",
     now: datetime | None = None,
@@ -73,7 +80,8 @@ def context(
 
     `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
     where the record names nobody; `late`: date since when a complete night is missing; `within`: date of the last night within
-    every limit, where that is over; `written`: date on which a compensation was last written; `busy`: how long the machine
+    every limit, where that is over; `never`: date of the first night on record where none was within; `volumes`: {date: µm at the
+    tool tip} of the nights; `written`: date on which a compensation was last written; `busy`: how long the machine
     still measures; `now`: what the age of the night is told by; `newer`: how many nights came
     after this one.
     """
@@ -85,7 +93,8 @@ def context(
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, written)
     opened = [a["night"] for a in found if a["id"] and (a["decision"] is None or a["decision"].action == "acknowledge")]
     told = answer(record, u, t, "" if record.get("alarms") else next(iter(opened), ""), before, machine, late)
-    suspect = _suspect(told.may, within, begun(found, record.get("behind") or ()), t)
+    began = begun(found, record.get("behind") or ())
+    suspect = _suspect(told.may, within, never, began, t)
     if busy:
         told = measuring(told, t)
     return {
@@ -106,6 +115,7 @@ def context(
         "day": lambda text, year=True: day(text, t, year),
         "ended": ended(record.get("end_utc"), t, now),
         "suspect": suspect,
+        "grown": _grown(record if record.get("volume") else before or {}, (volumes or {}).get(began), began, u, t),
         "who": _who(told.may, asked, found, t),
         "nobody": found[0]["nobody"] if found else not asked["owner"],
         "busy": busy,
@@ -135,8 +145,23 @@ def context(
     }
 
 
-def _suspect(may: str, within: str, began: str, t: Texts) -> str:
-    """answer, date of the last night in limits, of that before the first open fault → parts in question, or nothing."""
+def _grown(record: Mapping[str, Any], was: float | None, began: str, u: Units, t: Texts) -> str:
+    """last night that measured, µm at the tool tip before any open fault, its date → which of the two is larger; or nothing."""
+    v = record.get("volume") or {}
+    if was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
+        return ""
+    now = float(v["worst_um"])
+    slack = max(2 * float(v.get("std_um") or 0.0), LIKE * was)
+    key = "larger" if now > was + slack else "smaller" if now < was - slack else "same"
+    sizes = {"before": amount(was, "µm", u, t), "now": amount(now, "µm", u, t)}
+    return t(f"morning.grown_{key}", date=day(began, t), **sizes)
+
+
+def _suspect(may: str, within: str, never: str, began: str, t: Texts) -> str:
+    """answer, date of the last night in limits, of the first where none was, of that before the first open fault → parts in
+    question, or nothing."""
+    if may == "no" and never:
+        return t("morning.suspect_all", date=day(never, t))
     if may == "no" and within:
         if began and began < within:
             return t("morning.suspect_both", date=day(began, t), within=day(within, t))
@@ -161,10 +186,21 @@ def last_within(nights: Sequence[tuple[str, str]]) -> str:
     return next((date for date, verdict in measured if verdict != "out_of_limits"), "")
 
 
+def never_within(nights: Sequence[tuple[str, str]]) -> str:
+    """(date, verdict) of nights, newest first → date of the first that measured, where every one was beyond a limit; else ''."""
+    measured = [(date, verdict) for date, verdict in nights if verdict not in ("not_measured", "doubtful")]
+    return measured[-1][0] if measured and all(verdict == "out_of_limits" for _, verdict in measured) else ""
+
+
+def volumes_of(nights: Sequence[Any]) -> dict[str, float]:
+    """nights of a history, newest first → {date: µm at the tool tip} of those that know it."""
+    return {n.night: float(n.volume_um) for n in reversed(nights) if n.volume_um is not None}
+
+
 def last_written(events: Sequence[Any]) -> str:
     """events of compensations, newest first → date of the last that was written and not taken back; '' where none was."""
     back = {e.number for e in events if e.event == "rolled back"}
-    return next((str(e.utc)[:10] for e in events if e.event == "written" and e.number not in back), "")
+    return next((local_day(e.utc) for e in events if e.event == "written" and e.number not in back), "")
 
 
 def _checked(point: Mapping[str, Any], t: Texts) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from ..records import Array, InputError, Machine, TangoError
 from ..verify.summary import pose_text
 from . import charts, slices
 from .audit import audit, source
+from .days import at
 from .drawings import drawing
 from .facts import Facts, effects, verdict
 from .plain import amount, tilt
@@ -83,7 +84,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "f": f,
         "units": u,
         "machine": machine,
-        "date": f"{f.paper.made:%Y-%m-%d %H:%M} UTC",
+        "date": at(f.paper.made.isoformat(), t),
         "simulated": f.paper.simulated,
         "source": source(f, t),
         "verdict": found,
@@ -132,8 +133,8 @@ def sentence(found: Verdict, t: Texts) -> str:
     """verdict, texts → what the top of the page says."""
     if found.worst is None:
         return t("verdict.good")
-    if found.worst.name == "nights":
-        return t("verdict.nights", why=found.worst.text)
+    if found.worst.said:
+        return t(found.worst.said, why=found.worst.text)
     if not found.worst.trust:
         return t("verdict.limit", why=found.worst.text)
     return t(f"verdict.{found.level}", why=found.worst.text)

@@ -15,7 +15,7 @@ from starlette.routing import Route
 from ...history import Night, compensations
 from ...report.charts import tip
 from ...report.faults import earlier, sentence
-from ...report.morning import LEVELS, context, last_within, last_written, strip
+from ...report.morning import LEVELS, context, last_within, last_written, never_within, strip, volumes_of
 from ...report.plain import plain
 from ...report.repeated import shortened
 from ...report.units import Units
@@ -41,6 +41,7 @@ def machine(request: Request) -> Response:
     if nights and found.history is not None:
         history, entry, allowed = found.history, nights[0].entry, limits_of(request, found)
         signs = [(n.night, told(n, allowed)) for n in nights]
+        every = [(n.night, told(n, allowed)) for n in state.places.nights(found, ANOTHER)]
         values |= context(
             stored(request, found, entry),
             state.places.kept(f"decisions {found.slug}", lambda: history.decisions(found.name)),
@@ -51,7 +52,9 @@ def machine(request: Request) -> Response:
             machine=state.places.geometry(found),
             owner=state.places.owner(found),
             late=state.places.late(found),
-            within=last_within(signs),
+            within=last_within(every),
+            never=never_within(every),
+            volumes=volumes_of(state.places.nights(found, ANOTHER)),
             written=written_of(found),
             busy=values["busy"],
             now=datetime.now(UTC),

@@ -11,7 +11,7 @@ from starlette.routing import Route
 
 from ...records import InputError
 from ...report.days import days_between
-from ...report.morning import context
+from ...report.morning import context, volumes_of
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
 from .machine import ANOTHER, record_before, written_of
@@ -34,6 +34,7 @@ def night(request: Request) -> Response:
         state.units,
         state.texts,
         before=record_before(request, found, nights),
+        volumes=volumes_of(nights),
         machine=state.places.geometry(found),
         owner=state.places.owner(found),
         written=written_of(found),

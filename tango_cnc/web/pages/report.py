@@ -1,4 +1,7 @@
-"""The report of a cell or of a night as it was written: shown in a sandbox, since its file may be anything."""
+"""The report of a cell or of a night as it was written: shown in a sandbox, since its file may be anything.
+
+A page of the server frames it, with the way back to the machine; alone it is for printing and keeping.
+"""
 
 from __future__ import annotations
 
@@ -12,38 +15,75 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
 from ..app import machine_of, needs, page
+from ..guard import POLICY
 from ..places import Machine
 
-SANDBOX = "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+SANDBOX = (
+    "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
+    "form-action 'none'; frame-ancestors 'self'; base-uri 'none'"
+)
 NAMES = ("report.html", "morning.html")
 
 
 def report(request: Request) -> Response:
-    """request → the report of the cell, or a page that says how to write one."""
+    """request → a page around the report of the cell, or one that says how to write it."""
     needs(request, "view")
     found = machine_of(request)
-    file = None if found.folder is None else found.folder / "report.html"
-    if file is None or not file.is_file():
+    if file_of_cell(found) is None:
         return page(request, "no_report.html", 404, machine=found)
-    return sandboxed(file)
+    return _framed(request, found, "", "")
+
+
+def report_alone(request: Request) -> Response:
+    """request → the report of the cell, as its file is. Raises HTTPException 404."""
+    needs(request, "view")
+    return sandboxed(file_of_cell(machine_of(request)))
 
 
 def of_night(request: Request) -> Response:
-    """request → a page that the night wrote."""
+    """request → a page around one that the night wrote. Raises HTTPException 404."""
+    found, record, name = _asked(request)
+    if file_of_night(found, record, name) is None:
+        raise HTTPException(404)
+    return _framed(request, found, str(record.get("night") or ""), f"/machine/{found.slug}/night/{request.path_params['entry']}")
+
+
+def of_night_alone(request: Request) -> Response:
+    """request → a page that the night wrote, as its file is. Raises HTTPException 404."""
+    found, record, name = _asked(request)
+    return sandboxed(file_of_night(found, record, name))
+
+
+def _asked(request: Request) -> tuple[Machine, Mapping[str, Any], str]:
     needs(request, "view")
     from .night import record_of
 
     found = machine_of(request)
-    record = record_of(found, int(request.path_params["entry"]))
-    file = file_of_night(found, record, str(request.path_params["name"]))
+    return found, record_of(found, int(request.path_params["entry"])), str(request.path_params["name"])
+
+
+def _framed(request: Request, machine: Machine, night: str, back: str) -> Response:
+    """request, machine, date of a night or '', address of its page → the page around a report."""
+    answer = page(request, "framed.html", machine=machine, night=night, back=back, source=f"{request.url.path}/alone")
+    answer.headers["content-security-policy"] = f"{POLICY}; frame-src 'self'"
+    return answer
+
+
+def sandboxed(file: Path | None) -> FileResponse:
+    """file → answer that a browser shows without any right on this server: no cookie, no request, no form.
+
+    Raises HTTPException 404 for None.
+    """
     if file is None:
         raise HTTPException(404)
-    return sandboxed(file)
+    own = {"content-security-policy": SANDBOX, "x-frame-options": "SAMEORIGIN"}
+    return FileResponse(file, media_type="text/html", headers=own)
 
 
-def sandboxed(file: Path) -> FileResponse:
-    """file → answer that a browser shows without any right on this server: no cookie, no request, no form."""
-    return FileResponse(file, media_type="text/html", headers={"content-security-policy": SANDBOX})
+def file_of_cell(machine: Machine) -> Path | None:
+    """machine → its report, None where there is none."""
+    file = None if machine.folder is None else machine.folder / "report.html"
+    return file if file is not None and file.is_file() else None
 
 
 def file_of_night(machine: Machine, record: Mapping[str, Any], name: str) -> Path | None:
@@ -58,5 +98,7 @@ def file_of_night(machine: Machine, record: Mapping[str, Any], name: str) -> Pat
 
 ROUTES = [
     Route("/machine/{slug}/report", report, name="report"),
+    Route("/machine/{slug}/report/alone", report_alone, name="report_alone"),
     Route("/machine/{slug}/night/{entry:int}/{name}", of_night, name="night_file"),
+    Route("/machine/{slug}/night/{entry:int}/{name}/alone", of_night_alone, name="night_file_alone"),
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import date
 from typing import Any
 
 import numpy as np
@@ -41,17 +41,17 @@ def trends(request: Request) -> Response:
     for name in names:
         series = every[name]
         factor, unit = state.units.coefficient(series.unit)
-        days = _days(series.start_utc)
-        alarm = [utc[:10] in marks for utc in series.start_utc]
+        days = _days(series.nights)
+        alarm = [entry in marks for entry in series.entries]
         points = {
             "title": titled(name, axes, state.texts),
-            "first": datetime.fromisoformat(series.start_utc[0]).date(),
+            "first": date.fromisoformat(series.nights[0]),
             "days": days,
             "limit": allowed[name] * state.units.of(shown(series.unit)[1])[0] if name in allowed else None,
             "value": series.value * factor,
             "half": INTERVAL * series.std * abs(factor),
             "alarm": alarm,
-            "x_label": f"{series.start_utc[0][:10]} … {series.start_utc[-1][:10]}",
+            "x_label": f"{series.nights[0]} … {series.nights[-1]}",
         }
         sizes = ((880, 340), (360, 300)) if wanted else ((425, 240),)
         charts.append((name, [Markup(drawn(points, unit, state.texts, *size)) for size in sizes]))
@@ -72,22 +72,23 @@ def _all(machine: Machine) -> Mapping[str, Trend]:
 
 def _last(s: Trend) -> Trend:
     n = LAST
-    return Trend(s.machine, s.name, s.unit, s.entries[-n:], s.start_utc[-n:], s.value[-n:], s.std[-n:])
+    return Trend(s.machine, s.name, s.unit, s.entries[-n:], s.start_utc[-n:], s.nights[-n:], s.value[-n:], s.std[-n:])
 
 
 def _moved(s: Trend) -> float:
     return float(np.ptp(s.value) / (np.median(s.std) or 1.0))
 
 
-def _days(stamps: tuple[str, ...]) -> Any:
-    days = [datetime.fromisoformat(s).date() for s in stamps]
+def _days(nights: tuple[str, ...]) -> Any:
+    days = [date.fromisoformat(night) for night in nights]
     return np.array([(day - days[0]).days for day in days], dtype=float)
 
 
-def _marks(machine: Machine) -> set[str]:
+def _marks(machine: Machine) -> set[int]:
+    """→ entries of its nights with alarms."""
     if machine.history is None or machine.name not in machine.history.machines():
         return set()
-    return {stored.night.start_utc[:10] for stored in machine.history.alarmed(machine.name, LAST)}
+    return {stored.night.entry for stored in machine.history.alarmed(machine.name, LAST)}
 
 
 ROUTES = [Route("/machine/{slug}/trend", trends, name="trend")]
