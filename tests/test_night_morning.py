@@ -84,7 +84,7 @@ def test_a_knock_that_nobody_has_answered_is_told_every_morning_until_somebody_h
     for later in records[2:4]:  # what a full night has found again is not to be measured once more, on no later morning
         told = message(later, (), ())[1]
         assert "Run the full measurement" not in told
-        assert "The full measurement has found it again. Ask who was at the machine." in told
+        assert "Ask who was at the machine: the full measurement has found it again." in told
     assert "Run the full measurement" in message(records[1], (), ())[1]
     alarm = records[1]["alarms"][0]
     assert alarm["on_part_um"] == pytest.approx(40, abs=2)  # a part that was set up at C 0 and is turned to C 180
@@ -178,9 +178,9 @@ def test_since_when_says_which_nights_were_not_measured(tmp_path: Path) -> None:
 
 def test_a_morning_without_a_measurement_says_what_to_do_who_and_since_when() -> None:
     nothing = {"kind": "none", "status": "failed", "verdict": "not_measured", "touches": 0, "planned": 0}
-    failed = {"check": "control", "passed": False, "found": "no answer", "do": "is the control on, and at the right port?"}
+    failed = {"check": "control", "passed": False, "found": "no answer", "do": "see that the control is on, and at the right port"}
     text = message(night(**nothing, why="preflight: no answer", preflight=[failed], last_measured="2026-10-02"), (), ())[1]
-    assert "owner: Ann Meier" in text and "2026-10-02" in text and "right port? Nothing was moved." in text
+    assert "owner: Ann Meier" in text and "2026-10-02" in text and "right port. Nothing was moved." in text
     assert "nothing was measured\n" in text and "none night" not in text and "files in" not in text
     assert "what to do" in message(night(**nothing, why="the line is dead"), (), ())[1]
 

@@ -159,8 +159,23 @@ def test_a_simulation_says_so_above_its_verdict(facts: Facts) -> None:
 def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:
     paper = replace(facts.paper, readings="readings.csv", measured="2026-11-22T21:00:00Z")
     top = page.render(replace(facts, paper=paper)).partition('<section class="verdict')[0]
-    assert "readings.csv, of 2026-11-22 21:00 UTC" in top
+    assert "readings.csv, of Sun 22 Nov 2026, 21:00 UTC" in top
     assert "Ann &lt;owner&gt;" in top
+
+
+@pytest.mark.parametrize(
+    ("measured", "said", "todo"),
+    [
+        ("2026-11-21T21:00:00Z", "older than the newest night", "Go by the page of the newest night"),
+        ("2026-11-22T09:00:00Z", "the nights before them are not settled", "Call Ann"),
+        ("", "is not on record", "Go by the page of the newest night"),
+    ],
+)
+def test_readings_say_whether_they_are_older_than_the_newest_night(measured: str, said: str, todo: str, facts: Facts) -> None:
+    paper = replace(facts.paper, measured=measured, owner="Ann")
+    last = Nights("2026-11-22", "changed", "C axis has moved", 1, "2026-11-22T02:30:00Z")
+    text = page.render(replace(facts, paper=paper, nights=last))
+    assert said in text and todo in text
 
 
 def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts) -> None:

@@ -73,7 +73,7 @@ def test_the_morning_page_answers_the_six_questions(site: TestClient) -> None:
     for wanted in (
         *("Changed", "EX0C moved by +19.8 ± 0.4 µm since last night", "The axis of C moved along X, all at once"),
         *("Last night without it: Wed 4 Nov, first with it: Thu 5 Nov.", "40 µm apart", "Look for a collision", "NOBODY is named"),
-        "All that were made since Wed 4 Nov 2026.",
+        "All that were made since Wed 4 Nov 2026, the last night without it.",
     ):
         assert wanted in text, wanted
     assert text.index("Who has it") < text.index("For the engineer")
@@ -237,9 +237,15 @@ def test_a_change_is_named_by_its_axis_before_its_symbol() -> None:
 def test_without_a_report_the_page_says_how_to_write_one(site: TestClient, folder: Path) -> None:
     assert "tango report -C hu40t" in site.get("/machine/HU40T-like/report").text
     (folder / "report.html").write_text("<p>mine</p>", encoding="utf-8")
-    answer = site.get("/machine/HU40T-like/report")
+    answer = site.get("/machine/HU40T-like/report/alone")
     assert answer.text == "<p>mine</p>"
-    assert answer.headers["content-security-policy"].startswith("sandbox allow-scripts;")
+    policy = answer.headers["content-security-policy"]
+    assert policy.startswith("sandbox allow-scripts;") and "frame-ancestors 'self'" in policy
+    framed = site.get("/machine/HU40T-like/report")
+    assert 'href="/machine/HU40T-like">Back to the last night' in framed.text and "<p>mine</p>" not in framed.text
+    assert 'src="/machine/HU40T-like/report/alone"' in framed.text and 'sandbox="allow-scripts"' in framed.text
+    assert framed.headers["content-security-policy"].endswith("; frame-src 'self'")
+    assert "frame-src" not in site.get("/machine/HU40T-like").headers["content-security-policy"]
 
 
 def test_an_old_night_says_so_and_leads_to_the_newest(site: TestClient) -> None:
@@ -438,5 +444,27 @@ def test_a_fault_that_a_full_measurement_has_confirmed_is_not_measured_in_full_a
     for confirmed in ("2026-11-06", None):
         record = night("M", 14, "changed", kind="check", standing=[alarm | {"confirmed": confirmed}])
         first = morning.render(record).partition("For the engineer")[0]
-        assert ("The full measurement has found it again." in first) == bool(confirmed)
+        assert ("Ask who was at the machine: the full measurement has found it again." in first) == bool(confirmed)
         assert ("Run the full measurement." in first) != bool(confirmed)
+
+
+def test_a_change_has_the_date_of_the_night_that_found_it_and_says_whether_the_error_grew() -> None:
+    """The night before is named where somebody asks since when, and beside the parts to check."""
+    alarm = knock("2026-11-05") | {"text": changed("EX0C", "+19.8 ± 0.4 µm")}
+    for was, word in ((14.0, "larger than before"), (40.0, "smaller than before"), (28.0, "no larger than before")):
+        record = night("M", 12, "changed", alarms=[alarm], volume={"worst_um": 28.0, "rms_um": 9.0, "std_um": 0.5})
+        told = morning.render(record, volumes={"2026-11-04": was}).partition("For the engineer")[0]
+        assert "C axis has moved along X by +20 µm since the night of Thu 5 Nov 2026" in told
+        assert f"{was:.0f} µm on Wed 4 Nov 2026, 28 µm now: {word}" in told
+    drift = alarm | {"since": "2026-10-26", "rate_per_day": 0.002}
+    assert "since Mon 26 Oct 2026" in morning.render(night("M", 12, "changed", alarms=[drift]))  # it did not come in one night
+    assert "Error at the tool tip" not in morning.render(night("M", 12))
+
+
+def test_where_no_night_was_within_the_limit_every_part_is_in_question() -> None:
+    beyond = [("2026-11-05", "out_of_limits"), ("2026-11-04", "not_measured"), ("2026-11-03", "out_of_limits")]
+    assert morning.never_within(beyond) == "2026-11-03" and morning.last_within(beyond) == ""
+    assert morning.never_within([*beyond, ("2026-11-02", "changed")]) == ""
+    limit = {"what": "volume", "value": 60.0, "unit": "µm", "low": 59.0, "high": 61.0, "limit": 45.0, "passed": False}
+    told = morning.render(night("M", 12, "out_of_limits", limits=[limit]), never="2026-11-03")
+    assert "All: no night since Tue 3 Nov 2026 was within the limit." in told

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+import socket
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,9 +14,11 @@ from support.nights import knock, night
 from support.server import PASSWORD, cell
 
 pytest.importorskip("starlette")
+import uvicorn
 from starlette.testclient import TestClient
 
 from tango_cnc.records import InputError
+from tango_cnc.web import patience
 from tango_cnc.web.app import create
 from tango_cnc.web.guard import Buckets
 from tango_cnc.web.places import slug_of
@@ -225,3 +230,31 @@ def test_the_file_of_users_is_kept_from_others(tmp_path: Path) -> None:
     for name, password in (("../x", PASSWORD), ("", PASSWORD), ("a" * 65, PASSWORD), ("ann", "short"), ("ann", "x" * 300)):
         with pytest.raises(InputError):
             add_user(tmp_path / "other.json", name, password, "view")
+
+
+def test_a_connection_that_says_too_little_too_slowly_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a head, half a body, half a head after an answer; hundreds of them would take every place of the server."""
+    monkeypatch.setattr(patience, "WAIT", 1.0)
+    folder = cell(tmp_path / "one", records=[])
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        port = found.getsockname()[1]
+    server = uvicorn.Server(uvicorn.Config(create(Settings((folder,))), port=port, http=patience.Patient, log_level="warning"))
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    while not server.started:
+        time.sleep(0.05)
+    head = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    form = b"POST /sign-in HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/x-www-form-urlencoded\r\nContent-Length: 9\r\n"
+    try:
+        for said in (b"", head + b"X-", head + b"\r\n" + head + b"X-", form + b"\r\na="):
+            with socket.create_connection(("127.0.0.1", port), timeout=20) as slow:
+                slow.sendall(said)
+                began, answered = time.monotonic(), b""
+                while got := slow.recv(4096):
+                    answered += got
+                assert 0.5 < time.monotonic() - began < 15, said
+                assert (b"200 OK" in answered) == (said.count(b"GET") == 2)
+    finally:
+        server.should_exit = True
+        thread.join(20)

@@ -67,3 +67,38 @@ def test_every_text_is_used() -> None:
     made = {m[1] for m in re.finditer(r"([a-z_]+\.[a-z_.]*)(?:\{|[\"'] ~)", every)}  # "check.fit_{level}", "level." ~ level
     words = set(re.findall(r"[\w.]+", every))  # quicker than to look for each in all of it
     assert [k for k in texts().keys if k not in words and k not in every and not any(k.startswith(part) for part in made)] == []
+
+
+def test_what_to_do_begins_with_what_to_do() -> None:
+    """Not with what was found: who reads it asks for an order."""
+    first = (
+        *("always", "approach", "ask", "calibrate", "call", "check", "clean", "compare", "compensate", "correct", "decide", "do"),
+        *(
+            "enter",
+            "exchange",
+            "find",
+            "give",
+            "go",
+            "have",
+            "keep",
+            "let",
+            "look",
+            "machine",
+            "make",
+            "measure",
+            "name",
+            "nothing",
+        ),
+        *("orient", "put", "read", "run", "see", "state", "touch", "warm"),
+    )
+    no_order = ("todo.line", "todo.diagnosis", "mail.do", "diagnosis_said.touches_were_not_fitted_do")  # parts of a sentence
+    found = {k: texts()._flat[k] for k in texts().keys if _orders(k)}
+    assert len(found) > 60
+    wrong = {k: v for k, v in found.items() if re.split(r"[ ,:.]", v)[0].lower() not in first and k not in no_order}
+    assert not wrong
+
+
+def _orders(key: str) -> bool:
+    last = key.split(".")[-1]
+    named = last in ("do", "advice") or last.endswith(("_do", "_todo")) or last.startswith("todo_")
+    return (named and not key.startswith("unseen_said.")) or key.startswith(("todo.", "confirmed."))

@@ -68,6 +68,7 @@ def command(
 
         from ..web import users as accounts
         from ..web.app import create
+        from ..web.patience import Patient
         from ..web.settings import LOOPBACK, Settings
     except ImportError as error:
         raise InputError(f"tango serve: {error.name} is not installed; pip install 'tango-cnc[web]'") from None
@@ -112,6 +113,7 @@ def command(
         extra = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
     uvicorn.run(
         app,
+        http=Patient,
         host=host,
         port=port,
         log_level="warning",

@@ -339,6 +339,6 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
         count=n.waiting,
         age=t(f"check.nights_{age}", date=at(f.paper.measured, t)),
     )
-    key = "todo.nights_newer" if age == "newer" else "todo.nights"
-    todo = t(key, owner=f.paper.owner) if f.paper.owner else t(f"{key}_nobody")
+    newer = "_newer" if age == "newer" else ""
+    todo = t(f"todo.nights{newer}", owner=f.paper.owner) if f.paper.owner else t(f"todo.nights{newer}_nobody")
     return [Check("nights", level, word, text, todo, trust=False, said=f"verdict.nights_{age}")]
