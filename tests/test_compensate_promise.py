@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +15,11 @@ from support.closing import EXAMPLES, SETTINGS
 from support.compensated import example, first, measured, truth, write
 
 from sim_controller.compensation import read
-from tango_cnc.compensate import propose, targets
+from tango_cnc.compensate import Proposal, propose, targets
+from tango_cnc.compensate.fit import Holding, holding, known
+from tango_cnc.compensate.promise import Figure, mean
+from tango_cnc.compensate.space import sample
+from tango_cnc.estimate import Estimate
 from tango_cnc.records import Cell, InputError, World
 
 MACHINES = 200
@@ -27,47 +34,92 @@ def drawn(cell: Cell, world: World, seed: int) -> World:
     return replace(world, errors=errors, facets={**world.facets, **facets}, seed=seed)
 
 
-def kept(name: str, target: str, seeds: range, folder: Path) -> tuple[int, list[float]]:
-    """Example, target, seeds → promises kept, µm left of every machine; one with more error than the target takes is none."""
+@cache
+def prepared(name: str, target: str) -> tuple[Proposal, Holding]:
+    """Example, target → its proposal without scatter, and all that does not depend on how large errors are found."""
+    found = first(name)
+    proposal = propose(found, target, SETTINGS.get(target, ()))
+    at = sample(example(name)[0].machine, proposal.request.limits)
+    return proposal, holding(known(found, at), proposal.held, at)
+
+
+def promised(name: str, target: str, found: Estimate) -> tuple[Proposal, Figure]:
+    """Example, target, estimate → what `propose` makes of it, a good deal faster; its promise."""
+    proposal, holds = prepared(name, target)
+    learned = known(found, holds.poses)
+    now = {h.place: h.base for h in holds.held}
+    exact, change = holds.numbers(learned, now)
+    numbers = {h.place: h.number(h.value(now[h.place]) + float(c)) for h, c in zip(holds.held, change, strict=True)}
+    return replace(proposal, numbers=numbers), mean(holds.left(learned, exact - change))
+
+
+def kept(name: str, wanted: Sequence[str], seeds: Iterable[int], folder: Path) -> dict[str, Counter[str]]:
+    """Example, targets, seeds → by target: promises kept, less left, more left; refused: more error than the target takes.
+
+    Each machine is measured once, for all targets.
+    """
     cell, world = example(name)
-    within, left = 0, []
+    counts: dict[str, Counter[str]] = {target: Counter() for target in wanted}
     for seed in seeds:
         true = drawn(cell, world, seed)
-        proposal = propose(measured(cell, true), target, SETTINGS.get(target, ()))
+        found = measured(cell, true)
+        for target, count in counts.items():
+            proposal, promise = promised(name, target, found)
+            try:
+                control = read(write(proposal, folder / f"{name}{target}"), cell.machine)
+            except InputError as error:
+                assert "beyond MAX OFFSET" in str(error)
+                count["refused"] += 1
+                continue
+            after = truth(cell, true, proposal, control)
+            count["kept" if promise.low <= after <= promise.high else "less" if after < promise.low else "more"] += 1
+    return counts
+
+
+def fitting(name: str) -> list[str]:
+    """Example → the targets that fit its machine."""
+    result = []
+    for target in targets.names():
         try:
-            control = read(write(proposal, folder / f"{name}{target}{seed}"), cell.machine)
+            prepared(name, target)
         except InputError as error:
-            assert "beyond MAX OFFSET" in str(error)
-            continue
-        after, promise = truth(cell, true, proposal, control), proposal.fit.rms_after
-        within += promise.low <= after <= promise.high
-        left.append(after)
-    return within, left
+            assert "allowed:" in str(error)
+        else:
+            result.append(target)
+    return result
 
 
-@pytest.mark.campaign
+def test_the_faster_way_promises_what_propose_does() -> None:
+    cell, world = example("trunnion")
+    found = measured(cell, drawn(cell, world, 1))
+    for target in ("etalon", "fagor"):
+        fast, promise = promised("trunnion", target, found)
+        slow = propose(found, target)
+        said = slow.fit.rms_after
+        assert (promise.low, promise.value, promise.high) == pytest.approx((said.low, said.value, said.high), rel=0.02)
+        assert max(abs(fast.numbers[place] - number) for place, number in slow.numbers.items()) < 1e-4
+
+
+@pytest.mark.long
 def test_promises_are_kept(tmp_path: Path) -> None:
-    within, left = kept("trunnion", "siemens", range(10), tmp_path)
-    print(f"trunnion, siemens: {within} of 10 within the promise, {np.mean(left):.2f} µm left")
-    assert within >= 8
+    counts = kept("trunnion", ("siemens", "etalon"), range(12), tmp_path)
+    print(counts)
+    assert all(count["kept"] >= 10 for count in counts.values())
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("target", targets.names())
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_two_hundred_promises_are_kept(name: str, target: str, tmp_path: Path) -> None:
-    """What was promised lies within its interval on 95 % of the machines: the count of 200 does not contradict it.
+def test_two_hundred_promises_are_kept(name: str, tmp_path: Path) -> None:
+    """What was promised lies within its interval on 95 % of the machines: no count of 200 contradicts it.
 
     Of many pairs that keep their promise in exactly 95 %, one in forty fails here by chance.
     """
-    try:
-        propose(first(name), target, SETTINGS.get(target, ()))
-    except InputError as error:
-        assert "allowed:" in str(error)
-        pytest.skip(f"{name}, {target}: refused: {error}")
-    within, left = kept(name, target, range(MACHINES), tmp_path)
-    assert len(left) > 0.8 * MACHINES
-    share = binomtest(within, len(left)).proportion_ci(0.95, method="wilson")
-    said = f"{name}, {target}: {within} of {len(left)} within the promise, 95 % Wilson interval {share.low:.3f} to {share.high:.3f}"
-    print(f"{said}; {np.mean(left):.2f} µm left on average")
-    assert share.high >= 0.95, said
+    low = []
+    for target, count in kept(name, fitting(name), range(MACHINES), tmp_path).items():
+        n = count["kept"] + count["less"] + count["more"]
+        assert n > 0.8 * MACHINES
+        share = binomtest(count["kept"], n).proportion_ci(0.95, method="wilson")
+        said = f"{name}, {target}: {count['kept']} of {n} kept, {count['less']} less, {count['more']} more, to {share.high:.3f}"
+        print(said)
+        low += [said] * (share.high < 0.95)
+    assert not low

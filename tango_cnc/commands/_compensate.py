@@ -75,7 +75,7 @@ def text(proposal: Proposal) -> str:
     lines += [f"  {word:10s} {', '.join(items) or 'nothing'}" for word, items in width.items() if items or word != "set-up"]
 
     def row(name: str, f: object) -> list[str]:
-        from ..compensate.fit import Figure
+        from ..compensate.promise import Figure
 
         assert isinstance(f, Figure)
         return [name, f"{f.value:.2f}", f"{f.low:.2f} to {f.high:.2f}"]

@@ -16,24 +16,13 @@ from ..model import Model, errors
 from ..records import Array, Machine, TangoError
 from ..terms import Coefficient
 from ..touches import Touches
+from .promise import Figure, likely, mean, most, with_programs
 from .space import LONGER, REACH, Held, Poses, direction_matrix, matrix
 
-DRAWS = 1000
-PROBABILITY = 0.95
 EXACT, NONE = 0.995, 0.02  # share of a coefficient's effect on the tip that counts as held exactly, as not held
 WORTH = 2e-3  # mm rms over the volume that a mm of correction is to take away: less is not worth a larger number
-WIDTHS = np.geomspace(1e-4, 1e8, 481)  # variances that the prior of a direction may have, in units of its scatter
 DEGREE = 6  # of the smooth functions of a table
 Solve = Callable[[Array], Array]
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A number of µm with the interval that holds it with `PROBABILITY`."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -116,9 +105,37 @@ class Fit:
     rounding: float  # µm rms that rounding to the increment costs
 
 
-def fit(found: Known, held: Sequence[Held], poses: Poses, present: Mapping[str, float], program_increment: float = 0.001) -> Fit:
-    """what is known of the machine, what the control can hold, poses, the control's present numbers → the best numbers."""
-    error = poses.free(found.error(poses).reshape(-1, 1))[:, 0]
+@dataclass(frozen=True)
+class Holding:
+    """What a control can hold of the errors that a model has, over poses, set-up taken out; whatever their sizes are."""
+
+    held: tuple[Held, ...]
+    poses: Poses
+    levers: Array  # (3n, p) mm per unit of every coefficient
+    taken: Array  # (3n, p) mm of them that the control takes away
+    reversal: Array  # (p,) bool, whether a coefficient depends on the last motion
+    space: Array  # (3n, h) mm that a unit of every number takes away
+    direct: Array  # (h, p) by name
+    basis: Array  # (h, b) the rest by fitted shapes
+    solve: Solve
+
+    def numbers(self, found: Known, present: Mapping[str, float]) -> tuple[Array, Array]:
+        """what is known, the control's present numbers → (h,) best changes, exact and as the control can store them."""
+        error = self.poses.free(found.error(self.poses).reshape(-1, 1))[:, 0]
+        start = self.direct @ found.values
+        exact = start + self.basis @ self.solve(error - self.space @ start)
+        now = np.array([h.value(present.get(h.place, h.base)) for h in self.held])
+        stored = [h.value(h.number(n + c)) - n for h, n, c in zip(self.held, now, exact, strict=True)]
+        return exact, np.array(stored)
+
+    def left(self, found: Known, rounded: Array) -> Array:
+        """what is known, (h,) what rounding takes off the numbers → (k, m, n) mm, draws of what is truly left."""
+        rest = self.space @ rounded
+        return likely(found.values, found.covariance, self.levers, self.levers - self.taken, rest)
+
+
+def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
+    """coefficients of an estimate, what the control can hold, poses → what that is worth, before any size is known."""
     levers = poses.free(found.levers(poses))
     space = matrix(held, poses)
     weight = np.array([1.0 if h.kind == "length" else 1 / REACH for h in held])
@@ -127,102 +144,38 @@ def fit(found: Known, held: Sequence[Held], poses: Poses, present: Mapping[str, 
     direct = by_name(found, held, poses)
     # What the target takes away of every coefficient: by name first, the rest by fitted shapes.
     taken = space @ (direct + basis @ solve(levers - space @ direct))
-    start = direct @ found.values
-    exact = start + basis @ solve(error - space @ start)
-    now = np.array([h.value(present.get(h.place, h.base)) for h in held])
-    change = np.array([h.value(h.number(n + c)) - n for h, n, c in zip(held, now, exact, strict=True)])
-    rounding = float(rms((space @ (change - exact))[:, None])[0]) if len(held) else 0.0
+    reversing = found.reversal(poses).any(axis=0)
+    return Holding(tuple(held), poses, levers, taken, reversing, space, direct, basis, solve)
 
-    nothing = np.zeros_like(taken)
-    before = _sizes(_likely(found, levers, nothing))
-    after = _sizes(_likely(found, levers - taken, taken) + (space @ (exact - change))[:, None])
+
+def fit(found: Known, holds: Holding, present: Mapping[str, float], program_increment: float = 0.001) -> Fit:
+    """what is known of the machine, what the control can hold, the control's present numbers → the best numbers."""
+    exact, change = holds.numbers(found, present)
+    levers, taken = holds.levers, holds.taken
+    before = likely(found.values, found.covariance, levers, levers)
+    after = holds.left(found, exact - change)
     # Programs correct everything but what depends on the last motion; of that the target may have taken its part.
-    reversing = np.where(found.reversal(poses).any(axis=0), levers - taken, 0.0)
-    turned, left = _directions(found, held, poses, change)
+    programs = likely(found.values, found.covariance, levers, np.where(holds.reversal, levers - taken, 0.0))
+    turned, left = _directions(found, holds.held, holds.poses, change)
     return Fit(
-        tuple(held),
+        holds.held,
         change,
         _shares(found, levers, taken),
-        _interval(_mean(before)),
-        _interval(_mean(after)),
-        _interval(_most(before)),
-        _interval(_most(after)),
-        float(rms((space @ exact)[:, None])[0]),
+        mean(before),
+        mean(after),
+        most(before),
+        most(after),
+        rms(holds.space @ exact),
         turned,
         left,
-        _program(_sizes(_likely(found, reversing, levers - reversing)), program_increment),
-        rounding,
+        with_programs(programs, program_increment),
+        rms(holds.space @ (change - exact)),
     )
 
 
-def _likely(found: Known, left: Array, gone: Array) -> Array:
-    """(3n, p) what a target leaves and what it takes of every coefficient → (3n, m) draws of the error that is truly left.
-
-    What is taken was estimated, so its scatter stays; what is left was estimated, too, and its scatter makes it look larger than it
-    is. In directions in which an estimate is no more than its own scatter it is therefore drawn towards zero. How far, the estimate
-    itself cannot say for certain: a width that is calculated from it promises too much where it is one to three times its scatter.
-    So the width is drawn, too. The prior is the Cauchy distribution as wide as the scatter (Jeffreys 1961, Theory of Probability,
-    5.2): normal, with a variance of inverse gamma distribution.
-    """
-    root = found.root
-    _, _, turn = np.linalg.svd(left @ root, full_matrices=False)
-    way = root @ turn.T
-    std = np.sqrt(np.diag(found.covariance))  # so that mm and rad weigh alike
-    seen = np.linalg.lstsq(way / std[:, None], found.values / std, rcond=1e-12)[0]
-    rng = np.random.default_rng(1)
-    wide = _widths(seen, rng.random((len(seen), DRAWS)))
-    kept = wide / (1 + wide)
-    drawn = kept * seen[:, None] + np.sqrt(kept) * rng.normal(size=wide.shape)
-    return np.asarray(left @ (way @ drawn) + gone @ (way @ (drawn - seen[:, None])))
-
-
-def _widths(seen: Array, shares: Array) -> Array:
-    """(p,) estimates and (p, m) shares 0 … 1 → (p, m) variances of their priors, drawn at these shares; scatter 1.
-
-    Logarithms of the variances are evenly spaced, so that each weighs its density times itself.
-    """
-    weight = -0.5 * (np.log(WIDTHS * (1 + WIDTHS)) + 1 / WIDTHS + (seen**2)[:, None] / (1 + WIDTHS))
-    most = np.cumsum(np.exp(weight - weight.max(axis=1, keepdims=True)), axis=1)
-    at = [np.searchsorted(own, share * own[-1]) for own, share in zip(most, shares, strict=True)]
-    return np.asarray(WIDTHS[np.minimum(np.array(at, dtype=np.intp).reshape(shares.shape), len(WIDTHS) - 1)])
-
-
-def _program(sizes: Array, increment: float) -> Figure:
-    rounded = 3 * (increment / np.sqrt(12)) ** 2  # three words of a block, each rounded
-    return _interval(np.sqrt(np.mean(sizes**2, axis=0) + rounded) * 1e3)
-
-
-def _sizes(vectors: Array) -> Array:
-    """(3n, m) → (n, m) lengths; of more than one column, each at poses drawn anew: a volume is known by some of its poses."""
-    sizes = np.linalg.norm(vectors.reshape(-1, 3, vectors.shape[1]), axis=1)
-    if sizes.shape[1] == 1:
-        return np.asarray(sizes)
-    again = np.random.default_rng(2).integers(0, len(sizes), size=sizes.shape)
-    # Draw by draw in one piece of memory: several times as fast as across the rows.
-    return np.asarray(np.take_along_axis(np.ascontiguousarray(sizes.T), np.ascontiguousarray(again.T), axis=1).T)
-
-
-def rms(vectors: Array) -> Array:
-    """(3n, m) mm → (m,) µm, root mean square of the lengths of n vectors."""
-    return _mean(_sizes(vectors))
-
-
-def _mean(sizes: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(sizes**2, axis=0)) * 1e3)
-
-
-def intervals(vectors: Array) -> Figure:
-    """(3n, m) mm, m draws of an error → its rms with interval, µm."""
-    return _interval(rms(vectors))
-
-
-def _most(sizes: Array) -> Array:
-    return np.asarray(np.quantile(sizes, 0.95, axis=0) * 1e3)
-
-
-def _interval(draws: Array) -> Figure:
-    low, middle, high = np.quantile(draws, [(1 - PROBABILITY) / 2, 0.5, (1 + PROBABILITY) / 2])
-    return Figure(float(middle), float(low), float(high))
+def rms(vectors: Array) -> float:
+    """(3n,) mm → µm, root mean square of the lengths of n vectors."""
+    return float(np.sqrt(np.mean(np.sum(vectors.reshape(-1, 3) ** 2, axis=1))) * 1e3)
 
 
 def smooth(held: Sequence[Held], machine: Machine) -> Array:

@@ -23,7 +23,8 @@ from ..files.checked import printable, read_bytes, read_text
 from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..records import InputError, TangoError
-from .fit import Figure, intervals, known
+from .fit import known, rms
+from .promise import DRAWS, Figure, mean, sizes
 from .proposal import FORMAT, Proposal, as_json
 from .space import Held, Poses, sample
 
@@ -229,8 +230,9 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     told = _moved(kept, proposal_held, at, [h.tcp for h in proposal_held]) if not tcp else np.zeros(3 * len(at))
     error = at.free((now.error(at).ravel() - told)[:, None])
     levers = at.free(now.levers(at))
-    drawn = error + levers @ now.draws(1000)
-    measured = intervals(drawn)
+    scatter = now.draws(DRAWS)
+    drawn = error + levers @ scatter
+    measured = mean(sizes(scatter.T, levers, -error[:, 0])[None])
     promise = kept.record["promise"]
     before, promised = (Figure(**promise[key]) for key in ("rms_before_um", "rms_after_um"))
     moved = at.free(_moved(kept, proposal_held, at, [tcp or not h.tcp for h in proposal_held])[:, None])[:, 0]
@@ -239,7 +241,7 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     undo = f"load the files of {kept.folder / 'undo'}"
     calculated = ""
     if told.any():
-        size = float(np.sqrt(np.mean(np.sum(at.free(told[:, None]).reshape(-1, 3) ** 2, axis=1))) * 1e3)
+        size = rms(at.free(told[:, None]))
         calculated = f". What the kinematics hold ({size:.2f} µm) is taken off by calculation: this run could not see it"
     share = f"of what it could see of the compensation, the run finds {_percent(helped)} gone" if helped is not None else ""
     if helped is None or helped.low <= 0 < 1 <= helped.high:

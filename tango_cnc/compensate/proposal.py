@@ -11,7 +11,8 @@ from typing import Any
 from ..estimate import Estimate
 from ..records import Array, InputError, Machine, TangoError
 from . import targets
-from .fit import Figure, Fit, fit, known
+from .fit import Fit, fit, holding, known
+from .promise import Figure
 from .space import Held, Limits, limits_of, sample
 from .targets import Request
 
@@ -83,7 +84,7 @@ def propose(
                 "Tables of other points cannot be added: give the same volume and settings as when they were written"
             )
     now = {h.place: h.base for h in held} | dict(present or {})
-    best = fit(found, held, at, now)
+    best = fit(found, holding(found, held, at), now)
     numbers = {
         h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
     }
