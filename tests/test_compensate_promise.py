@@ -89,6 +89,7 @@ def fitting(name: str) -> list[str]:
     return result
 
 
+@pytest.mark.long
 def test_the_faster_way_promises_what_propose_does() -> None:
     cell, world = example("trunnion")
     found = measured(cell, drawn(cell, world, 1))

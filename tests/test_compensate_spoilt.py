@@ -167,6 +167,15 @@ def test_a_record_of_another_shape_is_refused_although_its_digest_is_right(tmp_p
             loop.check(kept.folder)
 
 
+def test_a_step_that_was_lost_is_missed(tmp_path: Path) -> None:
+    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z", simulated=True)
+    assert loop.check(kept.folder)
+    steps = kept.folder / "steps.txt"
+    steps.write_text("".join(steps.read_text().splitlines(keepends=True)[:-1]))
+    with pytest.raises(TangoError, match=r"steps.txt:\d+: found 'the end of the file'|steps.txt:\d+: found ''"):
+        loop.check(kept.folder)
+
+
 def test_the_folder_of_the_way_back_is_missed(tmp_path: Path) -> None:
     kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
     shutil.rmtree(kept.folder / "undo")

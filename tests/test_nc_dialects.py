@@ -132,6 +132,15 @@ def test_what_would_lead_elsewhere_is_refused(name: str, line: str, said: str, k
     assert said in refusal(HEAD[name] + line + "\n", knowledge, name)
 
 
+def test_sinumerik_words_need_no_blanks_between_them(knowledge: Known) -> None:
+    spaced = "G90 G71 G54\nG0 X0 Y0 Z5\nN5 G1 X40 Y=2.5 F500\nG3 X50 Y12.5 CR=10\n"
+    tight = "G90G71G54\nG0X0Y0Z5\nN5G1X40Y=2.5F500\nG3X50Y12.5CR=10\n"
+    one, two = (rewritten(text, knowledge, "siemens")[0] for text in (spaced, tight))
+    assert [line.replace(" ", "") for line in one[1:]] == [line.replace(" ", "") for line in two[1:]]
+    for word in ("X1EX2", "X1.2.3", "X1[2]", "X1(2)"):
+        assert "line 3: found" in refusal(HEAD["siemens"] + f"G1{word}\n", knowledge, "siemens")
+
+
 @pytest.mark.parametrize("comments", [10, 38, 39, 40, 41, 100])
 def test_a_mark_after_many_comments_is_found_again(comments: int, knowledge: Known) -> None:
     text = "".join(f"(line {i})\n" for i in range(comments)) + HEAD["rs274"] + "G1 X40. F500\nM30\n"

@@ -148,7 +148,7 @@ def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
     return Holding(tuple(held), poses, levers, taken, reversing, space, direct, basis, solve)
 
 
-def fit(found: Known, holds: Holding, present: Mapping[str, float], program_increment: float = 0.001) -> Fit:
+def fit(found: Known, holds: Holding, present: Mapping[str, float], program_increment: float = 0.0001) -> Fit:
     """what is known of the machine, what the control can hold, the control's present numbers → the best numbers."""
     exact, change = holds.numbers(found, present)
     levers, taken = holds.levers, holds.taken

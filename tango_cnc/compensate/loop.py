@@ -29,6 +29,7 @@ from .proposal import FORMAT, Proposal, as_json
 from .space import Held, Poses, sample
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
+STEPS = "steps.txt"
 IN_CONTROL = ("written", "kept", "not as promised", "undecided")  # after these events the control has it
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
@@ -45,6 +46,7 @@ SHAPE = {
     "options": {},
     "volume": {"*": [float]},
     "steps": [str],
+    "simulated?": str,
     "readings_rows?": [str],
 }
 HELPED = 0.5  # of what was changed: less is no help
@@ -79,7 +81,7 @@ def store(
         write_text(place / name, text)
     for name, text in proposal.undo.items():
         write_text(place / "undo" / name, text)
-    write_text(place / "steps.txt", "".join(f"{line}\n" for line in (*first.values(), *steps)))
+    write_text(place / STEPS, _steps(record))
     if simulated:
         write_text(place / REMARK, f"{SIMULATED}\n")
     write_text(place / RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
@@ -87,6 +89,11 @@ def store(
     if folder is None:
         note(cell, kept, now, "proposed", promise=record["promise"])
     return kept
+
+
+def _steps(record: Mapping[str, Any]) -> str:
+    first = [record["simulated"]] if "simulated" in record else []
+    return "".join(f"{line}\n" for line in (*first, *record["steps"]))
 
 
 def digest(record: dict[str, Any]) -> str:
@@ -174,12 +181,12 @@ def check(folder: Path) -> dict[str, Any]:
     """
     record = load(folder)
     for part, base in (("files", folder), ("undo", folder / "undo")):
-        for name, text in record[part].items():
+        for name, text in (*record[part].items(), *([(STEPS, _steps(record))] if part == "files" else [])):
             file = base / name
             if not file.exists():
                 raise TangoError(f"{file}: found no such file; do not load this folder: propose anew")
             _same(file, text)
-        known_names = {*record[part], RECORD, REMARK, "steps.txt", "undo"}
+        known_names = {*record[part], RECORD, REMARK, STEPS, "undo"}
         there = base.iterdir() if base.is_dir() else ()  # of files without undo nothing is written there
         if strangers := sorted(f.name for f in there if f.name not in known_names):
             raise TangoError(f"{base}: found {', '.join(strangers)}, which this program has not written; take it away first")

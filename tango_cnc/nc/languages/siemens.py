@@ -13,7 +13,7 @@ LENGTH = True
 COUNTED = False
 HEAD = re.compile(r"\s*(%.*|;.*)?\s*")
 STYLE = _iso.Style(
-    re.compile(rf"(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?![#\[A-Za-z(])"),
+    re.compile(rf"(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?!EX|[\d.#\[(])"),
     re.compile(r";.*|MSG\s*\(\"[^\"]*\"\)|^%.*"),
     {
         **{k: v for k, v in _iso.REFUSED.items() if k not in (20, 5, 7, 10, 15, 16, 51, 52, 92)},
