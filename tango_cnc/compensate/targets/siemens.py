@@ -22,10 +22,10 @@ FACTS = (
     Fact("$AN_CEC[t,i], INPUT_AXIS, OUTPUT_AXIS, STEP, MIN, MAX, DIRECTION 0 1 -1, IS_MODULO; M17 ends the file", K3),
     Fact("$AA_ENC_COMP[0,i,AX] in mm or degrees with _STEP _MIN _MAX _IS_MODULO", K3),
     Fact(
-        "$AN_CEC_MULT_BY_TABLE[t] = index + 1 of another table adds the product of both to their axis: errors of two axes at once, "
-        "such as the tilt of one times the place of another. Page 249 calls it an additional value, in the example of page 252 it is "
-        "all that acts. If the factors' own values stay, a place in mm as a factor moves the axis by as much: no product is written, "
-        "and angles of linear axes stay",
+        "$AN_CEC_MULT_BY_TABLE[t] = index + 1 of another table adds the product of both to their axis: errors of two axes at "
+        "once, such as the tilt of one times the place of another. Page 249 calls it an additional value, in the example of page "
+        "252 it is all that acts. If the factors' own values stay, a place in mm as a factor moves the axis by as much: no "
+        "product is written, and angles of linear axes stay",
         "SINUMERIK Function Manual K3 03/2013, p. 245, 249, 252",
         confirmed=False,
     ),
