@@ -28,7 +28,7 @@ KNOWN = {
     "end",
     "widths",
     "rollover",
-}  # of LinuxCNC 2.9: G38.3, G53, LOG, #<_abs_x>; not `pace`: without iron nothing clamps, and it takes less than half of the time
+}  # of LinuxCNC 2.9: G38.3, G53, LOG, #<_abs_x>
 
 
 def hal(control: Control, *words: str) -> str:
@@ -96,7 +96,8 @@ def test_a_real_control_says_what_is_known_of_it(cell: Path) -> None:
         assert code == 0, out + err
         assert len(touched) == 1
         found = {belief["belief"]: belief for belief in json.loads(out)["beliefs"]}
-        assert {name for name, belief in found.items() if belief["verdict"] == "PASS"} == KNOWN, err
+        assert {name for name, belief in found.items() if belief["verdict"] == "PASS"} - {"pace"} == KNOWN, err
+        assert found["pace"]["verdict"] in ("OPEN", "PASS")  # without iron nothing clamps: how fast it is, the computer decides
         assert (
             found["frames"]["value"] < 0.002 and found["rotary"]["value"] < 1e-4
         )  # mm, deg: a search that misses ends within 1 µm
