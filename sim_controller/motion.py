@@ -12,6 +12,7 @@ import numpy as np
 from tango_cnc.records import Array
 
 from . import clock, effects, probing, surfaces
+from .bystanders import first_strike
 from .faults import Faults
 from .probing import Rig, gap_along, rows_of, undisturbed
 from .roots import bracketed_zero
@@ -306,7 +307,10 @@ class Motion:
         """→ where on the move from here (s, not before `after`) the probe meets something first, and what."""
         r = self.rig
         ball = first_contact(r, self._position, end, direction, after)
-        entry = first_entry(r.shank, r.true, self._position, end, direction, after, 1.0 if ball is None else ball[0])
+        until = 1.0 if ball is None else ball[0]
+        entry = first_entry(r.shank, r.true, self._position, end, direction, after, until)
+        struck = first_strike(r.bystanders, r.true, self._position, end, direction, after, until if entry is None else entry.s)
+        entry = struck or entry
         return ball if entry is None else (entry.s, entry)
 
     def _collide(self, kind: str, end: Array, s: float, what: What, seconds: float) -> NoReturn:
@@ -334,7 +338,7 @@ class Motion:
         positions = self._position + s[:, None] * change
         if isinstance(what, Entry):
             bent = s * self._length(end) <= BEND
-            free = np.array([first_entry(self.rig.shank, self.rig.true, p, p, direction) is None for p in positions[bent]])
+            free = np.array([self._entered(p, direction) is None for p in positions[bent]])
             if not free.any() and not bent.all():
                 return float(s[bent][-1]), what
         else:
@@ -347,6 +351,12 @@ class Motion:
             return None
         self._pressed = None
         return self._meets(end, direction, float(s[int(np.argmax(free))]))
+
+    def _entered(self, position: Array, direction: Array) -> Entry | None:
+        """→ what anything is in, standing there."""
+        r = self.rig
+        within = first_entry(r.shank, r.true, position, position, direction)
+        return within or first_strike(r.bystanders, r.true, position, position, direction, 0.0, 1.0)
 
     def _gaps(self, row: int, positions: Array, direction: Array) -> Array:
         tip = place(self.rig.true, positions, np.broadcast_to(direction, positions.shape)).tip

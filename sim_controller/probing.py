@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tango_cnc.records import Array, Artefact, Machine, World
 
 from . import effects, surfaces
+from .bystanders import Bystanders, bystanders
 from .coefficients import RADIUS
 from .effects import Disturbance, History
 from .roots import Gap
@@ -30,6 +31,7 @@ class Rig:
     true: TrueMachine
     surfaces: surfaces.Surfaces
     shank: Shank
+    bystanders: Bystanders
     effects: tuple[effects.Effect, ...]
     noise: float  # mm, one standard deviation of a touch
     seed: int
@@ -49,12 +51,14 @@ def rig(
     """
     radius = machine.probe.tip_radius + of_stylus(machine, world, RADIUS)
     truly = surfaces.surfaces(artefact, world, radius, extent)
+    probe = shank(machine, artefact, truly.table)
     return Rig(
         machine,
         artefact,
         true_machine(machine, world, control),
         truly,
-        shank(machine, artefact, truly.table),
+        probe,
+        bystanders(machine, artefact, truly.table, probe),
         effects.checked(world.effects, machine, artefact),
         world.noise,
         world.seed if seed is None else seed,

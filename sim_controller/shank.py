@@ -84,12 +84,12 @@ def first_entry(
     placed = place(true, positions, np.broadcast_to(direction, positions.shape))
     spindle = true.tool[-1].frame[0, :3, :3].T @ np.array(true.machine.spindle.direction)
     up = np.einsum("nji,nj->ni", placed.table, placed.spindle @ spindle)
-    found = [_enters(k, hull, table, name, s, placed.tip, up) for name, hull, table in k.bodies]
+    found = [enters(k, hull, table, name, s, placed.tip, up) for name, hull, table in k.bodies]
     found += [_meets(k, centre, radius, name, s, placed.tip, up) for name, centre, radius in k.balls]
     return min((entry for entry in found if entry is not None), key=lambda entry: entry.s, default=None)
 
 
-def _enters(k: Shank, hull: Hull, table: Table | None, name: str, s: Array, tip: Array, up: Array) -> Entry | None:
+def enters(k: Shank, hull: Hull, table: Table | None, name: str, s: Array, tip: Array, up: Array) -> Entry | None:
     """shank, convex body, (n,) s, tips, directions to the spindle → the first entry."""
     apart = _beyond_faces(k, hull, tip, up)
     free = ((apart[:-1] > 0) & (apart[1:] > 0)).any(axis=-1)

@@ -147,7 +147,12 @@ def hull(points: Array) -> Hull:
 
 def obstacles(artefact: Artefact) -> tuple[Hull, ...]:
     """artefact → its obstacles; a cylinder is a prism that fits into it."""
-    return tuple(hull(_corners(obstacle)) for obstacle in artefact.obstacles)
+    return hulls(artefact.obstacles)
+
+
+def hulls(declared: Sequence[Obstacle]) -> tuple[Hull, ...]:
+    """obstacles → their hulls, each in the frame it is stated in."""
+    return tuple(hull(_corners(obstacle)) for obstacle in declared)
 
 
 def _corners(obstacle: Obstacle) -> Array:

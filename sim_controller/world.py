@@ -72,6 +72,11 @@ class TrueMachine:
         return transforms.inverse(self.workpiece[-1].frame) if self.workpiece else None
 
     @cached_property
+    def stylus_tip_out(self) -> Array:
+        """→ (3,) tip at the zero pose, machine frame, with the stylus as it is."""
+        return np.asarray((self.tool[-1].frame[0] @ self.tip_in_spindle)[:3])
+
+    @cached_property
     def tip_in_spindle(self) -> Array:
         """→ (4,) tip in the frame of the spindle, with the stylus as it is."""
         nominal: Array = transforms.inverse(self.tool[-1].frame)[0] @ np.append(self.stylus_tip, 1.0)
@@ -143,6 +148,16 @@ def place(true: TrueMachine, positions: Array, directions: Array, extra: Mapping
     tip = spindle @ true.tip_in_spindle
     in_table = np.einsum("nij,nj->ni", transforms.inverse(table), tip)
     return Placement(in_table[:, :3], table[:, :3, :3], spindle[:, :3, :3])
+
+
+def body(true: TrueMachine, moved_by: tuple[str, ...], positions: Array, directions: Array) -> Array:
+    """axes from the foundation outwards, (n, k) mm rad, (n, k) → (n, 4, 4) where what they move goes from the zero pose."""
+    if not moved_by:
+        return transforms.translation(np.zeros((len(positions), 3)))
+    if true.control is not None:
+        positions = true.control(positions, directions)
+    joints = [joint for joint in (*true.workpiece, *true.tool) if joint.name in moved_by]
+    return _branch(joints, positions, directions, true.by_axis) @ transforms.inverse(joints[-1].frame)
 
 
 def _branch(joints: Iterable[Joint], positions: Array, directions: Array, errors: Mapping[str, Iterable[Term]]) -> Array:

@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from . import kinematics
 from .plan import plan as planned
+from .plan import refuse
 from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings
 
 TOUCHES = 9
@@ -363,5 +364,6 @@ def _high(made: Plan, by: float) -> Plan:
         replace(touch, over=tuple(float(v) for v in np.array(touch.over) + by * up), enter=None, leave=None)
         for touch in made.touches
     )
-    turns = made.turns
-    return replace(made, touches=higher, turns=turns)
+    found = replace(made, touches=higher, turns=made.turns)
+    refuse(found)
+    return found

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import OFF, Approach, Array, Artefact, Facet, Id, Probe
-from .solid import LEVEL, Body, Solid
+from .solid import LEVEL, PATCH, Body, Solid
 
 SHANK = -0.02  # least cosine between normal and spindle direction: 1.1° of undercut is within what a table is out of square
 GAP = 0.2  # mm between stem and surface while the tip touches
@@ -33,7 +33,6 @@ ALIKE = 0.9  # least cosine between the normals of a facet and of the face that 
 SLANT = 1e-6  # cosine below which a way runs along a plane
 LEAN = math.radians(60.0)  # of the probe from the shortest way out of a slot, or from the normal of what is touched in there
 SIDES = 8  # of a patch
-PATCH = 15.0  # mm around the point of a facet where there surely is table behind it
 CHUNK = 4096  # touches judged at once, so that memory does not grow with their number
 
 Mask = NDArray[np.bool_]

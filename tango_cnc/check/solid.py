@@ -20,6 +20,7 @@ FACES = 150  # of a hull
 THIN = 0.01  # mm: nothing is thinner
 LEVEL = 0.5  # mm: as unevenly may facets of one plane be entered, or lie on the surface of an obstacle
 OVERHANG = 50.0  # mm that the table may go on beyond its facets, for clearances
+PATCH = 15.0  # mm around the point of a facet where there surely is table behind it
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def solid(artefact: Artefact) -> Solid:
     balls = list(artefact.balls.values())
     return Solid(
         table,
-        tuple(_obstacle(o) for o in artefact.obstacles),
+        tuple(body_of(o) for o in artefact.obstacles),
         np.array([b.centre for b in balls]).reshape(-1, 3),
         np.array([b.radius for b in balls]),
         frozenset(f.id for f, bounds in zip(flat, outer, strict=True) if bounds),
@@ -85,6 +86,12 @@ def _table(facets: list[Facet]) -> tuple[Body, NDArray[np.bool_]]:
     tight = np.vstack([planes, np.column_stack([sides, np.concatenate([high, -low])])])
     loose = np.vstack([planes, np.column_stack([sides, np.concatenate([high + OVERHANG, OVERHANG - low])])])
     return Body(tight[:, :3], tight[:, 3], _corners(loose)), outer
+
+
+def grown(table: Body, by: float) -> Array:
+    """table, mm → (v, 3) mm, its corners where it goes on so far beyond its facets."""
+    beyond = np.concatenate([np.zeros(len(table.offset) - 6), np.full(6, by)])  # the box around the facets stands last
+    return _corners(np.column_stack([table.normal, table.offset + beyond]))
 
 
 def _corners(planes: Array) -> Array:
@@ -123,7 +130,8 @@ def _hull(points: Array) -> Body:
     return Body(planes[:, :3], -planes[:, 3], corner)
 
 
-def _obstacle(obstacle: Obstacle) -> Body:
+def body_of(obstacle: Obstacle) -> Body:
+    """obstacle → the convex body in the frame it is stated in; a cylinder is a prism around it."""
     if obstacle.points is not None:
         return _hull(np.array(obstacle.points))
     if obstacle.kind == "box":

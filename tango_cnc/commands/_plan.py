@@ -46,6 +46,7 @@ def warnings(plan: Plan) -> list[str]:
             f"WARNING: a straight stylus cannot make {many} of {many + len(plan.touches)} touches of the strategy: left out of the "
             "program. 'tango check' says what is left. For a stylus that reaches facets that face away: --obstructed warn."
         )
+    lines += [f"WARNING: {text}" for text in plan.start]
     if many := len(plan.doubtful):
         lines.append(
             f"WARNING: {many} of {len(plan.touches)} touches are on facets that face away from the spindle; "
@@ -123,6 +124,7 @@ def as_json(
         "facets": len(facets),
         "left_out": list(plan.left_out.values()),
         "doubtful": list(plan.doubtful),
+        "start": list(plan.start),
         "moves": dict(kinds),
         "travel_used": used,
         "unverified": [text for text in doubts if text in left],

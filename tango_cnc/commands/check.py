@@ -142,13 +142,14 @@ def check(
         "planned_touches": sum(len(one.touches) for one in plans),
         "left_out": [text for one in plans for text in one.left_out.values()],
         "doubtful": [text for one in plans for text in one.doubtful],
+        "start": list(dict.fromkeys(text for one in plans for text in one.start)),
         "indexations": sum(len({touch.indexation for touch in one.touches}) for one in plans),
         "facets": {facet: count[facet] for facet in cell.artefact.facets},
         "range": {n: [v if n in cell.machine.linear else float(np.degrees(v)) for v in lim] for n, lim in travelled.items()},
         **_told(cell, plans, terms, degree),
         "predicted_time_s": _time(plans, feed) | ({PROOF: proven} if proven else {}),
         "positioning_feed": feed,
-        "drawings": drawn_sizes(cell.artefact),
+        "drawings": drawn_sizes(cell.machine, cell.artefact),
     }
     if others:
         found["styli"] = [
@@ -224,6 +225,7 @@ def as_text(cell: Cell, data: dict[str, Any]) -> str:
         lines.append(f"a straight stylus cannot make the other {len(left_out)}: left out of the program, and of what follows:")
         lines += _some(left_out)
         lines += _lost(data)
+    lines += data["start"]
     if doubtful := data["doubtful"]:
         lines.append(
             f"{len(doubtful)} are on facets that face away from the spindle; a straight stylus would meet the table there:"

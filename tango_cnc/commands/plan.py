@@ -136,7 +136,10 @@ def command(
         files |= {target / n: partial(iter, text.splitlines()) for n, text in zip(CELL_FILES, texts, strict=True)}
     own = cell.controller is not None and (post is None or post == cell.controller.post)
     result = as_json(made, name, target, written, doubts, proven(cell, dialect) if own else {})
-    result |= {"drawings": drawn_sizes(cell.artefact), "companions": [str(target / name_beside) for name_beside in companions]}
+    result |= {
+        "drawings": drawn_sizes(cell.machine, cell.artefact),
+        "companions": [str(target / name_beside) for name_beside in companions],
+    }
     if json_file not in (None, "-"):
         beside["--json"] = Path(str(json_file)), lambda: [json_text(result)]
     _write(files, beside, folder, post)

@@ -18,7 +18,7 @@ import numpy as np
 
 from .. import kinematics
 from ..gate import gate
-from ..plan import part, plan_hash
+from ..plan import part, plan_hash, refuse
 from ..records import Array, InputError, Plan, Touch
 from .experiment import Question
 
@@ -49,6 +49,7 @@ def air(whole: Plan, most: int = MOST, own: int | None = None) -> Plan:
     approach = replace(few.strategy.approach, standoff=WAY / 2, search=WAY / 2, find=None)
     made = replace(few, touches=tuple(touches), turns=turns, strategy=replace(few.strategy, approach=approach))
     _within(made)
+    refuse(made)
     gate(made)
     plan_hash(made)
     return made

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from ..judgement import TableTolerances
-from ..records import Artefact, Ball, Facet, Id, InputError, Obstacle, ScaleBar, Surface
+from ..records import Artefact, Ball, Facet, Id, ScaleBar, Surface
 from .balls import check_bar, check_facets
 from .checked import Node, load
-from .hull import corners, read_hull
+from .obstacle import read_obstacle
 from .tolerances import TABLE_TOLERANCES, read_tolerances
 
 
@@ -23,7 +21,7 @@ def read_artefact(file: Path) -> Artefact:
         raise fields["facets"].wrong("at least one facet", "none")
     check_facets(facets, balls, fields)
     bar = _scale_bar(fields["scale_bar"], balls) if "scale_bar" in fields else None
-    obstacles = tuple(_obstacle(item) for item in fields["obstacles"].list()) if "obstacles" in fields else ()
+    obstacles = tuple(read_obstacle(item) for item in fields["obstacles"].list()) if "obstacles" in fields else ()
     tolerances = TableTolerances(**read_tolerances(fields.get("tolerances"), TABLE_TOLERANCES))
     return Artefact(fields["name"].text(), facets, balls, bar, obstacles, tolerances)
 
@@ -73,37 +71,3 @@ def _scale_bar(node: Node, balls: dict[Id, Ball]) -> ScaleBar:
     bar = ScaleBar((first, second), fields["length"].size(), fields["uncertainty"].size())
     check_bar(bar, balls, fields["length"])
     return bar
-
-
-def _obstacle(node: Node) -> Obstacle:
-    kind = dict(node.items()).get("kind", node).text(["box", "cylinder", "hull"])
-    if kind == "hull":
-        return _hull(node)
-    if kind == "box":
-        fields = node.fields(["kind", "low", "high"])
-        return Obstacle("box", low=fields["low"].vector(), high=fields["high"].vector())
-    fields = node.fields(["kind", "base", "axis", "radius", "height"])
-    return Obstacle(
-        "cylinder",
-        base=fields["base"].vector(),
-        axis=fields["axis"].unit_vector(),
-        radius=fields["radius"].size(),
-        height=fields["height"].size(),
-    )
-
-
-def _hull(node: Node) -> Obstacle:
-    fields = node.fields(["kind"], ["file", "shift", "points"])
-    if ("file" in fields) == ("points" in fields) or ("shift" in fields and "points" in fields):
-        raise node.wrong("a 'file', with a 'shift' if need be, or 'points'", " and ".join(fields))
-    try:
-        if "points" in fields:
-            points = np.array([item.vector() for item in fields["points"].list()]).reshape(-1, 3)
-            return Obstacle("hull", points=corners("points", points))
-        name, drawing = fields["file"].text(), fields["file"].named(node.file.parent)
-        shift = fields["shift"].vector() if "shift" in fields else (0.0, 0.0, 0.0)
-        return Obstacle("hull", points=read_hull(drawing, shift), file=name)
-    except InputError as error:
-        raise (
-            error if str(error).startswith(f"{node.file}:") else InputError(f"{node.file}:{node.line}: {node.path}: {error}")
-        ) from None

@@ -10,11 +10,26 @@ from pathlib import Path
 from typing import Any, cast
 
 from ..judgement import Tolerances
-from ..records import LINEAR, ROTARY, Approach, Axis, Cell, Controller, InputError, Machine, Probe, Strategy, TermItem, World
+from ..records import (
+    LINEAR,
+    ROTARY,
+    Approach,
+    Axis,
+    Cell,
+    Controller,
+    InputError,
+    Machine,
+    Obstacle,
+    Probe,
+    Strategy,
+    TermItem,
+    World,
+)
 from .angles import angle
 from .artefact import read_artefact
 from .checked import FURTHEST, Node, complaint, load, suggestion
 from .learned import resolved
+from .obstacle import read_obstacle
 from .strategy import read_strategy
 from .tolerances import TOLERANCES, read_tolerances
 
@@ -103,7 +118,7 @@ def _controller(node: Node, machine: Machine) -> Controller:
 def read_machine(file: Path) -> Machine:
     """machine.yaml → machine. Raises InputError for a chain that is not 3 linear, 0–2 rotary axes and a spindle."""
     root = load(file)
-    fields = root.fields(["name", "topology", "axes", "probe"], ["styli", "tolerances", "overhead"])
+    fields = root.fields(["name", "topology", "axes", "probe"], ["styli", "tolerances", "overhead", "obstacles"])
     topology = fields["topology"].text()
     match = TOPOLOGY.fullmatch(topology)
     letters = match["workpiece"] + match["tool"] if match else ""
@@ -130,7 +145,14 @@ def read_machine(file: Path) -> Machine:
         Tolerances(**read_tolerances(fields.get("tolerances"), TOLERANCES)),
         (probe, *others) if others else (),
         overhead=fields["overhead"].number(0, 3600) if "overhead" in fields else 0.0,
+        obstacles=_obstacles(fields["obstacles"], match["workpiece"], match["tool"]) if "obstacles" in fields else (),
     )
+
+
+def _obstacles(node: Node, workpiece: str, tool: str) -> tuple[Obstacle, ...]:
+    """entries, letters from the table to the foundation, from there to the tool → what is in the way beside the table."""
+    table, others = (workpiece[0], ("f", *reversed(workpiece[1:]), *tool)) if workpiece else ("f", tuple(tool))
+    return tuple(read_obstacle(item, others, table) for item in node.list())
 
 
 def _axis(name: str, node: Node) -> Axis:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..records import Array, Artefact, InputError, Vector
+from ..records import Array, Artefact, InputError, Machine, Vector
 from .checked import FURTHEST, printable, read_bytes
 
 KINDS = (".stl", ".obj", ".ply")
@@ -23,8 +23,8 @@ VERTEX = re.compile(rb"^\s*vertex\s", re.MULTILINE | re.IGNORECASE)
 AGAIN = "export it again, as binary STL in mm"
 
 
-def read_hull(file: Path, shift: Vector = (0.0, 0.0, 0.0)) -> tuple[Vector, ...]:
-    """STL, OBJ or PLY in mm, displacement mm → corners of its convex hull, table frame.
+def read_hull(file: Path, shift: Vector = (0.0, 0.0, 0.0), named_in: str = "artefact.yaml") -> tuple[Vector, ...]:
+    """STL, OBJ or PLY in mm, displacement mm, file that names it → corners of its convex hull, in the frame of the drawing.
 
     Raises InputError when there is no such file, it is no whole drawing of a solid, or trimesh is not installed.
     """
@@ -33,7 +33,7 @@ def read_hull(file: Path, shift: Vector = (0.0, 0.0, 0.0)) -> tuple[Vector, ...]
             f"{file}: found a {file.suffix or 'nameless'} file; allowed: {', '.join(KINDS)}. Export the solid as STL, in mm"
         )
     if not file.is_file():
-        raise InputError(f"{file}: no such file; its path starts from the folder of artefact.yaml")
+        raise InputError(f"{file}: no such file; its path starts from the folder of {named_in}")
     try:
         import trimesh
     except ImportError:
@@ -95,7 +95,7 @@ def corners(what: str, points: Array) -> tuple[Vector, ...]:
             f"{what}: found a solid of {size:g} mm; allowed: {SMALLEST:g} mm up to {LARGEST:g} mm. Is the drawing in mm?"
         )
     if (furthest := float(np.abs(points).max())) > FURTHEST:
-        raise InputError(f"{what}: found a corner at {furthest:g} mm; allowed: up to {FURTHEST:g} mm from the origin of the table")
+        raise InputError(f"{what}: found a corner at {furthest:g} mm; allowed: up to {FURTHEST:g} mm from the origin")
     from scipy.spatial import ConvexHull, QhullError  # slow to load, and only obstacles with a mesh need it
 
     try:
@@ -107,9 +107,10 @@ def corners(what: str, points: Array) -> tuple[Vector, ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in points[hull.vertices])
 
 
-def drawn_sizes(artefact: Artefact) -> list[dict[str, Any]]:
-    """artefact → file and size in mm (X, Y, Z) of every drawing on it, for a person to see whether they are in mm."""
-    drawn = [(obstacle.file, np.array(obstacle.points)) for obstacle in artefact.obstacles if obstacle.file and obstacle.points]
+def drawn_sizes(machine: Machine, artefact: Artefact) -> list[dict[str, Any]]:
+    """machine, artefact → file and size in mm (X, Y, Z) of every drawing, for a person to see whether they are in mm."""
+    every = (*artefact.obstacles, *machine.obstacles)
+    drawn = [(obstacle.file, np.array(obstacle.points)) for obstacle in every if obstacle.file and obstacle.points]
     return [{"file": file, "size": [round(float(v), 3) for v in np.ptp(points, axis=0)]} for file, points in drawn]
 
 

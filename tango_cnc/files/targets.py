@@ -53,17 +53,18 @@ def sources(folder: Path) -> Iterator[Path]:
         with suppress(InputError):
             if (post := _named(fields.get("controller"), "post")) is not None:
                 yield post.named(folder)
-        if "artefact" in files:
-            yield from _drawings(files["artefact"])
+        for key in files.keys() & {"machine", "artefact"}:
+            with suppress(InputError):
+                yield from _drawings(files[key])
     yield from (folder / name for name in KEPT)
 
 
-def _drawings(artefact: Path) -> Iterator[Path]:
-    obstacles = dict(load(artefact).items()).get("obstacles")
+def _drawings(described: Path) -> Iterator[Path]:
+    obstacles = dict(load(described).items()).get("obstacles")
     for item in obstacles.list() if obstacles is not None else ():
         with suppress(InputError):
             if (name := _named(item, "file")) is not None:
-                yield name.named(artefact.parent)
+                yield name.named(described.parent)
 
 
 def _named(node: Node | None, key: str) -> Node | None:

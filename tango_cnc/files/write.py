@@ -67,8 +67,9 @@ def machine_text(machine: Machine) -> str:
     axes = {axis.name: _axis(axis) for axis in machine.axes}
     data = {"name": machine.name, "topology": machine.topology, "axes": axes, "probe": probe}
     given = tolerances_given(machine.tolerances)
-    overhead = {"overhead": machine.overhead} if machine.overhead else {}
-    return dump(data | ({"styli": styli} if styli else {}) | ({"tolerances": given} if given else {}) | overhead)
+    obstacles = [_obstacle(obstacle) for obstacle in machine.obstacles]
+    more = {"styli": styli, "tolerances": given, "overhead": machine.overhead, "obstacles": obstacles}
+    return dump(data | {key: value for key, value in more.items() if value})
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
@@ -123,9 +124,12 @@ def _facet(facet: Facet) -> dict[str, Any]:
 
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
+    named = {"name": obstacle.title, "on": obstacle.on}
+    said = {key: value for key, value in named.items() if value is not None}
     if obstacle.points is not None:  # the file stays where it is: what is written here can be read from anywhere
-        return {"kind": "hull", "points": [list(point) for point in obstacle.points]}
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in vars(obstacle).items() if value is not None}
+        return {"kind": "hull", "points": [list(point) for point in obstacle.points], **said}
+    own = {key: value for key, value in vars(obstacle).items() if value is not None and key not in ("title", "on")}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in own.items()} | said
 
 
 def strategy_text(strategy: Strategy) -> str:

@@ -2,6 +2,7 @@
 
 from .build import OBSTRUCTED, USUAL, by_stylus, part, plan, reachable
 from .digest import plan_hash
+from .guarded import refuse
 from .motion import last_motion, last_moves
 from .split import split
 from .standing import standing
@@ -16,6 +17,7 @@ __all__ = [
     "plan",
     "plan_hash",
     "reachable",
+    "refuse",
     "split",
     "standing",
 ]

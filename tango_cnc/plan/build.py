@@ -26,10 +26,12 @@ import numpy as np
 from .. import check, kinematics
 from ..check.collision import Obstruction
 from ..check.travel import travel_text
-from ..records import Array, Cell, InputError, Plan, Strategy
-from .clearance import Clearance
+from ..records import OFF, Array, Cell, InputError, Plan, Strategy
+from .clearance import MARGIN, Clearance
+from .guard import TOUCH, complaint, refuse, remarks
 from .places import Places, Rows, Scene, blocks, nowhere, scene
 from .touches import PLACES, Planned
+from .travel import DROP
 from .turns import Turned
 from .ways import begins, lifts
 
@@ -84,7 +86,9 @@ def plan(cell: Cell, obstructed: str | None = None) -> Plan:
             "Turn the table otherwise, or touch other facets."
         )
     touches, turns = _made(cell, shared, kept + 1 + before, facet[kept], at[kept], None)
-    return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubtful)
+    first = turns[0]
+    start = remarks(cell.machine, shared.guard, first.before, first.first) if shared.guard and first.first else ()
+    return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubtful, start)
 
 
 def _styli(strategy: Strategy) -> tuple[int, ...]:
@@ -157,7 +161,24 @@ def _blocked(shared: Scene, facet: Rows, at: Rows) -> dict[int, Obstruction]:
         names = tuple(shared.facet[row] for row in facet[rows].tolist())
         pose = check.Pose(names, shared.tip[facet[rows]], shared.normal[facet[rows]], shared.up[at[rows]])
         here = check.obstruction(pose, shared.machine.probe, shared.strategy.approach, shared.artefact, shared.solid)
-        found.update({rows.start + row: why for row, why in here.items()})
+        beside = _beside(shared, facet[rows], at[rows]) if shared.guard else {}
+        found.update({rows.start + row: why for row, why in (beside | here).items()})
+    return found
+
+
+def _beside(shared: Scene, facet: Rows, at: Rows) -> dict[int, Obstruction]:
+    """scene, (n,) facets, (n,) indexations → {row: what of the machine is in the way of that touch, from the clear level down}."""
+    approach, probe = shared.strategy.approach, shared.machine.probe
+    tip, normal = shared.tip[facet], shared.normal[facet]
+    standoff, up = shared.standoff(facet, at)
+    height = shared.top[at] + MARGIN + probe.tip_radius - np.einsum("ij,ij->i", standoff, up)
+    over = standoff + np.maximum(height, DROP)[:, None] * up
+    places = shared.axes(at, np.array([tip - approach.search * normal, standoff + OFF * normal, standoff, over])).transpose(1, 0, 2)
+    found: dict[int, Obstruction] = {}
+    for some in (slice(0, 2), slice(2, 4)):
+        met = shared.guard.meets(places[:, some], TOUCH)
+        for row in np.flatnonzero(met >= 0).tolist():
+            found.setdefault(row, Obstruction(complaint(shared.guard.pairs[int(met[row])], TOUCH), "shank", False))
     return found
 
 
@@ -207,7 +228,9 @@ def _made(whole: Cell | Plan, shared: Scene, number: Rows, facet: Rows, at: Rows
         _within(whole, touches)
     turns = Clearance(shared, level).turns(touches, begins(shared, at), lambda index: _pose(whole, index))
     left = _at_once(touches, turns, shared)
-    return Planned(number, facet, shared.facet, at, replace(places, left=left)), turns
+    made = Planned(number, facet, shared.facet, at, replace(places, left=left))
+    refuse(Plan(shared.machine, shared.artefact, shared.strategy, made, turns), shared.guard)
+    return made, turns
 
 
 def _at_once(touches: Planned, turns: Turned, shared: Scene) -> tuple[Rows, Array]:

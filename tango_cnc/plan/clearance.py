@@ -8,19 +8,23 @@ and is done at the same places.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 
 from .. import check, kinematics
+from ..check.bodies import TURN
 from ..check.travel import travel_text
 from ..records import Array, InputError, Touch, Turn
 from . import preload, sweep
+from .guard import TRAVEL, complaint, todo
+from .guard import TURN as TURNING
 from .places import Rows, Scene
 from .sweep import Spans
 from .turns import Turned
 
-MARGIN = 20.0  # mm between the probe and everything on the table when the probe is clear
+MARGIN = TURN  # mm between the probe and everything on the table when the probe is clear
+MORE = (0.0, 25.0, 50.0, 100.0, 200.0, 400.0)  # mm beyond that, where something of the machine is in the way
 TRIES = 8  # a lift that also moves what it is lifted from is approached step by step
 
 
@@ -31,7 +35,7 @@ class Clearance:
         """machine with what is on its table, clear level (m,) mm of each indexation."""
         self._machine, self._chain = scene.machine, scene.chain
         self._level, self._station, self._spindle = level, scene.station, scene.up
-        self._columns = list(self._chain.linear_columns)
+        self._columns, self._guard = list(self._chain.linear_columns), scene.guard
         self._swivels = any(self._machine.axis(name).kind == "rotary" for name in self._machine.tool_branch)
         self._probe, self._table = sweep.probe(self._machine), sweep.table(scene.solid)
         # A spindle that only ever stands one way is not turned.
@@ -55,8 +59,18 @@ class Clearance:
         return True
 
     def _parting(self, last: Touch, name: Callable[[int], str]) -> Turn:
-        place = _tuple(self._place(np.array(last.over), last.indexation, self._up(last.indexation), name))
-        return Turn(last.number + 1, place, place)
+        over, complaints = np.array(last.over), list[InputError]()
+        for more in MORE if self._guard else MORE[:1]:
+            try:
+                place = self._place(over, last.indexation, self._up(last.indexation), name, more=more)
+                if (pair := self._guard.turns(place, None, probe_alone=True)) is not None:
+                    text = f"{complaint(pair, TURNING)} when axes are turned after the last touch. {todo(pair)}"
+                    raise InputError(f"{self._before(last, name)}{text}")
+                self._clear([(over, place)], last, name)
+                return Turn(last.number + 1, _tuple(place), _tuple(place))
+            except InputError as error:
+                complaints.append(error)
+        raise complaints[0]
 
     def _turn(self, previous: Touch | None, touch: Touch, name: Callable[[int], str]) -> Turn:
         start = previous or touch
@@ -66,12 +80,44 @@ class Clearance:
             found = []
             for up in alike:
                 try:
-                    found.append(self._turn_towards(up, previous, start, touch, name))
+                    found.append(self._turn_free(up, previous, start, touch, name))
                 except InputError as error:
                     complaints.append(error)
             if found:
                 return min(found, key=lambda turn: self._length(start, turn, touch))
         raise complaints[0]
+
+    def _turn_free(self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str]) -> Turn:
+        """The same as `_turn_towards`, lifted until it keeps off what is declared on the machine."""
+        complaints = []
+        for more in MORE if self._guard else MORE[:1]:
+            try:
+                turn = self._turn_towards(up, previous, start, touch, name, more)
+                self._free(previous, turn, touch, name)
+                return turn
+            except InputError as error:
+                complaints.append(error)
+        raise complaints[0]
+
+    def _free(self, previous: Touch | None, turn: Turn, touch: Touch, name: Callable[[int], str]) -> None:
+        """Raises InputError where a turn, or a way to or from its place, comes too near what is declared on the machine."""
+        if not self._guard:
+            return
+        before, after = np.array(turn.before), np.array(turn.after)
+        within = None if previous is None else sweep.spans(self._machine, before, after)
+        if (pair := self._guard.turns(after, within, probe_alone=previous is None)) is not None:
+            raise InputError(f"{self._before(touch, name)}{complaint(pair, TURNING)} while the axes turn. {todo(pair)}")
+        places = [after, *([np.array(turn.via)] if turn.via else []), np.array(touch.over)]
+        self._clear(list(pairwise(places)) + ([(np.array(previous.over), before)] if previous else []), touch, name)
+
+    def _clear(self, ways: list[tuple[Array, Array]], touch: Touch, name: Callable[[int], str]) -> None:
+        met = self._guard.meets(np.array(ways), TRAVEL)
+        for number in met[met >= 0][:1].tolist():
+            pair = self._guard.pairs[number]
+            raise InputError(f"{self._before(touch, name)}{complaint(pair, TRAVEL)} on the way to turn the axes. {todo(pair)}")
+
+    def _before(self, touch: Touch, name: Callable[[int], str]) -> str:
+        return f"indexation {touch.indexation + 1} ({name(touch.indexation)}): "
 
     def _length(self, start: Touch, turn: Turn, touch: Touch) -> float:
         """→ mm that the linear axes go from the touch before to the one after."""
@@ -104,11 +150,13 @@ class Clearance:
         ways = [way for axis in axes for way in (axis, -axis)]
         return [[way] for way in sorted(ways, key=lambda way: -float(way @ upright))]
 
-    def _turn_towards(self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str]) -> Turn:
+    def _turn_towards(
+        self, up: Array, previous: Touch | None, start: Touch, touch: Touch, name: Callable[[int], str], more: float = 0.0
+    ) -> Turn:
         over = np.array(start.over)
         # Before the first turn nobody knows the angles. Where an axis stops short of its goal (`preload.stop`) is on its way.
         within = None if previous is None else sweep.spans(self._machine, over, self._turned(over, touch.indexation))
-        before = self._place(over, start.indexation, up, name, within)
+        before = self._place(over, start.indexation, up, name, within, more)
         after = self._turned(before, touch.indexation)
         via = None
         tip = kinematics.tip(self._chain, after[None])[0]
@@ -144,8 +192,13 @@ class Clearance:
             place[column] = after[column]
         return _tuple(place)
 
-    def _place(self, over: Array, index: int, up: Array, name: Callable[[int], str], within: Spans | None = None) -> Array:
-        """position above a touch, its indexation, direction in the machine frame → where axes may turn, lifted that way."""
+    def _place(
+        self, over: Array, index: int, up: Array, name: Callable[[int], str], within: Spans | None = None, more: float = 0.0
+    ) -> Array:
+        """position above a touch, its indexation, direction in the machine frame → where axes may turn, lifted that way.
+
+        `more`: mm that it is lifted beyond that.
+        """
         place, lift = over.copy(), self._lift(over, index, up)
         for _ in range(TRIES):
             missing = -self._apart(place, up, within)
@@ -154,7 +207,7 @@ class Clearance:
             place = place + (missing + 1e-9) * lift
         if self._apart(place, up, within) < -1e-6:
             raise InputError(f"indexation {index + 1} ({name(index)}): no lift takes the probe clear of what the rotary axes sweep")
-        return self._reachable(place, index, name)
+        return self._reachable(place + more * lift, index, name)
 
     def _descend(self, over: Array, index: int, up: Array, after: Array, name: Callable[[int], str]) -> Array:
         """→ a place above the next touch at least as high as where the axes turned, in the direction `up`."""

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import check, kinematics
+from ..check.bodies import pairs
 from ..records import Array, Artefact, InputError, Machine, Plan, Strategy
+from .guard import Guard
 
 BLOCK = 4096  # touches worked on at once, so that memory does not grow with their number
 Rows = NDArray[np.integer]
@@ -39,6 +41,7 @@ class Scene:
     station: Array  # (m, k) rad, linear columns 0
     up: Array  # (m, 3) from the tip towards the spindle, table frame
     top: Array  # (m,) mm, how far anything on the table reaches in that direction
+    guard: Guard
 
     def belongs_to(self, plan: Plan) -> bool:
         """plan → whether it is still of this machine, artefact and strategy."""
@@ -74,7 +77,9 @@ def scene(machine: Machine, artefact: Artefact, strategy: Strategy) -> Scene:
     station = np.array([[i.position.get(name, 0.0) for name in machine.names] for i in strategy.indexations])
     up = np.concatenate([kinematics.spindle_axis(chain, station[rows]) for rows in blocks(len(station))])
     top = np.concatenate([solid.top(up[rows]) for rows in blocks(len(station))])
-    return Scene(machine, artefact, strategy, chain, solid, tuple(artefact.facets), tip, normal, station, up, top)
+    named = tuple(f"obstacle {number}{obstacle.name}" for number, obstacle in enumerate(artefact.obstacles, 1))
+    guard = Guard(machine, pairs(machine, solid, named, tuple(artefact.balls)))
+    return Scene(machine, artefact, strategy, chain, solid, tuple(artefact.facets), tip, normal, station, up, top, guard)
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def reach(machine: Machine, branch: Sequence[str], position: Array, within: Span
     sweeps = any(machine.axis(name).kind == "rotary" for name in branch)
     found = []
     if sweeps:
-        centre, radius = _sphere(machine, branch, position, balls)
+        centre, radius = sphere(machine, branch, position, balls)
         found.append(float(way @ centre) + radius)
     if within is not None or not sweeps:
         found.append(_farthest(machine, branch, position, within or {}, balls, way))
@@ -135,7 +135,7 @@ def swept(machine: Machine, solid: check.Solid) -> tuple[Array, float] | None:
     """machine, bodies → centre (table frame, all axes at zero) and radius mm of what the table sweeps; None when it never turns."""
     if not any(machine.axis(name).kind == "rotary" for name in machine.workpiece_branch):
         return None
-    return _sphere(machine, machine.workpiece_branch, np.zeros(len(machine.names)), table(solid))
+    return sphere(machine, machine.workpiece_branch, np.zeros(len(machine.names)), table(solid))
 
 
 def pose(machine: Machine, branch: Sequence[str], position: Array) -> tuple[Array, Array]:
@@ -159,7 +159,7 @@ def _turn(axis: Axis, angle: float) -> Array:
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
 
 
-def _sphere(machine: Machine, branch: Sequence[str], position: Array, balls: Balls) -> tuple[Array, float]:
+def sphere(machine: Machine, branch: Sequence[str], position: Array, balls: Balls) -> tuple[Array, float]:
     """branch with a rotary axis, (k,), what it carries → centre (machine frame), radius mm for all rotary angles.
 
     Linear axes between and beyond the rotary ones count as they stand.

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..check import Solid
+from ..check.bodies import TRAVEL
 from ..records import Array, Probe
 
-MARGIN = 10.0  # mm between the probe and everything on the table on its way between touches of one indexation
+MARGIN = TRAVEL  # mm between the probe and everything on the table on its way between touches of one indexation
 DROP = 5.0  # mm that every touch is approached down the tool at least: an axis' last motion has the same sense at all of them
 CHUNK = 1024  # travels looked at at once, so that memory does not grow with their number
 LEVEL = 1e-9  # sine of the angle at which a face counts as upright

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from .. import check
 from ..records import Array
 from .clearance import MARGIN
+from .guard import TRAVEL
 from .places import Rows, Scene, blocks
 from .travel import DROP, Roof, Travels
+
+RISES = (20.0, 50.0, 100.0, 200.0, 400.0)  # mm above the clear level that are tried where something of the machine is in the way
 
 
 def lifts(scene: Scene, facet: Rows, at: Rows) -> tuple[Array, Array]:
@@ -25,7 +29,50 @@ def lifts(scene: Scene, facet: Rows, at: Rows) -> tuple[Array, Array]:
         rise, fall = roof.lifts(Travels(start, end, up), np.minimum(level[at[before]], level[at[after]]))
         same = facet[before] == facet[after]  # up and down again above the same place, where nothing is passed over
         leave[before], enter[after] = np.where(same, DROP, rise), np.where(same, DROP, fall)
-    return np.array([clear, enter, leave]), level
+    lift = np.array([clear, enter, leave])
+    return _beside(scene, facet, at, lift, level, follows) if scene.guard else (lift, level)
+
+
+def _beside(scene: Scene, facet: Rows, at: Rows, lift: Array, level: Array, follows: Rows) -> tuple[Array, Array]:
+    """lifts and clear levels, rows of touches that the next one follows at the same angles → the same, above what is in the way.
+
+    A way that comes too near what is declared on the machine goes over the clear level; where that is too low, the clear level of
+    its indexation is raised as far as it helps. What nothing helps is left as it is, for the plan to be refused by name.
+    """
+    lift, level = lift.copy(), level.copy()
+    over, enter, leave = lift
+    met = _met(scene, facet, at, leave, enter, follows)
+    leave[follows[met]], enter[follows[met] + 1] = over[follows[met]], over[follows[met] + 1]
+    met &= _met(scene, facet, at, leave, enter, follows)
+    for index in np.unique(at[follows[met]]).tolist():
+        some = follows[met & (at[follows] == index)]
+        own = np.flatnonzero(at == index)
+        for more in RISES:
+            raised = lift.copy()
+            raised[0, own] += more
+            raised[2, some], raised[1, some + 1] = raised[0, some], raised[0, some + 1]
+            if check.outside(scene.machine, _over(scene, facet, at, raised[0], own)).any():
+                break
+            if not _met(scene, facet, at, raised[2], raised[1], some).any():
+                lift[:], level[index] = raised, level[index] + more
+                break
+    return lift, level
+
+
+def _met(scene: Scene, facet: Rows, at: Rows, leave: Array, enter: Array, rows: Rows) -> Rows:
+    """→ (n,) whether the way from these touches to the next comes too near what is declared on the machine."""
+    found = np.zeros(len(rows), bool)
+    for some in blocks(len(rows)):
+        before, after = rows[some], rows[some] + 1
+        places = np.stack([_over(scene, facet, at, leave, before), _over(scene, facet, at, enter, after)], axis=1)
+        found[some] = scene.guard.meets(places, TRAVEL) >= 0
+    return found
+
+
+def _over(scene: Scene, facet: Rows, at: Rows, lift: Array, rows: Rows) -> Array:
+    """→ (n, k) mm rad, that far above the stand-offs of these touches."""
+    standoff, up = scene.standoff(facet[rows], at[rows])
+    return scene.axes(at[rows], (standoff + lift[rows, None] * up)[None])[0]
 
 
 def begins(scene: Scene, at: Rows) -> Rows:

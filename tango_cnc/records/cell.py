@@ -55,6 +55,7 @@ class Machine:
     styli: tuple[Probe, ...] = ()  # the probe with every stylus, the usual one first; empty: there is one
     stylus: int = 1  # which of them `probe` has
     overhead: float = 0.0  # s that the control needs for each touch beside its moves
+    obstacles: tuple[Obstacle, ...] = ()  # on bodies other than the table: each says `on` which
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -83,6 +84,11 @@ class Machine:
     def column(self, name: str) -> int:
         """letter → column of a position array."""
         return self.names.index(name)
+
+    def carriers(self, name: str) -> tuple[str, ...]:
+        """letter of an axis, or f for the foundation → axes from the foundation outwards that move the body of that axis."""
+        branch = self.workpiece_branch if name in self.workpiece_branch else self.tool_branch
+        return branch[: branch.index(name) + 1] if name in branch else ()
 
     def with_stylus(self, number: int) -> Machine:
         """number of a stylus, from 1 → the machine with that one in the spindle."""
@@ -131,7 +137,11 @@ class ScaleBar:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A solid that the probe must not hit, table frame: a box, a cylinder, or the hull of `points`, maybe out of a `file`."""
+    """A solid that nothing must hit: a box, a cylinder, or the hull of `points`, maybe out of a `file`.
+
+    One of artefact.yaml is in the table frame and on the table; one of machine.yaml is in the machine frame with all axes at zero,
+    and moves with the body of the axis that it is `on` (f: the foundation, which stands still).
+    """
 
     kind: Literal["box", "cylinder", "hull"]
     low: Vector | None = None
@@ -141,12 +151,15 @@ class Obstacle:
     radius: float | None = None
     height: float | None = None
     points: tuple[Vector, ...] | None = None
-    file: str | None = None  # as written in artefact.yaml, to speak of it
+    file: str | None = None  # as it is written, to speak of it
+    title: str | None = None  # what its file calls it
+    on: str | None = None  # axis letter or f; None: on the table
 
     @property
     def name(self) -> str:
         """→ what it is called in complaints beside its number; empty when there is nothing to call it."""
-        return f" ({self.file})" if self.file else ""
+        said = [word for word in (self.title or self.file, f"on {self.on}" if self.on else None) if word]
+        return f" ({', '.join(said)})" if said else ""
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,7 @@ class Plan:
     turns: Sequence[Turn]  # out of the planner: `plan.turns.Turned`
     left_out: Mapping[int, str] = field(default_factory=dict)  # touches of the strategy that it does not make: number → why not
     doubtful: tuple[str, ...] = ()  # touches of the plan that a straight stylus can hardly make, in words
+    start: tuple[str, ...] = ()  # what a person has to see to before it begins, in words
 
     @property
     def moves(self) -> Iterator[Move]:

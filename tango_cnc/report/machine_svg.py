@@ -19,6 +19,7 @@ from .texts import texts
 
 SIZE, MARGIN, TOP = 520.0, 46.0, 72.0  # px, of a view
 INK, SOFT, LINEAR, TURNING, FACET, PALE = "#1f2933", "#5b6770", "#1b6ca8", "#c0392b", "#2e8b57", "#d9dee3"
+BESIDE = "#8d6e63"  # what is declared on bodies other than the table
 ISO = np.array([[math.cos(math.radians(30)), -math.cos(math.radians(30)), 0.0], [0.5, 0.5, 1.0]])
 Place = Callable[[Array], tuple[float, float]]  # mm, machine frame → px
 VIEWS: tuple[tuple[str, Array], ...] = (
@@ -49,7 +50,9 @@ def drawing(machine: Machine, artefact: Artefact) -> str:
 def _extent(machine: Machine, artefact: Artefact) -> Array:
     solid = check.solid(artefact)
     own = [np.array(a.point) for a in machine.axes if a.kind != "linear"]
-    return np.vstack([*solid.corners, np.array([*own, _tip(machine), np.zeros(3)]), [f.point for f in artefact.facets.values()]])
+    beside = [check.body_of(obstacle).corner for obstacle in machine.obstacles]
+    some = np.array([*own, _tip(machine), np.zeros(3)])
+    return np.vstack([*solid.corners, *beside, some, [f.point for f in artefact.facets.values()]])
 
 
 def _tip(machine: Machine) -> Array:
@@ -73,6 +76,13 @@ def _view(machine: Machine, artefact: Artefact, points: Array, title: str, view:
     ]
     for corners in check.solid(artefact).corners:
         out.append(_outline(np.array([at(c) for c in corners])))
+    for obstacle in machine.obstacles:  # where it stands with all axes at zero, and the body it moves with
+        places = np.array([at(c) for c in check.body_of(obstacle).corner])
+        out.append(_outline(places, BESIDE))
+    for number, obstacle in enumerate(machine.obstacles, 1):
+        places = np.array([at(c) for c in check.body_of(obstacle).corner])
+        x, y = places.mean(axis=0).tolist()
+        out.append(_text(x, y, f"{obstacle.title or obstacle.file or number} ({obstacle.on})", BESIDE))
     size = 0.16 * span
     for facet in artefact.facets.values():
         begin, end = np.array(facet.point), np.array(facet.point) + 0.35 * size * np.array(facet.normal)
@@ -125,12 +135,12 @@ def _rotary(axis: Axis, at: Place, size: float) -> str:
     )
 
 
-def _outline(corners: Array) -> str:
+def _outline(corners: Array, colour: str = SOFT) -> str:
     try:
         around = corners[ConvexHull(corners).vertices]
     except QhullError:  # seen edge on
         return ""
-    return f'<polygon points="{_points(around.tolist())}" fill="#eef1f4" stroke="{SOFT}" stroke-width="0.8" fill-opacity="0.7"/>'
+    return f'<polygon points="{_points(around.tolist())}" fill="#eef1f4" stroke="{colour}" stroke-width="0.8" fill-opacity="0.7"/>'
 
 
 def _points(places: Sequence[Sequence[float]]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from .. import check, kinematics
+from ..check.bodies import seen
 from ..plan.sweep import swept
 from ..records import Array, Facet, InputError, Machine, Move, Plan, Touch
 from .pictures import BAD, GOOD, INK, MARK, PALE, figure, styled
@@ -40,6 +41,7 @@ def picture(plan: Plan, indexation: int | None = None) -> Any:
             raise InputError(f"--indexation: no touch of indexation {indexation} is in the plan")
         solid = check.solid(plan.artefact)
         _bodies(axes, solid, plan)
+        beside = _beside(axes, plan, touched[0])
         names = {t.facet for t in touched}
         _facets(axes, [plan.artefact.facets[f] for f in plan.artefact.facets if f in names])
         places = _path(axes, plan, {t.number for t in touched})
@@ -47,7 +49,7 @@ def picture(plan: Plan, indexation: int | None = None) -> Any:
             places = np.vstack([places, _tool(axes, plan, touched[0])])
         else:
             places = np.vstack([places, _sphere(axes, plan, solid)])
-        _frame(axes, np.vstack([places, *solid.corners]))
+        _frame(axes, np.vstack([places, *solid.corners, *beside]))
         axes.set_title(_title(plan, indexation, len(touched)), loc="left", color=INK)
         axes.legend(loc="upper left", fontsize=8)
     return drawn
@@ -65,7 +67,6 @@ def _title(plan: Plan, indexation: int | None, count: int) -> str:
 def _bodies(axes: Any, solid: check.Solid, plan: Plan) -> None:
     bodies = [(solid.table.normal, solid.table.offset, PALE, texts()("way.table"))] if solid.table is not None else []
     bodies += [(o.normal, o.offset, "#8d6e63", texts()("way.obstacle") if i == 0 else "") for i, o in enumerate(solid.obstacles)]
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
     from scipy.spatial import HalfspaceIntersection
 
     for normal, offset, colour, label in bodies:
@@ -73,20 +74,39 @@ def _bodies(axes: Any, solid: check.Solid, plan: Plan) -> None:
         if inside is None:
             continue
         corner = HalfspaceIntersection(np.column_stack([normal, -offset]), inside).intersections
-        hull = ConvexHull(corner)
-        faces = []
-        for plane in np.unique(np.round(hull.equations, 6), axis=0):
-            on = corner[hull.vertices][np.abs(corner[hull.vertices] @ plane[:3] + plane[3]) < 1e-3]
-            faces.append(_around(on, plane[:3]))
-        shown = Poly3DCollection(faces, facecolors=f"{colour}30", edgecolors=colour, linewidths=0.8, zorder=1)
-        axes.add_collection3d(shown)
-        if label:
-            axes.plot([], [], color=colour, linewidth=5, alpha=0.5, label=label)
+        _solid(axes, corner, colour, label)
     across = np.linspace(0, 2 * np.pi, 24)
     for name, centre, radius in zip(plan.artefact.balls, solid.centre, solid.radius, strict=True):
         axes.text(*(centre - [0, 0, radius + 12]), f"ball {name}", fontsize=7, color=INK, ha="center", va="center", zorder=9)
         for ring in ((np.cos(across), np.sin(across), 0 * across), (np.cos(across), 0 * across, np.sin(across))):
             axes.plot(*(centre[:, None] + radius * np.array(ring)), color=INK, linewidth=0.6, zorder=2)
+
+
+def _solid(axes: Any, corner: Array, colour: str, label: str) -> None:
+    """(v, 3) mm corners of a convex body, its colour, what the legend calls it → it is drawn."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    hull = ConvexHull(corner)
+    faces = []
+    for plane in np.unique(np.round(hull.equations, 6), axis=0):
+        on = corner[hull.vertices][np.abs(corner[hull.vertices] @ plane[:3] + plane[3]) < 1e-3]
+        faces.append(_around(on, plane[:3]))
+    axes.add_collection3d(Poly3DCollection(faces, facecolors=f"{colour}30", edgecolors=colour, linewidths=0.8, zorder=1))
+    if label:
+        axes.plot([], [], color=colour, linewidth=5, alpha=0.5, label=label)
+
+
+def _beside(axes: Any, plan: Plan, touch: Touch) -> list[Array]:
+    """What is declared on other bodies of the machine, where the table sees it at a touch: → their corners, (v, 3) mm each."""
+    found = []
+    for number, obstacle in enumerate(plan.machine.obstacles):
+        corner = seen(plan.machine, obstacle, np.array([touch.standoff]))
+        _solid(axes, corner, "#7b5ea7", texts()("way.beside") if number == 0 else "")
+        axes.text(
+            *corner.mean(axis=0), obstacle.title or f"{number + 1} ({obstacle.on})", fontsize=7, color=INK, ha="center", zorder=9
+        )
+        found.append(corner)
+    return found
 
 
 def _inside(normal: Array, offset: Array) -> Array | None:

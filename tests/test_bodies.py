@@ -1,0 +1,250 @@
+"""Obstacles on any body of the machine: how they are declared, what the planner makes of them, and that the machine agrees.
+
+The random machines of the campaign are run on the simulated machine, which finds collisions by mathematics of its own, from
+anywhere that the axes may stand at; besides, a judge that knows points and boxes alone looks at every move (support/bodies.py).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.bodies import begun, bodies_of, judged, random_bodies, run
+from support.randomplans import EXAMPLES, example
+
+from sim_controller.motion import MotionStop
+from sim_controller.probing import rig
+from tango_cnc.check.apart import Pose, Round, apart
+from tango_cnc.cli import guarded, tango
+from tango_cnc.files import read_cell
+from tango_cnc.files.write import machine_text
+from tango_cnc.plan import plan
+from tango_cnc.records import Cell, InputError, Obstacle, Plan, World
+
+YOKE = (
+    Obstacle("box", low=(-330.0, -120.0, -160.0), high=(-245.0, 120.0, 60.0), on="A", title="left cheek"),
+    Obstacle("box", low=(245.0, -120.0, -160.0), high=(330.0, 120.0, 60.0), on="A", title="right cheek"),
+    Obstacle("box", low=(-330.0, -150.0, -200.0), high=(330.0, 150.0, -160.0), on="A", title="bottom of the yoke"),
+)
+SETTER = Obstacle(
+    "cylinder", base=(395.0, 300.0, -300.0), axis=(0.0, 0.0, 1.0), radius=30.0, height=280.0, on="f", title="tool setter"
+)
+
+
+def trunnion(*obstacles: Obstacle, indexations: int = 4) -> Cell:
+    """obstacles → the first indexations of the example, on a machine that has them."""
+    cell = example("trunnion")
+    strategy = replace(cell.strategy, indexations=cell.strategy.indexations[:indexations])
+    return replace(cell, machine=replace(cell.machine, obstacles=obstacles), strategy=strategy)
+
+
+def invoke(arguments: list[str]) -> int | None:
+    """arguments of `tango` → exit status."""
+    return guarded(tango.main, arguments, standalone_mode=False)
+
+
+def met(made: Plan, cell: Cell, start: np.ndarray | None = None) -> str:
+    """plan, cell whose machine is true → what it ran into, in words; empty for nothing."""
+    try:
+        touched = run(made, rig(cell.machine, cell.artefact, World()), np.array(made.turns[0].after) if start is None else start)
+    except MotionStop as stop:
+        return str(stop)
+    times = 2 if made.strategy.approach.find else 1
+    assert touched == [f"facet {touch.facet}" for touch in made.touches for _ in range(times)]
+    return ""
+
+
+def test_a_yoke_and_a_tool_setter_leave_all_touches_and_are_not_met() -> None:
+    cell = trunnion(*YOKE, SETTER, indexations=2)
+    made = plan(cell)
+    assert len(made.touches) == len(plan(trunnion(indexations=2)).touches) and not made.start
+    assert not met(made, cell)
+    found = judged(replace(made, touches=made.touches[-2:], turns=made.turns[1:]), 20.0, 0.2)
+    assert found.probe >= 0 and found.solids >= 0
+
+
+def test_what_is_far_away_changes_nothing() -> None:
+    far = Obstacle("box", low=(5000.0, 5000.0, 0.0), high=(5100.0, 5100.0, 100.0), on="A")
+    blind = plan(trunnion())
+    for on in ("f", "Y", "A", "X", "Z"):
+        made = plan(trunnion(replace(far, on=on)))
+        assert made.touches == blind.touches and made.turns == blind.turns and not made.start and not made.left_out
+
+
+def test_the_table_meets_a_tool_setter_that_stands_where_it_goes() -> None:
+    near = replace(SETTER, base=(340.0, 100.0, -300.0))
+    with pytest.raises(InputError, match=r"within 5 mm of obstacle 4 of machine.yaml \(tool setter, on f\)"):
+        plan(trunnion(*YOKE, near))
+    assert "obstacle 4 of the machine" in met(plan(trunnion()), trunnion(*YOKE, near))
+
+
+def test_a_clamp_on_the_table_meets_the_yoke_when_c_turns_and_not_when_a_does() -> None:
+    cell = trunnion(*YOKE)
+    clamp = Obstacle("box", low=(-20.0, 170.0, -70.0), high=(20.0, 262.0, -50.0))
+    turning = replace(cell, artefact=replace(cell.artefact, obstacles=(clamp,)))
+    with pytest.raises(InputError, match=r"obstacle 1 would come within 5 mm of obstacle \d of machine.yaml \((left|right) cheek"):
+        plan(turning, "leave-out")
+    one = cell.strategy.indexations[0]
+    tilted = tuple(replace(one, position={**one.position, "A": angle}, facets=("13",)) for angle in (0.0, 0.5, -0.7))
+    made = plan(replace(turning, strategy=replace(cell.strategy, indexations=tilted)))
+    assert not met(made, turning) and any("obstacle 1" in text or "A " in text for text in made.start)
+
+
+def test_a_post_on_the_yoke_is_passed_over() -> None:
+    """It stands between two facets: the way between them goes over it, though no facet and nothing on the table is as high."""
+    post = Obstacle("cylinder", base=(-45.0, 32.5, -30.0), axis=(0.0, 0.0, 1.0), radius=6.0, height=110.0, on="A")
+    cell = trunnion(post)
+    one = cell.strategy.indexations[0]
+    strategy = replace(cell.strategy, indexations=(replace(one, facets=("9", "13", "10", "14")),))
+    low, made = (plan(replace(c, strategy=strategy)) for c in (trunnion(), cell))
+    z = cell.machine.column("Z")
+    assert max(t.leave[z] for t in made.touches[:-1] if t.leave) > max(t.leave[z] for t in low.touches[:-1] if t.leave) + 50
+    assert "obstacle 1 of the machine" in met(low, cell) and not met(made, cell)
+
+
+def test_a_door_on_the_ram_meets_the_table() -> None:
+    """A housing that the ram carries down beside the spindle: no probe reaches the pallet's middle without it."""
+    door = Obstacle("box", low=(60.0, -100.0, -150.0), high=(100.0, 100.0, 200.0), on="Z", title="housing")
+    low = replace(door, low=(60.0, -100.0, -238.0))
+    assert plan(trunnion(door, indexations=1)).touches
+    with pytest.raises(InputError, match=r"table would come within 5 mm of obstacle 1 of machine.yaml \(housing, on Z\)"):
+        plan(trunnion(low, indexations=1))
+
+
+def test_where_the_table_may_stand_before_is_said() -> None:
+    """Beside the path, but where the table might stand: nobody knows how it gets away from there."""
+    side = replace(SETTER, base=(200.0, 560.0, -300.0))
+    made = plan(trunnion(side))
+    assert (
+        made.start
+        and "Before the first touch nobody knows where the axes stand" in made.start[0]
+        and "tool setter" in made.start[0]
+    )
+    assert not met(made, trunnion(side))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_proven_apart_is_apart(seed: int) -> None:
+    """Random solids shifted past each other: what is proven is so for all points of both that are drawn."""
+    rng = np.random.default_rng(seed)
+    one, other = (Round(rng.normal(size=(9, 3)) * rng.uniform(5, 60, 3), r) for r in (0.0, 3.0))
+    turn = np.linalg.qr(rng.normal(size=(200, 3, 3)))[0]
+    shift = rng.normal(size=(200, 2, 3)) * 120
+    need = rng.uniform(0, 20, 200)
+    still = Pose(np.tile(np.eye(3), (200, 1, 1)), np.zeros((200, 2, 3)))
+    proven = apart(one, Pose(turn, shift), other, still, need)
+    share, along = rng.dirichlet(np.full(9, 0.3), (2, 400)), rng.dirichlet(np.full(2, 0.5), 400)
+    a = np.einsum("nij,vj->nvi", turn, share[0] @ one.corner) + np.einsum("vs,nsi->nvi", along, shift)
+    b = share[1] @ other.corner
+    nearest = np.linalg.norm(a[:, :, None] - b[None, None, ::4], axis=-1).min(axis=(1, 2)) - other.radius
+    assert (nearest[proven] > need[proven]).all()
+    assert 20 < proven.sum() < 190
+
+
+def test_boxes_are_as_far_apart_as_can_be_worked_out_by_hand() -> None:
+    rng = np.random.default_rng(4)
+    unit = np.array([[i, j, k] for i in (-1.0, 1) for j in (-1.0, 1) for k in (-1.0, 1)])
+    half, way = rng.uniform(1, 40, (2, 3)), rng.uniform(-150, 150, (300, 2, 3))
+    way[:, 1, 1:] = way[:, 0, 1:]  # shifted along X
+    low, high = way.min(axis=1) - half.sum(axis=0), way.max(axis=1) + half.sum(axis=0)
+    exact = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1)
+    need = rng.uniform(0, 60, 300)
+    poses = [Pose(np.tile(np.eye(3), (300, 1, 1)), shift) for shift in (way, np.zeros((300, 2, 3)))]
+    proven = apart(Round(unit * half[0]), poses[0], Round(unit * half[1]), poses[1], need)
+    assert (proven == (exact > need))[np.abs(exact - need) > 1e-3].all() and 50 < proven.sum() < 250
+
+
+GOOD = "  - {kind: box, low: [300, -90, -90], high: [330, 90, 60], on: A, name: cheek}\n"
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ("{kind: box, low: [0, 0, 0], high: [1, 1, 1]}", r"obstacles\[0\]: found no key 'on'; allowed: 'on' is required here"),
+        ("{kind: box, low: [0, 0, 0], high: [1, 1, 1], on: B}", r"obstacles\[0\].on: found 'B'; allowed: f, Y, A, X, Z"),
+        (
+            "{kind: box, low: [0, 0, 0], high: [1, 1, 1], on: C}",
+            "'C', which is the table; allowed: f, Y, A, X, Z; what stands on the",
+        ),
+        ("{kind: box, low: [0, 0, 0], high: [1, 1, 1], on: table}", "described in artefact.yaml"),
+        ("{kind: box, low: [0, 0, 0], high: [1, 1, 1], on: S}", "the probe is described under probe: body_radius"),
+        ("{kind: bax, low: [0, 0, 0], high: [1, 1, 1], on: A}", "found 'bax'; allowed: box, cylinder, hull. Did you mean"),
+        ("{kind: box, low: [0, 0, 0], hihg: [1, 1, 1], on: A}", "the unknown key 'hihg'"),
+        ("{kind: hull, file: yoke.stl, on: A}", "its path starts from the folder of machine.yaml"),
+    ],
+)
+def test_a_wrong_entry_is_refused_with_its_line(tmp_path: Path, entry: str, words: str) -> None:
+    folder = cell_of(tmp_path, f"  - {entry}\n")
+    with pytest.raises(InputError, match=words) as found:
+        read_cell(folder)
+    assert re.search(r"machine.yaml:\d+: ", str(found.value)) or "folder of machine.yaml" in str(found.value)
+
+
+def test_what_is_read_is_written_again(tmp_path: Path) -> None:
+    machine = read_cell(cell_of(tmp_path, GOOD)).machine
+    assert machine.obstacles == (Obstacle("box", low=(300, -90, -90), high=(330, 90, 60), title="cheek", on="A"),)
+    (tmp_path / "cell" / "machine.yaml").write_text(machine_text(machine), encoding="utf-8")
+    assert read_cell(tmp_path / "cell").machine == machine
+
+
+def test_every_body_but_table_and_spindle_may_carry_one() -> None:
+    for name in EXAMPLES:
+        machine = example(name).machine
+        assert set(bodies_of(machine)) == {"f", *machine.names} - {"S", (machine.workpiece_branch or ("f",))[-1]}
+
+
+def test_plan_and_check_show_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = cell_of(tmp_path, GOOD)
+    picture = tmp_path / "machine.svg"
+    capsys.readouterr()
+    assert invoke(["check", "-C", str(folder), "--picture", str(picture), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["start"] == []
+    assert "cheek (A)" in picture.read_text(encoding="utf-8")
+
+
+def cell_of(tmp_path: Path, entries: str) -> Path:
+    """folder, entries → a cell of the trunnion whose machine.yaml ends with them, with few indexations."""
+    folder = tmp_path / "cell"
+    assert invoke(["init", str(folder), "--example", "trunnion"]) == 0
+    with (folder / "machine.yaml").open("a", encoding="utf-8") as file:
+        file.write(f"obstacles:\n{entries}")
+    return folder
+
+
+def campaign(seed: int, count: int) -> Counter[str]:
+    """seed, plans → how many were refused, left as they were, and met something without the obstacles being known."""
+    rng, seen = np.random.default_rng([seed, 1]), Counter[str]()
+    for one in random_bodies(seed):
+        if seen["planned"] == count:
+            return seen
+        true = replace(example("trunnion"), machine=one.machine, artefact=one.blind.artefact)
+        seen["drawn"] += 1
+        seen["blind would hit"] += bool(met(one.blind, true))
+        if one.made is None:
+            seen["refused"] += 1
+            continue
+        seen["planned"] += 1
+        seen["as without"] += one.made.touches == one.blind.touches and one.made.turns == one.blind.turns
+        assert not (hit := met(one.made, true, begun(one.made, rng))), f"plan {seen['drawn']} of seed {seed}: {hit}"
+        found = judged(one.made)
+        assert found.probe >= -1e-6 and found.solids >= -1e-6, f"plan {seen['drawn']} of seed {seed}: {found}"
+    raise AssertionError("it never ends")
+
+
+@pytest.mark.long
+def test_random_obstacles_on_random_bodies_are_not_met() -> None:
+    seen = campaign(1, 8)
+    assert seen["blind would hit"] > 4
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("part", range(4))
+def test_many_random_obstacles_on_random_bodies_are_not_met(part: int, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = campaign(100 + part, 60)
+    with capsys.disabled():
+        print(f"\n{dict(seen)}")
