@@ -228,7 +228,7 @@ def test_smoothing_is_never_less_certain_than_filtering(known: tuple[s.Frame, s.
 
 @pytest.mark.long
 def test_chosen_touches_tell_more_than_every_fifth_indexation(known: tuple[s.Frame, s.State], cell: Cell, truth: World) -> None:
-    from tango_cnc.state.volume import levers, over_volume
+    from tango_cnc.state.volume import aim, levers, over_volume
 
     followed, after = known
     ahead = s.predicted(after, 30.0)
@@ -237,7 +237,7 @@ def test_chosen_touches_tell_more_than_every_fifth_indexation(known: tuple[s.Fra
     what = s.seen(followed, readings, ahead.mean, 20.0)
     rows = what.rows[what.touch > 0]
     turned = np.concatenate([[0], np.cumsum(np.any(np.diff(readings.position[:, 3:], axis=0) != 0, axis=1))])
-    choice = s.choose(ahead, rows, turned, lever.reshape(-1, lever.shape[2]), 380.0, 4.2, 5.0)
+    choice = s.choose(ahead, rows, turned, aim(lever), 380.0, 4.2, 5.0)
     assert choice.seconds <= 380.0 and choice.variance_after < choice.variance_before
 
     def left(keep: np.ndarray) -> float:

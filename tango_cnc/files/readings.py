@@ -216,28 +216,19 @@ def readings_text(readings: Readings, decimals: int | None = 6) -> str:
     extra += ["stylus"] if readings.stylus is not None else []
     writer.writerow(["touch", "time_s", "facet", *axes, *(f"d{name}" for name in axes), "status", "cycle", "day", *extra])
 
-    def shown(value: float) -> str:
-        return repr(float(value)) if decimals is None else f"{value + 0.0:.{decimals}f}"
+    def shown(values: Array) -> list[str]:
+        plain = values.tolist()
+        return [repr(value) for value in plain] if decimals is None else [f"{value + 0.0:.{decimals}f}" for value in plain]
 
-    for i in range(len(readings)):
-        at = readings.position[i]
-        values = [shown(at[column[a]] if a in "XYZ" else math.degrees(at[column[a]])) for a in axes]
-        signs = [f"{readings.direction[i, column[a]]:.0f}" for a in axes]
-        more = [] if readings.feed is None else [f"{readings.feed[i]:g}"]
-        more += ["" if math.isnan(temperature[i]) else f"{temperature[i]:.3f}" for temperature in readings.temperatures.values()]
-        more += [] if readings.segment is None else [str(readings.segment[i])]
-        more += [] if readings.stylus is None else [str(readings.stylus[i])]
-        writer.writerow(
-            [
-                readings.touch[i],
-                f"{readings.time[i]:.3f}",
-                readings.facet[i],
-                *values,
-                *signs,
-                readings.status[i],
-                readings.cycle[i],
-                readings.day[i],
-                *more,
-            ]
-        )
+    columns: list[list[Any]] = [readings.touch.tolist(), [f"{t:.3f}" for t in readings.time.tolist()], list(readings.facet)]
+    for a in axes:
+        at = readings.position[:, column[a]]
+        columns.append(shown(at if a in "XYZ" else np.array([math.degrees(value) for value in at.tolist()])))
+    columns += [[f"{sign:.0f}" for sign in readings.direction[:, column[a]].tolist()] for a in axes]
+    columns += [list(readings.status), list(readings.cycle), list(readings.day)]
+    columns += [] if readings.feed is None else [[f"{feed:g}" for feed in readings.feed.tolist()]]
+    for temperature in readings.temperatures.values():
+        columns.append(["" if math.isnan(value) else f"{value:.3f}" for value in temperature.tolist()])
+    columns += [list(number) for number in (readings.segment, readings.stylus) if number is not None]
+    writer.writerows(zip(*columns, strict=True))
     return out.getvalue()

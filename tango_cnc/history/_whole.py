@@ -18,6 +18,7 @@ from ..texts import revived
 from . import _tables as t
 from .records import Knowledge
 
+NONE = frozenset({type(None)})
 LONGEST = 64 << 20  # bytes of readings or numbers, unpacked: no night has a hundredth of it
 AGAIN = "'tango history verify' lists what is damaged; 'tango history restore' brings a backup back"
 BESIDE = (t.night_readings, t.night_estimate)  # which not every night has
@@ -37,17 +38,21 @@ NIGHT = {
 
 def rows(wanted: Select[Any], found: Sequence[Row[Any]]) -> None:
     """question, its answers → each value is of the kind of its column. Raises InputError for the first that is not."""
-    kinds = _kinds(wanted) if found else ()
-    for row in found:
-        for value, (name, kind, may) in zip(row, kinds, strict=True):
+    if not found:
+        return
+    for (name, kind, may), values in zip(_kinds(wanted), zip(*found, strict=True), strict=True):
+        types = set(map(type, values))
+        if types <= (kind | NONE if may else kind) and (float not in types or all(map(math.isfinite, filter(None, values)))):
+            continue
+        for value in values:
             if value is None and may:
                 continue
-            if not isinstance(value, kind) or (isinstance(value, float) and not math.isfinite(value)):
+            if type(value) not in kind or (isinstance(value, float) and not math.isfinite(value)):
                 raise InputError(f"history: {name}: found {value!a:.40}; allowed: {_word(kind)}; {AGAIN}")
 
 
 @lru_cache(64)
-def _kinds(wanted: Select[Any]) -> tuple[tuple[str, tuple[type, ...], bool], ...]:
+def _kinds(wanted: Select[Any]) -> tuple[tuple[str, frozenset[type], bool], ...]:
     """question → name, types and whether it may be absent, of each column of its answers."""
     found = []
     for column in wanted.selected_columns:
@@ -56,16 +61,16 @@ def _kinds(wanted: Select[Any]) -> tuple[tuple[str, tuple[type, ...], bool], ...
     return tuple(found)
 
 
-def _kind(column: Any) -> tuple[type, ...]:
+def _kind(column: Any) -> frozenset[type]:
     if isinstance(column, Integer):
-        return (int,)
+        return frozenset({int})
     if isinstance(column, Float):
-        return (int, float)
-    return (bytes,) if isinstance(column, LargeBinary) else (str,)
+        return frozenset({int, float})
+    return frozenset({bytes if isinstance(column, LargeBinary) else str})
 
 
-def _word(kind: tuple[type, ...]) -> str:
-    return {int: "a number", bytes: "packed numbers or text", str: "a text"}[kind[0]]
+def _word(kind: frozenset[type]) -> str:
+    return "a number" if int in kind else "packed numbers or text" if bytes in kind else "a text"
 
 
 def record(text: str, entry: int | None = None) -> Mapping[str, Any]:
@@ -73,23 +78,26 @@ def record(text: str, entry: int | None = None) -> Mapping[str, Any]:
 
     The same text is not read twice: what is in it is shared.
     """
-    return dict(_record(text, entry))
+    data, wrong = _record(text)
+    if data is not None:
+        return dict(data)
+    which = "" if entry is None else f" of night {entry}"
+    raise InputError(f"history: the record{which}: {wrong[:200]}; {AGAIN}")
 
 
 @lru_cache(128)  # a night looks at the last sixty more than once
-def _record(text: str, entry: int | None) -> Mapping[str, Any]:
+def _record(text: str) -> tuple[Mapping[str, Any] | None, str]:
+    """JSON of the record of a night → the record, or None and what is wrong with it."""
     try:
         data = parse_json(text)
-        wrong = misfit(data, NIGHT)
+        if wrong := misfit(data, NIGHT):
+            return None, wrong
     except ValueError as error:
-        wrong = str(error)
-    if not wrong:
-        try:
-            return revived(data)
-        except (ValueError, TypeError):
-            wrong = "said: found texts that do not belong together"
-    which = "" if entry is None else f" of night {entry}"
-    raise InputError(f"history: the record{which}: {wrong[:200]}; {AGAIN}")
+        return None, str(error)
+    try:
+        return revived(data), ""
+    except (ValueError, TypeError):
+        return None, "said: found texts that do not belong together"
 
 
 def readings(packed: bytes) -> str:

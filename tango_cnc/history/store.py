@@ -367,7 +367,7 @@ class History:
     def _rows(self, wanted: Select[Any], given: Mapping[str, Any] | None = None) -> list[Row[Any]]:
         try:
             with self.engine.connect() as connection:
-                found = list(connection.execute(wanted, given))
+                found = list(connection.execute(wanted, given).all())
         except (DBAPIError, UnicodeDecodeError) as error:
             raise LinkError(
                 f"history: it cannot be read ({first_line(error)}); restore a backup with 'tango history restore'"

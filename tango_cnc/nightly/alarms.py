@@ -189,8 +189,7 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
     if not past.knows(machine):
         return []
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
-    full = next((n.night for n in past.nights(machine, last=LISTED) if n.kind == "full" and n.status == "complete"), "")
-    full = today if kind == "full" else full
+    full = today if kind == "full" else None
     found = []
     for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
@@ -199,6 +198,9 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
                 continue
             if decision is not None and decision.action == "ignore" and (decision.until or "") >= today:
                 continue
+            if full is None:
+                nights = past.nights(machine, last=LISTED)
+                full = next((n.night for n in nights if n.kind == "full" and n.status == "complete"), "")
             told = {key: alarm.get(key) for key in ("id", "cause", "parameter", "text", "since", "size", "std", "unit", "sigmas")}
             told |= {key: alarm.get(key) for key in ("rate_per_day", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"

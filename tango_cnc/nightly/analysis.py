@@ -35,7 +35,7 @@ from ..state import (
     updated,
 )
 from ..state.filter import as_numbers, matched, restored, sigma_of
-from ..state.volume import levers, over_volume
+from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from ..touches import from_readings
 from . import parts
@@ -89,6 +89,16 @@ class Nights:
         return levers(self.followed)
 
     @cached_property
+    def aim(self) -> Aim:
+        """→ what the volume takes from the unknowns."""
+        return aim(self.lever)
+
+    def _std_um(self, state: State, days: float) -> float:
+        """state, days → µm, standard deviation of the volume that many days later when nothing is touched."""
+        rates = np.diag(self.aim.matrix) @ state.rates * max(days, 0.0)
+        return float(np.sqrt(np.sum(self.aim.matrix * state.covariance) + rates)) * 1e3
+
+    @cached_property
     def offered(self) -> Array:
         """→ (n, p) what every touch of the strategy would tell."""
         from ..model import linearise
@@ -113,7 +123,11 @@ class Nights:
         if found is None:
             return None
         last, knowledge = found
-        record = past.records_of([last.entry])[last.entry]
+        if not self._newest or self._newest[-1][0] is not knowledge:
+            self._newest[:] = [(knowledge, self._restored(knowledge, past.records_of([last.entry])[last.entry]))]
+        return self._newest[-1][1]
+
+    def _restored(self, knowledge: Knowledge, record: Mapping[str, Any]) -> State | None:
         if "state" not in record:
             return None
         try:
@@ -122,6 +136,11 @@ class Nights:
             return None
         return matched(state, self.followed)
 
+    @cached_property
+    def _newest(self) -> list[tuple[Knowledge, State | None]]:
+        """→ what the last call of `state` was told by the history, and the state that it is: a night asks twice."""
+        return []
+
     def choice(self, past: Past, day: float) -> tuple[str, str, tuple[int, ...]]:
         """history, day → full or check, why, numbers of the touches (empty: all of that strategy)."""
         state = self.state(past)
@@ -129,12 +148,11 @@ class Nights:
         if kind == "full" or self.check is not None or state is None:
             return kind, why, ()
         ahead = predicted(state, day)
-        flat = self.lever.reshape(-1, self.lever.shape[2])
         found = choose(
             ahead,
             self.offered,
             self.times.indexation,
-            flat,
+            self.aim,
             60 * self.settings.check_minutes,
             self.times.touch,
             self.times.turn,
@@ -164,7 +182,7 @@ class Nights:
         repaired = [d for d in past.decisions(machine) if d.action == "repaired" and d.utc > full.start_utc]
         if repaired:
             return "full", say("night.analysis.repaired_since_last_full_run", value=repaired[-1].note or repaired[-1].alarm)
-        std = over_volume(self.lever, state.mean, predicted(state, day).covariance).std * 1e3
+        std = self._std_um(state, day - state.day)
         if std > self.settings.volume_std_um:
             return "full", say(
                 "night.analysis.volume_only_known_allowed", std=f"{std:.1f}", volume_std_um=f"{self.settings.volume_std_um:g}"
@@ -304,7 +322,7 @@ class Nights:
     def _next(self, past: Past, after: State, day: float, alarmed: bool, kind: str) -> dict[str, str]:
         if alarmed and kind != "full":
             return {"kind": "full", "why": say("night.analysis.tonight_check_found_change")}
-        std = over_volume(self.lever, after.mean, predicted(after, day + self.settings.every_days).covariance).std * 1e3
+        std = self._std_um(after, day + self.settings.every_days - after.day)
         if std > self.settings.volume_std_um:
             return {"kind": "full", "why": say("night.analysis.volume_will_only_be_known", std=f"{std:.1f}")}
         return {"kind": "check", "why": say("night.analysis.nothing_too_uncertain")}

@@ -136,8 +136,9 @@ def room(disk: Disk, settings: Nightly) -> Finding:
 def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: datetime) -> list[str]:
     """→ sentences on nights that were begun and never ended, and on those that never began; they are on record when it returns."""
     said: list[str] = []
-    known = {n.start_utc for n in world.past.nights(machine, last=30)} if world.past.knows(machine) else set()
-    for stamp, started in world.disk.unfinished():
+    marks = world.disk.unfinished()
+    known = {n.start_utc for n in world.past.nights(machine, last=30 if marks else 1)} if world.past.knows(machine) else set()
+    for stamp, started in marks:
         date = _date(started, now)
         if started not in known and _added(world, stamp):
             known.add(started)
@@ -220,8 +221,11 @@ def _before(machine: str, world: Ports) -> dict[str, Any]:
     """→ date of the last night that measured, and a sentence on each night since that did not."""
     if not world.past.knows(machine):
         return {}
-    nights = world.past.nights(machine, last=60)
-    last = next((n for n in nights if n.touches), None)
+    for many in (MISSED + 1, 60):  # the last one that measured is nearly always among the first
+        nights = world.past.nights(machine, last=many)
+        last = next((n for n in nights if n.touches), None)
+        if last is not None or len(nights) < many:
+            break
     # One that began while the last one measured was refused by it: the machine was measured all the same.
     gone = [n for n in nights if last is None or n.start_utc > last.end_utc][:MISSED]
     found: dict[str, Any] = {} if last is None else {"last_measured": last.night}

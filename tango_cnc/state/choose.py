@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..records import Array
 from .filter import State, sigma_of
+from .volume import Aim
 
 TOGETHER = 5  # touches by which a new indexation is judged
 
@@ -32,24 +33,21 @@ def choose(
     state: State,
     rows: Array,
     indexation: NDArray[np.int64],
-    weight: Array,
+    aim: Aim,
     seconds: float,
     touch: float,
     turn: float,
     first: Sequence[int] = (),
 ) -> Choice:
-    """predicted state, (n, p) rows of all touches, (n,) their indexations, (m, p) tool tip of the volume by unknowns, s → choice.
+    """predicted state, (n, p) rows of all touches, (n,) their indexations, what the volume takes from the unknowns, s → choice.
 
     `touch` and `turn` are the seconds of one touch and of one more indexation; `first`: rows that are taken whatever they tell.
     """
     sigma = sigma_of(state)
-    aim = weight.T @ weight / max(len(weight), 1)
-    before = float(np.sum(aim * state.covariance))
-    own = np.flatnonzero(np.diag(aim) > 0)  # the unknowns that the volume depends on
-    size, turned = np.linalg.eigh(aim[np.ix_(own, own)])
+    before = float(np.sum(aim.matrix * state.covariance))
     reach = rows @ state.root
-    shared = reach @ reach.T  # (n, n) covariance of the touches, and (n, q) of them with what the volume is made of
-    moving = reach @ state.root[own].T @ (turned * np.sqrt(np.maximum(size, 0.0)))
+    moving = reach @ (state.root.T @ aim.root)  # (n, q) covariance of the touches with what the volume is made of
+    told = np.empty((len(rows), len(rows)))  # a column a chosen touch: its covariance with all touches, by its standard deviation
     variance = np.einsum("ij,ij->i", reach, reach) + sigma**2
     groups = _padded(indexation)
     gain = np.zeros(len(rows) + 1)
@@ -73,11 +71,13 @@ def choose(
         after -= float(gain[row])
         opened[indexation[row]] = True
         left[row] = False
-        chosen.append(row)
-        along = shared[row] / variance[row]
+        known = told[:, : len(chosen)]
+        shared = reach @ reach[row] - known @ known[row]
+        told[:, len(chosen)] = shared / np.sqrt(variance[row])
+        along = shared / variance[row]
         moving -= along[:, None] * moving[row]
-        variance -= along * shared[row]
-        shared -= along[:, None] * shared[row]
+        variance -= along * shared
+        chosen.append(row)
     return Choice(np.array(sorted(chosen), dtype=np.int64), spent, before, after)
 
 

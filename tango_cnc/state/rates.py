@@ -12,11 +12,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from ..records import Array
-from ._root import triangle
+from ._root import solved, triangle
 from .filter import State, sigma_of
 from .frame import CLOSED, Frame, Seen
 
@@ -109,34 +108,38 @@ def _nights(begin: State, nights: Sequence[tuple[float, Seen]], opened: Sequence
 
 def _gain(begin: State, nights: Sequence[_Night], rates: Array) -> _Gain:
     """state before the first night, touches of the nights, (p,) rates → what the likelihood says of them."""
-    mean, spread = begin.mean, begin.covariance
+    mean, spread = begin.mean, np.asfortranarray(begin.covariance)
+    p = len(mean)
     likelihood, kept = 0.0, []
-    place: NDArray[np.int64] = np.arange(len(mean))
     for night in nights:
-        spread = spread.copy()
+        spread = spread.copy(order="K")
         # What changed at once is let in, and says nothing of wandering.
-        spread[place, place] += rates * (night.days + (300.0**2 if night.opened else 0.0))
-        seen = night.rows @ spread
-        size = seen @ night.rows.T
-        size[np.diag_indices(len(size))] += 1.0
-        root = linalg.cholesky(size, lower=True, check_finite=False)
-        both = np.column_stack([night.value - night.rows @ mean, night.rows, seen])
-        white = linalg.solve_triangular(root, both, lower=True, check_finite=False)
-        ahead, rows, seen = white[:, 0], white[:, 1 : len(mean) + 1], white[:, len(mean) + 1 :]
+        spread.ravel("K")[:: p + 1] += rates * (night.days + (300.0**2 if night.opened else 0.0))
+        both = np.empty((len(night.rows), 2 * p + 1), order="F")
+        both[:, 0] = night.value - night.rows @ mean
+        both[:, 1 : p + 1] = night.rows
+        both[:, p + 1 :] = night.rows @ spread
+        size = both[:, p + 1 :] @ night.rows.T
+        size.ravel()[:: len(size) + 1] += 1.0
+        root = np.linalg.cholesky(size)
+        white = solved(root, both)
+        ahead, rows, seen = white[:, 0], white[:, 1 : p + 1], white[:, p + 1 :]
         likelihood -= 0.5 * float(ahead @ ahead) + float(np.sum(np.log(np.diag(root))))
         mean = mean + seen.T @ ahead
         spread = spread - seen.T @ seen
         kept.append((ahead, rows, seen))
-    slope, curve = np.zeros(len(mean)), np.zeros(len(mean))
-    back, sure = np.zeros(len(mean)), np.zeros((len(mean), len(mean)))
+    slope, curve = np.zeros(p), np.zeros(p)
+    back, sure = np.zeros(p), np.zeros((p, p))
     for night, (ahead, rows, seen) in zip(reversed(nights), reversed(kept), strict=True):
         # Through the update, L = 1 − seenᵀ rows, and what this night adds.
         back = back + rows.T @ (ahead - seen @ back)
         both = seen @ sure
-        sure = sure - rows.T @ both - both.T @ rows + rows.T @ (both @ seen.T + np.eye(len(rows))) @ rows
+        half = both - 0.5 * ((both @ seen.T) @ rows + rows)
+        taken = rows.T @ half
+        sure = sure - taken - taken.T
         if night.opened:
             continue
-        share = rates * night.days
-        slope += 0.5 * share * (back**2 - np.diag(sure))
-        curve += 0.5 * share * np.diag(sure)  # between what all steps would say if they were seen, and what single ones say
+        share, own = rates * night.days, np.diag(sure)
+        slope += 0.5 * share * (back**2 - own)
+        curve += 0.5 * share * own  # between what all steps would say if they were seen, and what single ones say
     return _Gain(likelihood, slope, np.maximum(curve, 0.0))

@@ -23,6 +23,24 @@ class Volume(NamedTuple):
     std: float
 
 
+class Aim(NamedTuple):
+    """What the variance of the tool tip, a mean over directions and poses, takes from the unknowns: it is sum(matrix * covariance)."""
+
+    matrix: Array  # (p, p)
+    root: Array  # (p, q): matrix = root rootᵀ
+
+
+def aim(lever: Array) -> Aim:
+    """(m, 3, p) of `levers` → what a night has to know."""
+    flat = lever.reshape(-1, lever.shape[2])
+    matrix = flat.T @ flat / max(len(flat), 1)
+    own = np.flatnonzero(np.diag(matrix) > 0)  # the unknowns that the volume depends on
+    size, turned = np.linalg.eigh(matrix[np.ix_(own, own)])
+    root = np.zeros((len(matrix), len(own)))
+    root[own] = turned * np.sqrt(np.maximum(size, 0.0))
+    return Aim(matrix, root)
+
+
 def levers(followed: Frame, over: str = "probed") -> Array:
     """frame, `travel` or `probed` → (m, 3, p) mm by unknown: the tip relative to the table at m poses."""
     model = followed.model
