@@ -72,6 +72,15 @@ KNOWLEDGE = (  # the newest
 _OF_ENTRIES: BindParameter[Any] = bindparam("entries", expanding=True)
 RECORDS_OF = select(t.night_record).where(t.night_record.c.entry_id.in_(_OF_ENTRIES))
 READINGS_OF = select(t.night_readings.c.entry_id, t.night_readings.c.csv).where(t.night_readings.c.entry_id.in_(_OF_ENTRIES))
+WHOLE = (  # one night, of this machine alone: all that its hash is of
+    select(t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate.c.names, t.night_estimate.c.numbers)
+    .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
+    .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
+    .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
+    .where(t.night.c.entry_id == bindparam("entry"), _OF_MACHINE)
+)
+_p = t.night_parameter.c
+PARAMETERS = select(_p.name, _p.value, _p.std, _p.unit, _p.start_utc, _p.machine_id).where(_p.entry_id == bindparam("entry"))
 DECISIONS = (
     select(t.decision).where(t.decision.c.machine_id == bindparam("machine")).order_by(t.decision.c.utc, t.decision.c.entry_id)
 )

@@ -326,13 +326,7 @@ class History:
 
     def _contents(self, machine: int, entry: int) -> tuple[str, ...]:
         """id of a machine, of its entry → what its content may be: of today, and of a night from before names were in it."""
-        found = self._rows(
-            select(t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate.c.names, t.night_estimate.c.numbers)
-            .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
-            .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
-            .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
-            .where(t.night.c.entry_id == entry, t.night.c.machine_id == machine)
-        )
+        found = self._rows(asked.WHOLE, {"machine": machine, "entry": entry})
         if not found:
             return ()
         row = found[0]
@@ -343,9 +337,7 @@ class History:
                 _whole.knowledge(row.names, row.numbers)
         except InputError:
             return ()
-        c = t.night_parameter.c
-        wanted = select(c.name, c.value, c.std, c.unit, c.start_utc, c.machine_id).where(c.entry_id == entry)
-        parameters = {tuple(p) for p in self._rows(wanted)}
+        parameters = {tuple(p) for p in self._rows(asked.PARAMETERS, {"entry": entry})}
         own, said = (record["start_utc"], machine), record.get("parameters") or {}
         if parameters != {(n, p["value"], p["std"], p.get("unit"), *own) for n, p in said.items()}:
             return ()
