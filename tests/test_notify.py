@@ -8,8 +8,9 @@ import socket
 import ssl
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from email import message_from_bytes, policy
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -190,6 +191,51 @@ def test_a_broker_keeps_the_last_message(tmp_path: Path) -> None:
             broker.terminate()
     ((done, why),) = sent(url)
     assert not done and "refused" in why
+
+
+@contextmanager
+def slow(letter: bytes) -> Iterator[int]:
+    """→ port of a server that takes every caller and says a letter now and then, or nothing, and never comes to an end."""
+    over = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.05)
+
+        def serve() -> None:
+            callers = []
+            while not over.wait(0.05):
+                with suppress(TimeoutError):
+                    callers.append(server.accept()[0])
+                for caller in callers:
+                    with suppress(OSError):
+                        caller.sendall(letter)
+            for caller in callers:
+                caller.close()
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield server.getsockname()[1]
+        finally:
+            over.set()
+            thread.join()
+
+
+def test_a_server_that_never_comes_to_an_end_keeps_neither_the_night_nor_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("paho.mqtt")
+    monkeypatch.setattr(notify, "LONGEST", 1.0)
+    with slow(b"") as silent, slow(b"2") as dripping:
+        urls = [
+            f"mqtt://127.0.0.1:{silent}/x",
+            f"mailto:ann@shop.example?smtp=127.0.0.1:{dripping}",
+            f"http://127.0.0.1:{dripping}/",
+        ]
+        begun = time.monotonic()
+        found = sent(*urls, f"file://{tmp_path / 'board.txt'}")
+        assert time.monotonic() - begun < 5
+    assert [done for done, _ in found] == [False, False, False, True]
+    assert all("within 1 s" in why for _, why in found[:3]), found
 
 
 def test_a_dead_receiver_does_not_send_the_message_to_the_others_again(tmp_path: Path) -> None:

@@ -22,11 +22,14 @@ from dataclasses import dataclass
 from email.message import EmailMessage
 from email.utils import formatdate, make_msgid
 from pathlib import Path
+from threading import Thread
+from time import monotonic
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from .ports import Delivery
 
-WAIT = 20.0  # s
+WAIT = 20.0  # s, for one answer
+LONGEST = 60.0  # s, for all receivers together, who are told at the same time
 
 
 @dataclass(frozen=True)
@@ -36,12 +39,25 @@ class Notifier:
     urls: tuple[str, ...]
 
     def send(self, subject: str, text: str, but: Sequence[str] = ()) -> Sequence[Delivery]:
-        """subject, text, names of those who have it → what was delivered, one a receiver; without receivers nothing."""
+        """subject, text, names of those who have it → what was delivered, one a receiver, within `LONGEST`; without receivers nothing."""
         names = [shown(url) for url in self.urls]
         names = [n if names.count(n) == 1 else f"{n} ({i})" for i, n in enumerate(names, 1)]
-        return tuple(
-            Delivery(to, True) if to in but else _one(to, url, subject, text) for to, url in zip(names, self.urls, strict=True)
-        )
+        wanted = [(to, url) for to, url in zip(names, self.urls, strict=True) if to not in but]
+        done: dict[str, Delivery] = {}
+
+        def one(to: str, url: str) -> None:
+            done[to] = _one(to, url, subject, text)
+
+        # A server that goes on saying nothing, or a letter now and then, keeps its library waiting for good, but not the night.
+        at_work = [Thread(target=one, args=pair, daemon=True) for pair in wanted]
+        for thread in at_work:
+            thread.start()
+        end = monotonic() + LONGEST
+        for thread in at_work:
+            thread.join(max(end - monotonic(), 0.0))
+        late = f"no end within {LONGEST:g} s: it answers too slowly or not at all"
+        missing = {to: Delivery(to, False, late) for to, _ in wanted}
+        return tuple(Delivery(to, True) if to in but else done.get(to) or missing[to] for to in names)
 
 
 def _one(to: str, url: str, subject: str, text: str) -> Delivery:
