@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -129,3 +132,39 @@ def test_alarms_missed_and_refused_nights_are_told_alike(history_place: Callable
         found = history.latest_knowledge("M")
         assert found is not None and found[0].night == "2026-10-02"
         assert [r["status"] for r in history.records("M", last=2)] == ["refused", "missed"]
+
+
+@pytest.mark.long
+@pytest.mark.system("unshare", "mount", "pg_lsclusters")
+@pytest.mark.parametrize("database", ["sqlite", "postgresql"])
+def test_nights_on_a_real_disk_that_fills_up_say_so_and_go_on_when_there_is_room(tmp_path: Path, root: Path, database: str) -> None:
+    """A file system of 70 MB; PostgreSQL refuses root, so the nights run as another user of a namespace within."""
+    small = tmp_path / "small"
+    small.mkdir()
+    as_user = (
+        f"exec unshare --user --map-user=1000 --map-group=1000 {sys.executable} -m support.fullhistory {root} {small} {database}"
+    )
+    command = [
+        "unshare",
+        "--user",
+        "--map-root-user",
+        "--mount",
+        "sh",
+        "-ec",
+        f"mount -t tmpfs -o size=70m none {small}; {as_user}",
+    ]
+    path = os.pathsep.join([str(root / "tests"), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    before, full, still, after, kept = map(json.loads, done.stdout.splitlines())
+    assert before["trouble"] is None and before["touches"]
+    assert full["touches"], "the machine measured while the disk filled up"
+    for told in (full, still):
+        said = " ".join([told["why"], *(told["trouble"] or ())])
+        assert all("No space left on device" in text or "disk is full" in text for text in (said, told["message"])), told
+        assert "never measured" not in told["message"]
+    assert after["status"] == "complete" and after["trouble"] is None and "is in the history now" in after["message"]
+    assert kept["verify"] == [] and kept["nights"] == [told["start"] for told in (before, full, still, after)]
+    assert [w for w, told in zip(kept["whole"][::-1], (before, full, still, after), strict=True) if told["touches"]].count(
+        False
+    ) == 0

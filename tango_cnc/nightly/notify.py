@@ -39,7 +39,7 @@ class Notifier:
     urls: tuple[str, ...]
 
     def send(self, subject: str, text: str, but: Sequence[str] = ()) -> Sequence[Delivery]:
-        """subject, text, names of those who have it → what was delivered, one a receiver, within `LONGEST`; without receivers nothing."""
+        """subject, text, names of those who have it → what was delivered within `LONGEST`, one a receiver."""
         names = [shown(url) for url in self.urls]
         names = [n if names.count(n) == 1 else f"{n} ({i})" for i, n in enumerate(names, 1)]
         wanted = [(to, url) for to, url in zip(names, self.urls, strict=True) if to not in but]

@@ -24,7 +24,7 @@ class Volume(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """What the variance of the tool tip, a mean over directions and poses, takes from the unknowns: it is sum(matrix * covariance)."""
+    """The variance of the tool tip, a mean over directions and poses, is sum(matrix * covariance of the unknowns)."""
 
     matrix: Array  # (p, p)
     root: Array  # (p, q): matrix = root rootᵀ
