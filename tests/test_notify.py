@@ -224,7 +224,7 @@ def test_a_server_that_never_comes_to_an_end_keeps_neither_the_night_nor_the_oth
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("paho.mqtt")
-    monkeypatch.setattr(notify, "LONGEST", 1.0)
+    monkeypatch.setattr(notify, "LONGEST", 3.0)
     with slow(b"") as silent, slow(b"2") as dripping:
         urls = [
             f"mqtt://127.0.0.1:{silent}/x",
@@ -233,9 +233,9 @@ def test_a_server_that_never_comes_to_an_end_keeps_neither_the_night_nor_the_oth
         ]
         begun = time.monotonic()
         found = sent(*urls, f"file://{tmp_path / 'board.txt'}")
-        assert time.monotonic() - begun < 5
+        assert time.monotonic() - begun < 15
     assert [done for done, _ in found] == [False, False, False, True]
-    assert all("within 1 s" in why for _, why in found[:3]), found
+    assert all("within 3 s" in why for _, why in found[:3]), found
 
 
 def test_a_dead_receiver_does_not_send_the_message_to_the_others_again(tmp_path: Path) -> None:
