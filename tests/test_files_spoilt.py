@@ -169,3 +169,16 @@ def test_a_holder_whose_name_no_terminal_can_show_is_named_all_the_same(tmp_path
         pass
     assert str(refused.value).encode() and len(str(refused.value)) < 1000 + len(str(tmp_path))
     assert not _alive(9**99)
+
+
+def test_a_block_of_brackets_is_refused_at_once(tmp_path: Path) -> None:
+    cell(tmp_path)
+    (tmp_path / "part.nc").write_text("%\n" + '({"a":' * 3000 + "\n%\n")
+    with pytest.raises(InputError, match="a block of 18000 characters"):
+        READERS["part.nc"].read(tmp_path)
+
+
+def test_a_long_name_of_a_file_is_shown_as_far_as_anybody_reads(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no such file|cannot be read") as refused:
+        files.read_machine(Path("m/" * 1800, "machine.yaml"))
+    assert len(str(refused.value)) < 1500

@@ -35,7 +35,8 @@ MISSING = {  # file name → what to do when it is not there
 
 def complaint(file: Path | str, line: int | None, key: str, found: str, allowed: str) -> InputError:
     """where, what was found, what is allowed → the error to raise; one form for every file."""
-    place = f"{file}:{line}" if line else f"{file}"
+    name = printable(str(file))
+    place = f"{name}:{line}" if line else name
     found, key = printable(found), printable(key)
     return InputError(f"{place}: {key}: found {found}; allowed: {allowed}" if key else f"{place}: {found}; {allowed}")
 

@@ -90,8 +90,13 @@ class Style:
         return any(int(code) in among for among in self.offsets) and (code == int(code) or int(code) == 59)
 
 
+LONGEST = 2000  # characters of a block
+
+
 def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block:
     """dialect, line, its number from 1, modal state (changed), axes of the machine → block. Raises InputError by name."""
+    if len(line) > LONGEST:
+        raise refused(number, line, f"a block of {len(line.rstrip())} characters, which no control reads")
     bare = style.comment.sub(lambda m: " " * len(m[0]), line)
     block = Block(number, line)
     stripped = bare.strip()
