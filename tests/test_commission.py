@@ -132,6 +132,15 @@ def test_a_control_on_which_all_is_right_passes(name: str) -> None:
     assert not set(NEAR) & set(events)
 
 
+@pytest.mark.parametrize("name", DIALECTS)
+def test_a_signal_the_wrong_way_round_stops_the_program_up_there_and_the_text_says_to_turn_it(name: str) -> None:
+    """Who looks at the probe says deflected (`alive`); who only sees a move stopped short cannot tell it from a frame."""
+    what, events = seen(name, Case(None, {"probe": "inverted"}))
+    assert not set(NEAR) & set(events) and not what.records
+    (failed,) = verdicts(what, "FAIL")
+    assert failed in ("alive", "frames") and "polarity" in next(e.advice for e in commission.experiments() if e.belief == failed)
+
+
 def restated(case: Case, number: float, machine: Machine) -> Machine:
     """case, number that was found, machine.yaml → what it states afterwards."""
     assert case.restated is not None

@@ -31,7 +31,8 @@ EXPERIMENT = Experiment(
     1,
     "recorded positions are machine coordinates in mm, whatever offset, tool length and unit is active",
     "compare a record with the machine position on the display",
-    "state axis_numbers; cancel scaling, rotation, mirror image and tool length, and state the words that do it (reset, trafoof, "
+    "look first whether the probe signal is on while nobody touches the stylus: then turn its polarity round. Else state "
+    "axis_numbers; cancel scaling, rotation, mirror image and tool length, and state the words that do it (reset, trafoof, "
     "cycle800, off); check the names of the position variables (contact and contact_frame, position, machine_position). A control "
     "that says contact where nothing was met shows the same text: state met. So does one that reads positions ahead of its moves: "
     "state wait",
