@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..estimate import Estimate
-from ..iso230.signed import Budget
+from ..iso230.seen import Budget
 from ..records import Array
 from ..uncertainty.inputs import Part, Scene, parts, read_budget
 

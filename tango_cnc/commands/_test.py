@@ -14,6 +14,7 @@ from .. import instruments
 from ..estimate import Estimate
 from ..iso230 import ranges
 from ..records import InputError, Machine
+from ._budget import absent, budget_of
 from ._common import table
 from .iso230 import thermal_of
 
@@ -74,7 +75,8 @@ def foretold(folder: Path, result: Estimate, options: dict[str, Any]) -> tuple[d
         path = instruments.path_of(
             machine, ranges(result.model.touches), replace(wanted, radius=radius), measured.command, measured.sense
         )
-    told = instruments.foretell(result, path, thermal_of(folder), at_reference=path.name.startswith("laser"))
+    laser = path.name.startswith("laser")
+    told = instruments.foretell(result, path, thermal_of(folder), at_reference=laser, budget=budget_of(folder, result))
     compared = None if measured is None else instruments.compare(told, measured, options["instrument_um"])
     data = _data(told) | ({} if compared is None or measured is None else _compared(compared, measured, options["instrument_um"]))
     differs = compared is not None and any(f.verdict == "differs" for f in compared.figures)
@@ -111,6 +113,7 @@ def _data(told: instruments.Foretold) -> dict[str, Any]:
         "path": path.text,
         "reference": path.reference.text,
         "temperature": told.temperature,
+        "budget": list(told.budget),
         "extrapolated": path.outside,
         "figures": [
             {
@@ -161,6 +164,10 @@ def _text(told: instruments.Foretold, found: instruments.Compared | None, measur
         lines.append(
             f"extrapolated: at {share:.0f} % of the positions an axis is beyond the touches: the machine was not measured there"
         )
+    if not told.budget:
+        lines.append("intervals: scatter of the touches alone; write uncertainty.yaml for drift, lobing and the like")
+    elif lacking := absent(told.budget):
+        lines.append(f"intervals: with uncertainty.yaml, which does not name {', '.join(lacking)}")
     rows = [["figure", "µm", "95 %", *([] if found is None else ["measured", "E_n", ""])]]
     for i, f in enumerate(told.figures):
         value = "withheld" if f.value is None or f.interval is None else f"{f.value:.1f}"

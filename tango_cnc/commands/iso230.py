@@ -12,7 +12,8 @@ from .. import iso230
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
-from ..iso230.signed import WORTH, Sheet, signed
+from ..iso230.seen import WORTH
+from ..iso230.signed import Sheet, signed
 from ..iso230.temperature import Known, Thermal, read_thermal, scale
 from ._budget import absent, budget_of
 from ._common import cell_option, json_option, table, write_json

@@ -12,9 +12,10 @@ from .. import kinematics
 from ..estimate import Estimate
 from ..iso230.onpart import Ask
 from ..iso230.poses import at_poses, steady
-from ..iso230.signed import OnPart, expanded, told
+from ..iso230.seen import Budget, seen
+from ..iso230.signed import OnPart, expanded, longer, told
 from ..iso230.temperature import Thermal, scale
-from ..iso230.whole import whole
+from ..iso230.whole import Whole
 from ..kinematics import Slot
 from ..records import Array
 from ..terms import Coefficient
@@ -42,30 +43,41 @@ class Foretold:
     covariance: Array  # (q·n, q·n) µm²
     free: Array  # (q·n, q·n): readings → readings without what setting it up takes out
     temperature: str
+    budget: tuple[str, ...] = ()  # sources that the budget names; empty: the intervals have the scatter of the touches alone
 
 
-def foretell(result: Estimate, path: Path, thermal: Thermal | None = None, at_reference: bool = False) -> Foretold:
-    """estimate, path, temperatures, whether the instrument gives lengths at 20 °C → what it should show.
+def foretell(
+    result: Estimate, path: Path, thermal: Thermal | None = None, at_reference: bool = False, budget: Budget | None = None
+) -> Foretold:
+    """estimate, path, temperatures, whether the instrument gives lengths at 20 °C, budget → what it should show.
 
     Raises TangoError where there are too few touches.
     """
-    w = whole(result)
-    curve = np.einsum("qni,nip->qnp", path.ways, _shift(path, w.coefficients))
-    q, n, p = curve.shape
-    free = _free(path)
-    readings, rows = free @ curve.reshape(q * n, p), rows_of(path)
+    machine, free, rows = seen(result, budget), _free(path), rows_of(path)
+    q, n = path.ways.shape[:2]
     kind = "positioning" if path.name.startswith("laser") else ""
-    asks = [Ask(r.kind, r.name, "µm", 1e3, _weighed(r, readings), "") for r in rows]
-    every = Ask(kind, "", "µm", 1e3, readings, "", command=np.asarray(free @ np.tile(path.command, q)))
+
+    def asks_of(w: Whole) -> tuple[Ask, list[Ask]]:
+        curve = np.einsum("qni,nip->qnp", path.ways, _shift(path, w.coefficients))
+        readings = free @ curve.reshape(q * n, -1)
+        asks = [Ask(r.kind, r.name, "µm", 1e3, _weighed(r, readings), "") for r in rows]
+        return Ask(kind, "", "µm", 1e3, readings, "", command=np.asarray(free @ np.tile(path.command, q))), asks
+
+    every, asks = asks_of(machine.wide)
+    wide, learned = machine.wide, machine.learned
+    spread = machine.spread([every, *asks], lambda w: [*(found := asks_of(w))[1], found[0]])
     if thermal is not None and kind:
-        (every,), more = expanded([every], w, scale(thermal, at_reference))
+        more = scale(thermal, at_reference)
+        (every,), wide, learned = longer([every]), expanded(wide, more), expanded(learned, more)
         asks = [replace(a, curve=_weighed(r, every.curve)) for a, r in zip(asks, rows, strict=True)]
-        w = more
-    covariance = every.curve @ w.covariance @ every.curve.T * 1e6
+    covariance = every.curve @ learned.covariance @ every.curve.T * 1e6
+    for part in spread.get((every.kind, every.name), ()):
+        covariance += np.outer(part, part)
     std = np.sqrt(np.clip(np.diag(covariance), 0.0, None)).reshape(q, n)
-    value = (every.curve @ w.values * 1e3).reshape(q, n)
+    value = (every.curve @ learned.values * 1e3).reshape(q, n)
     state = "not stated" if thermal is None or not kind else "20 °C" if at_reference else "as found"
-    return Foretold(path, tuple(told(a, w) for a in asks), rows, value, std, covariance, free, state)
+    figures = tuple(told(a, wide, learned, spread.get((a.kind, a.name), ())) for a in asks)
+    return Foretold(path, figures, rows, value, std, covariance, free, state, () if budget is None else budget.named)
 
 
 def _weighed(row: Row, readings: Array) -> Array:

@@ -16,25 +16,15 @@ from ..identify import Selection
 from ..records import Array, TangoError
 from .interval import of_range
 from .onpart import Ask, asked, minimum_zone
+from .seen import Budget, root_of, seen
 from .temperature import Known, Thermal, scale
 from .trajectory import Reference, reference
-from .whole import DEGREE, ORDER, Whole, disturbed, foreseen, orders, whole
+from .whole import DEGREE, ORDER, Whole, foreseen, whole
 
 COVERAGE = 0.95
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
 SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
 NAMED = 4
-WORTH = 0.01  # of an order of the model that counts
-
-
-@dataclass(frozen=True)
-class Budget:
-    """What disturbs the readings, as factors (n + m, k) mm over gaps and known distances; `named`: the sources that it names."""
-
-    factors: tuple[Array, ...]
-    beside_scatter: tuple[Array, ...]  # of these, what acts on many touches alike
-    named: tuple[str, ...]
-    beside: tuple[str, ...]  # labels of `beside_scatter`
 
 
 @dataclass(frozen=True)
@@ -86,20 +76,18 @@ def signed(
 
     Raises TangoError where there are too few touches.
     """
-    compared = orders(result)
-    # A lower order decides more only because it leaves out what the machine may have: it is told and never used.
-    full = [(w, worth) for w, worth in compared if w.order >= (DEGREE, ORDER)]
-    used, total = full[0][0], sum(worth for _, worth in full)
-    asks, at = _asked(used, length)
-    spread = _spread(asks, used, [(w, worth / total) for w, worth in full[1:] if worth > WORTH * total], length)
-    used, expected = (used, None) if budget is None else disturbed(used, budget.factors, budget.beside_scatter)
-    machine = used
-    asks, used = (asks, used) if thermal is None else expanded(asks, used, scale(thermal, at_reference))
-    found = [told(ask, used, spread.get((ask.kind, ask.name), ())) for ask in asks]
+    machine = seen(result, budget)
+    wide, learned = machine.wide, machine.learned
+    asks, at = _asked(wide, length)
+    spread = machine.spread(asks, lambda w: _asked(w, length)[0])
+    if thermal is not None:
+        more = scale(thermal, at_reference)
+        asks, wide, learned = longer(asks), expanded(wide, more), expanded(learned, more)
+    found = [told(ask, wide, learned, spread.get((ask.kind, ask.name), ())) for ask in asks]
     state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
-    tried = tuple((w.order, worth) for w, worth in compared)
-    figures = (*found, *_relative(asks, found, used))
-    return Sheet(figures, at, used.sigma, used.freedom, state, tried, used.order, thermal, budget, expected, machine)
+    figures = (*found, *_relative(asks, found, wide, learned))
+    sigma, freedom, order = wide.sigma, wide.freedom, wide.order
+    return Sheet(figures, at, sigma, freedom, state, machine.tried, order, thermal, budget, machine.expected, machine.wide)
 
 
 def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:
@@ -111,21 +99,8 @@ def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]
     return asked(w.touches.machine, w.coefficients, over, at), at
 
 
-def _spread(
-    asks: list[Ask], used: Whole, others: list[tuple[Whole, float]], length: float | None
-) -> dict[tuple[str, str], tuple[Array, ...]]:
-    """figures, machine, the same at other orders and what they are worth → (kind, name): what each adds to the uncertainty."""
-    found: dict[tuple[str, str], tuple[Array, ...]] = {}
-    values = {(a.kind, a.name): a.factor * a.curve @ used.values for a in asks}
-    for other, worth in others:
-        for a in _asked(other, length)[0]:
-            if (key := (a.kind, a.name)) in values:
-                found[key] = (*found.get(key, ()), worth**0.5 * (a.factor * a.curve @ other.values - values[key]))
-    return found
-
-
-def expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
-    """figures, machine, what temperature adds to every scale (mm/mm) → the same with this as one coefficient more."""
+def longer(asks: list[Ask]) -> list[Ask]:
+    """figures → the same with one coefficient more, what temperature adds to every scale (mm/mm)."""
     found = []
     for ask in asks:
         feels = np.zeros((*ask.curve.shape[:-1], 1))
@@ -134,11 +109,16 @@ def expanded(asks: list[Ask], w: Whole, more: Known) -> tuple[list[Ask], Whole]:
         elif ask.kind == "positioning gain":
             feels[0] = 1.0
         found.append(replace(ask, curve=np.concatenate([ask.curve, feels], axis=-1)))
+    return found
+
+
+def expanded(w: Whole, more: Known) -> Whole:
+    """machine, what temperature adds to every scale (mm/mm) → the same with this as one coefficient more."""
     p = len(w.values)
     covariance = np.zeros((p + 1, p + 1))
     covariance[:p, :p], covariance[p, p] = w.covariance, more.std**2
-    values, motions = np.append(w.values, more.value), (*w.motions, "the expansion of bar and machine")
-    return found, replace(w, motions=motions, values=values, covariance=covariance)
+    motions = (*w.motions, "the expansion of bar and machine")
+    return replace(w, motions=motions, values=np.append(w.values, more.value), covariance=covariance)
 
 
 def withheld(result: Estimate) -> tuple[str, ...]:
@@ -178,27 +158,26 @@ def _undecided(ask: Ask, w: Whole) -> tuple[tuple[str, ...], str] | None:
     return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
 
 
-def told(ask: Ask, w: Whole, more: tuple[Array, ...] = ()) -> OnPart:
-    """figure as it depends on the coefficients, machine, what other orders add → value and interval, or withheld and why."""
+def told(ask: Ask, wide: Whole, learned: Whole, more: tuple[Array, ...] = ()) -> OnPart:
+    """figure as it depends on the coefficients, machine twice (`Seen`), what other orders add → value, interval, or why not."""
     axis = ask.own[2:3] if ask.range is not None else ""
-    positions = len(np.unique(np.round(w.touches.axis(axis), 3))) if axis in w.touches.machine.names else 0
-    if (doubt := _undecided(ask, w)) is not None:
+    positions = len(np.unique(np.round(wide.touches.axis(axis), 3))) if axis in wide.touches.machine.names else 0
+    if (doubt := _undecided(ask, wide)) is not None:
         return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, positions)
-    value, interval = _interval(ask, w, more)
+    value, interval = _interval(ask, wide, learned, more)
     return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", positions)
 
 
-def _interval(ask: Ask, w: Whole, more: tuple[Array, ...] = ()) -> tuple[float, tuple[float, float]]:
-    student = float(special.stdtrit(w.freedom, 0.5 + COVERAGE / 2))
+def _interval(ask: Ask, wide: Whole, learned: Whole, more: tuple[Array, ...] = ()) -> tuple[float, tuple[float, float]]:
+    student = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2))
     if not ask.is_range:
-        value = float(ask.curve @ w.values) * ask.factor
-        wide = student * float(np.hypot(_worst(ask, w)[1], np.linalg.norm(np.array(more))))
-        return value, (value - wide, value + wide)
-    mean = ask.curve @ w.values * ask.factor
-    size, vectors = np.linalg.eigh(ask.curve @ w.covariance @ ask.curve.T * ask.factor**2)
-    keep = size > 1e-10 * size[-1]
-    root = vectors[:, keep] * np.sqrt(size[keep]) * student / float(special.ndtri(0.5 + COVERAGE / 2))
-    best, low, high = of_range(mean, np.column_stack([root, *(part[:, None] for part in more)]))
+        value = float(ask.curve @ learned.values) * ask.factor
+        half = student * float(np.hypot(_worst(ask, learned)[1], np.linalg.norm(np.array(more))))
+        return value, (value - half, value + half)
+    curve, wider = ask.curve * ask.factor, student / float(special.ndtri(0.5 + COVERAGE / 2))
+    mean, beside = curve @ learned.values, [part[:, None] for part in more]
+    own, noise = (np.column_stack([wider * root_of(curve, w.covariance), *beside]) for w in (learned, wide))
+    best, low, high = of_range(mean, own, curve @ wide.values, noise)
     if ask.zone and ask.command is not None and np.ptp(mean) > 0:
         part = minimum_zone(ask.command, mean) / float(np.ptp(mean))
         best, low, high = best * part, low * part, high * part
@@ -221,7 +200,7 @@ def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
     return tuple(sorted(found, key=lambda m: -found[m])[:NAMED])
 
 
-def _relative(asks: list[Ask], found: list[OnPart], w: Whole) -> list[OnPart]:
+def _relative(asks: list[Ask], found: list[OnPart], wide: Whole, learned: Whole) -> list[OnPart]:
     """→ differences and sums of two withheld figures of one kind that the touches do decide."""
     left = [a for a, f in zip(asks, found, strict=True) if f.value is None and not a.is_range]
     given = []
@@ -231,8 +210,8 @@ def _relative(asks: list[Ask], found: list[OnPart], w: Whole) -> list[OnPart]:
                 continue
             for sign, word in ((-1.0, "−"), (1.0, "+")):
                 ask = Ask(two.kind, f"{two.name} {word} {one.name}", two.unit, two.factor, two.curve + sign * one.curve, two.own)
-                if _worst(ask, w)[1] <= UNDECIDED[ask.unit]:
-                    value, interval = _interval(ask, w)
+                if _worst(ask, wide)[1] <= UNDECIDED[ask.unit]:
+                    value, interval = _interval(ask, wide, learned)
                     given.append(OnPart(ask.kind, ask.name, ask.unit, value, interval, None, "relative: neither is known alone"))
     return given
 

@@ -47,6 +47,7 @@ class Whole:
     criterion: float = 0.0  # AICc: the smaller, the better this order predicts touches that were not made
     gain: Array | None = None  # (p, n + m) how gaps of the touches and known distances, mm, move the values
     leave: Array | None = None  # (n, n + m) what is left of them in the residuals
+    widths: Array | None = None  # (p,) standard deviations before the touches are looked at; 0: not in this fit
 
 
 def disturbed(w: Whole, all_of: Sequence[Array], beside_scatter: Sequence[Array]) -> tuple[Whole, float]:
@@ -133,7 +134,9 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
     gain[seen[:p]] = ways[:own]
     leave = np.eye(n, ways.shape[1]) - sigma * matrix[:n] @ ways
     covariance = covariance[:p, :p]
-    return Whole(touches, found, names, values[:p], covariance, sigma, freedom, (degree, order), float(criterion), gain, leave)
+    return Whole(
+        touches, found, names, values[:p], covariance, sigma, freedom, (degree, order), float(criterion), gain, leave, width[:p]
+    )
 
 
 def foreseen(selection: Selection) -> Whole:
