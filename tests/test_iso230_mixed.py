@@ -15,6 +15,7 @@ from tango_cnc.identify import condition_number, scaled_condition_number
 from tango_cnc.iso230 import ranges
 from tango_cnc.iso230.interval import of_range
 from tango_cnc.iso230.onpart import minimum_zone
+from tango_cnc.iso230.seen import seen
 from tango_cnc.iso230.signed import Sheet, signed
 from tests.support.iso_coverage import EXAMPLES, estimated, measured, one
 from tests.support.truth import Truth
@@ -67,7 +68,36 @@ def test_a_range_of_nothing_is_told_as_nothing() -> None:
     root = np.linalg.qr(rng.normal(size=(31, 4)))[0] * 2.0
     held = [of_range(root @ rng.normal(size=4), root) for _ in range(60)]
     assert sum(low <= 0.0 for _, low, _ in held) >= 54
-    assert np.median([best for best, _, _ in held]) < 0.6
+
+
+def test_a_machine_without_errors_shows_sizes_of_nothing() -> None:
+    """Every range begins at 0, and the learned sizes take most of the noise out of the number that is printed."""
+    truth = Truth(EXAMPLES / "hu40t", 7, size=0.0)
+    result = estimated(truth, EXAMPLES / "hu40t")
+    machine = seen(result)
+    figures = [f for f in signed(result).figures if f.interval is not None and f.kind in ("straightness", "angular", "radial")]
+    assert len(figures) > 15
+    assert sum(f.interval is not None and f.interval[0] == 0.0 for f in figures) >= 0.95 * len(figures)
+    series = [i for i, c in enumerate(machine.wide.coefficients) if ".P" in c.name]
+    wide, learned = (np.sqrt(np.diag(w.covariance))[series] for w in (machine.wide, machine.learned))
+    assert np.median(learned / wide) < 0.35
+
+
+def test_sizes_are_learned_from_the_touches_and_touches_are_not_counted_twice() -> None:
+    """A machine with errors three times as large shows sizes about three times as large; what touches decide stays put."""
+    found = []
+    for size in (1.0, 3.0):
+        machine = seen(estimated(Truth(EXAMPLES / "hu40t", 7, size=size), EXAMPLES / "hu40t"))
+        assert np.all(np.diag(machine.learned.covariance) <= np.diag(machine.wide.covariance) * (1 + 1e-6))
+        waves = [
+            i
+            for i, c in enumerate(machine.wide.coefficients)
+            if c.slot.axis == "C" and ".P" not in c.name and c.slot.stage == "intra"
+        ]
+        found.append(np.sqrt(np.mean(machine.learned.values[waves] ** 2)))
+        i = [c.name for c in machine.wide.coefficients].index("EXXb")
+        assert abs(machine.learned.values[i] - machine.wide.values[i]) < 2 * np.sqrt(machine.wide.covariance[i, i])
+    assert 2.0 < found[1] / found[0] < 4.0
 
 
 def test_the_minimum_zone_of_a_bow_is_half_of_what_its_end_points_and_line_leave() -> None:
