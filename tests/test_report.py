@@ -167,7 +167,7 @@ def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:
     ("measured", "said", "todo"),
     [
         ("2026-11-21T21:00:00Z", "older than the newest night", "Go by the page of the newest night"),
-        ("2026-11-22T09:00:00Z", "the nights before them are not settled", "Call Ann"),
+        ("2026-11-22T09:00:00Z", "The nights before these readings are not settled", "Call Ann"),
         ("", "is not on record", "Go by the page of the newest night"),
     ],
 )
