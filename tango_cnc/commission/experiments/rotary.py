@@ -39,7 +39,7 @@ EXPERIMENT = Experiment(
     "state unclamp and clamp where a brake holds the axis, axis_numbers where another axis was read, rollover where it stands a "
     "turn off; state wait (G103 P1 on a Haas) where positions are read too early",
     judge,
-    re.compile(r"ROTARY AXIS|NOT TURNED|STANDS AT|MOTOR FAULT|ALARM:17|FOLLOWING ERROR|EXCESS ERROR|SERVO"),
+    re.compile(r"ROTARY AXIS|NOT TURNED|(?<![XYZ] )STANDS AT|MOTOR FAULT|ALARM:17|FOLLOWING ERROR|EXCESS ERROR|SERVO"),
     re.compile(
         r"turns a rotary axis|^rollover|^rotary =|^shortest|^wrapped|^wait =|^clamp|^unclamp|reading ahead|"
         r"letters of the rotary|before the next line|wait for the axes"
