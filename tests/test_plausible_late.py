@@ -157,3 +157,15 @@ def test_a_tip_that_is_a_tenth_too_small_shows_on_the_balls(measured: Measured) 
     judgement = judged(replace(cell, machine=machine), readings)
     assert judgement.verdict != "trustworthy"
     assert judgement.suspicions[0].kind == "tip_radius" and "radius of 3" in judgement.suspicions[0].text
+
+
+def test_backlashes_that_are_all_alike_may_be_the_tip(pytestconfig: pytest.Config) -> None:
+    folder = pytestconfig.rootpath / "examples" / "fork_head"
+    cell = read_cell(folder)
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, read_world(folder / "world.yaml"), seed=31)
+    machine = replace(cell.machine, probe=replace(cell.machine.probe, tip_radius=cell.machine.probe.tip_radius + 0.08))
+    result = honest(estimate(machine, cell.artefact, readings, cell.terms))
+    judgement = judge(replace(cell, machine=machine), readings, result, search=False)
+    assert result.value("EXXb") < -0.07 and judgement.verdict == "doubtful"
+    assert {"EXXb", "EYYb", "EZZb"} <= set(judgement.untrusted)
+    assert any("backlashes of X, Y are alike" in reason for reason in judgement.reasons)

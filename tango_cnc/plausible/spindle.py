@@ -15,7 +15,7 @@ from ..texts import say
 from .data import Remark
 
 TURNED = math.radians(60)  # rad between positions of S, at least
-TRUE = 2.5  # standard deviations of the runout within which it is none
+TRUE = 3.5  # standard deviations of the runout within which it is none
 DECIDED = 0.001  # mm: a runout that is less well known says nothing
 PLACE = ("EX0S", "EY0S", "EXt", "EYt")
 
