@@ -21,7 +21,7 @@ from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..judgement import Judgement
 from ..records import InputError
-from ..report import page, pdf, terminal
+from ..report import page, pdf, template, terminal
 from ..report.days import local_day
 from ..report.facts import Facts, Nights, Paper, Wishes, effects, gather, verdict
 from ..report.texts import texts
@@ -87,7 +87,7 @@ def command(
     """
     if pdf_file is not None and not pdf.available():
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'")
-    page.environment(templates)
+    template.environment(templates)
     cell = read_cell(folder)
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)

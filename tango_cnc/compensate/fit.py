@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from .. import kinematics
@@ -113,7 +114,7 @@ class Holding:
     poses: Poses
     levers: Array  # (3n, p) mm per unit of every coefficient
     taken: Array  # (3n, p) mm of them that the control takes away
-    reversal: Array  # (p,) bool, whether a coefficient depends on the last motion
+    reversal: NDArray[np.bool_]  # (p,) whether a coefficient depends on the last motion
     space: Array  # (3n, h) mm that a unit of every number takes away
     direct: Array  # (h, p) by name
     basis: Array  # (h, b) the rest by fitted shapes
@@ -144,7 +145,7 @@ def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
     direct = by_name(found, held, poses)
     # What the target takes away of every coefficient: by name first, the rest by fitted shapes.
     taken = space @ (direct + basis @ solve(levers - space @ direct))
-    reversing = found.reversal(poses).any(axis=0)
+    reversing = np.asarray(found.reversal(poses).any(axis=0))
     return Holding(tuple(held), poses, levers, taken, reversing, space, direct, basis, solve)
 
 

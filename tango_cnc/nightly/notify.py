@@ -26,6 +26,7 @@ from threading import Thread
 from time import monotonic
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
+from ..texts import say
 from .ports import Delivery
 
 WAIT = 20.0  # s, for one answer
@@ -55,7 +56,7 @@ class Notifier:
         end = monotonic() + LONGEST
         for thread in at_work:
             thread.join(max(end - monotonic(), 0.0))
-        late = f"no end within {LONGEST:g} s: it answers too slowly or not at all"
+        late = say("mail.late", seconds=f"{LONGEST:g}")
         missing = {to: Delivery(to, False, late) for to, _ in wanted}
         return tuple(Delivery(to, True) if to in but else done.get(to) or missing[to] for to in names)
 

@@ -14,8 +14,9 @@ from . import svg
 from .answer import answer, measuring
 from .days import day, ended, local_day
 from .faults import alarm, begun, faults, sentence
-from .page import environment, rendered, value_text
+from .page import value_text
 from .plain import amount, plain
+from .template import environment, rendered
 from .texts import Texts, texts_of
 from .units import Units
 from .verdict import Level

@@ -10,7 +10,8 @@ from markupsafe import Markup
 
 from ..records import InputError
 from .facts import Facts
-from .page import context, environment, rendered
+from .page import context
+from .template import environment, rendered
 from .texts import texts_of
 
 TONES = {"good": "#00694c", "look": "#9a5b00", "stop": "#b3261e"}

@@ -122,7 +122,7 @@ def _gain(begin: State, nights: Sequence[_Night], rates: Array) -> _Gain:
         size = both[:, p + 1 :] @ night.rows.T
         size.ravel()[:: len(size) + 1] += 1.0
         root = np.linalg.cholesky(size)
-        white = solved(root, both)
+        white = solved(np.asarray(root, dtype=float), both)
         ahead, rows, seen = white[:, 0], white[:, 1 : p + 1], white[:, p + 1 :]
         likelihood -= 0.5 * float(ahead @ ahead) + float(np.sum(np.log(np.diag(root))))
         mean = mean + seen.T @ ahead

@@ -26,7 +26,7 @@ from starlette.routing import BaseRoute, Route
 from ..records import TangoError
 from ..report.days import at, day
 from ..report.faults import sentence
-from ..report.page import environment
+from ..report.template import environment
 from ..report.texts import Texts, texts_of
 from ..report.units import Units
 from . import pages

@@ -1,0 +1,52 @@
+"""Templates of the program and of a shop → text; a mistake in a template of a shop is a sentence that names file and line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from jinja2.sandbox import SandboxedEnvironment
+
+from ..nearest import printable
+from ..records import InputError, TangoError
+
+TEMPLATES = "templates"
+
+
+def environment(folder: Path | None = None) -> jinja2.Environment:
+    """folder of a shop with templates of its own, or None → where templates come from; what is inserted is escaped."""
+    places: list[jinja2.BaseLoader] = [jinja2.PackageLoader("tango_cnc.report", TEMPLATES)]
+    if folder is not None:
+        if not folder.is_dir():
+            raise InputError(f"--templates: found {folder}, which is no folder; allowed: a folder with templates or texts.toml")
+        places.insert(0, jinja2.FileSystemLoader(folder))
+    return SandboxedEnvironment(  # a cell from elsewhere may name templates: they compute nothing beyond the page
+        loader=jinja2.ChoiceLoader(places), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+
+
+def rendered(env: jinja2.Environment, name: str, context: Mapping[str, Any]) -> str:
+    """environment, template, values → text. Raises InputError for a mistake in a template of a shop."""
+    try:
+        return env.get_template(name).render(**context)
+    except jinja2.TemplateSyntaxError as error:
+        where = f"{error.filename or error.name}:{error.lineno}"
+        raise InputError(f"{where}: {printable(str(error.message))}; correct the template") from None
+    except (jinja2.UndefinedError, jinja2.TemplateNotFound) as error:
+        said = printable(str(error.message))
+        raise InputError(f"{name}: {said}; allowed: what the template of the program uses (docs/report.md)") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: it is not UTF-8 text; save the template as UTF-8") from None
+    except TangoError:
+        raise
+    except Exception as error:
+        if not _of_a_shop(env):
+            raise
+        said = printable(str(error), 200)
+        raise InputError(f"{name}: {said} ({type(error).__name__}); correct the template, or one that it includes") from None
+
+
+def _of_a_shop(env: jinja2.Environment) -> bool:
+    return isinstance(env.loader, jinja2.ChoiceLoader) and isinstance(env.loader.loaders[0], jinja2.FileSystemLoader)
