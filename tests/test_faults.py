@@ -59,7 +59,7 @@ def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page
     place = cell(tmp_path / "one", records=records)
     for path in ("/", "/alarms", "/machine/HU40T-like"):
         text = asked(place, path).partition("For the engineer")[0]
-        assert "C axis has moved along Y by 11 µm since Sun 25 Oct 2026. It has moved 2 times the same way" in text, path
+        assert "C axis has moved along Y by 11 µm since the night of Mon 26 Oct 2026. It has moved 2 times the same way" in text, path
         assert "3.6 µm" not in text and "3.9 µm" not in text and "7.2 µm" not in text, path
         assert path == "/" or ("off by up to 22 µm" in text and "Enter no new location" in text), path
         assert "Ask who was at the machine" not in text
@@ -86,7 +86,7 @@ def test_what_does_more_to_a_part_comes_first_and_no_sentence_says_last_night() 
     limit = {"behind": [{"what": "volume", "parameter": "EX0S", "size": 0.012, "unit": "mm", "text": "x", "since": ""}]}
     found = faults(night("M", 3, "out_of_limits", standing=[step(2, 11.0), spindle], **limit), (), {}, Units(), texts())
     assert [a["parameter"] for a in found] == ["EY0C", "EX0S"]
-    assert all("last night" not in a["text"] for a in found) and "since Sat 24 Oct 2026" in found[1]["text"]
+    assert all("last night" not in a["text"] for a in found) and "since the night of Sun 25 Oct 2026" in found[1]["text"]
 
 
 def test_who_is_asked_hears_since_when_and_nobody_is_loud() -> None:
@@ -183,7 +183,7 @@ def test_what_was_done_is_not_ordered_again() -> None:
     for written, wanted in (("", True), ("2026-10-26", True), ("2026-10-28", False)):  # on the 27th it moved last
         first, second = faults(night("M", 4, standing=[*drift, other]), (), {}, Units(), texts(), written=written)
         assert ("Enter no new location" in first["todo"]) is wanted and ("written on" in first["todo"]) is not wanted
-        assert second["todo"].startswith("Only when the drift has been ended: ")
+        assert second["todo"].startswith("End the drift first. Then: ")
     stopped = night("M", 1, status="partial", touches=58, planned=84, why="the door was opened")
     for kind, wanted in (("check", False), ("full", True)):
         page = render(stopped | {"next": {"kind": kind, "why": ""}}).partition("For the engineer")[0]

@@ -47,7 +47,7 @@ def code(made: Plan, *lines: str, **profile: Any) -> Ran:
         ({}, {"base_offset": {"X": 3.0, "Y": -7.0, "Z": 12.5}}),
         ({"contact": "V.A.MEAS", "contact_frame": "machine"}, {"base_offset": {"Z": 12.5}}),
         ({"rollover": "never", "met": ""}, {"rollover": (), "status": "never"}),
-        ({"decimals": 4, "probe_state": "", "probe_input": 2}, {"deflected": "ends"}),
+        ({"decimals": 4, "probe_state": "", "probe_input": 2}, {"deflected": "ends", "probe_input": 2}),
         ({"programmed_position": "V.A.PPOS"}, {"measured": "named"}),
     ],
 )

@@ -268,6 +268,7 @@ def _record(folder: Path) -> bytes:
     record |= {"machine": "small", "topology": "wCBXfZY(S)t", "options": {"points": 3}, "volume": {"X": [-100.0, 100.0]}}
     record |= {"promise": {"rms_before_um": figure, "rms_after_um": figure, "p95_before_um": figure, "p95_after_um": figure}}
     record |= {"created_utc": UTC, "steps": ["1. load it"], "readings_rows": ["00ff"], "over": "probed", "present_given": True}
+    (folder / "compensations" / "001-a" / "steps.txt").write_text("1. load it\n", encoding="utf-8")
     return json.dumps(record | {"digest": loop.digest(record)}).encode()
 
 
