@@ -97,8 +97,12 @@ def test_the_faster_way_promises_what_propose_does() -> None:
         fast, promise = promised("trunnion", target, found)
         slow = propose(found, target)
         said = slow.fit.rms_after
-        assert (promise.low, promise.value, promise.high) == pytest.approx((said.low, said.value, said.high), rel=0.02)
-        assert max(abs(fast.numbers[place] - number) for place, number in slow.numbers.items()) < 1e-4
+        assert promise.value == pytest.approx(said.value, rel=0.02)
+        # Its ends are quantiles of which 25 of 1000 draws lie beyond, and each way draws along eigenvectors of its own.
+        assert (promise.low, promise.high) == pytest.approx((said.low, said.high), rel=0.06)
+        # A table begins and ends where the touches did, which is some µm elsewhere on each machine.
+        pairs = zip(fast.numbers.values(), slow.numbers.values(), strict=True)
+        assert max(abs(one - other) for one, other in pairs) < 1e-4
 
 
 @pytest.mark.long

@@ -59,7 +59,9 @@ def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page
     place = cell(tmp_path / "one", records=records)
     for path in ("/", "/alarms", "/machine/HU40T-like"):
         text = asked(place, path).partition("For the engineer")[0]
-        assert "C axis has moved along Y by 11 µm since the night of Mon 26 Oct 2026. It has moved 2 times the same way" in text, path
+        assert "C axis has moved along Y by 11 µm since the night of Mon 26 Oct 2026. It has moved 2 times the same way" in text, (
+            path
+        )
         assert "3.6 µm" not in text and "3.9 µm" not in text and "7.2 µm" not in text, path
         assert path == "/" or ("off by up to 22 µm" in text and "Enter no new location" in text), path
         assert "Ask who was at the machine" not in text

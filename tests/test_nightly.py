@@ -45,3 +45,19 @@ def test_a_check_of_fewer_touches_than_unknowns_is_a_night_like_others(root: Pat
     assert [r["verdict"] for r in records] == ["good", "good", "changed"]
     files = [json.loads(text) for name, text in kept.items() if name.endswith("estimate.json")]
     assert len(files) == 3 and files[1]["condition_number"] is None and files[0]["condition_number"] > 1
+
+
+@pytest.mark.long
+def test_a_drift_as_slow_as_the_machine_wanders_is_said_and_becomes_an_alarm(root: Path, tmp_path: Path) -> None:
+    """0.3 µm a night from night 10 on: a week shows no more than a wander of that size, four weeks do."""
+    cell, truth = read_cell(root / "examples" / "hu40t"), read_world(root / "examples" / "hu40t" / "world.yaml")
+    cell = replace(cell, strategy=replace(cell.strategy, indexations=cell.strategy.indexations[::4]))
+    story = Story((Event(10, drift={"EX0C": 3e-4}),))
+    with opened(tmp_path / "history.db") as history:
+        records = [r for r, _ in nights(cell, truth, history, 40, 77, story, Nightly(diagnose=False, check_minutes=2))]
+    alarms = [(i, a) for i, r in enumerate(records, 1) for a in r["alarms"]]
+    assert [(a["parameter"], a["cause"]) for _, a in alarms] == [("EX0C", "axis_location")]
+    number, alarm = alarms[0]
+    assert number > 20 and alarm["rate_per_day"] == pytest.approx(3e-4, rel=0.25)
+    said = [i for i, r in enumerate(records[: number - 1], 1) if "EX0C" in r["headline"]]
+    assert said and min(said) > 10

@@ -24,6 +24,8 @@ from .words import cause_texts, changed, value
 LAST_NIGHT = "last night"
 NEAR = 1.5  # days within which the night before is last night
 EVENING = timedelta(hours=6)  # before midnight: what begins later belongs to the next day
+FAR = 1e-6  # p-value of what a story leaves, below which it is not the whole story
+MOSTLY = 0.95  # share of what has changed that a story explains when it is told as the whole one
 LISTED = 60  # nights looked back over for the last one with a result
 OFFSET = re.compile(r"E[XYZ]0([ABC])")
 TURNED = re.compile(r"E[ABC]0([XYZABC])")
@@ -88,7 +90,7 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
     """what is known, since when, prediction, test of the night, its best story → the alarm of the record."""
     alarm: dict[str, Any] = {"id": "", "since": before.date, "rate_per_day": None, "instead": []}
     moved = np.zeros(len(k.followed.names))
-    if named is None or (named.remains < 1e-6 and named.explained < 0.5 * tonight.statistic / tonight.scale):
+    if named is None or (named.remains < FAR and named.explained < 0.5 * tonight.statistic / tonight.scale):
         if tonight.p_noise < tonight.p_machine:
             dof = max(tonight.noise[1], 1)
             size = float(np.sqrt(tonight.noise[0] / dof))
@@ -107,6 +109,8 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
         moved = h.directions @ named.size
         size, std, text = _said(k, before, named)
+        if named.remains < FAR and named.explained < MOSTLY * tonight.statistic / tonight.scale:
+            text = texts()("changed.more", text=text)
         alarm["instead"] = list(named.instead)
     effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved)
     return alarm | {

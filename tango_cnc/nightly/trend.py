@@ -1,8 +1,9 @@
 """What no single night shows: a parameter that goes one way night after night, and which one stands behind a crossed limit.
 
 A parameter wanders; how fast is known (`State.rates`). Between two nights k days apart it moves by less than
-√(rate k + what neither night knows). What moves farther has drifted. Every parameter is tried over every span of the last week,
-and the price of so many tries is paid (Bonferroni), so that the share of false alarms that drifts have is kept.
+√(rate k + what neither night knows). What moves farther has drifted. Every parameter is tried over every span of the last week
+and over some of the last four: a wander grows with the root of time, so a drift as slow as it shows in weeks only. The price of
+so many tries is paid (Bonferroni), so that the share of false alarms that drifts have is kept.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from .words import changed, value
 
 AT_ONCE = 0.7  # share of a change that one night makes: no drift, but a step
 MONTH = 30  # nights that what stands behind a limit is looked for over
-SPANS = 7  # measured nights that a drift is looked for over
+SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
 SLOPE = 21  # nights that a rate is told from
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
@@ -65,13 +66,13 @@ def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: f
     for record in records:
         if record.get("parameters") and record.get("state"):
             back.append(record)
-        if record["alarms"] or len(back) == SPANS:
+        if record["alarms"] or len(back) == SPANS[-1]:
             break
     places = k.followed.machine
     names = [k.followed.selection.label(k.followed.names[i]) for i in places]
     best: tuple[float, int, Mapping[str, Any], float, float] | None = None
     tried, sure = 0, after.std
-    for record in back[1:]:
+    for record in [back[span - 1] for span in SPANS if span <= len(back)]:
         days = after.day - float(record["state"]["day"])
         rates = np.array(record["state"]["rates"], dtype=float)
         rates = rates[places] if len(rates) == len(k.followed.names) else k.followed.wander[places]
