@@ -35,7 +35,7 @@ class Moment:
 def moments(means: Rows, found: Explanation, outcome: Outcome, weight: Array) -> list[Moment]:
     """rows, explanation, outcome of the contest → what it put down to one moment or pose.
 
-    Two named interruptions of which the second takes the first one back are one window, and no two knocks.
+    Where a second named interruption takes the first one back, both are one window, and no two knocks.
     """
     touches = means.whole
     result = []

@@ -25,7 +25,7 @@ LAST_NIGHT = "last night"
 NEAR = 1.5  # days within which the night before is last night
 EVENING = timedelta(hours=6)  # before midnight: what begins later belongs to the next day
 FAR = 1e-6  # p-value of what a story leaves, below which it is not the whole story
-MOSTLY = 0.95  # share of what has changed that a story explains when it is told as the whole one
+MOSTLY = 0.95  # share of what has changed that a story explains for it to be reported as the whole one
 LISTED = 60  # nights looked back over for the last one with a result
 OFFSET = re.compile(r"E[XYZ]0([ABC])")
 TURNED = re.compile(r"E[ABC]0([XYZABC])")

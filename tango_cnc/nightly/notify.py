@@ -30,7 +30,7 @@ from ..texts import say
 from .ports import Delivery
 
 WAIT = 20.0  # s, for one answer
-LONGEST = 60.0  # s, for all receivers together, who are told at the same time
+LONGEST = 60.0  # s, for all receivers together, to whom it is sent at the same time
 
 
 @dataclass(frozen=True)
