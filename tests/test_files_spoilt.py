@@ -8,19 +8,24 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from support.histories import record
 from support.mutants import campaign
 from support.readers import READERS, TEXTS, cell
+from support.shopfiles import marked
 
 from tango_cnc import files
 from tango_cnc.asked import as_run, asked
+from tango_cnc.files import checked
 from tango_cnc.files.readjson import parse_json
 from tango_cnc.history import opened
 from tango_cnc.link.lock import NAME, _alive, holding
+from tango_cnc.nc import blocks
 from tango_cnc.nearest import printable
 from tango_cnc.readback.expressions import expression
 from tango_cnc.records import InputError, LinkError
@@ -176,6 +181,54 @@ def test_a_block_of_brackets_is_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "part.nc").write_text("%\n" + '({"a":' * 3000 + "\n%\n")
     with pytest.raises(InputError, match="a block of 18000 characters"):
         READERS["part.nc"].read(tmp_path)
+
+
+def test_a_line_longer_than_any_control_reads_is_refused_by_its_number(tmp_path: Path) -> None:
+    cell(tmp_path)
+    reader = READERS["program-siemens"]
+    text = reader.text(tmp_path).decode()
+    at = text.index("\n", text.index("G1"))
+    (tmp_path / reader.name).write_bytes(marked(text[:at] + "9" * 5000 + text[at:]))
+    with pytest.raises(InputError, match=r"line \d+ has 50\d\d characters; allowed: at most 1000"):
+        reader.read(tmp_path)
+
+
+def test_an_argument_with_two_signs_of_equality_is_no_line_of_okuma(tmp_path: Path) -> None:
+    cell(tmp_path)
+    reader = READERS["program-okuma"]
+    text = reader.text(tmp_path).decode()
+    (tmp_path / reader.name).write_bytes(marked(re.sub(r"(CALL O\w+ P[A-Z]=)", r"\1A=", text, count=1)))
+    with pytest.raises(InputError, match=r"program line \d+ 'CALL"):
+        reader.read(tmp_path)
+
+
+@pytest.mark.parametrize("line", ["2 L X+\x0b40", "2 L Z+50 F" + "9" * 400, "1 TOOL CALL " + "9" * 5000 + " Z", "M" + "9" * 5000])
+def test_a_number_that_no_control_takes_is_refused_in_klartext(line: str) -> None:
+    with pytest.raises(InputError, match=r"line 7: found .*no (number that a control takes|control reads|machine goes there)"):
+        blocks.language("klartext").read(line, 7, blocks.Modal(), "XYZ")
+
+
+@pytest.mark.parametrize("language", ["macro_b", "rs274", "siemens"])
+def test_an_infinite_number_is_refused_in_words_of_letters(language: str) -> None:
+    for word in ("M", "T", "F", "S", "N", "G"):
+        with pytest.raises(InputError, match="no number that a control takes"):
+            blocks.language(language).read(word + "9" * 400, 7, blocks.Modal(), "XYZ")
+
+
+def test_a_table_of_more_points_than_a_control_holds_is_refused_before_it_is_made(tmp_path: Path) -> None:
+    reader = READERS["control-siemens"]
+    text = reader.text(tmp_path).decode()
+    for step in ("1e-320", "1e-9"):
+        (tmp_path / reader.name).write_text(re.sub(r"(AN_CEC_STEP\[\d+\]=)\S+", rf"\g<1>{step}", text))
+        with pytest.raises(InputError, match="above 5000 points"):
+            reader.read(tmp_path)
+
+
+def test_a_file_that_was_changed_is_parsed_anew(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    for text in ("a: 1\n", "a: 2\n", "a: [017, +3, 0x1F]\n"):
+        file.write_text(text)
+        assert checked.load(file).plain() == yaml.safe_load(text)
 
 
 def test_a_long_name_of_a_file_is_shown_as_far_as_anybody_reads(tmp_path: Path) -> None:

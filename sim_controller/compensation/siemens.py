@@ -15,6 +15,7 @@ from . import Applied, Trim, alarm, moved_axes, number, text_of
 
 VARIABLE = re.compile(r"\$(?P<name>\w+)\[(?P<index>[^\]]*)\]\s*=\s*(?P<value>[^;]+)")
 CEC_SIGN, ENC_SIGN = 1.0, -1.0  # CEC is added to the command; ENC_COMP to the encoder, so the axis goes less far
+POINTS = 5000  # of a table: that the memory of a control is no larger is unconfirmed
 
 
 def read(folder: Path, machine: Machine) -> Applied:
@@ -53,6 +54,10 @@ def _table(file: str, values: Mapping[int, float], frame: Mapping[str, float], s
     step, low, high = frame.get("STEP", 0.0), frame.get("MIN", 0.0), frame.get("MAX", 0.0)
     if step <= 0 or high <= low:
         raise InputError(f"{file}: the simulated control refuses it: STEP {step:g}, MIN {low:g}, MAX {high:g}")
+    if (high - low) / step > POINTS:
+        raise InputError(
+            f"{file}: the simulated control refuses it: MIN {low:g} to MAX {high:g} by {step:g} is above {POINTS} points"
+        )
     count = round((high - low) / step) + 1
     if any(i < 0 or i >= count for i in values):
         raise InputError(f"{file}: the simulated control refuses it: an index outside of 0 to {count - 1}")

@@ -8,6 +8,7 @@ import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +19,7 @@ from ..nearest import suggestion as suggestion
 from ..records import Id, InputError, Vector
 
 NUMERAL = re.compile(r"-?\d+")
+WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)")  # which YAML and Python read alike
 LARGEST = 1 << 28  # bytes of a file that is read whole
 SMALL = 1 << 16  # bytes asked for of a file that does not state its size, as in /proc; what is asked for is reserved in memory
 LONGEST = 400_000  # characters of YAML: what can be read in about a second
@@ -305,7 +307,7 @@ class Node:
         if self.raw.tag == "tag:yaml.org,2002:int":
             if len(self.raw.value) > DIGITS:
                 raise self.wrong(f"a whole number of at most {DIGITS} digits")
-            return yaml.safe_load(str(self.raw.value))
+            return int(self.raw.value) if WHOLE.fullmatch(self.raw.value) else yaml.safe_load(str(self.raw.value))
         if not isinstance(self.raw, Scalar) or self.raw.style not in ("'", '"'):
             try:
                 float(self.raw.value)
@@ -392,9 +394,13 @@ def read_text(file: Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+_parsed = lru_cache(maxsize=32)(parse)  # of small files: one command asks several times, and what was parsed is never changed
+
+
 def load(file: Path) -> Node:
     """file → its root. Raises InputError when it cannot be read or is not YAML."""
-    return parse(file, read_text(file))
+    text = read_text(file)
+    return _parsed(file, text) if len(text) <= SMALL else parse(file, text)
 
 
 @contextmanager

@@ -400,10 +400,14 @@ def _there(target: Mapping[str, float]) -> Statement:
 
 
 def numbered(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
-    """lines → (line number, line without blanks around it)."""
-    return ((number, line.strip()) for number, line in enumerate(lines, 1))
+    """lines → (line number, line without blanks around it). Raises InputError for one that is longer than any control reads."""
+    for number, line in enumerate(lines, 1):
+        if len(line) > LONGEST:
+            raise InputError(f"line {number} has {len(line)} characters; allowed: at most {LONGEST}, no control reads more")
+        yield number, line.strip()
 
 
+LONGEST = 1000  # characters of a line
 SAID = 2000  # characters of what is wrong with a line
 
 

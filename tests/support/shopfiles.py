@@ -6,7 +6,7 @@ import hashlib
 import json
 import random
 import socket
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -53,9 +53,10 @@ NAMES = {"one": [1, 2.5], "two": (lambda x: x)}
 
 @cache
 def whole(folder: Path) -> tuple[Cell, Plan]:
-    """folder → its cell and plan, made once."""
+    """folder → its cell, and the plan of the first touch of each of its indexations, made once: a program of every kind of line."""
     cell = read_cell(folder)
-    return cell, plan(cell)
+    few = tuple(replace(one, facets=one.facets[:1]) for one in cell.strategy.indexations)
+    return cell, plan(replace(cell, strategy=replace(cell.strategy, indexations=few)))
 
 
 def _part(language: str) -> Reader:
@@ -71,7 +72,11 @@ def _part(language: str) -> Reader:
 
 def remarked(data: bytes, rng: random.Random) -> bytes:
     """program → the same with something wrong and its mark made anew, so that its lines are read."""
-    text = spoilt(data, rng).decode("utf-8", "replace")
+    return marked(spoilt(data, rng).decode("utf-8", "replace"))
+
+
+def marked(text: str) -> bytes:
+    """text of a program → the same with its mark made anew."""
     found = posts.MARK.search(text)
     if found is None:
         return text.encode()
@@ -80,13 +85,16 @@ def remarked(data: bytes, rng: random.Random) -> bytes:
     return blank.replace(posts.BLANK, mark).encode()
 
 
+_post = cache(posts.load)
+
+
 def _program(post: str) -> Reader:
     def good(folder: Path) -> bytes:
         made = whole(folder)[1]
-        return "\n".join([*posts.program(posts.load(post), made, {}, plan_hash(made))[2](), ""]).encode()
+        return "\n".join([*posts.program(_post(post), made, {}, plan_hash(made))[2](), ""]).encode()
 
     def read(folder: Path) -> Any:
-        return from_file(folder / f"{post}.nc", posts.load(post), whole(folder)[1], {}) and None
+        return from_file(folder / f"{post}.nc", _post(post), whole(folder)[1], {}) and None
 
     return Reader(f"{post}.nc", good, read, remarked)
 

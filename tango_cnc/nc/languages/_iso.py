@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -111,10 +112,7 @@ def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block
         if gap:
             _strange(style, gap, number)
         letter, text = match["letter"].upper(), match["value"]
-        try:
-            value = float(text.replace(" ", ""))
-        except ValueError:
-            raise refused(number, match[0].strip(), "no number") from None
+        value = number_in(number, match[0], text)
         if letter in AXES + "IJKR" and abs(value) > MOST:
             raise refused(number, f"{letter}{value:.3g}", "no machine goes there")
         words.append(Word(letter, value, match.start(), match.end()))
@@ -123,6 +121,18 @@ def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block
         _strange(style, gap, number)
     block.words = tuple(words)
     return _meaning(style, block, modal, axes)
+
+
+def number_in(number: int, word: str, text: str) -> float:
+    """number of a block, one of its words, digits of it → the number. Raises InputError for none, and for an infinite one."""
+    try:
+        value = float(text.replace(" ", ""))
+    except ValueError:
+        value = math.inf
+    if not math.isfinite(value):
+        place = word.strip()[:1].upper() in AXES + "IJKR"
+        raise refused(number, word.strip(), "no machine goes there" if place else "no number that a control takes")
+    return value
 
 
 def _strange(style: Style, text: str, number: int) -> None:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from ..blocks import Arc, Block, Modal, Word, arc_of, refused
-from ._iso import AFTER, MOST, NUMBER, REFUSED
+from ._iso import AFTER, LONGEST, MOST, NUMBER, REFUSED, number_in
 
 SAYS = "HEIDENHAIN Klartext"
 LENGTH = True
@@ -63,6 +63,8 @@ def mark(text: str) -> str:
 
 def read(line: str, number: int, modal: Modal, axes: str) -> Block:
     """line, its number, modal state, axes → block. Raises InputError by name."""
+    if len(line) > LONGEST:
+        raise refused(number, line, f"a block of {len(line.rstrip())} characters, which no control reads")
     block = Block(number, line)
     parts = LINE.match(line.rstrip("\r\n"))
     assert parts is not None
@@ -117,7 +119,7 @@ def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: 
             raise refused(number, gap, why)
         at = match.end()
         letter, value = match["letter"], match["value"]
-        number_of = float(value.replace(" ", "")) if value is not None else 0.0
+        number_of = number_in(number, match[0], value) if value is not None else 0.0
         words.append(Word(letter, number_of, shift + match.start(), shift + match.end()))
         if letter in ("RL", "RR"):
             raise refused(number, letter, REFUSED[41])
