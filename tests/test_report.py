@@ -148,12 +148,12 @@ def test_the_page_has_every_section_and_what_an_auditor_asks_for(facts: Facts) -
         assert wanted in text, wanted
 
 
-def test_a_simulation_says_so_above_its_verdict(facts: Facts) -> None:
+def test_a_simulation_says_so_beside_its_verdict(facts: Facts) -> None:
     """Nobody takes the page of a simulated machine for one of a real machine."""
     line = texts()("audit.simulated")
     assert line not in page.render(facts)
     made_up = page.render(replace(facts, paper=replace(facts.paper, simulated=True)))
-    assert made_up.index(line) < made_up.index('<section class="verdict')
+    assert made_up.index('<section class="verdict') < made_up.index(line) < made_up.index('<section class="todo')
 
 
 def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:

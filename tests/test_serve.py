@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
-from tango_cnc.history import opened
+from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.words import changed
 from tango_cnc.report import morning
 from tango_cnc.report.answer import answer
@@ -309,11 +310,33 @@ def test_an_alarm_is_acknowledged_and_has_an_owner(tmp_path: Path) -> None:
         "until": "",
     }
     answer = site.post("/machine/HU40T-like/decide", data=form)
-    assert "No alarm is open." in answer.text and "looking &lt;into&gt; it (ann)" in answer.text
+    assert "No alarm waits for an answer." in answer.text and "looking &lt;into&gt; it (ann)" in answer.text
     assert "Bob (acknowledged)" in site.get("/machine/HU40T-like/night/13").text
     with opened(folder / "history.db") as history:
         assert [d.owner for d in history.decisions("HU40T-like")] == ["Bob"]
         assert not history.verify()
+
+
+def test_what_is_answered_and_not_closed_stays_among_the_alarms(tmp_path: Path) -> None:
+    """Every page says who has it and since when; only accepted and repaired close an alarm."""
+    records = [night("HU40T-like", 0), night("HU40T-like", 1, "changed", alarms=[knock("2026-10-25")])]
+    place = cell(tmp_path / "one", records=records)
+    day = date.today().isoformat()
+    steps = (
+        (Decision("2026-10-25-1", "acknowledge", "Bob", "after the shift"), "acknowledged, not closed"),
+        (Decision("2026-10-25-1", "ignore", "Bob", "", day), "ignored, not closed"),
+        (Decision("2026-10-25-1", "repaired", "Bob"), ""),
+    )
+    for decision, mark in steps:
+        with opened(place / "history.db") as history:
+            history.decide("HU40T-like", decision)
+        with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
+            alarms, fleet, machine = (client.get(path).text for path in ("/alarms", "/", "/machine/HU40T-like"))
+        assert (mark in alarms) if mark else ("No alarm is open." in alarms and "not closed" not in alarms)
+        assert ("after the shift" in alarms.partition("Decisions so far")[0]) == (decision.action == "acknowledge")
+        assert ("Until " in alarms.partition("Decisions so far")[0]) == (decision.action == "ignore")
+        for text in (fleet, machine):
+            assert "Yes, but" in text and ("Bob has it." in text) == bool(mark) and "nobody has answered" not in text
 
 
 @pytest.mark.long
@@ -468,3 +491,6 @@ def test_where_no_night_was_within_the_limit_every_part_is_in_question() -> None
     limit = {"what": "volume", "value": 60.0, "unit": "µm", "low": 59.0, "high": 61.0, "limit": 45.0, "passed": False}
     told = morning.render(night("M", 12, "out_of_limits", limits=[limit]), never="2026-11-03")
     assert "All: no night since Tue 3 Nov 2026 was within the limit." in told
+    assert "Since the first measured night, Tue 3 Nov 2026: no night was within the limit." in told
+    within = morning.render(night("M", 12, "out_of_limits", limits=[limit]), within="2026-11-03")
+    assert "Last night within the limit: Tue 3 Nov 2026." in within

@@ -202,7 +202,8 @@ def test_an_alarm_is_acknowledged(site: Site, browser: webdriver.Chrome) -> None
     browser.find_element(By.CSS_SELECTOR, "input[value=acknowledge]").click()
     browser.find_element(By.CSS_SELECTOR, "input[name=note]").send_keys("I look at it before the first shift")
     browser.find_element(By.CSS_SELECTOR, ".decide button.main").click()
-    wait(lambda: "No alarm is open." in browser.page_source)
+    wait(lambda: "No alarm waits for an answer." in browser.page_source)
+    assert "acknowledged, not closed" in browser.page_source  # it stays in the list, with who has it
     browser.get(f"{site.base}/machine/HU40T-like/night/13")
     assert "ann (acknowledged)" in browser.page_source
 

@@ -9,6 +9,7 @@ from typing import Any
 from ..records import Array
 
 ACTIONS = ("accept", "acknowledge", "repaired", "ignore")
+HELD = ("acknowledge", "ignore")  # after these an alarm is answered and not closed
 
 
 @dataclass(frozen=True)
@@ -102,3 +103,4 @@ class Standing:
     nights: int
     alarms_open: int  # alarms without a decision
     late: bool  # no complete night for longer than asked for
+    alarms_held: int = 0  # alarms that somebody has answered without closing them

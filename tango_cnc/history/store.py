@@ -29,7 +29,7 @@ from . import _asked as asked
 from . import _chain, _whole
 from . import _tables as t
 from ._database import connect, first_line
-from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend
+from .records import ACTIONS, HELD, Decision, Knowledge, Night, Standing, Stored, Trend
 
 FORMAT = "tango-night/1"
 _NIGHT = asked.COLUMNS
@@ -266,15 +266,18 @@ class History:
             .join(t.machine, t.machine.c.id == t.night.c.machine_id)
             .where(t.night.c.alarms > 0)
         )
-        answered = select(t.machine.c.name, t.decision.c.alarm).join(t.machine, t.machine.c.id == t.decision.c.machine_id)
-        decided = {(row.name, row.alarm) for row in self._rows(answered)}
+        answered = select(t.machine.c.name, t.decision.c.alarm, t.decision.c.action)
+        answered = answered.join(t.machine, t.machine.c.id == t.decision.c.machine_id).order_by(t.decision.c.entry_id)
+        decided = {(row.name, row.alarm): row.action for row in self._rows(answered)}  # the last one counts
+        held = Counter(name for (name, _), action in decided.items() if action in HELD)
         waiting: Counter[str] = Counter()
         for row in alarmed:
             waiting[row.name] += sum((row.name, alarm["id"]) not in decided for alarm in _whole.record(row.json)["alarms"])
         found = []
         for name in self.machines():
             nights, complete = counts.get(name, (0, None))
-            found.append(Standing(name, last.get(name), nights, waiting[name], complete is None or complete < limit))
+            late = complete is None or complete < limit
+            found.append(Standing(name, last.get(name), nights, waiting[name], late, held[name]))
         return tuple(sorted(found, key=lambda s: (not (s.alarms_open or s.late), s.machine)))
 
     def open_alarms(self, machine: str, last: int | None = None) -> tuple[Mapping[str, Any], ...]:

@@ -43,16 +43,17 @@ def answer(
     before: Mapping[str, Any] | None = None,
     machine: Machine | None = None,
     late: str = "",
+    has: str = "",
 ) -> Answer:
-    """record, units, texts, date of an alarm that nobody has closed, last night that measured, machine, date since when a
-    complete night is missing → the answer.
+    """record, units, texts, date of an alarm that nobody has answered, last night that measured, machine, date since when a
+    complete night is missing, who has answered an alarm that is not closed → the answer.
 
     A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
     """
     verdict = str(record.get("verdict"))
     missing = verdict == "not_measured"
     known = before if missing else record
-    may, state, why = _measured(known, t, waiting) if known is not None else ("unknown", "not_measured", t("may.never"))
+    may, state, why = _measured(known, t, waiting, has) if known is not None else ("unknown", "not_measured", t("may.never"))
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):
         why = t("may.long_ago", date=day(record["last_measured"], t))
@@ -71,7 +72,7 @@ def measuring(known: Answer, t: Texts) -> Answer:
     return replace(known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word))
 
 
-def _measured(record: Mapping[str, Any], t: Texts, waiting: str) -> tuple[May, str, str]:
+def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str) -> tuple[May, str, str]:
     verdict = str(record.get("verdict"))
     passed = [x.get("passed") for x in record.get("limits") or ()]
     if verdict == "doubtful":
@@ -80,10 +81,9 @@ def _measured(record: Mapping[str, Any], t: Texts, waiting: str) -> tuple[May, s
         return "no", "out_of_limits", t("may.beyond")
     if verdict not in MEASURED:
         return "no", verdict, ""
-    if verdict == "changed" and not waiting:
-        return "but", "changed", t("may.changed")
-    if verdict == "changed" or waiting:
-        return "but", "changed" if verdict == "changed" else "alarm_open", t("may.open", date=day(waiting, t))
+    if verdict == "changed" or waiting or has:
+        why = t("may.open", date=day(waiting, t)) if waiting else t("may.has", owner=has) if has else t("may.changed")
+        return "but", "changed" if verdict == "changed" else "alarm_open", why
     if None in passed:
         return "but", "undecided", t("may.undecided")
     if record.get("status") == "partial":

@@ -11,7 +11,7 @@ from typing import Any
 from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
-from .days import day, days_between
+from .days import day, days_between, local_day
 from .plain import amount, plain
 from .texts import Texts, texts
 from .units import Units, shown
@@ -80,6 +80,24 @@ def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]
     return min([*dates, *(str(a["since"]) for a in behind if a.get("since"))], default="")
 
 
+def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> tuple[str, str]:
+    """faults, record → date of the first alarm that nobody has answered, '' where it is of tonight; who has all that is open."""
+    listed = [a for a in found if a["id"] and not _closed(a)]
+    unanswered = [str(a["night"]) for a in listed if a["decision"] is None]
+    if unanswered:
+        return "" if record.get("alarms") else unanswered[0], ""
+    return "", next((str(a["decision"].owner) for a in listed), "")
+
+
+def held(decisions: Sequence[Any], today: str) -> dict[str, Any]:
+    """decisions of a machine, oldest first, date → {alarm: decision} of the alarms that are answered and not closed.
+
+    One that is ignored until a date is among them to that day.
+    """
+    last = {d.alarm: d for d in decisions}
+    return {key: d for key, d in last.items() if d.action not in CLOSED and (d.action != "ignore" or str(d.until or "") >= today)}
+
+
 def _entered(a: Mapping[str, Any]) -> bool:
     """fault → whether its cure is a number in the control, which waits while the machine drifts."""
     return change(a["cause_key"]).entered and bool(a["todo"]) and not a["drifts"]
@@ -107,6 +125,7 @@ def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Mac
         open_since = [str(a["since"]) for a in same if a.get("since") and not _closed(a)]
         first = first | {"begun": min(open_since, default=first["begun"])}
         first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
+        first |= {"held": [a["id"] for a in same if a["decision"] is not None and not _closed(a)]}
         if own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter"):
             first |= _whole(first, own, every, drifts, len(same), u, t, machine)
             if drifts and written and written >= str(same[-1]["night"]):
@@ -186,6 +205,7 @@ def alarm(
         "decision": decision,
         "drifts": False,
         "ids": [str(a["id"])] if a.get("id") and decision is None else [],
+        "held": [],
         "decided": "" if decision is None else t(f"decision.{decision.action}"),
     }
 
@@ -193,7 +213,9 @@ def alarm(
 def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts) -> str:
     """owner, decision, date on which an answer was asked for or '', date, texts → who has it, as a sentence."""
     if decision is not None:
-        return t("morning.has", owner=owner, decided=t(f"decision.{decision.action}"))
+        told = t("morning.has", owner=owner, decided=t(f"decision.{decision.action}"))
+        told += t("morning.has_since", date=day(local_day(decision.utc), t)) if decision.utc else ""
+        return f"{told} {t('morning.has_until', date=day(decision.until, t))}" if decision.until else told
     if not owner:
         return t("morning.nobody")
     if not asked:

@@ -13,7 +13,7 @@ from ..records import InputError, Machine
 from . import svg
 from .answer import answer, measuring
 from .days import day, ended, local_day
-from .faults import alarm, begun, faults, sentence
+from .faults import alarm, answered, begun, faults, sentence
 from .page import value_text
 from .plain import amount, plain
 from .template import environment, rendered
@@ -92,8 +92,8 @@ def context(
     today = now.astimezone().strftime("%Y-%m-%d") if now is not None else str(record.get("night") or "")
     alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, written)
-    opened = [a["night"] for a in found if a["id"] and (a["decision"] is None or a["decision"].action == "acknowledge")]
-    told = answer(record, u, t, "" if record.get("alarms") else next(iter(opened), ""), before, machine, late)
+    waits, has = answered(found, record)
+    told = answer(record, u, t, waits, before, machine, late, has)
     began = begun(found, record.get("behind") or ())
     suspect = _suspect(told.may, within, never, began, t)
     if busy:
@@ -116,6 +116,7 @@ def context(
         "day": lambda text, year=True: day(text, t, year),
         "ended": ended(record.get("end_utc"), t, now),
         "suspect": suspect,
+        "over_since": _over_since(told.may, within, never, t),
         "grown": _grown(record if record.get("volume") else before or {}, (volumes or {}).get(began), began, u, t),
         "who": _who(told.may, asked, found, t),
         "nobody": found[0]["nobody"] if found else not asked["owner"],
@@ -168,6 +169,15 @@ def _suspect(may: str, within: str, never: str, began: str, t: Texts) -> str:
             return t("morning.suspect_both", date=day(began, t), within=day(within, t))
         return t("morning.suspect_beyond", date=day(within, t))
     return t("morning.suspect", date=day(began, t)) if may in ("no", "but") and began else ""
+
+
+def _over_since(may: str, within: str, never: str, t: Texts) -> str:
+    """answer, date of the last night in limits, of the first where none was → since when the limit is crossed, or nothing."""
+    if may != "no":
+        return ""
+    return (
+        t("morning.since_never", date=day(never, t)) if never else t("morning.since_within", date=day(within, t)) if within else ""
+    )
 
 
 def _who(may: str, record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from starlette.requests import Request
@@ -11,10 +12,10 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.answer import answer
-from ...report.faults import size_of
-from ..app import machine_of, needs, page, proven, state_of
-from .fleet import made_up, open_faults
+from ...report.faults import alarm, size_of
+from ..app import State, machine_of, needs, page, proven, state_of
+from ..places import Row
+from .fleet import answer_of, made_up, open_faults
 
 NOTE = 500  # characters
 MANY = 200  # alarms of one cause that are answered together
@@ -22,7 +23,7 @@ DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
 def decisions(request: Request) -> Response:
-    """request → all open alarms of all machines."""
+    """request → all alarms of all machines that are not closed: unanswered ones, and those that somebody has."""
     needs(request, "view")
     return page(request, "decisions.html", said="", **_values(request))
 
@@ -35,17 +36,35 @@ def _values(request: Request) -> dict[str, Any]:
         history, name = row.machine.history, row.machine.name
         if history is None or row.standing is None:
             continue
-        if row.standing.alarms_open:
-            whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
-            shown = open_faults(row, history.open_alarms(name), whose, axes, state)
-            told = None if row.record is None else answer(row.record, state.units, state.texts, "", row.before, axes)
-            waiting.append({"machine": row.machine, "answer": told, "faults": shown, "owner": whose, "simulated": made_up(row)})
+        shown = open_faults(row, state)
+        if shown:
+            told = answer_of(row, shown, state)
+            card = {"machine": row.machine, "answer": told, "faults": shown, "owner": state.places.owner(row.machine)}
+            waiting.append(card | {"simulated": made_up(row), "behind": _behind(row, shown, state)})
         past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]
     largest = {c["machine"].slug: max(map(size_of, c["faults"]), default=0.0) for c in waiting}
-    waiting.sort(key=lambda c: (c["answer"] is None or c["answer"].may != "no", -largest[c["machine"].slug], c["machine"].name))
+    waits = {c["machine"].slug: any(a["decision"] is None for a in c["faults"]) for c in waiting}
+    waiting.sort(
+        key=lambda c: (
+            not waits[c["machine"].slug],
+            c["answer"] is None or c["answer"].may != "no",
+            -largest[c["machine"].slug],
+            c["machine"].name,
+        )
+    )
     past.sort(key=lambda p: p["d"].utc, reverse=True)
     count = sum(len(a["ids"]) for card in waiting for a in card["faults"])
-    return {"waiting": waiting, "alarms": count, "past": past[:50], "actions": ACTIONS}
+    return {"waiting": waiting, "machines": sum(waits.values()), "alarms": count, "past": past[:50], "actions": ACTIONS}
+
+
+def _behind(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Mapping[str, Any] | None:
+    """row, its alarms, state → what stands behind a crossed limit, where no alarm says the same; else None."""
+    known = row.before or row.record or {}
+    for a in known.get("behind") or ():
+        same = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
+        if not same or max(same) < 0.8 * size_of(a):
+            return alarm(a, None, state.units, state.texts, state.places.geometry(row.machine), known)
+    return None
 
 
 def decide(request: Request) -> Response:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -10,10 +10,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ...records import Machine as Geometry
-from ...report.answer import answer, measuring
+from ...report.answer import Answer, answer, measuring
 from ...report.days import day
-from ...report.faults import earlier, faults, sentence
+from ...report.faults import answered, earlier, faults, held, sentence
 from ...report.morning import strip
 from ...report.plain import plain
 from ...report.units import Units
@@ -39,14 +38,9 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     t, s, u = state.texts, row.standing, state.units
     axes = state.places.geometry(row.machine)
     complete = next((n.night for n in row.nights if n.status == "complete"), t("web.never"))
-    waiting = _first_waiting(row, request) if s is not None and s.alarms_open else None
-    told = (
-        None
-        if row.record is None
-        else answer(
-            row.record, u, t, waiting["night"] if waiting else "", row.before, axes, complete if s is not None and s.late else ""
-        )
-    )
+    found = open_faults(row, state)
+    waiting = next((a for a in found if a["decision"] is None), None)
+    told = answer_of(row, found, state)
     run, busy = run_of(request, row.machine), busy_of(request, row.machine)
     if busy and told is not None:
         told = measuring(told, t)
@@ -78,6 +72,25 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     }
 
 
+def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Answer | None:
+    """row, what is wrong and not closed, state → whether parts may be made; None where nothing was measured."""
+    if row.record is None:
+        return None
+    late = next((n.night for n in row.nights if n.status == "complete"), state.texts("web.never"))
+    waits, has = answered(found, row.record)
+    axes = state.places.geometry(row.machine)
+    return answer(
+        row.record,
+        state.units,
+        state.texts,
+        waits,
+        row.before,
+        axes,
+        late if row.standing is not None and row.standing.late else "",
+        has,
+    )
+
+
 def made_up(row: Row) -> bool:
     """row of the fleet → whether its last night measured no machine but a simulated one."""
     return bool((row.record or {}).get("simulated") or (row.before or {}).get("simulated"))
@@ -89,24 +102,22 @@ def _urgent(r: Mapping[str, Any]) -> tuple[int, str]:
     return min(order[r["may"]], 2 if r["late"] else 4), r["name"]
 
 
-def open_faults(row: Row, alarms: Any, owner: str, axes: Geometry | None, state: State) -> list[dict[str, Any]]:
-    """row of the fleet, its open alarms, who is asked, chain of axes, state → what is wrong, each cause once, whole."""
-    record = dict(row.record or {})
-    record |= {"owner": record.get("owner") or owner, "alarms": (), "standing": (), "behind": ()}
+def open_faults(row: Row, state: State) -> list[dict[str, Any]]:
+    """row of the fleet, state → what is wrong with the machine and not closed, each cause once, whole; unanswered first."""
+    history, name, s = row.machine.history, row.machine.name, row.standing
+    if history is None or s is None or not (s.alarms_open or s.alarms_held):
+        return []
     today = datetime.now().astimezone().strftime("%Y-%m-%d")
+    kept = held(history.decisions(name), today)
+    alarms = [dict(a) for a in history.open_alarms(name)]
+    if kept:
+        alarms += [dict(a) for stored in history.alarmed(name) for a in stored.record["alarms"] if a["id"] in kept]
+    whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
+    record = dict(row.record or {})
+    record |= {"owner": record.get("owner") or whose, "alarms": (), "standing": (), "behind": ()}
     known = row.before if record.get("verdict") == "not_measured" else row.record
     shown = record | {"verdict": "not_measured"}
-    return faults(shown, earlier(alarms), {}, state.units, state.texts, axes, known, today, written_of(row.machine))
-
-
-def _first_waiting(row: Row, request: Request) -> Mapping[str, Any] | None:
-    """→ the largest of the alarms that nobody has decided about."""
-    history = row.machine.history
-    alarms = history.open_alarms(row.machine.name) if history is not None else ()
-    state = state_of(request)
-    whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
-    found = open_faults(row, alarms, whose, axes, state)
-    return found[0] if found else None
+    return faults(shown, earlier(alarms), kept, state.units, state.texts, axes, known, today, written_of(row.machine))
 
 
 ROUTES = [Route("/", fleet, name="fleet")]
