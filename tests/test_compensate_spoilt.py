@@ -100,11 +100,14 @@ def spoilt(text: str, r: random.Random) -> tuple[str, str]:
 
 
 def tried(count: int, folder: Path) -> tuple[int, int]:
-    """Number of files → how many were refused by the check, how many a simulated control would have swallowed."""
+    """Number of files → how many were refused by the check, how many a simulated control would have swallowed.
+
+    Every file of a folder takes its turn: those for the control, the way back, the steps, the record, the remark.
+    """
     cell, _ = example("trunnion")
     every = []
-    for target in targets.names():
-        kept = loop.store(folder, propose(first("trunnion"), target), "2026-01-01T00:00:00Z")
+    for i, target in enumerate(targets.names()):
+        kept = loop.store(folder, propose(first("trunnion"), target), "2026-01-01T00:00:00Z", simulated=i % 2 == 1)
         assert loop.check(kept.folder)["target"] == target
         every.append(kept)
     refused = swallowed = 0
@@ -113,9 +116,12 @@ def tried(count: int, folder: Path) -> tuple[int, int]:
         kept = every[i % len(every)]
         place = folder / "spoilt"
         shutil.copytree(kept.folder, place)
-        name = r.choice([n for n, text in kept.record["files"].items() if text.strip()])
-        what, text = spoilt(kept.record["files"][name], r)
-        (place / name).write_text(text, encoding="utf-8", newline="")
+        file = r.choice(sorted(f for f in place.rglob("*") if f.is_file() and f.read_text(encoding="utf-8").strip()))
+        name = file.name
+        what, text = spoilt(file.read_bytes().decode(), r)
+        while name == loop.RECORD and what == "order":  # of names in a JSON object: it says nothing
+            what, text = spoilt(file.read_bytes().decode(), r)
+        file.write_text(text, encoding="utf-8", newline="")
         try:
             loop.check(place)
         except TangoError as error:
@@ -173,6 +179,26 @@ def test_a_step_that_was_lost_is_missed(tmp_path: Path) -> None:
     steps = kept.folder / "steps.txt"
     steps.write_text("".join(steps.read_text().splitlines(keepends=True)[:-1]))
     with pytest.raises(TangoError, match=r"steps.txt:\d+: found 'the end of the file'|steps.txt:\d+: found ''"):
+        loop.check(kept.folder)
+
+
+@pytest.mark.parametrize("text", ["", "made from readings\n", None])
+def test_a_remark_that_was_lost_is_missed(tmp_path: Path, text: str | None) -> None:
+    """The files for a control say nowhere that no machine was measured: the remark beside them does."""
+    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z", simulated=True)
+    remark = kept.folder / loop.REMARK
+    remark.unlink() if text is None else remark.write_text(text)
+    with pytest.raises(TangoError, match=r"SIMULATED.txt.*found"):
+        loop.check(kept.folder)
+
+
+def test_a_record_with_a_line_twice_is_refused(tmp_path: Path) -> None:
+    """Whoever reads the record takes one of the two lines; which one, depends on the reader."""
+    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    record = kept.folder / loop.RECORD
+    lines = record.read_text().splitlines(keepends=True)
+    record.write_text("".join([*lines[:2], *lines[1:]]))
+    with pytest.raises(TangoError, match=r"compensation.json.*found"):
         loop.check(kept.folder)
 
 

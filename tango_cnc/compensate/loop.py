@@ -81,19 +81,22 @@ def store(
         write_text(place / name, text)
     for name, text in proposal.undo.items():
         write_text(place / "undo" / name, text)
-    write_text(place / STEPS, _steps(record))
-    if simulated:
-        write_text(place / REMARK, f"{SIMULATED}\n")
-    write_text(place / RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    for name, text in _beside(record).items():
+        write_text(place / name, text)
     kept = Kept(number, place, record)
     if folder is None:
         note(cell, kept, now, "proposed", promise=record["promise"])
     return kept
 
 
-def _steps(record: Mapping[str, Any]) -> str:
-    first = [record["simulated"]] if "simulated" in record else []
-    return "".join(f"{line}\n" for line in (*first, *record["steps"]))
+def _beside(record: Mapping[str, Any]) -> dict[str, str]:
+    """record → {name: text} of the files beside those for the control: for the person at the machine, and the record itself."""
+    remark = [record["simulated"]] if "simulated" in record else []
+    return {
+        STEPS: "".join(f"{line}\n" for line in (*remark, *record["steps"])),
+        **({REMARK: f"{record['simulated']}\n"} if remark else {}),
+        RECORD: json.dumps(record, indent=1, ensure_ascii=False) + "\n",
+    }
 
 
 def digest(record: dict[str, Any]) -> str:
@@ -180,13 +183,13 @@ def check(folder: Path) -> dict[str, Any]:
     Raises TangoError that names the first line that differs: a file that differs is not to be loaded into a control.
     """
     record = load(folder)
-    for part, base in (("files", folder), ("undo", folder / "undo")):
-        for name, text in (*record[part].items(), *([(STEPS, _steps(record))] if part == "files" else [])):
+    for written, base in ((record["files"] | _beside(record), folder), (record["undo"], folder / "undo")):
+        for name, text in written.items():
             file = base / name
             if not file.exists():
                 raise TangoError(f"{file}: found no such file; do not load this folder: propose anew")
             _same(file, text)
-        known_names = {*record[part], RECORD, REMARK, STEPS, "undo"}
+        known_names = {*written, "undo"}
         there = base.iterdir() if base.is_dir() else ()  # of files without undo nothing is written there
         if strangers := sorted(f.name for f in there if f.name not in known_names):
             raise TangoError(f"{base}: found {', '.join(strangers)}, which this program has not written; take it away first")
