@@ -251,6 +251,20 @@ def test_held_out_errors_are_those_of_fits_without_the_group() -> None:
         assert fast[~rest] == pytest.approx(slow)
 
 
+def test_held_out_errors_beside_other_columns_are_those_of_each_alone() -> None:
+    """Ordinary columns, and such as no touch outside one group, or hardly any, knows: a chip at two touches."""
+    rng = np.random.default_rng(4)
+    design, data = rng.normal(size=(60, 5)), rng.normal(size=60)
+    groups = np.arange(60) // 10
+    alone = np.zeros((60, 1))
+    alone[[21, 24]] = 1.0
+    hardly = alone + 1e-3 * rng.normal(size=(60, 1))
+    more = [rng.normal(size=(60, 2)), alone, hardly, np.hstack([alone, rng.normal(size=(60, 1))])]
+    maker = residual_maker(design)
+    for columns, quick in zip(more, _gain._beside(maker, data, groups, 60, more), strict=True):
+        assert quick == pytest.approx(held_out(add(maker, columns), data, groups, 60), abs=1e-9)
+
+
 def test_adding_columns_to_a_fit_is_the_fit_with_them() -> None:
     rng = np.random.default_rng(2)
     design, more = rng.normal(size=(40, 4)), rng.normal(size=(40, 2))

@@ -17,6 +17,7 @@ from ..records import Array
 from ._space import UNSEEN
 
 PLACEBOS = 40
+HELD = 0.1  # eigenvalue of a group's part of I − H below which the other touches do not know that direction
 
 
 @dataclass(frozen=True)
@@ -59,18 +60,19 @@ def held_out(maker: Array, residual: Array, groups: NDArray[np.int64], n: int) -
     result = np.zeros(n)
     for g in np.unique(groups):
         rows = np.flatnonzero(groups == g)
-        result[rows] = np.linalg.pinv(maker[np.ix_(rows, rows)], rcond=0.1, hermitian=True) @ fitted[rows]
+        result[rows] = np.linalg.pinv(maker[np.ix_(rows, rows)], rcond=HELD, hermitian=True) @ fitted[rows]
     return result
 
 
 def _beside(maker: Array, residual: Array, groups: NDArray[np.int64], n: int, more: Sequence[Array]) -> Iterator[Array]:
     """I − H, data, group (n,) of every touch, sets of columns (n + known, k) → `held_out` with each of them.
 
-    Each group is inverted once; a set of columns changes that inverse by its own rank (Woodbury).
+    Each group is inverted once; a set of columns changes that inverse by its own rank (Woodbury). Where hardly any other
+    touch knows a column, that rank-k change has no inverse: such a group is inverted anew.
     """
     fitted = maker @ residual
     parts = [np.flatnonzero(groups == g) for g in np.unique(groups)]
-    inverse = [np.linalg.pinv(maker[np.ix_(rows, rows)], rcond=0.1, hermitian=True) for rows in parts]
+    inverse = [np.linalg.pinv(maker[np.ix_(rows, rows)], rcond=HELD, hermitian=True) for rows in parts]
     for columns in more:
         left = maker @ columns
         norm = np.linalg.norm(left, axis=0)
@@ -81,8 +83,13 @@ def _beside(maker: Array, residual: Array, groups: NDArray[np.int64], n: int, mo
         for rows, inside in zip(parts, inverse, strict=True):
             here = q[rows]
             turned = inside @ here
-            value = inside @ rest[rows]
-            result[rows] = value + turned @ np.linalg.solve(np.eye(q.shape[1]) - here.T @ turned, here.T @ value)
+            known = np.eye(q.shape[1]) - here.T @ turned
+            if q.shape[1] and np.linalg.eigvalsh(known)[0] < HELD:
+                anew = maker[np.ix_(rows, rows)] - here @ here.T
+                result[rows] = np.linalg.pinv(anew, rcond=HELD, hermitian=True) @ rest[rows]
+            else:
+                value = inside @ rest[rows]
+                result[rows] = value + turned @ np.linalg.solve(known, here.T @ value)
         yield result
 
 
