@@ -179,6 +179,15 @@ def test_a_chip_is_no_heap_of_outliers(bench: blind.Bench) -> None:
 
 
 @pytest.mark.long
+def test_facets_that_are_exchanged_in_one_indexation_are_named_though_the_others_cannot_know_of_it(bench: blind.Bench) -> None:
+    d = told(bench, [{"cause": "swapped_facets", "facets": ["19", "23"], "at": 62, "until": 79}])
+    assert [f.cause for f in d.findings] == ["swapped_facets"] and d.verdict == "explained"
+    stability = d.findings[0].stability
+    assert stability is not None and stability.times == stability.of < 5  # the subset without that indexation is no trial
+    assert f"it came back in {stability.times} of {stability.of} subsets" in " ".join(as_text(d).split())
+
+
+@pytest.mark.long
 def test_facets_that_are_exchanged_in_two_indexations_are_one_exchange_and_no_tilt(bench: blind.Bench) -> None:
     d = told(bench, [{"cause": "swapped_facets", "facets": ["21", "25"], "at": 62, "until": 104}])  # 3 µm, four touches
     assert [f.cause for f in d.findings] == ["swapped_facets"]

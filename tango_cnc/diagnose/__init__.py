@@ -216,7 +216,7 @@ def _told(
     folds = _nested.Folds(found, weight, base, data)
     inside = {id(c): folds.nested(c, schemes, keep) for c in outcome.named}
     gains |= {key: _gain.nested(gains[key], one.schemes) for key, one in inside.items()}
-    back = {key: min(times, inside[key].selected) for key, times in back.items()}
+    back = {key: _stable.worse(once, inside[key].selected) for key, once in back.items()}
     why = {id(c): refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains) for c in outcome.named}
     accepted = [c for c in outcome.named if why[id(c)] is None]
     if len(accepted) < len(outcome.named):  # what they explained is there all the same

@@ -16,10 +16,9 @@ from ..records import Array
 from ._catalogue import Chosen
 from ._explain import Explanation
 from ._gain import add, residual_maker, rms
-from ._records import SUBSETS
+from ._records import ALONE, SUBSETS, Stability
 from ._space import RIDGE
 
-ALONE = 0.4  # part of a pattern in one group above which the other groups cannot know of it
 NEAR = 10.0  # evidence by which another cause may be better in a subset: no very strong evidence against a name
 
 
@@ -28,7 +27,7 @@ class Nested:
     """Errors of touches that were not fitted, mm, and how often a cause is selected."""
 
     schemes: Mapping[str, tuple[float, float]]  # without and with the cause, its setting chosen without the fold
-    selected: int  # of SUBSETS subsets of the indexations
+    selected: Stability  # in subsets of the indexations
 
     @property
     def gains(self) -> bool:
@@ -60,7 +59,7 @@ class Folds:
         mine = np.sum((without[:, :n] @ one.candidate.columns)[:n] ** 2, axis=1)
         code = self.e.catalogue.causes.index(one.candidate.cause)
         result = {}
-        selected = 0
+        selected = trials = 0
         for name, groups in schemes.items():
             used = np.unique(groups)
             if max(float(mine[groups == g].sum()) for g in used) > ALONE * float(mine.sum()):
@@ -74,15 +73,16 @@ class Folds:
                 score = self._scores(design, data, inside, n)
                 own = np.flatnonzero(self.e.catalogue.group == code)
                 best = own[int(np.argmax(score[own]))]
-                if counted:
+                if counted and float(mine[out].sum()) <= ALONE * float(mine.sum()):
                     selected += bool(score[best] > score[self.named].max() - NEAR)
+                    trials += 1
                 columns = self.columns[:, self.start[best] : self.start[best] + self.size[best]]
                 within = add(without, np.pad(columns, ((0, len(design) - n), (0, 0))))
                 for i, maker in enumerate((without, within)):
                     part = maker[out]
                     errors[out, i] = np.linalg.pinv(part[:, out], rcond=0.1, hermitian=True) @ (part @ data)
             result[name] = (rms((errors[:, 0] / self.weight)[keep]), rms((errors[:, 1] / self.weight)[keep]))
-        return Nested(result, selected)
+        return Nested(result, Stability(selected, trials))
 
     def _scores(self, design: Array, data: Array, inside: NDArray[np.int64], n: int) -> Array:
         """design, data, rows that are fitted → (blocks,) evidence of each candidate beside the design."""

@@ -14,6 +14,15 @@ from ._gain import Gain
 
 Why = Literal["no gain", "beside a shape", "shape", "unstable", "size"]
 SUBSETS = 5  # of the indexations, each without a fifth of them
+ALONE = 0.4  # part of a pattern in touches that are left out, above which the others cannot know of it
+
+
+@dataclass(frozen=True)
+class Stability:
+    """How often a name came back when a part of the indexations was left out; what hardly shows it without them is no trial."""
+
+    times: int
+    of: int  # subsets in which enough of its pattern is left; at most SUBSETS
 
 
 @dataclass(frozen=True)
@@ -44,7 +53,7 @@ class Finding:
     effect: Mapping[str, Any]  # entry of world.yaml's effects
     pattern: Array  # (n,) what it does to every touch
     aliases: tuple[tuple[Mapping[str, Any], float], ...] = ()  # other settings of the cause, how much worse their score
-    stability: int | None = None  # of SUBSETS subsets of the indexations, in how many it came back
+    stability: Stability | None = None
 
     @property
     def item(self) -> TermItem:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from ..estimate import Estimate
 from ._catalogue import Chosen
 from ._gain import Gain
-from ._records import SUBSETS, Size, Why
+from ._records import Size, Stability, Why
 
 MAJORITY = 3  # of the subsets
 
 
-def refused(c: Chosen, s: Size, g: Gain, back: int, everywhere: bool) -> Why | None:
-    """a name, its size, gain, subsets in which it came back, whether it gains in every scheme → why it is not named, or None."""
+def refused(c: Chosen, s: Size, g: Gain, back: Stability, everywhere: bool) -> Why | None:
+    """a name, its size, gain, in how many subsets it came back, whether it gains in every scheme → why it is not named, or None."""
     if not g.real or not everywhere:
         return "no gain"
     # A shape that was learned has one free number; a new one may follow a subset better, as it was not learned without noise.
-    if back < (MAJORITY if c.candidate.learned else SUBSETS):
+    if back.times < (min(MAJORITY, back.of) if c.candidate.learned else back.of):
         return "unstable"
     drifts = "tau" in c.candidate.setting  # of what has not settled, the size at the end is not known: it is not reported either
     if not drifts and s.amplitude_std > s.amplitude / 2:

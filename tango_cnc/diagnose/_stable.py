@@ -12,7 +12,7 @@ from ..touches import Touches
 from ._catalogue import Chosen
 from ._contest import Field, Outcome, contest, shortlist
 from ._explain import Explanation
-from ._records import SUBSETS
+from ._records import ALONE, SUBSETS, Stability
 from ._space import space
 
 # Without the scale bar the scale is free, and at the real positions, 0.1 mm beside the nominal ones, that looks like a faint lever.
@@ -22,19 +22,22 @@ WEAK = 10.0  # evidence by which a shape may be better in a subset: no very stro
 
 def stability(
     e: Explanation, field: Field, outcome: Outcome, touches: Touches, weight: Array, data: Array, base: Array
-) -> dict[int, int]:
+) -> dict[int, Stability]:
     """explanation, field, outcome, data and design (n + known,) → by id of every name that stands, in how many subsets it does.
 
-    Names keep their settings; shapes that came next compete again, without the margin.
+    Names keep their settings; shapes that came next compete again, without the margin. What belongs to one indexation, such
+    as two facets that are exchanged there, cannot come back without it: that subset is no trial of it.
     """
     if not outcome.named:
         return {}
     n = len(touches)
     few = shortlist(field, e.place.y, outcome.named, outcome)
     fixed = [c for c in e.chosen if c.candidate.cause == "outlier"]
-    count = {id(c): 0 for c in outcome.named}
+    visible = {id(c): np.sum((e.place.basis[:n] @ c.columns) ** 2, axis=1) for c in outcome.named}
+    count = {id(c): [0, 0] for c in outcome.named}
     for left_out in range(SUBSETS):
-        rows = np.flatnonzero(touches.indexation % SUBSETS != left_out)
+        inside = touches.indexation % SUBSETS != left_out
+        rows = np.flatnonzero(inside)
         whole = np.concatenate([rows, np.arange(n, len(base))])
         place = space(data[whole], base[whole], len(rows), (), FAINT)
         part = Field([replace(k, columns=k.columns[rows]) for k in few], place.basis, weight[rows], field.means, rows)
@@ -43,8 +46,17 @@ def stability(
         seen = [c for c in fixed if np.abs(c.candidate.columns[rows]).any()]
         stands = contest(part, place.y, [_restricted(c, place.basis, rows) for c in seen], kept, -WEAK).named
         for c, own in zip(outcome.named, kept, strict=True):
-            count[id(c)] += any(own is s for s in stands)
-    return count
+            mine = visible[id(c)]
+            if float(mine[~inside].sum()) <= ALONE * float(mine.sum()):
+                count[id(c)][0] += any(own is s for s in stands)
+                count[id(c)][1] += 1
+    return {key: Stability(*both) for key, both in count.items()}
+
+
+def worse(one: Stability, other: Stability) -> Stability:
+    """two ways of asking → subsets of the first, less what was missed in the worse of the two."""
+    missed = max(one.of - one.times, other.of - other.times)
+    return Stability(max(one.of - missed, 0), one.of)
 
 
 def _restricted(c: Chosen, basis: Array, rows: NDArray[np.int64]) -> Chosen:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..records import Array
 from ..texts import Said, joined, say
 from ._aliases import differing
 from ._moments import Moment
-from ._records import SUBSETS, Again, Dropped, Finding, Remainder
+from ._records import Again, Dropped, Finding, Remainder
 from ._scatter import Scatter
 from ._size import form
 
@@ -77,9 +78,7 @@ def gain(f: Finding) -> str | None:
     held = {"time": say("diagnosis_said.held_out_blocks_time"), "scattered": say("diagnosis_said.held_out_touches")}.get(
         g.scheme, say("diagnosis_said.held_out", scheme=g.scheme)
     )
-    again = (
-        "" if f.stability is None else say("diagnosis_said.came_back_subsets_indexations", stability=f.stability, subsets=SUBSETS)
-    )
+    again = "" if f.stability is None else say("diagnosis_said.came_back_subsets_indexations", **asdict(f.stability))
     told = say(
         "diagnosis_said.with_term_predicted_instead_noise",
         held=held,
@@ -101,7 +100,8 @@ def dropped(d: Dropped) -> str:
     if d.why == "shape":
         return joined("", (text, say("diagnosis_said.smooth_shape_without_name_explains")))
     if d.why == "unstable":
-        often = say("diagnosis_said.comes_back_subsets_indexations_only", stability=d.finding.stability, subsets=SUBSETS)
+        back = d.finding.stability
+        often = say("diagnosis_said.comes_back_subsets_indexations_only", **({} if back is None else asdict(back)))
         return joined("", (text, often))
     if d.why == "size":
         return joined("", (text, say("diagnosis_said.its_size_not_known_half")))

@@ -132,7 +132,8 @@ def _finding(f: Finding) -> dict[str, Any]:
         "parameter_shift": {
             name: {"before": b, "after": a, "in_std": round(s, 2)} for name, (b, a, s) in f.shift.items() if abs(s) > 0.1
         },
-        "stability": f.stability,
+        "stability": None if f.stability is None else f.stability.times,
+        "subsets": None if f.stability is None else f.stability.of,
         "alternatives": list(dict.fromkeys(a for a, _, _ in f.alternatives)),
         "aliases": [{"setting": plain(setting), "evidence_less": round(behind, 1)} for setting, behind in f.aliases],
         "separate_with": list(f.separate_with),
