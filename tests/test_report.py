@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
 from html.parser import HTMLParser
@@ -17,7 +18,7 @@ from click.testing import CliRunner, Result
 from sim_controller.simulate import simulate
 from tango_cnc.cli import tango
 from tango_cnc.estimate import estimate
-from tango_cnc.files import read_cell, read_world, readings_text, write_text
+from tango_cnc.files import read_cell, read_readings, read_world, readings_text, write_text
 from tango_cnc.judgement import Judgement
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings
@@ -122,7 +123,7 @@ def test_the_command_writes_a_page_and_a_pdf_and_says_the_verdict(folder: Path) 
     assert pdf.startswith(b"%PDF-") and len(pdf) < 2_000_000
     page_text = (folder / "report.html").read_text(encoding="utf-8")
     assert len(page_text.encode()) < 2_000_000
-    assert "machine is beyond its limit" in " ".join(outline(page_text).text)
+    assert "Make no parts on it before it is put right." in " ".join(outline(page_text).text)
 
 
 def test_the_page_needs_no_network(facts: Facts) -> None:
@@ -166,8 +167,8 @@ def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:
 @pytest.mark.parametrize(
     ("measured", "said", "todo"),
     [
-        ("2026-11-21T21:00:00Z", "older than the newest night", "Go by the page of the newest night"),
-        ("2026-11-22T09:00:00Z", "The nights before these readings are not settled", "Call Ann"),
+        ("2026-11-21T21:00:00Z", "The readings of this report were made before it", "Go by the page of the newest night"),
+        ("2026-11-22T09:00:00Z", "The readings of this report were made after it", "Call Ann"),
         ("", "is not on record", "Go by the page of the newest night"),
     ],
 )
@@ -176,6 +177,59 @@ def test_readings_say_whether_they_are_older_than_the_newest_night(measured: str
     last = Nights("2026-11-22", "changed", "C axis has moved", 1, "2026-11-22T02:30:00Z")
     text = page.render(replace(facts, paper=paper, nights=last))
     assert said in text and todo in text
+
+
+def test_a_report_says_what_the_page_of_the_machine_says(facts: Facts, tmp_path: Path) -> None:
+    """One answer, one number and one cause for one state, whatever the readings of the report are."""
+    from starlette.testclient import TestClient
+    from support.nights import knock, night
+    from support.server import cell
+
+    from tango_cnc.commands.report import nights
+    from tango_cnc.web.app import create
+    from tango_cnc.web.settings import Settings
+
+    limit = {"what": "volume", "value": 51.0, "low": 50.0, "high": 52.0, "limit": 45.0, "unit": "µm", "passed": False}
+    stories = {
+        "no": [night("HU40T-like", i, "out_of_limits", limits=[limit]) for i in range(2)],
+        "but": [night("HU40T-like", 0), night("HU40T-like", 1, "changed", alarms=[knock("2026-10-25")])],
+        "missed": [night("HU40T-like", 0), night("HU40T-like", 1, "not_measured", limits=[], volume=None)],
+    }
+    for name, records in stories.items():
+        folder = cell(tmp_path / name, records=records)
+        here = replace(facts, nights=nights(folder, facts.cell.machine, Units(), texts()))
+        with TestClient(create(Settings((folder,))), base_url="http://127.0.0.1") as client:
+            there = client.get("/machine/HU40T-like").text
+        assert _answer(page.render(here)) == _answer(there), name
+        assert page.as_json(here)["may_make_parts"] == ("no" if name == "no" else "but")
+        assert here.nights is not None and (not here.nights.cause or here.nights.cause.rstrip(".") in there)
+
+
+def _answer(text: str) -> tuple[str, str]:
+    """page → the word of the answer and the numbers beside it."""
+    box = text.partition('<section class="verdict')[2].partition("</section>")[0]
+    return re.findall(r"<b>([^<]*)", box)[0].strip(), "".join(re.findall(r'class="numbers">([^<]*)', box))
+
+
+def test_the_number_of_a_report_is_that_of_a_night_from_the_same_readings(facts: Facts, tmp_path: Path) -> None:
+    """Over every corner of the touched ranges; between touched positions there is another, smaller one, and it says so."""
+    from tango_cnc.history import opened
+    from tango_cnc.state.volume import of_estimate
+
+    place = tmp_path / "history.db"
+    shutil.copytree(ROOT / "examples" / "hu40t", tmp_path / "cell")
+    arguments = ["history", "simulate", str(place), "-C", str(tmp_path / "cell"), "--nights", "1"]
+    assert CliRunner().invoke(tango, arguments, standalone_mode=False).exception is None
+    with opened(place, create=False) as history:
+        entry = history.nights("HU40T-like")[0].entry
+        recorded, text = history.night(entry).record["volume"], history.readings_of([entry])[entry]
+    write_text(tmp_path / "night.csv", text)
+    readings = read_readings(tmp_path / "night.csv", facts.cell.machine, facts.cell.artefact)
+    found = of_estimate(estimate(facts.cell.machine, facts.cell.artefact, readings, facts.cell.terms))
+    assert found is not None and found.worst * 1e3 == pytest.approx(recorded["worst_um"], rel=1e-3)
+    assert facts.tip is not None and facts.within is not None and facts.within[0] < 0.9 * facts.tip.worst
+    rows = page.context(facts)["volume"]["rows"]
+    assert [row["where"] for row in rows][:2] == [texts()("volume.corners"), texts()("volume.touched")]
 
 
 def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts) -> None:
@@ -363,7 +417,11 @@ def test_pictures_for_the_terminal() -> None:
 def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: int) -> None:
     lines = summary(facts, columns).splitlines()
     assert max(map(len, lines)) <= columns
-    assert "Look" in lines[0] and any("EX0C" in line for line in lines)
+    assert (
+        "May I make parts? Not known." in lines[0]
+        and any("Look" in line for line in lines)
+        and any("EX0C" in line for line in lines)
+    )
     pairs = {r["name"]: (r["low"], r["high"]) for r in page.parameters(facts, texts(), most=8)}
     for line in lines:
         if "…" in line and line.split()[0] in pairs:  # no number is cut off

@@ -6,10 +6,10 @@ import hashlib
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,17 +20,21 @@ from ..files.origin import current, read_origin
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..judgement import Judgement
-from ..records import InputError
+from ..records import InputError, Machine
 from ..report import page, pdf, template, terminal
 from ..report.days import local_day
 from ..report.facts import Facts, Nights, Paper, Wishes, effects, gather, verdict
-from ..report.texts import texts
+from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
 from ._common import Output, cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
 
+if TYPE_CHECKING:
+    from ..history import History, Night
+
 NIGHTS = 365  # of the trend
+LATELY = 30  # nights among which the last complete one, and the last that measured, are looked for
 TRENDS = 6  # parameters
 INTERVAL = 1.96
 LIBRARIES = ("numpy", "scipy", "jinja2")
@@ -116,7 +120,7 @@ def command(
         judgement,
         trend=past,
         compensations=compensations(folder),
-        nights=nights(folder, cell.machine.name),
+        nights=nights(folder, cell.machine, wishes.units, texts_of(templates)),
     )
     target = output or folder / "report.html"
     write_text(target, page.render(found, templates))
@@ -128,7 +132,7 @@ def command(
         click.echo(terminal.summary(found))
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
-    crossed = any(c.name == "limit" and c.level != "good" and not c.open for c in verdict(found, texts()).checks)
+    crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit
     return status(judgement, despite) or int(crossed or (data["overall"] == "stop" and not despite))
 
 
@@ -188,10 +192,14 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
     return found
 
 
-def nights(folder: Path, machine: str) -> Nights | None:
-    """cell, its machine → newest night and open alarms in its history.db; None where it has none."""
+def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
+    """cell, its machine, units, texts → newest night and open alarms in its history.db; None where it has none."""
+    from ..history import compensations as recorded
     from ..history import opened
+    from ..report.faults import answered, earlier, faults, unclosed
+    from ..report.morning import last_written
 
+    machine = chain.name
     file = folder / "history.db"
     if not file.exists():
         return None
@@ -199,9 +207,28 @@ def nights(folder: Path, machine: str) -> Nights | None:
         newest = history.nights(machine, last=1) if machine in history.machines() else ()
         if not newest:
             return None
-        n = newest[0]
-        said = history.night(n.entry).record.get("headline") or n.headline
-        return Nights(n.night, n.verdict, said, len(history.open_alarms(machine)), n.end_utc)
+        n, now = newest[0], datetime.now(UTC)
+        record, before = history.night(n.entry).record, _measured_before(history, machine, n)
+        settings, today = read_nightly(folder), now.astimezone().strftime("%Y-%m-%d")
+        alarms, decisions = unclosed(history, machine, today)
+        written = last_written(recorded(history, machine))
+        found = faults(record, earlier(alarms), decisions, u, t, chain, before, today, written)
+        waits, has = answered(found, record)
+        complete = next((x for x in history.nights(machine, last=LATELY) if x.status == "complete"), None)
+        since = complete.night if complete is not None else t("web.never")
+        old = complete is None or datetime.fromisoformat(complete.start_utc) < now - timedelta(hours=settings.late_hours)
+        cause = "" if not found else f"{found[0]['text'].rstrip('.')}."
+        open_ones = sum(decisions.get(str(a["id"])) is None for a in alarms)
+        said = record.get("headline") or n.headline
+        return Nights(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause)
+
+
+def _measured_before(history: History, machine: str, newest: Night) -> Mapping[str, Any] | None:
+    """history, machine, its newest night → record of the last one that measured, where the newest did not; else None."""
+    if newest.verdict != "not_measured":
+        return None
+    last = next((n for n in history.nights(machine, last=LATELY) if n.verdict != "not_measured"), None)
+    return None if last is None else history.night(last.entry).record
 
 
 def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:

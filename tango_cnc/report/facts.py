@@ -19,7 +19,8 @@ from ..iso230 import Figure, figures
 from ..iso230.signed import withheld
 from ..judgement import Judgement
 from ..model import linearise
-from ..records import Array, Cell, Readings, TangoError, TermItem
+from ..records import Array, Cell, Machine, Readings, TangoError, TermItem
+from ..state.volume import Volume, of_estimate
 from ..texts import instead, say
 from ..uncertainty.analysis import prepare
 from ..uncertainty.inputs import Line
@@ -29,6 +30,7 @@ from ..verify import held_out, volume
 from ..verify.held_out import HeldOut
 from ..verify.volume import VolumeMap
 from . import slices
+from .answer import LEVELS, Answer, answer
 from .days import at, day
 from .plain import plain
 from .texts import Texts, texts
@@ -79,6 +81,29 @@ class Nights:
     headline: str
     waiting: int  # alarms
     ended_utc: str = ""
+    record: Mapping[str, Any] | None = None  # of this night
+    before: Mapping[str, Any] | None = None  # where this one did not measure: of the last that did
+    waits: str = ""  # date of the first alarm that nobody has answered, where it is not of this night
+    has: str = ""  # who has what is open
+    late: str = ""  # date since when a complete night is missing
+    cause: str = ""  # what is wrong first, as a sentence
+
+    def answer(self, u: Units, t: Texts, machine: Machine) -> Answer:
+        """units, texts, machine → whether parts may be made, as on the page of the machine."""
+        record = self.record or {"verdict": self.verdict, "night": self.date}
+        return answer(record, u, t, self.waits, self.before, machine, self.late, self.has)
+
+    @property
+    def measured_on(self) -> str:
+        """→ date of the last night that measured."""
+        return str((self.before or {}).get("night") or self.date)
+
+    def parameter(self, name: str) -> Mapping[str, Any] | None:
+        """parameter → what the last night that measured has of it; None where nothing, or where it is not to be believed."""
+        known = self.before or self.record or {}
+        if known.get("verdict") == "doubtful":
+            return None
+        return (known.get("parameters") or {}).get(name)
 
     def beside(self, measured: str) -> str:
         """moment at which the readings were made → whether they are older or newer than this night, or unknown."""
@@ -103,6 +128,7 @@ class Facts:
     factor: float  # of the intervals
     iso: tuple[Figure, ...]
     withheld: tuple[str, ...]  # sentences: ISO figures that other error motions of the machine could have made
+    tip: Volume | None  # over every corner of the touched ranges, as nights have it; None: nothing is known
     chart: VolumeMap | None
     cuts: tuple[slices.Slice, ...]
     held: HeldOut | None
@@ -132,8 +158,8 @@ class Facts:
         return self.result.sigma / stated if stated else None
 
     @property
-    def worst(self) -> tuple[float, float] | None:
-        """→ mm, largest error of the tool tip within what was touched and its standard deviation; None: nothing is known."""
+    def within(self) -> tuple[float, float] | None:
+        """→ mm, largest error of the tool tip between touched poses and its standard deviation; None: nothing is known."""
         if self.chart is None:
             return None
         inside = ~self.chart.extrapolated
@@ -183,6 +209,7 @@ def gather(
         factor,
         figures(result),
         withheld(result),
+        of_estimate(result),
         chart,
         cuts,
         held,
@@ -309,19 +336,31 @@ def _diagnosis(f: Facts, t: Texts) -> Check:
     )
 
 
+def limits_of(f: Facts) -> list[dict[str, Any]]:
+    """facts → the limit of the tool tip as a night records it (docs/nightly.md); empty where none is stated or nothing is known."""
+    if f.tip is None or f.wishes.limit is None:
+        return []
+    size, half, limit = (1e3 * x for x in (f.tip.worst, f.factor * f.tip.std, f.wishes.limit))
+    passed = True if size + half <= limit else False if size - half > limit else None
+    return [
+        {"what": "volume", "value": size, "unit": "µm", "low": size - half, "high": size + half, "limit": limit, "passed": passed}
+    ]
+
+
 def _limit(f: Facts, t: Texts) -> Check:
-    u, worst = f.wishes.units, f.worst
-    if worst is None:
+    u = f.wishes.units
+    if f.tip is None:
         return Check("limit", "look", "–", t("check.limit_unknown"), t("todo.limit_unknown"), trust=False)
-    size = f"{worst[0] * 1e3 * u.per_micron:.0f}"
+    size = f"{f.tip.worst * 1e3 * u.per_micron:.0f}"
     value = f"{size} {u.small}"
     if f.wishes.limit is None:
         return Check("limit", "good", value, t("check.limit_none"), t("todo.limit_none"), trust=False, open=True)
-    level: Level = "good" if worst[0] <= f.wishes.limit else "look"
-    limit = f"{f.wishes.limit * 1e3 * u.per_micron:.0f}"
-    return Check(
-        "limit", level, value, t(f"check.limit_{level}", worst=size, limit=limit, unit=u.small), t("todo.limit"), trust=False
-    )
+    passed = limits_of(f)[0]["passed"]
+    text = t("check.limit_judged", worst=size, limit=f"{f.wishes.limit * 1e3 * u.per_micron:.0f}", unit=u.small)
+    label = t(f"morning.limit_{'open' if passed is None else 'good' if passed else 'stop'}")
+    tone: Level = "look" if passed is None else "good" if passed else "stop"
+    todo = t("todo.limit_open" if passed is None else "todo.limit")
+    return Check("limit", "good" if passed else "look", value, text, todo, trust=False, tone=tone, label=label)
 
 
 def _nights(f: Facts, t: Texts) -> list[Check]:
@@ -341,4 +380,6 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     )
     newer = "_newer" if age == "newer" else ""
     todo = t(f"todo.nights{newer}", owner=f.paper.owner) if f.paper.owner else t(f"todo.nights{newer}_nobody")
-    return [Check("nights", level, word, text, todo, trust=False, said=f"verdict.nights_{age}")]
+    told = n.answer(f.wishes.units, t, f.cell.machine)
+    tone = LEVELS[told.may]
+    return [Check("nights", level, word, text, todo, trust=False, said=f"verdict.nights_{age}", tone=tone, label=told.word)]

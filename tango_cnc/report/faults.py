@@ -6,7 +6,7 @@ A cause that moved in several nights has drifted: its size is the sum, and what 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..records import Machine
 from ..state.changes import change
@@ -16,6 +16,9 @@ from .plain import amount, plain
 from .texts import Texts, texts
 from .units import Units, shown
 from .words import moved, spoken
+
+if TYPE_CHECKING:
+    from ..history import History
 
 CLOSED = ("accept", "repaired")  # decisions after which a cause acts no more
 SAME = 0.25  # share of its size by which what stands may differ from what was found, and still be one step
@@ -89,13 +92,15 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
     return "", next((str(a["decision"].owner) for a in listed), "")
 
 
-def held(decisions: Sequence[Any], today: str) -> dict[str, Any]:
-    """decisions of a machine, oldest first, date → {alarm: decision} of the alarms that are answered and not closed.
+def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """history, machine, date → its alarms that nobody has closed, newest first, and the last decision about each alarm.
 
-    One that is ignored until a date is among them to that day.
+    What was ignored until a date counts as unanswered after that day.
     """
-    last = {d.alarm: d for d in decisions}
-    return {key: d for key, d in last.items() if d.action not in CLOSED and (d.action != "ignore" or str(d.until or "") >= today)}
+    last = {d.alarm: d for d in history.decisions(machine)}
+    last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
+    every = [dict(a) for stored in history.alarmed(machine) for a in stored.record["alarms"]]
+    return [a for a in every if a["id"] not in last or last[a["id"]].action not in CLOSED], last
 
 
 def _entered(a: Mapping[str, Any]) -> bool:

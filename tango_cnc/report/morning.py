@@ -14,8 +14,7 @@ from . import svg
 from .answer import answer, measuring
 from .days import day, ended, local_day
 from .faults import alarm, answered, begun, faults, sentence
-from .page import value_text
-from .plain import amount, plain
+from .plain import amount, plain, value_text
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .units import Units

@@ -17,11 +17,13 @@ from .audit import audit, source
 from .days import at
 from .drawings import drawing
 from .facts import Facts, effects, verdict
-from .plain import amount, tilt
+from .may import may
+from .plain import digits, tilt, value_text
+from .states import of_night, since_then
 from .template import environment, rendered
 from .texts import Texts, texts, texts_of
 from .units import Units, shown
-from .verdict import Verdict
+from .verdict import Verdict, worst_of
 from .words import spoken
 
 LARGEST = 8
@@ -37,6 +39,9 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     t = t or texts()
     u, machine = f.wishes.units, f.cell.machine
     found = verdict(f, t)
+    trust = worst_of([c for c in found.checks if c.trust])
+    said = may(f, t)
+    told = said.answer
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -49,7 +54,13 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "source": source(f, t),
         "verdict": found,
         "sentence": sentence(found, t),
-        "tip": _tip(f, t),
+        "may": told,
+        "state": t(f"morning.{told.state}") if f"morning.{told.state}" in t else "",
+        "basis": said.basis,
+        "cause": said.cause,
+        "trust": trust,
+        "trusted": sentence(trust, t),
+        "since_then": since_then(f, t),
         "todo": list(dict.fromkeys(c.todo for c in found.checks if c.level != "good" and c.todo)),
         "largest": parameters(f, t, most=LARGEST),
         "parameters": parameters(f, t),
@@ -100,27 +111,6 @@ def sentence(found: Verdict, t: Texts) -> str:
     return t(f"verdict.{found.level}", why=found.worst.text)
 
 
-def _tip(f: Facts, t: Texts) -> str:
-    """facts, texts → largest error of the tool tip beside its limit; empty where nothing is known of it."""
-    if f.worst is None:
-        return ""
-    u, what = f.wishes.units, t("check.limit")
-    found = amount(f.worst[0] * 1e3, "µm", u, t)
-    if f.wishes.limit is None:
-        return t("may.no_limit", what=what, found=found)
-    return t("may.numbers", what=what, found=found, allowed=amount(f.wishes.limit * 1e3, "µm", u, t))
-
-
-def value_text(value: float, std: float) -> str:
-    """value, standard deviation → as many digits as the deviation is worth."""
-    return f"{value:.{digits(std)}f}".replace("-", "−")
-
-
-def digits(std: float) -> int:
-    """standard deviation → decimals that are worth printing."""
-    return 1 if std >= 1 else 2 if std >= 0.095 else 3
-
-
 def parameters(f: Facts, t: Texts, most: int | None = None) -> list[dict[str, Any]]:
     """facts, texts, how many of those that differ from zero (None: all) → rows of the table, largest effect first."""
     size, own, u = effects(f.result), f.result.parameters, f.wishes.units
@@ -141,6 +131,7 @@ def parameters(f: Facts, t: Texts, most: int | None = None) -> list[dict[str, An
                 "drawing": _safe(drawing(name, f.cell.machine)),
                 "plain": tilt(p.value * shown(p.unit)[0], u, t) if shown(p.unit)[1] in ("µrad", "µm/m") else "",
                 "value": value_text(value, std),
+                "night": of_night(f, name, t),
                 "low": value_text(value - half, std),
                 "high": value_text(value + half, std),
                 "unit": unit,
@@ -241,6 +232,9 @@ def _volume(f: Facts, t: Texts) -> dict[str, Any]:
     if chart is None:
         return {"rows": [], "notes": [t("volume.none")]}
     rows = []
+    if f.tip is not None:
+        text = f"{f.tip.worst * k:.1f} ± {f.factor * f.tip.std * k:.1f}"
+        rows.append({"where": t("volume.corners"), "largest": text, "std": f"{f.tip.std * k:.1f}", "at": ""})
     for key, mask in (("touched", ~chart.extrapolated), ("rest", chart.extrapolated)):
         i = chart.worst(mask)
         if i is not None:
@@ -389,7 +383,7 @@ def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
 def as_json(f: Facts) -> dict[str, Any]:
     """facts → plain data of the format tango-report/1."""
     found = verdict(f, texts())
-    worst = f.worst
+    told, within = may(f, texts()).answer, f.within
     iso: Sequence[dict[str, Any]] = [
         {
             "kind": g.kind,
@@ -410,7 +404,9 @@ def as_json(f: Facts) -> dict[str, Any]:
         "effects_um": effects(f.result),
         "iso230": list(iso),
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
-        "volume_worst_um": None if worst is None else worst[0] * 1e3,
+        "may_make_parts": told.may,
+        "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
+        "volume_worst_um": None if within is None else within[0] * 1e3,
         "outliers": [int(i) for i in f.result.outliers],
         "not_identifiable": [c.text for c in f.result.selection.unseen],
         "not_identifiable_figures": list(f.withheld),

@@ -58,3 +58,13 @@ def amount(value: float, unit: str, u: Units, t: Texts) -> str:
 def rounded(value: float) -> str:
     """number without a sign → whole from 10 on, else one decimal."""
     return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}".removesuffix(".0")
+
+
+def value_text(value: float, std: float) -> str:
+    """value, standard deviation → as many digits as the deviation is worth."""
+    return f"{value:.{digits(std)}f}".replace("-", "−")
+
+
+def digits(std: float) -> int:
+    """standard deviation → decimals that are worth printing."""
+    return 1 if std >= 1 else 2 if std >= 0.095 else 3

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import textwrap
 
+from .answer import LEVELS
 from .characters import SIGNS, bar, colored, width
 from .facts import Facts, verdict
+from .may import may
 from .page import parameters, sentence
 from .texts import texts
+from .verdict import Level
 
 
 def summary(found: Facts, columns: int | None = None) -> str:
@@ -15,9 +18,13 @@ def summary(found: Facts, columns: int | None = None) -> str:
     t = texts()
     columns = columns or width()
     judged = verdict(found, t)
-    head = f"{SIGNS[judged.level]} {t('level.' + judged.level)}"
-    lines = textwrap.wrap(f"{head}: {sentence(judged, t)}", columns)
-    lines[0] = lines[0].replace(head, colored(head, judged.level), 1)
+    told = may(found, t)
+    level = LEVELS[told.answer.may]
+    head = f"{SIGNS[level]} {t('may.ask')} {told.answer.word}."
+    said = (f"{told.answer.numbers}." if told.answer.numbers else "", told.cause, told.answer.why, told.basis)
+    lines = _headed(head, " ".join(x for x in said if x), level, columns)
+    head = f"{SIGNS[judged.level]} {t('level.' + judged.level)}:"
+    lines += _headed(head, sentence(judged, t), judged.level, columns)
     for check in judged.checks:
         sign = "–" if check.open else colored(SIGNS[check.level], check.level)
         lines.append(f"  {sign} {t('check.' + check.name):<12} {check.value}")
@@ -37,3 +44,11 @@ def summary(found: Facts, columns: int | None = None) -> str:
             drawn = bar(r["number"], r["half"], span[r["unit"]], room - 1 + room % 2)
             lines.append(f"  {r['name']:<{indent - 4}} {drawn} {end}")
     return "\n".join(lines)
+
+
+def _headed(head: str, text: str, level: Level, columns: int) -> list[str]:
+    """first words, what follows, level, columns → lines, the first words in the color of the level."""
+    lines = textwrap.wrap(f"{head} {text}".rstrip(), columns)
+    if lines[0].startswith(head):
+        lines[0] = lines[0].replace(head, colored(head, level), 1)
+    return lines

@@ -29,6 +29,8 @@ class Check:
     trust: bool = True  # whether it says something of the numbers; the limit says something of the machine
     open: bool = False
     said: str = ""  # key of the text at the top of the page, where it is another than that of its level
+    tone: Level | None = None  # as which it is drawn, where it says something of the machine that is worse than its level
+    label: str = ""  # the word beside it, where it is another than that of its level
     undermines: bool = False  # what was found takes away what the others rely on: none of them stays good
 
 

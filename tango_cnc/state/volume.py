@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from .. import kinematics
-from ..iso230.poses import at_poses
+from ..estimate import Estimate
+from ..iso230.poses import at_poses, is_setup
+from ..model import Model
 from ..records import Array
 from ..verify.volume import grid, set_up, setup_lever
 from .frame import Frame
@@ -43,18 +46,30 @@ def aim(lever: Array) -> Aim:
 
 def levers(followed: Frame, over: str = "probed") -> Array:
     """frame, `travel` or `probed` → (m, 3, p) mm by unknown: the tip relative to the table at m poses."""
-    model = followed.model
+    return _levers(followed.model, followed.machine.tolist(), len(followed.names), over)
+
+
+def of_estimate(result: Estimate) -> Volume | None:
+    """estimate → the same number as that of a night: errors over every corner of the touched ranges; None where it has none."""
+    model = result.model
+    own = [i for i, c in enumerate(model.coefficients) if c.slot.axis and not is_setup(c.slot)]
+    if not own:
+        return None
+    return over_volume(_levers(model, own, len(result.values), "probed"), result.values, result.covariance)
+
+
+def _levers(model: Model, own: Sequence[int], count: int, over: str) -> Array:
+    """model, places of the errors of the machine, unknowns, `travel` or `probed` → (m, 3, count) mm by unknown."""
     machine = model.touches.machine
     position = grid(machine, model.touches, LEVELS, over)
     poses = at_poses(machine, position, np.zeros_like(position))
     run = kinematics.trace(poses.chain, position, {})
-    found = np.zeros((len(position), 3, len(followed.names)))
-    own = [model.coefficients[i] for i in followed.machine]
-    regressors = [c.regressor(poses) for c in own]
+    found = np.zeros((len(position), 3, count))
+    regressors = [model.coefficients[i].regressor(poses) for i in own]
     for axis in range(3):
         slots = kinematics.sensitivity(poses.chain, run, np.tile(np.eye(3)[axis], (len(poses), 1))).slots
-        for i, c, regressor in zip(followed.machine, own, regressors, strict=True):
-            found[:, axis, i] = slots[c.slot] * regressor
+        for i, regressor in zip(own, regressors, strict=True):
+            found[:, axis, i] = slots[model.coefficients[i].slot] * regressor
     tip = kinematics.tip(poses.chain, position)
     return set_up(found, setup_lever(poses, tip), np.ones(len(position), dtype=np.bool_))
 

@@ -12,7 +12,7 @@ from starlette.routing import Route
 
 from ...report.answer import Answer, answer, measuring
 from ...report.days import day
-from ...report.faults import answered, earlier, faults, held, sentence
+from ...report.faults import answered, earlier, faults, sentence, unclosed
 from ...report.morning import strip
 from ...report.plain import plain
 from ...report.units import Units
@@ -108,16 +108,13 @@ def open_faults(row: Row, state: State) -> list[dict[str, Any]]:
     if history is None or s is None or not (s.alarms_open or s.alarms_held):
         return []
     today = datetime.now().astimezone().strftime("%Y-%m-%d")
-    kept = held(history.decisions(name), today)
-    alarms = [dict(a) for a in history.open_alarms(name)]
-    if kept:
-        alarms += [dict(a) for stored in history.alarmed(name) for a in stored.record["alarms"] if a["id"] in kept]
+    alarms, decisions = unclosed(history, name, today)
     whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
     record = dict(row.record or {})
     record |= {"owner": record.get("owner") or whose, "alarms": (), "standing": (), "behind": ()}
     known = row.before if record.get("verdict") == "not_measured" else row.record
     shown = record | {"verdict": "not_measured"}
-    return faults(shown, earlier(alarms), kept, state.units, state.texts, axes, known, today, written_of(row.machine))
+    return faults(shown, earlier(alarms), decisions, state.units, state.texts, axes, known, today, written_of(row.machine))
 
 
 ROUTES = [Route("/", fleet, name="fleet")]

@@ -14,7 +14,7 @@ from starlette.routing import Route
 
 from ...history import Night, compensations
 from ...report.charts import tip
-from ...report.faults import earlier, sentence
+from ...report.faults import earlier, sentence, unclosed
 from ...report.morning import LEVELS, context, last_within, last_written, never_within, strip, volumes_of
 from ...report.plain import plain
 from ...report.repeated import shortened
@@ -39,15 +39,16 @@ def machine(request: Request) -> Response:
     values["silent"] = None if run is None else quiet(run, time.time())
     values["busy"] = busy_of(request, found)
     if nights and found.history is not None:
-        history, entry, allowed = found.history, nights[0].entry, limits_of(request, found)
+        entry, allowed = nights[0].entry, limits_of(request, found)
+        alarms, decisions = _unclosed(request, found)
         signs = [(n.night, told(n, allowed)) for n in nights]
         every = [(n.night, told(n, allowed)) for n in state.places.nights(found, ANOTHER)]
         values |= context(
             stored(request, found, entry),
-            state.places.kept(f"decisions {found.slug}", lambda: history.decisions(found.name)),
+            decisions,
             state.units,
             state.texts,
-            waiting=earlier(_waiting(request, found)),
+            waiting=earlier(alarms),
             before=record_before(request, found, nights),
             machine=state.places.geometry(found),
             owner=state.places.owner(found),
@@ -87,11 +88,16 @@ def simulated(request: Request, machine: Machine) -> bool:
     return bool(nights) and bool(stored(request, machine, nights[0].entry).get("simulated"))
 
 
-def _waiting(request: Request, machine: Machine) -> Any:
-    """request, machine → its alarms that nobody has decided about, newest first."""
-    history = machine.history
+def _unclosed(request: Request, machine: Machine) -> tuple[Any, Any]:
+    """request, machine → its alarms that nobody has closed, newest first, and the last decision about each."""
+    history, today = machine.history, datetime.now().astimezone().strftime("%Y-%m-%d")
     assert history is not None
-    return state_of(request).places.kept(f"waiting {machine.slug}", lambda: history.open_alarms(machine.name))
+
+    def read() -> tuple[Any, Any]:
+        alarms, decisions = unclosed(history, machine.name, today)
+        return alarms, tuple(decisions.values())
+
+    return state_of(request).places.kept(f"unclosed {machine.slug}", read)
 
 
 def written_of(machine: Machine) -> str:

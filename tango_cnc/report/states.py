@@ -1,0 +1,50 @@
+"""A report beside the newest night → what the machine has otherwise than when these readings were made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .days import day
+from .facts import Facts, effects
+from .plain import amount, value_text
+from .texts import Texts
+from .units import shown
+from .words import spoken
+
+
+def _moved(f: Facts, name: str) -> float | None:
+    """facts, parameter → its value of the newest night where that differs from these readings (95 %), in its unit; else None."""
+    p, here = f.nights.parameter(name) if f.nights is not None else None, f.result.parameters.get(name)
+    if p is None or here is None:
+        return None
+    apart = abs(float(p["value"]) - here.value)
+    return float(p["value"]) if apart > 2 * float(np.hypot(float(p.get("std") or 0.0), here.std)) else None
+
+
+def of_night(f: Facts, name: str, t: Texts) -> str:
+    """facts, parameter, texts → its value of the newest night where that is another one; else nothing."""
+    value = _moved(f, name)
+    if value is None or f.nights is None:
+        return ""
+    factor, unit = f.wishes.units.coefficient(f.result.parameters[name].unit)
+    std = float((f.nights.parameter(name) or {}).get("std") or 0.0) * abs(factor)
+    return t("table.of_night", date=day(f.nights.measured_on, t, False), value=value_text(value * factor, std), unit=unit)
+
+
+def since_then(f: Facts, t: Texts) -> str:
+    """facts, texts → what the newest night has otherwise than these readings, the most telling first; nothing where they agree."""
+    differ = [name for name in effects(f.result) if _moved(f, name) is not None]
+    if not differ or f.nights is None:
+        return ""
+    name, machine = differ[0], f.cell.machine
+    size, unit = shown(f.result.parameters[name].unit)
+    here, there = f.result.parameters[name].value * size, (_moved(f, name) or 0.0) * size
+    values = {key: amount(value, unit, f.wishes.units, t) for key, value in (("here", here), ("there", there))}
+    signs = {key: "−" if value < 0 else "" for key, value in (("here", here), ("there", there))}
+    told = {key: signs[key] + text for key, text in values.items()}
+    return t(
+        "report.since_then",
+        what=f"{spoken(name, machine, t)[:1].upper()}{spoken(name, machine, t)[1:]}",
+        date=day(f.nights.measured_on, t),
+        **told,
+    )
