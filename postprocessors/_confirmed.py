@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from tango_cnc.nearest import nearest
+from tango_cnc.nearest import nearest, printable
 from tango_cnc.records import InputError
 
 FEWEST = 12  # letters and digits of a beginning: fewer tell nobody what was checked, and may fit another doubt one day
@@ -21,7 +21,7 @@ def confirmed(stated: Any, doubts: Iterable[str], fields: Sequence[str]) -> tupl
     Raises InputError for what is no list of texts, and for a text that begins no doubt, several, or one that is stated already.
     """
     if not isinstance(stated, list | tuple):
-        found = "nothing" if stated is None else repr(stated)
+        found = "nothing" if stated is None else _shown(stated)
         raise InputError(
             f"controller.confirmed: found {found}; allowed: a list, one fact a line after '- ', as 'tango plan' says it; "
             "leave the key out where there is none"
@@ -33,11 +33,15 @@ def confirmed(stated: Any, doubts: Iterable[str], fields: Sequence[str]) -> tupl
         doubt = _doubt(text, known, fields)
         if doubt in said:
             raise InputError(
-                f"controller.confirmed: found {text!r}, which is {said[doubt]!r} once more; allowed: each fact once; "
+                f"controller.confirmed: found {_shown(text)}, which is {_shown(said[doubt])} once more; allowed: each fact once; "
                 "leave one of them out"
             )
         said[doubt] = text
     return tuple(said)
+
+
+def _shown(value: Any) -> str:
+    return printable(repr(value), 300)
 
 
 def _text(entry: Any, place: int) -> str:
@@ -47,7 +51,7 @@ def _text(entry: Any, place: int) -> str:
         if isinstance(rest, str | None):
             entry = f"{begin}: {rest or ''}".rstrip()
     if not isinstance(entry, str):
-        found = "nothing" if entry is None else repr(entry)
+        found = "nothing" if entry is None else _shown(entry)
         raise InputError(
             f"controller.confirmed: found {found} in place {place}; allowed: texts; put it in quotes where there is a # in it"
         )
@@ -56,12 +60,12 @@ def _text(entry: Any, place: int) -> str:
 
 def _doubt(text: str, doubts: Sequence[str], fields: Sequence[str]) -> str:
     """text of an entry → the one doubt that is meant."""
-    sought = _plain(text)
+    sought, shown = _plain(text), _shown(text)
     whole = [doubt for doubt in doubts if doubt == text] or [doubt for doubt in doubts if sought and _plain(doubt) == sought]
     begun = whole or [doubt for doubt in doubts if sought and _plain(doubt).startswith(sought)]
     if len(begun) > 1:
         raise InputError(
-            f"controller.confirmed: found {text!r}, with which {len(begun)} facts begin; allowed: one; write more of it, "
+            f"controller.confirmed: found {shown}, with which {len(begun)} facts begin; allowed: one; write more of it, "
             f"and a line for each of the others that you have checked:{_listed(begun)}"
         )
     if whole or (begun and len(sought) >= FEWEST):
@@ -70,13 +74,13 @@ def _doubt(text: str, doubts: Sequence[str], fields: Sequence[str]) -> str:
         key = field.partition(" = ")[0]
         if sought.startswith(_plain(key)) and _plain(field).startswith(sought):
             raise InputError(
-                f"controller.confirmed: found {text!r}, which is a key of its own; allowed: facts that no key states; "
+                f"controller.confirmed: found {shown}, which is a key of its own; allowed: facts that no key states; "
                 f"write {key} with its value under controller:, which confirms it"
             )
     if not doubts:
-        raise InputError(f"controller.confirmed: found {text!r}; allowed: nothing, as this post has no doubts; leave the key out")
+        raise InputError(f"controller.confirmed: found {shown}; allowed: nothing, as this post has no doubts; leave the key out")
     raise InputError(
-        f"controller.confirmed: found {text!r}, which {'says too little' if begun else 'is no fact that this post leaves open'}; "
+        f"controller.confirmed: found {shown}, which {'says too little' if begun else 'is no fact that this post leaves open'}; "
         f"allowed: a fact that 'tango plan' lists without a key, or its beginning of {FEWEST} letters and digits or more, in "
         f"quotes where there is a # in it{_meant(sought, doubts)}"
     )

@@ -21,9 +21,11 @@ from tango_cnc.records import InputError, Machine
 
 from . import languages as languages
 from .faults import Faults
+from .languages import Alarm
 from .motion import Motion
 from .probing import Rig
 
+LONGEST = 1000  # characters of a block
 BUFFER = 4096  # bytes of program that the control takes in ahead of execution
 
 
@@ -96,7 +98,7 @@ class Session:
 
         def started(motion: Motion, punch: Callable[[bytes], None]) -> None:
             control = self._language.Control(motion, self._profile, punch, self.note, self._setup.library)
-            self.run(control, iter(line for line in program.read_text(encoding="ascii").splitlines() if line.strip() != "%"))
+            self.run(control, tape(program))
 
         self.resident = started
 
@@ -106,7 +108,11 @@ class Session:
         if self._moving is not None:
             self._dialled(self._moving)
         self._programs += 1
-        control.run(lines if self._setup.streamed else list(lines), self._setup.streamed)
+        taken = (_taken(line) for line in lines)
+        try:
+            control.run(taken if self._setup.streamed else list(taken), self._setup.streamed)
+        except (RecursionError, OverflowError) as error:
+            raise Alarm("SYSTEM", "brackets too deep, or a number too large, for this control", str(error)) from None
         self.note("program", state="ended")
 
     def _dialled(self, motion: Motion) -> None:
@@ -131,6 +137,21 @@ class Session:
 def families() -> list[str]:
     """→ languages that can be interpreted: the files of `languages/`."""
     return sorted(m.name for m in pkgutil.iter_modules(languages.__path__) if not m.name.startswith("_"))
+
+
+def tape(program: Path) -> Iterator[str]:
+    """file of a program → its lines without the %. Raises Alarm for characters that no control has."""
+    try:
+        text = program.read_text(encoding="ascii")
+    except UnicodeDecodeError as error:
+        raise Alarm("SYSTEM", "a character that this control does not have", str(error)) from None
+    yield from (line for line in text.splitlines() if line.strip() != "%")
+
+
+def _taken(line: str) -> str:
+    if len(line) > LONGEST:
+        raise Alarm("SYSTEM", "a block too long for this control", f"{len(line)} characters, at most {LONGEST}")
+    return line
 
 
 def language(family: str) -> Any:

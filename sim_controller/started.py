@@ -9,7 +9,7 @@ from pathlib import Path
 from tango_cnc.records import LinkError
 
 from .languages import Alarm, Silence
-from .session import Session
+from .session import Session, tape
 
 LOOK = 0.1  # s between two looks for the program
 
@@ -28,7 +28,7 @@ def start(program: Path, records: Path, session: Session, patience: float = 60.0
     with records.open("ab", buffering=0) as out:
         control = session.control(lambda data: _write(out.write, data))
         try:
-            session.run(control, (line for line in program.read_text(encoding="ascii").splitlines() if line.strip() != "%"))
+            session.run(control, tape(program))
         except Alarm as alarm:
             session.note("alarm", code=alarm.code, text=alarm.text, detail=alarm.detail)
             raise LinkError(str(alarm)) from None

@@ -15,7 +15,7 @@ from .records import Array, Cell, Id, Indexation
 
 AWAY = -0.02  # least cosine between normal and spindle: other facets face away, and plans leave them out
 MEANT = [{"position": {"*": float}, "facets": [str]}]  # of readings.json: until.strategy
-BEFORE = re.compile(r"touch (\d+) ")  # records of versions before 0.2 have the sentences alone, not the numbers
+BEFORE = re.compile(r"touch (\d{1,9}) ")  # records of versions before 0.2 have the sentences alone, not the numbers
 
 
 @dataclass(frozen=True)

@@ -169,9 +169,11 @@ def _cycles(touches: Touches, rows: np.ndarray, values: np.ndarray) -> np.ndarra
 
 def _merge(file: Path, key: str, name: str, lines: list[dict[str, Any]], more: Mapping[str, Any] | None = None) -> None:
     """Lines of the same name are replaced, everything else in the file stays (without its comments)."""
-    data: dict[str, Any] = load(file).plain() if file.is_file() else {}
-    new = {line[name] for line in lines}
-    kept = [line for line in data.get(key, []) if line.get(name) not in new]
+    fields = dict(load(file).items()) if file.is_file() else {}
+    data: dict[str, Any] = {word: node.plain() for word, node in fields.items()}
+    new = [line[name] for line in lines]
+    before = [{word: node.plain() for word, node in line.items()} for line in fields[key].list()] if key in fields else []
+    kept = [line for line in before if line.get(name) not in new]
     write_text(file, dump({**data, **(more or {}), key: [*kept, *lines]}))
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shutil
 import textwrap
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import wraps
@@ -15,6 +16,7 @@ import click
 
 from ..files import read_cell, write_text
 from ..files.nightly import history_of, read_nightly
+from ..nearest import printable
 from ..records import InputError
 from ..report.repeated import shortened
 from ..report.units import shown
@@ -354,6 +356,27 @@ def backup(history: History, machine: str | None, output: Path) -> None:
     click.echo(here()("cli.history.entries", count=count, file=str(output)))
 
 
+@contextmanager
+def _set_aside(place: str | Path) -> Iterator[Path | None]:
+    """place of a history → within it the one that is there has another name, which is given; after an error its own again."""
+    if not isinstance(place, Path) or not place.exists():
+        yield None
+        return
+    kept = Path(f"{place}.{datetime.now(UTC).strftime('%Y%m%dT%H%M%S')}")
+    files = [(Path(f"{place}{ending}"), Path(f"{kept}{ending}")) for ending in ("", "-wal", "-shm")]
+    moved = [(old, new) for old, new in files if old.exists()]
+    for old, new in moved:
+        shutil.move(old, new)
+    try:
+        yield kept
+    except BaseException:
+        for old, _ in files:
+            old.unlink(missing_ok=True)
+        for old, new in moved:
+            shutil.move(new, old)
+        raise
+
+
 @command.command()
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("-C", "folder", type=click.Path(path_type=Path), default=Path("."), metavar="DIR", help="The cell.")
@@ -366,15 +389,11 @@ def restore(source: Path, folder: Path, where: str | None) -> None:
     place = _place(folder, where)
     with opened(source, create=False) as history:
         if wrong := history.verify():
-            raise InputError(f"{source}: {wrong[0]}; nothing was restored")
-        if isinstance(place, Path) and place.exists():
-            stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
-            for ending in ("", "-wal", "-shm"):
-                old = Path(f"{place}{ending}")
-                if old.exists():
-                    shutil.move(old, Path(f"{place}.{stamp}{ending}"))
-            click.echo(here()("cli.history.kept_beside", file=f"{place}.{stamp}"), err=True)
-        count = copied(history, place)
+            raise InputError(f"{source}: {printable(wrong[0], 1000)}; nothing was restored")
+        with _set_aside(place) as kept:
+            count = copied(history, place)
+    if kept is not None:
+        click.echo(here()("cli.history.kept_beside", file=str(kept)), err=True)
     click.echo(here()("cli.history.entries", count=count, file=str(place)))
 
 

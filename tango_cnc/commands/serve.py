@@ -70,6 +70,7 @@ def command(
         from ..web.app import create
         from ..web.patience import Patient
         from ..web.settings import LOOPBACK, Settings
+        from ..web.tls import checked
     except ImportError as error:
         raise InputError(f"tango serve: {error.name} is not installed; pip install 'tango-cnc[web]'") from None
     if add_user is not None:
@@ -93,6 +94,8 @@ def command(
     for file in (certificate, key):
         if file is not None and not file.is_file():
             raise InputError(f"{file}: no such file; allowed: a PEM file")
+    if certificate is not None and key is not None:
+        checked(certificate, key)
     cells = tuple(cell for folder in folders or (Path("."),) for cell in _cells(folder))
     if not cells and history is None:
         raise InputError(

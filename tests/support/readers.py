@@ -19,6 +19,7 @@ import numpy as np
 
 from postprocessors import _base as posts
 from sim_controller import compensation
+from support.brought import BROUGHT
 from support.databases import DATABASES
 from support.mutants import Reader, spoilt
 from support.shopfiles import SHOP
@@ -476,4 +477,5 @@ READERS = {
     **SHOP,
     **DATABASES,
     **TABLES,
+    **BROUGHT,
 }
