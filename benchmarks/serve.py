@@ -2,7 +2,8 @@
 
     python benchmarks/serve.py [--quick]
 
-A server of its own process is asked over a real socket. The floor beside each number is `/healthz` of the same server.
+A server of its own process is asked over a real socket. The floor beside each number is `/healthz` of the same server; beside
+the clock stands the processor time of the server, which other programs on the computer do not make longer.
 """
 
 from __future__ import annotations
@@ -47,6 +48,12 @@ def resident(pid: int) -> float:
     """pid → MB in memory."""
     text = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
     return int(re.findall(r"VmRSS:\s+(\d+)", text)[0]) / 1024
+
+
+def spent(pid: int) -> float:
+    """pid → ms of the processors so far, of all its threads."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return 1e3 * (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def timed(call: Callable[[], httpx.Response], count: int) -> tuple[float, float]:
@@ -128,15 +135,29 @@ def main() -> None:
                 ("fleet", "/"),
                 ("machine", f"/machine/{slug}"),
                 ("trend", f"/machine/{slug}/trend"),
+                ("one parameter", f"/machine/{slug}/trend?parameter=EX0C"),
+                ("a night", f"/machine/{slug}/night/{nights + 1}"),
                 ("nights", f"/machine/{slug}/nights"),
                 ("alarms", "/alarms"),
             ):
                 time.sleep(5.5)  # what was kept of it is old now
+                cpu = [spent(server.pid)]
                 first = timed(lambda path=path: client.get(path), 1)  # type: ignore[misc]
+                cpu.append(spent(server.pid))
                 warm = timed(lambda path=path: client.get(path), 20)  # type: ignore[misc]
-                print(f"{label:34} {first[0]:7.1f} ms at first, then {warm[0]:.1f} ms; {warm[0] / floor[0]:.1f} times the floor")
-            step = followed(base, run, 4 if quick else 20)
-            print(f"{f'step of a run, {FOLLOWERS} followers':34} {step[0]:7.1f} ms, 95 % {step[1]:7.1f} ms")
+                cpu.append(spent(server.pid))
+                print(
+                    f"{label:34} {first[0]:7.1f} ms at first ({cpu[1] - cpu[0]:.0f} ms of a processor), then {warm[0]:.1f} ms "
+                    f"({(cpu[2] - cpu[1]) / 20:.1f} ms); {first[0] / floor[0]:.0f} and {warm[0] / floor[0]:.1f} times the floor"
+                )
+            steps = 4 if quick else 20
+            began_cpu = spent(server.pid)
+            step = followed(base, run, steps)
+            each = (spent(server.pid) - began_cpu) / steps / FOLLOWERS
+            print(
+                f"{f'step of a run, {FOLLOWERS} followers':34} {step[0]:7.1f} ms, 95 % {step[1]:7.1f} ms; "
+                f"{each:.2f} ms of a processor each"
+            )
             for i in range(500):
                 client.get(("/", f"/machine/{slug}", "/machine/HU40T-like/run")[i % 3])
             before = resident(server.pid)

@@ -102,3 +102,17 @@ def _orders(key: str) -> bool:
     last = key.split(".")[-1]
     named = last in ("do", "advice") or last.endswith(("_do", "_todo")) or last.startswith("todo_")
     return (named and not key.startswith("unseen_said.")) or key.startswith(("todo.", "confirmed."))
+
+
+def test_what_people_at_the_machine_read_has_no_command_in_it() -> None:
+    """Commands of the program stand behind the mark of the office, which pages put into its own part."""
+    from tango_cnc.report.plain import office, shop
+
+    t = texts()
+    sections = ("may", "morning", "cause", "confirmed", "part", "night", "todo", "web", "decision", "preflight")
+    command = re.compile(r"(?<![\w.])(?:tango (?!cnc|serve)[a-z]|--[a-z]|systemctl|crontab)")
+    shown = {k: t._flat[k] for k in t.keys if k.split(".")[0] in sections and k != "morning.office_mark"}
+    assert len(shown) > 200
+    assert not {k: v for k, v in shown.items() if command.search(shop(v, t))}
+    behind = [k for k, v in shown.items() if office(v, t)]
+    assert len(behind) >= 10 and all(shop(shown[k], t) for k in behind)

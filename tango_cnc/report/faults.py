@@ -12,7 +12,7 @@ from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
 from .days import day, days_between, local_day
-from .plain import amount, plain
+from .plain import amount, office, plain, shop
 from .texts import Texts, texts
 from .units import Units, shown
 from .words import moved, spoken
@@ -202,7 +202,8 @@ def alarm(
         "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
         "on_part": sentence(plain(_told(a, "on_part", u, t), u, t, machine), Units()),
         "raw_part": _told(a, "on_part", u, t),
-        "todo": sentence(plain(_todo(a, u, t), u, t, machine), Units()),
+        "todo": shop(sentence(plain(_todo(a, u, t), u, t, machine), Units()), t),
+        "office": office(_todo(a, u, t), t),
         "instead": [_named(f"followed.{str(x).partition(' ')[0]}", x, t) for x in a.get("instead") or ()],
         "owner": owner,
         "nobody": not owner and decision is None,

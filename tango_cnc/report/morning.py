@@ -14,7 +14,7 @@ from . import svg
 from .answer import answer, measuring
 from .days import day, ended, local_day
 from .faults import alarm, answered, begun, faults, sentence
-from .plain import amount, plain, value_text
+from .plain import amount, office, plain, shop, value_text
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .units import Units
@@ -111,7 +111,8 @@ def context(
             **record,
         },
         "sentence": lambda text: sentence(t.of(text or ""), u),
-        "plain": lambda text: sentence(plain(t.of(text or ""), u, t, machine), Units()),
+        "plain": lambda text: shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t),
+        "office": _office(record, found, t),
         "day": lambda text, year=True: day(text, t, year),
         "ended": ended(record.get("end_utc"), t, now),
         "suspect": suspect,
@@ -168,6 +169,15 @@ def _suspect(may: str, within: str, never: str, began: str, t: Texts) -> str:
             return t("morning.suspect_both", date=day(began, t), within=day(within, t))
         return t("morning.suspect_beyond", date=day(within, t))
     return t("morning.suspect", date=day(began, t)) if may in ("no", "but") and began else ""
+
+
+def _office(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> list[str]:
+    """record, faults, texts → what the office can do at a computer: the commands that the first screen leaves out."""
+    failed = [p.get("do") for p in record.get("preflight") or () if not p.get("passed")]
+    by_status = {"refused": "night.refused_do", "missed": "morning.missed_todo"}.get(str(record.get("status")))
+    told = [record.get("why"), *failed, *((record.get("plausible") or {}).get("reasons") or ()), t(by_status) if by_status else ""]
+    told = [office(t.of(x or ""), t) for x in told] + [str(a["office"]) for a in found]
+    return list(dict.fromkeys(x for x in told if x))
 
 
 def _over_since(may: str, within: str, never: str, t: Texts) -> str:

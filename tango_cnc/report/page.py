@@ -18,7 +18,7 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects, verdict
 from .may import may
-from .plain import digits, tilt, value_text
+from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
 from .texts import Texts, texts, texts_of
@@ -61,7 +61,8 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "trust": trust,
         "trusted": sentence(trust, t),
         "since_then": since_then(f, t),
-        "todo": list(dict.fromkeys(c.todo for c in found.checks if c.level != "good" and c.todo)),
+        "todo": list(dict.fromkeys(shop(c.todo, t) for c in found.checks if c.level != "good" and c.todo)),
+        "office": list(dict.fromkeys(office(c.todo, t) for c in found.checks if c.level != "good" and office(c.todo, t))),
         "largest": parameters(f, t, most=LARGEST),
         "parameters": parameters(f, t),
         "setup": _setup(f, t),

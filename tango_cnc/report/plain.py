@@ -29,6 +29,17 @@ def plain(text: str, u: Units, t: Texts, machine: Machine | None = None) -> str:
     return "".join(part if i % 2 else _plain(part, u, t, machine) for i, part in enumerate(COMMAND.split(text)))
 
 
+def shop(text: str, t: Texts) -> str:
+    """sentence, texts → the part of it for people at the machine: commands of this program are for the office, behind its mark."""
+    return text.partition(t("morning.office_mark"))[0].rstrip()
+
+
+def office(text: str, t: Texts) -> str:
+    """sentence, texts → the part of it for the office; nothing where it has none."""
+    told = text.partition(t("morning.office_mark"))[2].strip()
+    return f"{told[:1].upper()}{told[1:]}"
+
+
 def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
     text = BRACKETS.sub("", text)
     text = SYMBOL.sub(lambda m: spoken(m[0], machine, t), text)

@@ -16,6 +16,7 @@ from starlette.routing import Route
 
 from ...link.entries import Reading
 from ...records import Cell
+from ...report.plain import office, shop
 from ...report.svg import BLUE, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
 from ..app import machine_of, needs, page, state_of
@@ -99,8 +100,16 @@ def _drawn(request: Request, run: Run, cell: Cell | None) -> str:
         "map": Markup(_map(run, cell, t("web.map"))) if cell is not None else "",
         "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
         "unit": unit,
+        "shop": lambda text: shop(str(text), t),
+        "office": _office(run, t),
     }
     return state.templates.get_template("_step.html").render(**values)
+
+
+def _office(run: Run, t: Texts) -> list[str]:
+    """run, texts → what the office can do at a computer once it has ended."""
+    told = {"stopped": [str(run.why), t("web.resume")], "complete": [t("web.to_report")]}.get(run.state, [])
+    return list(dict.fromkeys(line for text in told if (line := office(text, t))))
 
 
 def _row(e: Reading, k: float) -> dict[str, Any]:
