@@ -8,7 +8,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -94,7 +94,13 @@ def seen(
     stored = name != "grbl"
     what = commission.Seen(made, records, begun, ended, refused, said, None, held if not said else None, answers, times=times)
     what = replace(what, obeys=kept.get("feed_override") == "acts", anew=kept.get("records_file") == "anew")
+    what = replace(what, unheard=unheard(found.events))
     return replace(what, dialled=turned, kept=kept_records, stored=stored), [event for event, _ in found.events]
+
+
+def unheard(events: Iterable[tuple[str, Mapping[str, Any]]]) -> bool:
+    """events of the machine → whether the slow move up went on although somebody touched the stylus."""
+    return any(event == "skip" and data.get("finger") and data["result"] == "miss" for event, data in events)
 
 
 def printed(text: bytes) -> list[str]:
@@ -114,6 +120,21 @@ def turned_down(
 
 def verdicts(what: commission.Seen, verdict: str) -> list[str]:
     return [j.experiment.belief for j in commission.judge(what) if j.verdict.verdict == verdict]
+
+
+@pytest.mark.parametrize("probe", ["dead", "other"])
+@pytest.mark.parametrize("name", [n if n == "fagor" else pytest.param(n, marks=pytest.mark.long) for n in sorted(EVERY)])
+def test_a_dead_probe_beside_an_alarm_of_a_miss_is_found_first_or_right_after_it(name: str, probe: str) -> None:
+    """Such an alarm comes at the first guarded move, before a finger is asked for: then the text says that the probe is unknown."""
+    alarm = cases(name)["miss"].wrong
+    what, events = seen(name, Case("alive", {**alarm, "probe": probe}))
+    assert not set(NEAR) & set(events)
+    (failed,) = [judged for judged in commission.judge(what) if judged.verdict.verdict == "FAIL"]
+    if not what.unheard and name != "grbl":  # whose driver says it by itself
+        assert failed.experiment.belief == "miss" and "nobody knows yet whether the control hears the probe" in failed.verdict.found
+        what, events = seen(name, Case("alive", {"probe": probe}))  # the parameter is right now
+        assert not set(NEAR) & set(events)
+    assert verdicts(what, "FAIL") == ["alive"]
 
 
 @pytest.mark.parametrize("name", sorted(EVERY))

@@ -82,6 +82,7 @@ def test_a_stop_without_a_text_blames_no_probe() -> None:
     ("OT0500 + OVERTRAVEL ( SOFT 1 ) Z", "soft limits"),
     ("PS0035 CAN NOT COMMAND G31", "feed of approach"),
     ("SW0100 PARAMETER WRITE", "list of alarms"),
+    ("Z stands at 32.3800 after it was sent to 656.8300: the control has ended the move by itself, and reports no contact", "-t 1"),
 ])  # fmt: skip
 def test_a_stop_that_is_no_belief_has_advice_too(text: str, word: str) -> None:
     assert "FAIL" not in verdicts(commission.Seen(air(), {}, True, False, said=text)).values()
@@ -223,3 +224,24 @@ def test_a_run_of_another_post_is_not_gone_on_with(tmp_path: Path, capsys: pytes
     assert call("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--resume", "--yes") == 2
     said = capsys.readouterr().err
     assert "with post mazak; the cell now states fanuc" in said, said
+
+
+TEXTS = ("CNC-PROBE PROBE (no contact)", "TNC TOUCH POINT INACCESSIBLE", "skip not reached: the probing move met nothing", "SW0100")
+
+
+@pytest.mark.parametrize("said", TEXTS)
+def test_a_probe_that_the_finger_did_not_stop_is_to_blame_whatever_the_alarm_says(said: str) -> None:
+    """A control that makes an alarm of a miss says so at the slow move up as well, where nothing is recorded yet."""
+    what = commission.Seen(air(), {}, True, False, said=said, unheard=True)
+    assert [belief for belief, verdict in verdicts(what).items() if verdict == "FAIL"] == ["alive"]
+    heard = verdicts(replace(what, unheard=False))
+    assert [belief for belief, verdict in heard.items() if verdict == "FAIL"] == (["miss"] if said != "SW0100" else [])
+
+
+def test_where_nobody_has_said_it_the_text_is_blamed_and_the_probe_named() -> None:
+    what = commission.Seen(air(), {}, True, False, said=TEXTS[0])
+    found = {judged.experiment.belief: judged.verdict for judged in commission.judge(what)}
+    assert found["miss"].verdict == "FAIL" and "nobody knows yet whether the control hears the probe" in found["miss"].found
+    assert found["alive"].verdict == "OPEN"
+    later = {j.experiment.belief: j.verdict for j in commission.judge(replace(what, records=records(1)))}
+    assert "nobody knows" not in later["miss"].found, "what is recorded shows that the probe was heard"

@@ -27,6 +27,10 @@ FAILED = 1
 BY_DIAL = ("feed", "append")  # beliefs that a second program with the feed override turned shows
 SLOW = 60.0  # s that a move may take then
 START = b"TANGO START"
+UNHEARD = (
+    "Did the probe move up slowly, and go on although you touched the stylus? (no: it stopped there, it did not get there, or you "
+    "have not seen it)"
+)
 PLACE = "Measure 10"  # in the list of commands
 
 
@@ -147,6 +151,8 @@ def command(
         said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
     if not seen.ended:
         seen = replace(seen, said=said or seen.said)
+    if someone and _unclear(seen):
+        seen = replace(seen, unheard=click.confirm(UNHEARD, err=True))
     aside = "Hold the stylus aside and keep it there. Do you? (no: this is left open)"
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(aside, err=True):
         ungated = written(
@@ -270,6 +276,14 @@ def _tried(
     speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
     said = why if speaks and (begun or "PROBE" in why.upper()) else ""
     return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, times=times), control
+
+
+def _unclear(seen: Any) -> bool:
+    """what came → whether only the person can say if the probe was heard: the program stopped, nothing is recorded."""
+    from .. import commission
+
+    alive = next(j for j in commission.judge(seen) if j.experiment.belief == "alive")
+    return bool(seen.begun and not seen.ended and not seen.records and alive.verdict.verdict != "FAIL")
 
 
 def _stopped(once: Any) -> bool | None:

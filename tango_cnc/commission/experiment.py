@@ -35,6 +35,7 @@ class Seen:
     largest: float = 0.0  # mm or deg: the largest number of a record of the cell's own plan; 0: unknown
     obeys: bool = False  # the profile says that the feed override acts on measuring moves
     anew: bool = False  # the profile says that each program begins the file of its records anew
+    unheard: bool = False  # the person has seen that the slow move up went on although the stylus was touched
 
 
 @dataclass(frozen=True)

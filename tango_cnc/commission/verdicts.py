@@ -22,7 +22,18 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "the control refuses the skip move itself: is its option there, is the feed of approach in strategy.yaml one that it "
         "allows, is a modal function on that forbids it?",
     ),
+    (
+        re.compile(r"HAS ENDED THE MOVE BY ITSELF"),
+        "grblHAL ends a search so when its step buffer runs empty (stepper.c, motion_control.c). Its simulator does where -t is "
+        "above 1 or the computer is busy: start it with -t 1, or build it with -DSEGMENT_BUFFER_SIZE=250. On a board look at $100 "
+        "… $124 and at the drives",
+    ),
     (re.compile(r"EMERGENCY|E-STOP|RESET|DOOR"), "the machine was stopped from outside: start again"),
+)
+
+UNKNOWN = (
+    ". Nothing is recorded, so nobody knows yet whether the control hears the probe: if this was at the slow move up, while "
+    "you touched the stylus, look at alive first"
 )
 
 
@@ -47,16 +58,20 @@ def experiments() -> tuple[Experiment, ...]:
 def judge(seen: Seen) -> list[Judged]:
     """what came of it → every experiment with its verdict. A program that stopped blames one belief: that of its text.
 
-    Without a text that is known, the one is blamed whose judge sees the trouble first, by danger.
+    Without a text that is known, the one is blamed whose judge sees the trouble first, by danger. Before the first record what the
+    person has seen counts more than the text: a control that makes an alarm of a miss says the same where the probe is dead.
     """
     every = experiments()
-    blamed = next((e for e in every if seen.said and e.stops.search(seen.said.upper())), None)
+    nothing = not seen.records and not seen.refused
+    noticed = next((e for e in every if e.judge(seen).verdict == "FAIL"), None) if nothing else None
+    blamed = noticed or next((e for e in every if seen.said and e.stops.search(seen.said.upper())), None)
     judged = []
     for experiment in every:
         verdict = experiment.judge(seen)
-        if blamed is not None and experiment is blamed:
-            verdict = Verdict("FAIL", f"the program stopped: {seen.said}")
-        elif blamed is not None and verdict.verdict == "FAIL":
+        if experiment is blamed and experiment is not noticed:
+            doubt = UNKNOWN if nothing and experiment.danger > 1 else ""
+            verdict = Verdict("FAIL", f"the program stopped: {seen.said}{doubt}")
+        elif blamed is not None and experiment is not blamed and verdict.verdict == "FAIL":
             verdict = Verdict("OPEN", f"the program stopped before: {seen.said}")
         judged.append(Judged(experiment, verdict))
     return judged

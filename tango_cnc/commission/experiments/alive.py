@@ -11,6 +11,8 @@ def judge(seen: Seen) -> Verdict:
     """→ PASS where anything was recorded: nothing is, before the finger has been noticed."""
     if seen.records or seen.ended:
         return Verdict("PASS", "the finger stopped the slow move")
+    if seen.unheard:
+        return Verdict("FAIL", "the slow move went on although the stylus was touched")
     if not seen.begun:
         return Verdict("OPEN", "the program has not begun: no start mark has come")
     if seen.said:

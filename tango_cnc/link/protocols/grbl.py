@@ -244,7 +244,10 @@ class Client(Control):
         yield from self._where()
         for name in target:
             if abs(self._at[name] - self._goal[name]) > CLOSE:
-                raise Stop(f"{name} stands at {self._at[name]:.4f} after it was sent to {self._goal[name]:.4f}")
+                raise Stop(
+                    f"{name} stands at {self._at[name]:.4f} after it was sent to {self._goal[name]:.4f}: the control has ended the "
+                    "move by itself, and reports no contact"
+                )
 
     def _index(self, target: Mapping[str, float], angle: float | None) -> Talk:
         """{rotary axis: deg}, angle of the spindle → turned: together, or where there are clamps each between its words."""
