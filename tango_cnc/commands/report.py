@@ -22,6 +22,7 @@ from ..files.targets import KEPT, sources
 from ..judgement import Judgement
 from ..records import InputError, Machine
 from ..report import page, pdf, template, terminal
+from ..report.course import jumps_of
 from ..report.days import local_day
 from ..report.facts import Facts, Nights, Paper, Wishes, effects, gather, verdict
 from ..report.texts import Texts, texts, texts_of
@@ -242,7 +243,8 @@ def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any]
     with opened(file, create=False) as history:
         if machine not in history.machines():
             return None
-        known, alarms = history.parameters(machine), {s.night.entry for s in history.alarmed(machine, NIGHTS)}
+        known = history.parameters(machine)
+        alarms = {s.night.entry: s.record["alarms"] for s in history.alarmed(machine, NIGHTS)}
         found = []
         for name in [n for n in names if n in known][:TRENDS]:
             t = history.trend(machine, name)
@@ -260,6 +262,7 @@ def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any]
                     "x_label": f"{dates[0]} … {dates[-1]}",
                     "first": first,
                     "limit": allowed.get(name),
+                    "jumps": jumps_of(alarms, entries, name, factor),
                 }
             )
     return {"series": found} if found else None

@@ -32,6 +32,7 @@ from ._database import connect, first_line
 from .records import ACTIONS, HELD, Decision, Knowledge, Night, Standing, Stored, Trend
 
 FORMAT = "tango-night/1"
+MANY = 500  # records that are read at once
 _NIGHT = asked.COLUMNS
 
 
@@ -41,6 +42,7 @@ class History:
 
     engine: Engine
     _ids: dict[str, int] = field(default_factory=dict, compare=False, repr=False)  # of machines: they never change
+    _alarms: dict[int, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)  # of entries: nor do they
 
     # Adding ---------------------------------------------------------------------------------------------------------
 
@@ -261,18 +263,21 @@ class History:
         )
         last = {row.name: _night(row) for row in rows}
         alarmed = self._rows(
-            select(t.machine.c.name, t.night_record.c.json)
-            .join(t.night, t.night.c.entry_id == t.night_record.c.entry_id)
+            select(t.machine.c.name, t.night.c.entry_id)
             .join(t.machine, t.machine.c.id == t.night.c.machine_id)
             .where(t.night.c.alarms > 0)
         )
+        new = [row.entry_id for row in alarmed if row.entry_id not in self._alarms]
+        for at in range(0, len(new), MANY):
+            for entry, record in self.records_of(new[at : at + MANY]).items():
+                self._alarms[entry] = tuple(str(alarm["id"]) for alarm in record["alarms"])
         answered = select(t.machine.c.name, t.decision.c.alarm, t.decision.c.action)
         answered = answered.join(t.machine, t.machine.c.id == t.decision.c.machine_id).order_by(t.decision.c.entry_id)
         decided = {(row.name, row.alarm): row.action for row in self._rows(answered)}  # the last one counts
         held = Counter(name for (name, _), action in decided.items() if action in HELD)
         waiting: Counter[str] = Counter()
         for row in alarmed:
-            waiting[row.name] += sum((row.name, alarm["id"]) not in decided for alarm in _whole.record(row.json)["alarms"])
+            waiting[row.name] += sum((row.name, alarm) not in decided for alarm in self._alarms.get(row.entry_id, ()))
         found = []
         for name in self.machines():
             nights, complete = counts.get(name, (0, None))

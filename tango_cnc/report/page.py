@@ -14,6 +14,7 @@ from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
 from .audit import audit, source
+from .course import course
 from .days import at
 from .drawings import drawing
 from .facts import Facts, effects, verdict
@@ -27,6 +28,7 @@ from .verdict import Verdict, worst_of
 from .words import spoken
 
 LARGEST = 8
+INTERVAL = 1.96  # standard deviations of the band of a trend
 
 
 def render(f: Facts, folder: Path | None = None) -> str:
@@ -92,8 +94,9 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
 def _bare(values: Mapping[str, Any]) -> dict[str, Any]:
     """values of a template → those that hold pictures, without them."""
     diagnosis = {**values["diagnosis"], **({} if values["diagnosis"]["none"] else {"course": [], "dependence": []})}
+    trend = [{**x, "picture": ""} for x in values["trend"]]
     nothing: dict[str, Any] = dict.fromkeys(("still", "touches", "predicted", "slices"), "")
-    return nothing | {"turning": None, "motions": [], "trend": [], "diagnosis": diagnosis}
+    return nothing | {"turning": None, "motions": [], "trend": trend, "diagnosis": diagnosis}
 
 
 def _safe(svg: str) -> Markup:
@@ -353,7 +356,7 @@ def _uncertainty(f: Facts, t: Texts) -> list[str]:
     return lines
 
 
-def _trend(f: Facts, t: Texts) -> list[Markup]:
+def _trend(f: Facts, t: Texts) -> list[dict[str, Any]]:
     if not f.trend:
         return []
     u, drawn = f.wishes.units, []
@@ -362,7 +365,10 @@ def _trend(f: Facts, t: Texts) -> list[Markup]:
         points = {**series, "value": np.array(series["value"]) * factor, "half": np.array(series["half"]) * factor}
         points["title"] = titled(series["title"], f.cell.machine, t)
         points["limit"] = None if series.get("limit") is None else float(series["limit"]) * factor
-        drawn.append(_safe(charts.trend(points, unit, t)))
+        jumps = [(place, size * factor) for place, size in series.get("jumps") or ()]
+        days, std = np.array(series["days"], dtype=float), points["half"] / INTERVAL
+        said = course(series["first"], days, points["value"], std, jumps, points["limit"], unit, t)
+        drawn.append({"picture": _safe(charts.trend(points, unit, t)), "said": f"{points['title']}: {said}"})
     return drawn
 
 

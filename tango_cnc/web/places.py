@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -65,6 +65,7 @@ class Places:
     _kept: dict[str, tuple[float, Any]] = field(default_factory=dict)
     _lock: threading.RLock = field(default_factory=threading.RLock)
     _locks: dict[str, threading.RLock] = field(default_factory=dict)
+    _read: dict[int, dict[int, Mapping[str, Any]]] = field(default_factory=dict)  # records of the list of machines, by entry
     _cells: dict[Path, tuple[float, Cell | str]] = field(default_factory=dict)
 
     def close(self) -> None:
@@ -119,10 +120,14 @@ class Places:
 
     def late(self, machine: Machine) -> str:
         """machine → date of its last complete night where that is too long ago; empty where it is not."""
-        row = next((r for r in self.fleet() if r.machine.slug == machine.slug), None)
-        if row is None or row.standing is None or not row.standing.late:
+        nights = self.nights(machine, STRIP)
+        if not nights:
             return ""
-        return next((n.night for n in row.nights if n.status == "complete"), row.nights[-1].night if row.nights else "")
+        complete = next((n for n in nights if n.status == "complete"), None)
+        limit = datetime.now(UTC) - timedelta(hours=self.settings.late_hours)
+        if complete is not None and datetime.fromisoformat(complete.start_utc) >= limit:
+            return ""
+        return complete.night if complete is not None else nights[-1].night
 
     def owner(self, machine: Machine) -> str:
         """machine → who is asked about its alarms by nightly.yaml of its cell; empty where nobody is stated."""
@@ -178,7 +183,7 @@ class Places:
                 listed = nights.setdefault((key, night.machine), [])
                 if len(listed) < STRIP:
                     listed.append(night)
-        records = {key: history.records_of([n.entry for n in _of_records(nights, key)]) for key, history in histories.items()}
+        records = {key: self._records(key, history, nights) for key, history in histories.items()}
         rows = []
         for m in machines.values():
             key, own = id(m.history), tuple(nights.get((id(m.history), m.name), ()))
@@ -186,6 +191,16 @@ class Places:
             last, before = (known.get(n.entry) if n is not None else None for n in (own[0] if own else None, measured_before(own)))
             rows.append(Row(m, standings.get((key, m.name)), own, last, before))
         return sorted(rows, key=_urgent)
+
+    def _records(self, key: int, history: History, nights: Mapping[tuple[int, str], Sequence[Night]]) -> Mapping[int, Any]:
+        """history, its nights → the records that the list of machines needs; an entry never changes, so none is read twice."""
+        wanted = [n.entry for n in _of_records(nights, key)]
+        known = self._read.get(key, {})
+        new = history.records_of([entry for entry in wanted if entry not in known])
+        self._read[key] = {
+            entry: known[entry] if entry in known else new[entry] for entry in wanted if entry in known or entry in new
+        }
+        return self._read[key]
 
     def nights(self, machine: Machine, last: int) -> tuple[Night, ...]:
         """machine, how many → its nights, newest first; none where it has no history."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, date, datetime
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import Response
@@ -14,6 +15,7 @@ from starlette.routing import Route
 
 from ...history import Night, compensations
 from ...report.charts import tip
+from ...report.course import course, jumps_of_tip
 from ...report.faults import earlier, sentence, unclosed
 from ...report.morning import LEVELS, context, last_within, last_written, never_within, strip, volumes_of
 from ...report.plain import plain
@@ -26,6 +28,7 @@ from ..places import measured_before as before
 
 PAGE = 50  # nights of one page of the list
 ANOTHER = 10_000
+LAST = 365  # nights whose alarms are looked for in a curve
 QUARTER = 90  # nights of the curve; on a phone it has those of the strip
 
 
@@ -65,7 +68,8 @@ def machine(request: Request) -> Response:
         values["strip"] = strip([(d, v, "") for d, v in reversed(signs)], state.texts("web.nights", count=len(nights)), state.texts)
         values["listed"] = len(nights)
         values["headlines"] = headlines(request, found, nights[:10])
-        values["curves"] = _curves(request, found)
+        values["curves"] = curves(request, found)
+        values["course"] = course_of_tip(request, found)
     return page(request, "machine.html", **values)
 
 
@@ -133,7 +137,7 @@ def limits_of(request: Request, machine: Machine) -> Mapping[str, float]:
     return {str(x["what"]): float(x["limit"]) for x in stored(request, machine, last.entry).get("limits") or () if x.get("limit")}
 
 
-def _curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
+def curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
     """The largest error of the tool tip night by night: of a quarter of a year, and of the last nights for a phone."""
     state = state_of(request)
     u, allowed = state.units, limits_of(request, machine)
@@ -149,6 +153,33 @@ def _curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
         tip(part, limit, u.small, state.texts, *size) for part, size in ((found, (860, 240)), (found[-STRIP:], (360, 270)))
     )
     return Markup(wide), Markup(narrow)
+
+
+def alarms_by_entry(request: Request, machine: Machine) -> Mapping[int, Any]:
+    """request, machine → {entry: alarms of that night} of its nights with alarms; kept for half a minute."""
+    history = machine.history
+    if history is None or machine.name not in history.machines():
+        return {}
+    return state_of(request).places.kept(
+        f"alarmed {machine.slug}", lambda: {s.night.entry: s.record["alarms"] for s in history.alarmed(machine.name, LAST)}, 30
+    )
+
+
+def course_of_tip(request: Request, machine: Machine) -> str:
+    """request, machine → what the largest error of the tool tip does, in one sentence; nothing before two nights."""
+    state, allowed = state_of(request), limits_of(request, machine)
+    known = [n for n in reversed(state.places.nights(machine, QUARTER)) if n.volume_um is not None]
+    if len(known) < 2:
+        return ""
+    k = state.units.per_micron
+    volume = stored(request, machine, known[-1].entry).get("volume") or {}
+    std = float(volume.get("std_um") or 1.0) * k
+    value = np.array([float(n.volume_um or 0.0) * k for n in known])
+    first = date.fromisoformat(known[0].night)
+    days = np.array([(date.fromisoformat(n.night) - first).days for n in known], dtype=float)
+    jumps = jumps_of_tip(alarms_by_entry(request, machine), [n.entry for n in known], value, std)
+    limit = allowed["volume"] * k if "volume" in allowed else None
+    return course(first, days, value, np.full(len(value), std), jumps, limit, state.units.small, state.texts)
 
 
 def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Mapping[int, str]:

@@ -14,14 +14,14 @@ from starlette.routing import Route
 
 from ...history import Trend
 from ...report.charts import trend as drawn
+from ...report.course import course, jumps_of
 from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
-from .machine import limits_of, simulated
+from .machine import LAST, alarms_by_entry, course_of_tip, curves, limits_of, simulated
 
 FIRST = 12  # parameters that are drawn when none is chosen
-LAST = 365  # nights
 INTERVAL = 1.96
 
 
@@ -34,7 +34,7 @@ def trends(request: Request) -> Response:
     if wanted not in every:
         wanted = ""
     names = [wanted] if wanted else list(every)[:FIRST]
-    marks = _marks(found)
+    marks = alarms_by_entry(request, found)
     axes = state.places.geometry(found)
     allowed = limits_of(request, found)
     charts = []
@@ -54,9 +54,27 @@ def trends(request: Request) -> Response:
             "x_label": f"{series.nights[0]} … {series.nights[-1]}",
         }
         sizes = ((880, 340), (360, 300)) if wanted else ((425, 240),)
-        charts.append((name, [Markup(drawn(points, unit, state.texts, *size)) for size in sizes]))
+        said = course(
+            points["first"],
+            days,
+            points["value"],
+            series.std * abs(factor),
+            jumps_of(marks, series.entries, name, factor),
+            points["limit"],
+            unit,
+            state.texts,
+        )
+        charts.append((name, [Markup(drawn(points, unit, state.texts, *size)) for size in sizes], said))
     return page(
-        request, "trend.html", machine=found, charts=charts, names=list(every), wanted=wanted, simulated=simulated(request, found)
+        request,
+        "trend.html",
+        machine=found,
+        charts=charts,
+        names=list(every),
+        wanted=wanted,
+        simulated=simulated(request, found),
+        course="" if wanted else course_of_tip(request, found),
+        curves=None if wanted else curves(request, found),
     )
 
 
@@ -82,13 +100,6 @@ def _moved(s: Trend) -> float:
 def _days(nights: tuple[str, ...]) -> Any:
     days = [date.fromisoformat(night) for night in nights]
     return np.array([(day - days[0]).days for day in days], dtype=float)
-
-
-def _marks(machine: Machine) -> set[int]:
-    """→ entries of its nights with alarms."""
-    if machine.history is None or machine.name not in machine.history.machines():
-        return set()
-    return {stored.night.entry for stored in machine.history.alarmed(machine.name, LAST)}
 
 
 ROUTES = [Route("/machine/{slug}/trend", trends, name="trend")]

@@ -1,0 +1,88 @@
+"""A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
+
+A jump is an alarm of a night. What has moved since the last one counts from twice and a half what the two ends are known to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import date, timedelta
+from typing import Any
+
+import numpy as np
+
+from ..records import Array
+from ..state.changes import change
+from .days import day
+from .texts import Texts
+
+LEAST = 3  # nights since the last jump before anything is said of how it goes on
+SURE = 2.58  # standard deviations of the difference of the ends (99 %)
+FAR = 26.0  # weeks: a limit that is reached later is not told
+Jump = tuple[int, float]  # place in the series, size in its unit
+
+
+def jumps_of(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], name: str, factor: float) -> list[Jump]:
+    """{entry: alarms of that night}, entries of a series, parameter, factor to its unit → its jumps, oldest first."""
+    found = []
+    for place, entry in enumerate(entries):
+        own = [a for a in alarms.get(entry, ()) if a.get("parameter") == name and a.get("size") and not a.get("rate_per_day")]
+        if own and place:
+            found.append((place, float(own[0]["size"]) * factor))
+    return found
+
+
+def jumps_of_tip(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], value: Array, std: float) -> list[Jump]:
+    """{entry: alarms of that night}, entries, (n,) error at the tool tip, its standard deviation → its jumps on such nights."""
+    found = []
+    for place, entry in enumerate(entries):
+        moved = any(not a.get("rate_per_day") and not change(a.get("cause")).of_the_probe for a in alarms.get(entry, ()))
+        if moved and place and abs(float(value[place] - value[place - 1])) > SURE * np.sqrt(2) * std:
+            found.append((place, float(value[place] - value[place - 1])))
+    return found
+
+
+def course(
+    first: date, days: Array, value: Array, std: Array, jumps: Sequence[Jump], limit: float | None, unit: str, t: Texts
+) -> str:
+    """first day, (n,) days from it, (n,) values, (n,) standard deviations, jumps, limit or None, unit, texts → sentence."""
+    if len(value) < 2:
+        return ""
+    start = jumps[-1][0] if jumps else 0
+    weeks = float(days[-1] - days[start]) / 7
+    moved = float(value[-1] - value[start])
+    few = len(value) - start < LEAST or weeks <= 0
+    goes = not few and abs(moved) > SURE * float(np.hypot(std[start], std[-1]))
+    rate = float(np.polyfit(days[start:] / 7, value[start:], 1)[0]) if goes else 0.0
+    goes = goes and rate * moved > 0
+    way = "few" if few else "steady" if not goes else "rises" if rate > 0 else "falls"
+    words = {"rate": f"{_short(abs(rate))} {unit}", "first": day(first + timedelta(days=float(days[0])), t)}
+    if jumps:
+        jumped = day(first + timedelta(days=float(days[start])), t)
+        words |= {"date": jumped, "size": f"{_short(jumps[-1][1], signed=True)} {unit}", "count": str(len(jumps))}
+        told = t(f"course.jumped_{way}", **words)
+        told = t("course.last_of", text=told, count=len(jumps)) if len(jumps) > 1 else told
+    else:
+        told = t(f"course.{way}", **words)
+    return f"{told} {_of_limit(first, days, value, std, rate if goes else 0.0, limit, unit, t)}".strip()
+
+
+def _of_limit(first: date, days: Array, value: Array, std: Array, rate: float, limit: float | None, unit: str, t: Texts) -> str:
+    """as `course`, with the rate a week → where the last value is of its limit, and when that changes; nothing without one."""
+    if limit is None or limit <= 0:
+        return ""
+    size, spread = abs(float(value[-1])), 2 * float(std[-1])
+    toward = rate * (1.0 if value[-1] >= 0 else -1.0)  # of the size, a week
+    where = "beyond" if size - spread > limit else "within" if size + spread <= limit else "close"
+    weeks = (limit - size) / toward if toward else -1.0
+    words = {"limit": f"{limit:g} {unit}"}
+    if where != "close" and 0 < weeks < FAR:
+        there = first + timedelta(days=round(float(days[-1]) + 7 * weeks))
+        return t(f"course.{where}_until", date=day(there, t), **words)
+    return t(f"course.{where}", **words)
+
+
+def _short(number: float, signed: bool = False) -> str:
+    """number → whole from 10 on, else with one or two decimals."""
+    decimals = 0 if abs(number) >= 9.95 else 1 if abs(number) >= 0.95 else 2
+    return f"{number:{'+' if signed else ''}.{decimals}f}".replace("-", "−")

@@ -1,0 +1,64 @@
+"""A curve in one sentence: what it does, since when, and what of its limit. The truth is what the series was made from."""
+
+from __future__ import annotations
+
+from datetime import date
+
+import numpy as np
+import pytest
+
+from tango_cnc.report.course import course, jumps_of, jumps_of_tip
+from tango_cnc.report.texts import texts
+
+FIRST = date(2026, 10, 24)
+DAYS = np.arange(30.0)
+
+
+def said(value: np.ndarray, jumps: list[tuple[int, float]] | None = None, limit: float | None = None, std: float = 0.3) -> str:
+    return course(FIRST, DAYS[: len(value)], value, np.full(len(value), std), jumps or [], limit, "µm", texts())
+
+
+@pytest.mark.parametrize(
+    ("rate", "jump", "limit", "wanted"),
+    [
+        (0.0, 0.0, None, "Steady since Sat 24 Oct 2026."),
+        (0.3, 0.0, None, "Rises by 2.1 µm a week since Sat 24 Oct 2026."),
+        (-0.3, 0.0, None, "Falls by 2.1 µm a week since Sat 24 Oct 2026."),
+        (0.0, 20.0, None, "Jumped by +20 µm on Thu 5 Nov 2026, steady since then."),
+        (0.3, -20.0, 100.0, "rises by 2.1 µm a week since then. Within its limit of 100 µm."),
+        (0.0, 0.0, 60.0, "Within its limit of 60 µm."),
+        (0.0, 0.0, 40.2, "Too close to its limit of 40.2 µm to be sure."),
+        (0.0, 20.0, 45.0, "Beyond its limit of 45 µm."),
+        (0.3, 0.0, 52.0, "Within its limit of 52 µm; at this rate until about Thu 3 Dec 2026."),
+        (-0.3, 20.0, 50.0, "Beyond its limit of 50 µm; at this rate within it from about "),
+    ],
+)
+def test_what_a_curve_does(rate: float, jump: float, limit: float | None, wanted: str) -> None:
+    value = 40.0 + rate * DAYS
+    value[12:] += jump
+    assert wanted in said(value, [(12, jump)] if jump else [], limit), said(value, [(12, jump)] if jump else [], limit)
+
+
+def test_a_steady_curve_is_called_steady_and_a_negative_value_counts_by_its_size() -> None:
+    """Of 200 curves that only scatter by what they are known to, at most 5 % have a direction."""
+    rng = np.random.default_rng(7)
+    wrong = sum("Steady" not in said(40.0 + rng.normal(0, 0.3, 30)) for _ in range(200))
+    assert wrong <= 10
+    falling = -40.0 - 0.3 * DAYS  # its size grows
+    assert "Falls by 2.1 µm a week" in said(falling, limit=52.0) and "until about Thu 3 Dec 2026" in said(falling, limit=52.0)
+    assert "Too few nights" in said(np.array([40.0, 41.0])) and said(np.array([40.0])) == ""
+    assert "It is the last of 2 jumps." in said(np.r_[np.zeros(5), np.full(5, 9.0), np.full(10, 18.0)], [(5, 9.0), (10, 9.0)])
+
+
+def test_jumps_are_the_alarms_of_nights_and_no_drift_is_one() -> None:
+    knock = {"parameter": "EX0C", "size": 0.02, "rate_per_day": None, "cause": "axis_location"}
+    alarms = {
+        7: [knock],
+        9: [{**knock, "rate_per_day": 0.001}],
+        5: [{**knock, "parameter": "EY0C"}],
+        8: [{**knock, "cause": "stylus"}],
+    }
+    assert jumps_of(alarms, (5, 6, 7, 9), "EX0C", 1e3) == [(2, 20.0)]
+    tip = np.array([40.0, 40.0, 60.0, 80.0, 99.0])
+    assert jumps_of_tip(alarms, (5, 6, 7, 8, 9), tip, 0.5) == [(2, 20.0)]  # a stylus moves no part, a drift is none
+    assert jumps_of_tip(alarms, (5, 6, 7), np.array([40.0, 40.0, 40.5]), 0.5) == []
