@@ -131,9 +131,10 @@ def test_a_program_too_long_for_the_control_is_split_unless_the_profile_says_non
     assert parts(dialect, whole, {"memory": "none"}) == (whole,)
 
 
-@pytest.mark.parametrize("post", ["linuxcnc", "grbl", "mach3", "heidenhain"])
+@pytest.mark.parametrize("post", [name for name in names() if name not in SMALL])
 def test_where_no_memory_is_small_nothing_is_split_and_a_short_program_stays_whole(post: str, whole: Plan) -> None:
-    assert parts(load(post), whole, {}) == (whole,)
+    assert post not in SMALL and parts(load(post), whole, {}) == (whole,)
+    assert length(load(post), whole, (1, 1)) <= 512_000
     assert parts(load("fanuc"), golden(), {}) == (golden(),)
 
 
