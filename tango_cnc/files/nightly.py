@@ -19,7 +19,7 @@ class Nightly:
 
     history: str = "history.db"  # file in the cell, or a URL
     owner: str = ""  # of the machine: who is asked about an alarm
-    check_minutes: float = 6.0  # of machine time for a short night
+    check_minutes: float = 5.5  # of machine time for a short night
     full_every_days: float = 30.0
     volume_std_um: float = 5.0  # standard deviation over the volume beyond which the full strategy runs
     false_alarm_nights: float = 730.0  # nights between two false alarms, on average

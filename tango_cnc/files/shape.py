@@ -35,6 +35,8 @@ def misfit(found: Any, shape: Any, at: str = "") -> str:
 
 
 def _is(found: Any, kind: type) -> bool:
+    if type(found) is kind:  # nearly always; asked a few hundred times a record
+        return True
     return isinstance(found, KINDS.get(kind, kind)) and (kind is bool or not isinstance(found, bool))
 
 

@@ -58,10 +58,14 @@ def choose(
     wanted = list(first)
     while left.any():
         gain[:-1] = np.einsum("ij,ij->i", moving, moving) / variance * left
-        sizes = np.sort(gain[groups], axis=1)
-        rate = np.where(opened, sizes[:, -1] / touch, sizes[:, -TOGETHER:].sum(axis=1) / (turn + touch * TOGETHER))
-        best = int(rate.argmax())
-        row = int(groups[best, gain[groups[best]].argmax()]) if rate[best] > 0 else -1
+        if opened.all():  # every touch costs the same
+            row = int(gain.argmax())
+            row = row if gain[row] > 0 else -1
+        else:
+            sizes = np.sort(gain[groups], axis=1)
+            rate = np.where(opened, sizes[:, -1] / touch, sizes[:, -TOGETHER:].sum(axis=1) / (turn + touch * TOGETHER))
+            best = int(rate.argmax())
+            row = int(groups[best, gain[groups[best]].argmax()]) if rate[best] > 0 else -1
         if wanted:
             row = wanted.pop(0)
         cost = touch + (0.0 if row >= 0 and opened[indexation[row]] else turn)

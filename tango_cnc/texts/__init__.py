@@ -15,6 +15,7 @@ from typing import Any
 LANGUAGE = "en"
 LIST = "list"  # key of several texts with something between them
 MEMBER = "said"  # of a record: {text: [key, {name: value}]}
+PLAIN = frozenset({float, int, bool, type(None)})  # most of what a record holds: asked first, no abstract class is as quick
 
 
 class Said(str):
@@ -105,13 +106,15 @@ def translated(text: Any, texts: Mapping[str, str]) -> str:
 def _texts(found: Any) -> Iterator[Said]:
     if isinstance(found, Said):
         yield found
-        for value in found.values.values():
-            yield from _texts(value)
-    elif isinstance(found, Mapping):
-        for value in found.values():
-            yield from _texts(value)
+        inside: Iterable[Any] = found.values.values()
+    elif isinstance(found, dict | Mapping):
+        inside = found.values()
     elif isinstance(found, list | tuple):
-        for value in found:
+        inside = found
+    else:
+        return
+    for value in inside:
+        if type(value) not in PLAIN and type(value) is not str:
             yield from _texts(value)
 
 
@@ -137,8 +140,8 @@ def revived(record: Mapping[str, Any]) -> Mapping[str, Any]:
                 key, values = said[found]
                 made[found] = Said(found, str(key), {n: again(v) for n, v in values.items()})
             return made[found]
-        if isinstance(found, Mapping):
-            return {name: again(value) for name, value in found.items()}
+        if isinstance(found, dict | Mapping):
+            return {name: value if type(value) in PLAIN else again(value) for name, value in found.items()}
         return [again(value) for value in found] if isinstance(found, list) else found
 
     return {name: value if name == MEMBER else again(value) for name, value in record.items()}
