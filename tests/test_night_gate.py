@@ -56,6 +56,10 @@ def measured(cell: Cell, by: float) -> None:
 def test_a_night_takes_no_program_that_waits_for_a_finger(cell: Cell) -> None:
     said = proves(with_gate(cell, "finger"), golden())
     assert not said.passed and "gate: facet" in said.do
+    assert "tango run" in said.do and "probe_state" not in said.do  # that is stated
+    assert cell.controller is not None
+    said = proves(replace(cell, controller=replace(cell.controller, options={})), golden())
+    assert "probe_state" in said.do  # all that is missing at once
     said = proves(with_gate(cell, "none"), golden())
     assert said.passed and "nothing proves the probe alive" in said.found
 

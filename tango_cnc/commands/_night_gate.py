@@ -31,7 +31,8 @@ def proves(cell: Cell, made: Plan) -> Finding:
     if which == "none":
         return Finding("gate", True, say("preflight.gate.program_asks_for_nobody_nothing"))
     if which == "finger":
-        advice = say("preflight.gate.state_gate_facet_under_controller")
+        state = "" if _looks(cell, post) else say("preflight.gate.and_state_probe_state")
+        advice = say("preflight.gate.state_gate_facet_under_controller", state=state)
         return Finding("gate", False, say("preflight.gate.program_waits_for_finger_at"), advice)
     if not _looks(cell, post):
         found = say("preflight.gate.nothing_tells_stylus_deflected_before")
