@@ -165,6 +165,15 @@ def test_a_night_without_an_alarm_of_its_own_tells_of_the_open_one_and_of_what_s
     ] == []
 
 
+def test_the_engineers_part_has_the_date_of_the_first_screen() -> None:
+    """Two alarms about one parameter are one cause: it has the date of the first everywhere, whichever is answered."""
+    both = [knock(day) | {"id": f"{day}-1", "night": day} for day in ("2026-11-05", "2026-11-14")]
+    page = morning.render(night("M", 25, "changed", standing=both))
+    first, engineer = page.split("For the engineer")
+    assert "First seen on Thu 5 Nov 2026" in first and "First seen on Thu 5 Nov 2026:" in engineer
+    assert "14 Nov" not in first.partition("Who has it")[0] and "2026-11-14" not in engineer and "14 Nov" not in engineer
+
+
 def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_path: Path) -> None:
     """A slow drift ends beyond a limit on a night without an alarm of its own."""
     limit = {"what": "volume", "value": 75.9, "low": 74.0, "high": 77.8, "limit": 60.0, "unit": "µm", "passed": False}

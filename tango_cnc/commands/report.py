@@ -124,9 +124,10 @@ def command(
         nights=nights(folder, cell.machine, wishes.units, texts_of(templates)),
     )
     target = output or folder / "report.html"
-    write_text(target, page.render(found, templates))
+    values = page.context(found, texts_of(templates))
+    write_text(target, page.render(found, templates, values))
     if pdf_file is not None:
-        pdf_file.write_bytes(pdf.render(found, templates))
+        pdf_file.write_bytes(pdf.render(found, templates, values))
     data = page.as_json(found) | {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})
     if not write_json(json_file, data | members(overall(judgement, found))):
         click.echo("".join(f"{line}\n" for line in told(judgement)), nl=False)

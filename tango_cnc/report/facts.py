@@ -369,7 +369,9 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
         return []
     level: Level = "look" if n.waiting or n.verdict != "good" else "good"
     word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
-    said = t.of(instead(n.headline, "last night", say("check.night_before", date=n.date)))  # a report is read tomorrow, too
+    # What was said in the night knows nothing of what was decided since.
+    headline = n.cause if n.cause and n.verdict == "changed" else n.headline
+    said = t.of(instead(headline, "last night", say("check.night_before", date=n.date)))  # a report is read tomorrow, too
     age = n.beside(f.paper.measured)
     text = t(
         f"check.nights_{level}",

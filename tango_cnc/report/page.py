@@ -31,9 +31,9 @@ LARGEST = 8
 INTERVAL = 1.96  # standard deviations of the band of a trend
 
 
-def render(f: Facts, folder: Path | None = None) -> str:
-    """facts, folder of a shop's templates or None → HTML."""
-    return rendered(environment(folder), "report.html", context(f, texts_of(folder)))
+def render(f: Facts, folder: Path | None = None, values: Mapping[str, Any] | None = None) -> str:
+    """facts, folder of a shop's templates or None, `context` where it was made before → HTML."""
+    return rendered(environment(folder), "report.html", values or context(f, texts_of(folder)))
 
 
 def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,11 @@ def quoted(value: object) -> str:
     return '"' + text.replace("\n", " ").replace("\r", " ") + '"'
 
 
-def render(f: Facts, folder: Path | None = None) -> bytes:
-    """facts, folder of a shop's templates or None → PDF. Raises InputError when typst is not installed or the template is wrong."""
+def render(f: Facts, folder: Path | None = None, made: Mapping[str, Any] | None = None) -> bytes:
+    """facts, folder of a shop's templates or None, `context` of the page where it was made before → PDF.
+
+    Raises InputError when typst is not installed or the template is wrong.
+    """
     try:
         import typst
     except ImportError:
@@ -53,7 +57,7 @@ def render(f: Facts, folder: Path | None = None) -> bytes:
 
         env.filters["q"] = lambda value: Markup(quoted(value))
         env.filters["image"] = lambda value, width="100%": Markup(image(value, width))
-        values: dict[str, Any] = context(f, texts_of(folder)) | {"tones": TONES}
+        values: dict[str, Any] = {**(made or context(f, texts_of(folder))), "tones": TONES}
         source = root / "report.typ"
         source.write_text(rendered(env, "report.typ", values), encoding="utf-8")
         try:
