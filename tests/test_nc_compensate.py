@@ -96,27 +96,29 @@ def test_a_thousand_random_programs(knowledge: Known) -> None:
         ("rs274", "/G1 X5", "skipped"),
         ("rs274", "G55", "one work offset"),
         ("rs274", "G92 X0", "shifted"),
-        ("rs274", "G2 X10. Y0. I1. J0.", "from its centre"),
+        ("rs274", "G2 X10. Y0. I1. J0.", "from its center"),
         ("rs274", "G1 B5.", "no axis B"),
         ("rs274", "G1 X5,3", "not known"),
         ("rs274", "G38.2 Z-5 F100", "probing"),
-        ("macro_b", "G43.4 H1", "tool centre point"),
+        ("macro_b", "G43.4 H1", "tool center point"),
         ("macro_b", "G68.2 X0. Y0.", "tilted"),
         ("macro_b", "M98 P100", "subprograms"),
         ("macro_b", "G1 X5", "decimal point"),
         ("macro_b", "G65 P9810", "macros"),
-        ("siemens", "TRAORI", "tool centre point"),
+        ("macro_b", "WHILE [#1 LT 5] DO1", "jumps and loops"),
+        ("macro_b", "GOTO 10", "jumps and loops"),
+        ("siemens", "TRAORI", "tool center point"),
         ("siemens", "CYCLE81(1,2,3)", "cycles"),
         ("siemens", "TRANS X=5", "frames"),
         ("siemens", "X=IC(5)", "AC( ) and IC( )"),
         ("siemens", "R1=5", "variables"),
         ("klartext", "5 L X+5 Y+3 RL F500", "radius compensation"),
         ("klartext", "5 L IX+5", "incremental"),
-        ("klartext", "5 FUNCTION TCPM", "tool centre point"),
+        ("klartext", "5 FUNCTION TCPM", "tool center point"),
         ("klartext", "5 PLANE SPATIAL SPA+0", "tilted"),
         ("klartext", "5 CYCL DEF 200 DRILLING", "cycles"),
         ("klartext", "5 L X+Q1", "not followed"),
-        ("klartext", "5 M128", "tool centre point"),
+        ("klartext", "5 M128", "tool center point"),
     ],
 )
 def test_what_cannot_be_followed_is_refused_by_its_name(name: str, line: str, said: str, knowledge: Known) -> None:
@@ -160,7 +162,7 @@ def test_the_command_says_what_it_did_and_keeps_the_source(tmp_path: Path) -> No
     common = ["compensate", str(source), "-C", str(cell), "-o", str(target), "--simulated"]
     lacking = CliRunner().invoke(tango, common)
     assert isinstance(lacking.exception, InputError) and "--zero" in str(lacking.exception) and not target.exists()
-    done = CliRunner().invoke(tango, [*common, "--zero", "X=0,Y=0,Z=-50", "--diff", str(tmp_path / "diff.txt")])
+    done = CliRunner().invoke(tango, [*common, "--zero", "X=0,Y=0,Z=50", "--diff", str(tmp_path / "diff.txt")])
     assert done.exit_code == 0, done.exception
     assert "µm after" in done.output and source.read_bytes() == SAME["rs274"].replace("\n", "\r\n").encode()
     assert b"\r\n" in target.read_bytes() and "- N10 G1 X40." in (tmp_path / "diff.txt").read_text()
@@ -168,6 +170,6 @@ def test_the_command_says_what_it_did_and_keeps_the_source(tmp_path: Path) -> No
     assert isinstance(itself.exception, InputError)
     source.write_text("G21 G90\nG0 X0. Y0. Z5.\nG41 D1\n")
     before = target.read_bytes()
-    refused = CliRunner().invoke(tango, [*common, "--zero", "X=0,Y=0,Z=-50"])
+    refused = CliRunner().invoke(tango, [*common, "--zero", "X=0,Y=0,Z=50"])
     assert isinstance(refused.exception, InputError) and "part.nc: line 3" in str(refused.exception)
     assert target.read_bytes() == before and not list(tmp_path.glob(".out*"))

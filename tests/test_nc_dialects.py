@@ -74,6 +74,19 @@ def test_a_thousand_random_programs_of_every_language(name: str, knowledge: Know
     assert found[:, 1].max() < LIMIT and found[:, 2].max() < 2 * CHORD + LIMIT
 
 
+def test_a_zero_with_which_an_axis_would_leave_its_travel_is_refused(knowledge: Known) -> None:
+    said = refusal("G21 G90 G17 G54\nG0 X0. Y0. Z5.\nG1 X398. F500\n", knowledge, "rs274")
+    assert "line 3: found X398" in said and "machine would stand at X 401" in said and "-400 to 400" in said and "--zero" in said
+    assert rewritten("G21 G90 G17 G54\nG0 X0. Y0. Z5.\nG1 X396. F500\n", knowledge)[1].compensated
+
+
+def test_places_beyond_the_touches_are_counted(knowledge: Known) -> None:
+    text = "G21 G90 G17 G54\nG0 X0. Y0. Z5.\nG1 X40. F500\nG1 X150. F500\nG1 X20. F500\n"
+    account = rewritten(text, knowledge, touched={"X": (-100.0, 100.0)})[1]
+    assert 0 < account.outside < account.count
+    assert rewritten(text, knowledge, touched={"X": (-200.0, 200.0)})[1].outside == 0
+
+
 def test_a_turn_is_not_looked_at_once_a_turn() -> None:
     block = Meant("b0b", dict.fromkeys("XYZAC", 0.0), {"X": 0.0, "Y": 0.0, "Z": 0.0, "A": 0.0, "C": 1440.0}, False)
     assert block.at(0.25)["C"] == 360
@@ -106,7 +119,7 @@ HEAD = {
         ("rs274", "X" + "9" * 400 + ".", "no machine goes there"),
         ("rs274", "G91 G28 Z5.", "G91 with Z5"),
         ("rs274", "G91 G28 Z0.\nG0 X1. Y1. Z1.", "G91 is still on"),
-        ("macro_b", "G234 H1", "tool centre point"),
+        ("macro_b", "G234 H1", "tool center point"),
         ("macro_b", "G254", "follow the table"),
         ("macro_b", "G112", "polar and cylindrical"),
         ("macro_b", "G110", "additional work offsets"),

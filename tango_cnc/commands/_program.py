@@ -22,6 +22,7 @@ from ..estimate import Estimate
 from ..files.checked import plain
 from ..nc import blocks
 from ..nc.follow import Setup, zero_of
+from ..nc.predict import touched_of
 from ..nc.program import HEAD, Account, Settings, compensated, mark_text
 from ..records import Cell, InputError
 
@@ -127,7 +128,8 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         raise InputError(f"--chord: found {options['chord']:g}; allowed: 0.00001 to 1 mm")
     language = language_of(source, cell, options["language"])
     setup, found, account = setup_of(cell, options), found_of(result), Account()
-    settings = Settings(options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None)
+    touched = touched_of(result.model.touches)
+    settings = Settings(options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None, touched)
     digest = hashlib.sha256(repr(list(zip([c.name for c in found.coefficients], found.values, strict=True))).encode())
     mark = mark_text(digest.hexdigest()[:12], setup.zero, simulated=options["of_no_machine"])
     ends = ends_of(source)
@@ -162,6 +164,8 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         "unchanged_motions": account.passed,
         "arcs": account.arcs,
         "split": account.split,
+        "points": account.count,
+        "extrapolated": account.outside,
         "largest_before_um": round(account.before, 4),
         "largest_before_line": account.worst_block,
         "largest_after_um": round(account.after, 4),
@@ -176,9 +180,15 @@ def said(data: dict[str, Any]) -> str:
         return f"the program bears the mark of a compensated one: it is copied as it is → {data['program']}"
     unchanged = data["unchanged_motions"]
     more = f"; {unchanged} motions as they were (machine coordinates, or before every axis was placed)" if unchanged else ""
+    beyond = (
+        f"extrapolated: at {100 * data['extrapolated'] / data['points']:.0f} % of the places an axis is beyond the touches: the "
+        "machine was not measured there, and what is written for it is a guess\n"
+        if data["extrapolated"]
+        else ""
+    )
     return (
         f"{data['blocks']} blocks, {data['compensated']} compensated, {data['arcs']} arcs written as lines, {data['split']} split"
-        f"{more}\ntip against where the program means it: largest {data['largest_before_um']:.1f} µm before (line "
-        f"{data['largest_before_line']}), {data['largest_after_um']:.2f} µm after; rms {data['rms_before_um']:.1f} and "
+        f"{more}\n{beyond}tip against where the program means it, with rapids: largest {data['largest_before_um']:.1f} µm before "
+        f"(line {data['largest_before_line']}), {data['largest_after_um']:.2f} µm after; rms {data['rms_before_um']:.1f} and "
         f"{data['rms_after_um']:.2f} µm, as far as the errors are known\n→ {data['program']}, {data['lines']} lines"
     )

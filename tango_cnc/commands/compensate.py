@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from ..compensate import as_json, capped, loop, propose, targets, trial
+from ..compensate.outcome import asked_otherwise, outcome, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
@@ -60,7 +61,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
 @click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
-@click.option("--tcp/--no-tcp", default=None, help="With --measured: tool centre point control was on, off, in the second run.")
+@click.option("--tcp/--no-tcp", default=None, help="With --measured: tool center point control was on, off, in the second run.")
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
@@ -99,6 +100,7 @@ def command(**options: Any) -> int:
     if options["sign_of"] is not None:
         return _sign_of(cell, options)
     if options["source"] is not None:
+        _contained(cell.folder, options)
         result, options["of_no_machine"] = _estimate(cell, options), _consented(cell.folder, options)
         data = _program.program(cell, result, options["source"], options)
         if not write_json(options["json_file"], data):
@@ -129,7 +131,7 @@ def command(**options: Any) -> int:
     kept = loop.store(folder, proposal, _now(), options["out"], _rows(current(folder, options["file"])), simulated=simulated)
     if options["out"] is None:
         recorded(folder)
-    click.echo(_next(kept, proposal, counted=options["out"] is None), err=taken)
+    click.echo(_next(folder, kept, proposal, counted=options["out"] is None), err=taken)
     return 0
 
 
@@ -160,6 +162,23 @@ def _consented(folder: Path, options: dict[str, Any]) -> bool:
     return True
 
 
+def _contained(folder: Path, options: dict[str, Any]) -> None:
+    """cell, options → nothing. Raises InputError where readings lack what is in the control: a program would correct it again."""
+    source = current(folder, options["file"])
+    if source.exists() and (missed := loop.ignored(folder, _rows(source), _ended(source))):
+        kept, why = missed
+        raise InputError(
+            f"--readings: found {source}: {why}, and compensation {kept.number} ({kept.record['target']}) is in the control. The "
+            "program would correct the same errors once more. Nothing was written; allowed: readings made with the compensation in "
+            f"the control (--readings FILE), or 'tango compensate -C {folder} --rolled-back {kept.number} --reason TEXT' when it "
+            "has been taken out"
+        )
+
+
+def _ended(readings: Path) -> str | None:
+    return ((read_origin(readings) or {}).get("run") or {}).get("end_utc")
+
+
 def _rows(readings: Path) -> list[str]:
     return check_values(readings.read_text(encoding="utf-8-sig"))
 
@@ -181,13 +200,14 @@ def _present(folder: Path, options: dict[str, Any]) -> dict[str, float] | None:
     return _compensate.present_of(source)
 
 
-def _next(kept: loop.Kept, proposal: Proposal, *, counted: bool) -> str:
+def _next(folder: Path, kept: loop.Kept, proposal: Proposal, *, counted: bool) -> str:
     lines = [*([kept.record["simulated"]] if "simulated" in kept.record else []), *kept.record["steps"]]
     steps = "\n".join(f"  {line}" for line in lines)
     names = ", ".join(proposal.files)
     after = (
-        f"Then: tango compensate --written {kept.number}, measure again, and tango compensate --measured {kept.number} "
-        "--readings FILE"
+        f"When it is in the control:\n  tango compensate -C {folder} --written {kept.number}\n"
+        f"  tango run -C {folder} --readings after.csv\n"
+        f"  tango compensate -C {folder} --measured {kept.number} --readings after.csv"
         if counted
         else "The folder of -o has no number: --written and --measured know only what was proposed without -o"
     )
@@ -199,9 +219,19 @@ def _written(folder: Path, number: int) -> int:
     loop.check(kept.folder)
     if (state := loop.state(folder, number)) != "proposed":
         raise InputError(f"--written: found compensation {number}, which is noted as {state}; allowed: one that is proposed")
+    if (other := loop.other_control(folder, kept)) is not None:
+        raise InputError(
+            f"--written: found compensation {number} ({kept.record['target']}), and compensation {other.number} "
+            f"({other.record['target']}) is in the control: together they would correct the same errors twice; allowed: when "
+            f"{other.number} has been taken out, 'tango compensate -C {folder} --rolled-back {other.number} --reason TEXT' first"
+        )
     loop.note(folder, kept, _now(), "written")
     recorded(folder)
-    click.echo(f"compensation {number} ({kept.record['target']}) is noted as written; measure again, then --measured {number}")
+    click.echo(
+        f"compensation {number} ({kept.record['target']}) is noted as written. Measure again:\n"
+        f"  tango run -C {folder} --readings after.csv\n"
+        f"  tango compensate -C {folder} --measured {number} --readings after.csv"
+    )
     return 0
 
 
@@ -230,8 +260,11 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
         )
     file: Path | None = options["file"]
     if file is None:
-        raise InputError("--readings: found none; allowed: readings that were made with the compensation in the control")
-    if file.exists() and (why := loop.older(kept.record, _rows(file), ((read_origin(file) or {}).get("run") or {}).get("end_utc"))):
+        raise InputError(
+            "--readings: found none; allowed: readings that were made with the compensation in the control "
+            f"('tango run -C {cell.folder} --readings after.csv' makes them)"
+        )
+    if file.exists() and (why := loop.older(kept.record, _rows(file), _ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
     result = _estimate(cell, options)
     again = propose(
@@ -242,14 +275,17 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
         "probed",
         _compensate.volume_of(",".join(f"{n}={low}:{high}" for n, (low, high) in kept.record["volume"].items()), cell.machine),
     )
-    places = loop.switched(kept.record, again.held)
+    places = switched(kept.record, again.held)
     if places and options["tcp"] is None:
         raise InputError(
             f"--measured: found neither --tcp nor --no-tcp, and compensation {number} changes {places[0]}"
-            f"{f' and {len(places) - 1} more' if len(places) > 1 else ''}, which act with tool centre point control only; allowed: "
+            f"{f' and {len(places) - 1} more' if len(places) > 1 else ''}, which act with tool center point control only; allowed: "
             "--no-tcp when the second run was made without it, as the probing programs of this project are; --tcp when with it"
         )
-    found = loop.outcome(kept, result, list(again.held), tcp=bool(options["tcp"]))
+    tcp, held = bool(options["tcp"]), list(again.held)
+    found = outcome(kept, result, held, tcp=tcp)
+    if places and found.verdict != "kept":
+        found = asked_otherwise(found, outcome(kept, result, held, tcp=not tcp), tcp=tcp)
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text)
     recorded(cell.folder)
@@ -268,13 +304,13 @@ def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[
     first = cell.folder / loop.FOLDER / f"sign-trial-{options['target']}"
     free = (place for i in count(1) if not (place := first if i == 1 else first.with_name(f"{first.name}-{i}")).exists())
     folder = options["out"] or next(free)
-    loop.store(cell.folder, changed, _now(), folder, simulated=simulated)
+    loop.store(cell.folder, changed, _now(), folder, simulated=simulated, trial=True)
     facet = touches.facet[list(touches.number).index(number)]
     tcp = any(h.tcp for h in proposal.held if h.place in changes)
     click.echo(
         f"→ {folder}: {len(changes)} numbers of {options['trial_of']} changed, everything else as it is now; undo/ takes it back\n"
         f"1. Load its files as steps.txt says.\n"
-        f"2. Touch again what was touched{', with tool centre point control on, as before' if tcp else ''}; touch {number} (facet "
+        f"2. Touch again what was touched{', with tool center point control on, as before' if tcp else ''}; touch {number} (facet "
         f"{facet}) alone is enough: it changes by {1e3 * abs(size):.1f} µm, and by its sign the sign of the table is known.\n"
         f"3. tango compensate -C {cell.folder} --sign-of {folder} --readings BEFORE --after AFTER\n4. Load undo/."
     )

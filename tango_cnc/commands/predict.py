@@ -130,9 +130,9 @@ def _data(source: Path, way: predict.Way, found: list[features.Foretold]) -> dic
 
 def _text(data: dict[str, Any]) -> str:
     lines = [
-        f"{data['blocks']} blocks, {data['points']} points at feed",
-        f"tip against where the program means it: largest {data['largest_um']:.1f} ± {1.96 * data['largest_std_um']:.1f} µm (95 %, "
-        f"line {data['largest_line']}), rms {data['rms_um']:.1f} µm",
+        f"{data['blocks']} blocks, {data['points']} points",
+        f"tip against where the program means it, at feed: largest {data['largest_um']:.1f} ± "
+        f"{1.96 * data['largest_std_um']:.1f} µm (95 %, line {data['largest_line']}), rms {data['rms_um']:.1f} µm",
         f"direction of the tool: largest {data['direction_largest_urad']:.1f} µrad, rms {data['direction_rms_urad']:.1f} µrad",
         "what makes it so (rms along the program): " + ", ".join(f"{c['name']} {c['rms_um']:.1f} µm" for c in data["causes"][:6]),
     ]

@@ -70,7 +70,7 @@ def _moved(cell: Cell) -> Array | None:
     "--compensation", type=click.Path(path_type=Path), metavar="DIR", help="What 'tango compensate' wrote is in the control."
 )
 @click.option(
-    "--no-tcp", is_flag=True, help="With --compensation: probed without tool centre point control; kinematics do not act."
+    "--no-tcp", is_flag=True, help="With --compensation: probed without tool center point control; kinematics do not act."
 )
 @click.option("--exact", is_flag=True, help="Write every digit instead of six decimals, for checks without noise.")
 @click.option(
@@ -155,5 +155,5 @@ def command(
     }
     if not write_json(json_file, result):
         bad = f", {counts['miss']} missed, {counts['early']} early" if counts["ok"] < len(readings) else ""
-        held = "" if compensation is None else f" with {compensation} in the control, tool centre point control {tcp}"
+        held = "" if compensation is None else f" with {compensation} in the control, tool center point control {tcp}"
         click.echo(f"{len(readings)} touches{bad} in {readings.time[-1] / 60:.0f} min of machine time{held} → {target}")

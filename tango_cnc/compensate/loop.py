@@ -10,31 +10,25 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ..estimate import Estimate
 from ..files import write_text
 from ..files.checked import printable, read_bytes, read_text
 from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..records import InputError, TangoError
-from .fit import known, rms
-from .promise import DRAWS, Figure, mean, sizes
 from .proposal import FORMAT, Proposal, as_json
-from .space import Held, Poses, sample
+from .targets import SIGN_TRIAL
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
-STEPS = "steps.txt"
+STEPS, CELL = "steps.txt", "tango.yaml"
 IN_CONTROL = ("written", "kept", "not as promised", "undecided")  # after these events the control has it
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
-SEEN = 0.9  # of what was changed, so that touches can decide
-LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
 FIGURE = {"value": float, "low?": float, "high?": float}
 EVENT = {"utc": str, "compensation": int, "event": str, "target": str, "text?": str, "measured_um?": float, "promise?": {}}
 SHAPE = {
@@ -49,7 +43,6 @@ SHAPE = {
     "simulated?": str,
     "readings_rows?": [str],
 }
-HELPED = 0.5  # of what was changed: less is no help
 
 
 @dataclass(frozen=True)
@@ -62,17 +55,25 @@ class Kept:
 
 
 def store(
-    cell: Path, proposal: Proposal, now: str, folder: Path | None = None, rows: Sequence[str] = (), *, simulated: bool = False
+    cell: Path,
+    proposal: Proposal,
+    now: str,
+    folder: Path | None = None,
+    rows: Sequence[str] = (),
+    *,
+    simulated: bool = False,
+    trial: bool = False,
 ) -> Kept:
     """folder of a cell, proposal, UTC, check values of the rows of its readings → its folder, whole; its first line of history.
 
-    `simulated`: the readings come from no machine. Then steps, record and a file beside them say so first.
+    `simulated`: the readings come from no machine. Then steps, record and a file beside them say so first. `trial`: it is a sign
+    trial itself.
     """
     number = max((k.number for k in found(cell)), default=0) + 1
     place = folder or cell / FOLDER / f"{number:03d}-{proposal.target}"
     if place.exists() and any(place.iterdir()):
         raise InputError(f"-o: found {place}, which is not empty; allowed: a new folder")
-    steps = [f"{i}. {text}" for i, text in enumerate(proposal.module.steps(proposal.request), 1)]
+    steps = [f"{i}. {text}" for i, text in enumerate(_asked(proposal, trial=trial), 1)]
     first = {"simulated": SIMULATED} if simulated else {}
     record = first | as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
     record["readings_rows"] = list(rows)
@@ -87,6 +88,18 @@ def store(
     if folder is None:
         note(cell, kept, now, "proposed", promise=record["promise"])
     return kept
+
+
+def _asked(proposal: Proposal, *, trial: bool) -> list[str]:
+    """proposal → what a person does, in order; for a sign trial without the step that asks for one."""
+    most = max(zip(proposal.held, proposal.fit.change, strict=True), key=lambda pair: abs(float(pair[1])))[0]
+    place = most.table if most.at is not None else most.place
+    said = (
+        "No source that was read states the signs, so do the sign trial first: "
+        f"tango compensate --target {proposal.target} --sign-trial {shlex.quote(place)}"
+    )
+    steps = [said if text == SIGN_TRIAL else text for text in proposal.module.steps(proposal.request)]
+    return [text for text in steps if text != said] if trial else steps
 
 
 def _beside(record: Mapping[str, Any]) -> dict[str, str]:
@@ -146,6 +159,8 @@ def found(cell: Path) -> Iterator[Kept]:
 
 def one(cell: Path, number: int) -> Kept:
     """cell, number → that compensation. Raises InputError when there is none."""
+    if not (cell / CELL).exists():
+        raise InputError(f"{cell}: found no {CELL}; allowed: the folder of a cell, given with -C")
     every = list(found(cell))
     for kept in every:
         if kept.number == number:
@@ -215,101 +230,21 @@ def present(folder: Path) -> dict[str, float]:
     return {value["place"]: float(value["new"]) for value in check(folder)["values"]}
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What a second measurement says of a compensation; µm rms over its volume."""
-
-    before: Figure
-    promised: Figure
-    measured: Figure
-    verdict: str  # kept, not as promised, undecided, rolled back
-    text: str
+def other_control(cell: Path, kept: Kept) -> Kept | None:
+    """cell, compensation → one for another target that is noted as in the control; what both hold would be taken away twice."""
+    for one_more in found(cell):
+        if one_more.record["target"] != kept.record["target"] and state(cell, one_more.number) in IN_CONTROL:
+            return one_more
+    return None
 
 
-def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: bool) -> Outcome:
-    """compensation, estimate of readings made with it in the control, what its target holds → what became of the promise.
-
-    `tcp`: the readings were made with tool centre point control on. Without it a probing cycle sees the axes and not the
-    control's kinematics: what the kinematics hold is then taken off the second estimate by calculation.
-    """
-    machine = result.model.touches.machine
-    scale = {n: 1.0 if n in machine.linear else np.pi / 180 for n in kept.record["volume"]}
-    limits = {n: (low * scale[n], high * scale[n]) for n, (low, high) in kept.record["volume"].items()}
-    at = sample(machine, limits)
-    now = known(result, at)
-    told = _moved(kept, proposal_held, at, [h.tcp for h in proposal_held]) if not tcp else np.zeros(3 * len(at))
-    error = at.free((now.error(at).ravel() - told)[:, None])
-    levers = at.free(now.levers(at))
-    scatter = now.draws(DRAWS)
-    drawn = error + levers @ scatter
-    measured = mean(sizes(scatter.T, levers, -error[:, 0])[None])
-    promise = kept.record["promise"]
-    before, promised = (Figure(**promise[key]) for key in ("rms_before_um", "rms_after_um"))
-    moved = at.free(_moved(kept, proposal_held, at, [tcp or not h.tcp for h in proposal_held])[:, None])[:, 0]
-    helped = _helped(moved, levers, drawn)
-    left = f"{measured.value:.2f} µm ({measured.low:.2f} to {measured.high:.2f}) are left of {before.value:.2f} µm"
-    undo = f"load the files of {kept.folder / 'undo'}"
-    calculated = ""
-    if told.any():
-        size = rms(at.free(told[:, None]))
-        calculated = f". What the kinematics hold ({size:.2f} µm) is taken off by calculation: this run could not see it"
-    share = f"of what it could see of the compensation, the run finds {_percent(helped)} gone" if helped is not None else ""
-    if helped is None or helped.low <= 0 < 1 <= helped.high:
-        verdict = "undecided"
-        if helped is None and told.any():
-            text = (
-                "a run without tool centre point control sees too little of what was changed to decide anything. Measure again "
-                "with it on, and state --tcp"
-            )
-        else:
-            why = "these touches see too little of what was changed" if helped is None else share
-            text = f"{why}: that decides nothing. Measure again with the strategy and the terms that the compensation was made from"
-    elif helped.high < HELPED or measured.low > 0.9 * before.low:
-        verdict = "rolled back"
-        text = (
-            f"{left}: it has not helped; {share}{calculated}. Now {undo}: it is noted as taken out. "
-            "The files were not loaded, or a sign is wrong, or the control does not use what was written: do a sign trial"
-        )
-    elif measured.low <= promised.high:
-        verdict = "kept"
-        text = f"{left}, and {promised.low:.2f} to {promised.high:.2f} µm were promised: they agree; {share}{calculated}"
-    else:
-        verdict = "not as promised"
-        text = (
-            f"{left}, but no more than {promised.high:.2f} µm were promised; {share}{calculated}. It has helped in part: look for "
-            f"a table that the control does not use; to go back, {undo}"
-        )
-    return Outcome(before, promised, measured, verdict, text)
-
-
-def _percent(share: Figure) -> str:
-    return f"{100 * share.value:.0f} % ({100 * share.low:.0f} to {100 * share.high:.0f})"
-
-
-def _moved(kept: Kept, held: Sequence[Held], at: Poses, which: Sequence[bool]) -> np.ndarray:
-    """→ (3n,) mm of tip error that these entries take away."""
-    numbers = {v["place"]: v["new"] - v["present"] for v in kept.record["values"]}
-    result = np.zeros(3 * len(at))
-    for h, wanted in zip(held, which, strict=True):
-        if wanted and numbers.get(h.place):
-            result += h.lever(at).ravel() * numbers[h.place] * h.sign / h.factor
-    return result
-
-
-def _helped(moved: np.ndarray, levers: np.ndarray, left: np.ndarray) -> Figure | None:
-    """(3n,) mm that a compensation takes away, (3n, p) what touches can tell, (3n, m) draws of what is left → share that is gone.
-
-    What a fit leaves is at right angles to what it takes away: whatever of `moved` is found in the rest has not been taken.
-    None where touches tell less than `SEEN` of it.
-    """
-    whole = float(moved @ moved)
-    if whole < LEAST**2 * len(moved):
-        return None
-    rest = moved - levers @ np.linalg.lstsq(levers, moved, rcond=1e-9)[0]
-    if 1.0 - np.sqrt(rest @ rest / whole) < SEEN:
-        return None
-    low, middle, high = np.quantile(1.0 - moved @ left / whole, [0.025, 0.5, 0.975])
-    return Figure(float(middle), float(low), float(high))
+def ignored(cell: Path, rows: Sequence[str], ended: str | None) -> tuple[Kept, str] | None:
+    """cell, check values of rows of readings, when they ended (UTC) → compensation in the control that they do not contain, why."""
+    for kept in reversed(list(found(cell))):
+        if state(cell, kept.number) in IN_CONTROL:
+            why = older(kept.record, rows, ended)
+            return (kept, why) if why else None
+    return None
 
 
 def older(record: Mapping[str, Any], rows: Sequence[str], ended: str | None) -> str:
@@ -320,9 +255,3 @@ def older(record: Mapping[str, Any], rows: Sequence[str], ended: str | None) -> 
     if ended is not None and ended[:19] < str(record["created_utc"])[:19]:
         return f"they ended at {ended}, before the compensation was proposed ({record['created_utc']})"
     return ""
-
-
-def switched(record: Mapping[str, Any], held: Sequence[Held]) -> list[str]:
-    """record, what its target holds → places that changed and act with tool centre point control only."""
-    changed = {v["place"] for v in record["values"] if v["new"] != v["present"]}
-    return [h.place for h in held if h.tcp and h.place in changed]

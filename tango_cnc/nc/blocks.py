@@ -134,5 +134,5 @@ def arc_of(
         centre = start[0] + offsets.get(ijk[a], 0.0), start[1] + offsets.get(ijk[b], 0.0)
     one, two = math.dist(start, centre), math.dist(end, centre)
     if one < 1e-6 or abs(one - two) > max(0.005, 1e-3 * one):
-        raise refused(number, "an arc", f"its end is {two:.4f} mm from its centre, its beginning {one:.4f} mm")
+        raise refused(number, "an arc", f"its end is {two:.4f} mm from its center, its beginning {one:.4f} mm")
     return Arc((a, b), centre, clockwise)

@@ -8,9 +8,12 @@ from dataclasses import dataclass, field
 from types import ModuleType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..records import Array, InputError, Machine
 from .blocks import Block, Modal, refused
+
+TRAVEL = 1e-3  # mm beyond the end of an axis that are rounding
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,24 @@ def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator
             lacking = ", ".join(a for a in machine.linear if a not in at)
             raise refused(number, block.text.strip(), f"where {lacking} is, no block has said before: begin with a rapid to X Y Z")
         length = setup.length_of(tool)
-        yield Motion(block, start, dict(at), length, length if acts else 0.0, known)
+        added = length if acts else 0.0
+        if known and block.target:
+            _within_travel(block, at, added, setup)
+        yield Motion(block, start, dict(at), length, added, known)
+
+
+def _within_travel(block: Block, at: Mapping[str, float], added: float, setup: Setup) -> None:
+    """Raises InputError where a linear axis would leave its travel: a zero or a length is wrong, or the machine another one."""
+    for axis in setup.machine.linear:
+        travel = setup.machine.axis(axis).travel
+        value = at[axis] + setup.zero.get(axis, 0.0) + (added if axis == "Z" else 0.0)
+        if travel is not None and not travel[0] - TRAVEL <= value <= travel[1] + TRAVEL:
+            raise refused(
+                block.number,
+                f"{axis}{at[axis]:g}",
+                f"the machine would stand at {axis} {value:g}, and machine.yaml has {travel[0]:g} to {travel[1]:g} mm: see whether "
+                "--zero and the lengths of the tools are right",
+            )
 
 
 def positions(setup: Setup, motions: list[dict[str, float]], added: list[float]) -> Array:
@@ -78,6 +98,15 @@ def positions(setup: Setup, motions: list[dict[str, float]], added: list[float])
         if name == "Z":
             column = column + np.array(added)
         result[:, machine.column(name)] = column * scale
+    return result
+
+
+def beyond(machine: Machine, at: Array, touched: Mapping[str, tuple[float, float]]) -> NDArray[np.bool_]:
+    """(n, k) mm rad, touched ranges → (n,) whether an axis is where nothing was touched."""
+    result = np.zeros(len(at), dtype=np.bool_)
+    for name, (low, high) in touched.items():
+        value = at[:, machine.column(name)]
+        result |= (value < low - 1e-6) | (value > high + 1e-6)
     return result
 
 

@@ -9,7 +9,6 @@ from itertools import islice
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..compensate.fit import Known
 from ..compensate.space import Poses
@@ -17,7 +16,7 @@ from ..iso230.poses import at_poses
 from ..records import Array, Machine
 from ..touches import Touches
 from .correct import Machinery
-from .follow import Motion, Setup, arc_points, follow, positions
+from .follow import Motion, Setup, arc_points, beyond, follow, positions
 
 BATCH = 2000
 PARTS = 4  # points of a line that are looked at
@@ -117,15 +116,6 @@ def _look(
         way.deviation.append(deviation[i])
         way.extrapolated.append(bool(outside[i]))
         way.line.append(lines[i])
-
-
-def beyond(machine: Machine, at: Array, touched: Mapping[str, tuple[float, float]]) -> NDArray[np.bool_]:
-    """(n, k) mm rad, touched ranges → (n,) whether an axis is where nothing was touched."""
-    result = np.zeros(len(at), dtype=np.bool_)
-    for name, (low, high) in touched.items():
-        value = at[:, machine.column(name)]
-        result |= (value < low - 1e-6) | (value > high + 1e-6)
-    return result
 
 
 def _levers(mach: Machinery, at: Array) -> Array:

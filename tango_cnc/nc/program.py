@@ -14,7 +14,7 @@ from ..compensate.fit import Known
 from ..records import Array, InputError
 from .blocks import MARK, Block, refused
 from .correct import Machinery, pieces
-from .follow import Motion, Setup, arc_points, follow, positions, words
+from .follow import Motion, Setup, arc_points, beyond, follow, positions, words
 
 BATCH = 2000  # motions at a time: memory does not grow with the program
 HEAD = 40  # lines in which a mark is looked for
@@ -32,6 +32,7 @@ class Account:
     passed: int = 0  # motions before every axis was known, and in machine coordinates
     arcs: int = 0
     split: int = 0  # blocks that became several
+    outside: int = 0  # ends of parts where an axis is beyond what was touched
     marked: bool = False
     before: float = 0.0
     after: float = 0.0
@@ -50,6 +51,7 @@ class Settings:
     decimals: int = 4
     rotary: bool = True
     keep: bool = False  # remember what changed, for a word-for-word difference
+    touched: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # range by axis, mm rad
 
 
 @dataclass(slots=True)
@@ -269,6 +271,7 @@ def _judge(
     account.squares_before += float(before @ before)
     account.squares_after += float(after @ after)
     account.count += len(at)
+    account.outside += int(beyond(setup.machine, at, settings.touched).sum())
 
 
 def mark_text(digest: str, zero: Mapping[str, float], *, simulated: bool = False) -> str:

@@ -5,7 +5,7 @@ manual or in source code, or is somebody's memory that has to be confirmed), `OP
 
     held(request)                 → every number that the target can store, as `Held`
     files(request, held, numbers) → {file name: text}; numbers by place, in the control's units
-    steps(request)                → what a person does, in order
+    steps(request)                → what a person does, in order; `SIGN_TRIAL` among them where no source states a sign
 
 `check(request)`, where there is one, raises InputError for machines that the target does not fit.
 """
@@ -25,6 +25,8 @@ from ...files.checked import suggestion
 from ...records import InputError, Machine
 from ...terms import Coefficient
 from ..space import Limits
+
+SIGN_TRIAL = "sign trial"  # a step; `loop.store` writes out what to try
 
 
 @dataclass(frozen=True)

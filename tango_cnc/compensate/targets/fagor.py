@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...records import InputError
 from ..space import Held
-from . import Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request
 from ._parts import across, centre
 
 TEXT = "Fagor 8060, 8065, 8070: user offsets of the kinematics (OFTDATA)"
@@ -60,6 +60,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the file."""
     return [
         "Compare nb of offsets.nc with the drawing of your kinematics: which dimension is which is not confirmed.",
+        SIGN_TRIAL,
         "Run offsets.nc in MDI mode or as a program; RTCP off.",
         "Touch one facet at two indexations with RTCP on, before and after.",
     ]

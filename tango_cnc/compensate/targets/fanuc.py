@@ -8,7 +8,7 @@ import numpy as np
 
 from ...records import InputError
 from ..space import Held
-from . import Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request
 from ._parts import centre, point_of, reversal, rotary_order, rows, tables, trims
 
 TEXT = "FANUC: parameters of the rotary axes (19700 ff.), pitch error, straightness, backlash"
@@ -30,7 +30,7 @@ FACTS = (
     Fact("1851 (backlash) is the whole reversal value", "memory", confirmed=False),
     Fact("G10 L52 writes parameters, values in mm of a radius", "memory", confirmed=False),
     Fact(
-        "TCP, fixture offset that follows the table (7580-7588) and the post-processor each keep the centre: this file is for TCP",
+        "TCP, fixture offset that follows the table (7580-7588) and the post-processor each keep the center: this file is for TCP",
         "10.1177/09544054211019668",
         confirmed=False,
     ),
@@ -41,7 +41,7 @@ OPTIONS = {
     "vectors": Option("yes", "write the vectors of the rotary axes", ("yes", "no")),
     "tables": Option("yes", "write pitch error, straightness and backlash", ("yes", "no")),
     "fixture_offset": Option(
-        "unused", "G54.2 (7580-7588): unused, or 'by hand': you enter the same centre there", ("unused", "by hand")
+        "unused", "G54.2 (7580-7588): unused, or 'by hand': you enter the same center there", ("unused", "by hand")
     ),
 }
 FIRST = {"A": 19700, "AB": 19703, "DE": 19709, "EF": 19712}
@@ -122,14 +122,15 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
 
 def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
-    result = ["Punch out all parameters and the pitch error data first."]
+    result = ["Save all parameters and the pitch error data first.", SIGN_TRIAL]
     if request.machine.rotary and request.options["vectors"] == "yes":
         result += [
-            "Compare every N of vectors.nc with the present value: they differ by hundredths and not by millimetres, or the zero "
-            "of machine.yaml is another one. Then parameter write enable, run it, power off.",
-            "Write the same centre wherever it is kept once more: fixture offset 7580-7588, post-processor. One alone is an error.",
+            "Compare every N of vectors.nc with the value in the control: hundredths of a millimeter may differ. If "
+            "millimeters do, the zero of machine.yaml is another one: load nothing, and propose anew with --present.",
+            "Allow parameters to be written, run vectors.nc, switch the power off and on.",
+            "Write the same center wherever it is kept once more: fixture offset 7580-7588, post-processor. One alone is an error.",
         ]
     return [
         *result,
-        "Enter compensation.txt in the pitch error and straightness pages, power off, reference return. Do the sign trial.",
+        "Enter compensation.txt in the pitch error and straightness pages, switch the power off and on, go to reference points.",
     ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...records import InputError
 from ..space import Held
-from . import Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request
 from ._parts import centre, parallel, rotary_order
 
 TEXT = "grblHAL with rtcp_ac (XYZAC): settings $640 to $645"
@@ -14,7 +14,7 @@ SOURCE = "grblHAL core, kinematics/rtcp_ac.c"
 FACTS = (
     Fact("$640-$642: offset of A in X Y Z; $643-$645: of C; mm, three decimals, within 1000", SOURCE),
     Fact("its own header calls it experimental and untested", SOURCE),
-    Fact("the offsets are the centres in machine coordinates", SOURCE, confirmed=False),
+    Fact("the offsets are the centers in machine coordinates", SOURCE, confirmed=False),
     Fact("the senses of A and C are those of machine.yaml", SOURCE, confirmed=False),
 )
 OPTIONS: dict[str, Option] = {}
@@ -47,6 +47,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the settings."""
     return [
         "Write down the answer of the control to $$.",
+        SIGN_TRIAL,
         "Send the lines of settings.txt one by one; each is answered with ok.",
-        "Do the sign trial with A and C at 0 and at 90 degrees: nobody is known to have tested rtcp_ac on a machine.",
+        "Touch one facet with A and C at 0 and at 90 degrees: no test of rtcp_ac on a machine is known.",
     ]

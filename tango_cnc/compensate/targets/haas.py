@@ -13,7 +13,7 @@ from ._parts import centre, parallel, rotary_order
 TEXT = "Haas: machine rotary zero point (MRZP), settings 255 to 257"
 FACTS = (
     Fact("settings 255, 256, 257: MRZP offset X, Y, Z, machine coordinates", "memory", confirmed=False),
-    Fact("X and Y of the table's centre, Z of the tilting axis, and both axes meet", "memory", confirmed=False),
+    Fact("X and Y of the table's center, Z of the tilting axis, and both axes meet", "memory", confirmed=False),
     Fact("VPS writes the same settings: do not run it afterwards without need", "memory", confirmed=False),
 )
 OPTIONS = {"increment": Option(0.0001, "what the control stores in steps of, mm")}
@@ -56,7 +56,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the values."""
     return [
         "Write down settings 255, 256 and 257.",
-        "They differ from settings.txt by hundredths and not by millimetres, or the zero of machine.yaml is another one: then "
-        "propose anew with --present.",
+        "Compare them with settings.txt: hundredths of a millimeter may differ. If millimeters do, the zero of machine.yaml is "
+        "another one: enter nothing, and propose anew with --present.",
         "Enter the new values.",
     ]

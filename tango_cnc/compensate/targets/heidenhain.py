@@ -9,7 +9,7 @@ import numpy as np
 
 from ...records import Array
 from ..space import Held
-from . import Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request
 from ._parts import across, centre, point_of, reversal, rotary_order, rows, scale_of, tilt, trims
 
 TEXT = "HEIDENHAIN: axis error tables .COM and .CMA, entries for the kinematics description"
@@ -102,7 +102,8 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
         "Back up the .COM and .CMA files and the kinematics description first.",
+        SIGN_TRIAL,
         "Copy the .COM files and add the line of AXIS.CMA; make it the only active line.",
         "Add the Trans entries of kinematics.txt to the description, each before the MachAxis that follows it there.",
-        "Reset the control, reference the axes. Do the sign trial on one table before anything is cut.",
+        "Reset the control, reference the axes.",
     ]

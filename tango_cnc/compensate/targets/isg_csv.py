@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..space import Held
-from . import Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request
 from ._parts import component_errors, position_errors, rows, scale_of, tables
 
 TEXT = "ISG kernel, Beckhoff TwinCAT TF5280: volumetric compensation (ISG_CSV) with its configuration list"
@@ -77,6 +77,7 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
 def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
+        SIGN_TRIAL,
         f"Copy volcomp.csv into {request.options['folder']} on the control; "
         "enter the lines of volcomp.lis in the list of the channel.",
         "Check the logical axis numbers of volcomp.lis: they are 1, 2, 3 … until you change them.",

@@ -22,7 +22,7 @@ FACTS = (
     Fact("the loader stops at the first line that is not three numbers: no comment, no blank line in the file", SOURCE_COMP),
     Fact("below the first point and above the last the trim of that point holds", SOURCE_COMP),
     Fact("a joint with a COMP_FILE ignores its BACKLASH; probed positions are corrected, too", SOURCE_COMP),
-    Fact("xyzac-trt-kins and xyzbc-trt-kins know centres of the axes, and neither tilt nor squareness", SOURCE_TRT),
+    Fact("xyzac-trt-kins and xyzbc-trt-kins know centers of the axes, and neither tilt nor squareness", SOURCE_TRT),
     Fact(
         "matrixkins: joints = C × axes, three scales and six skews; needs coordinates XYZ first",
         "src/hal/components/matrixkins.comp",

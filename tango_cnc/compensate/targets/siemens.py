@@ -8,7 +8,7 @@ import numpy as np
 
 from ...records import InputError
 from ..space import Held
-from . import Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request
 from ._parts import across, centre, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
 
 TEXT = "SINUMERIK 840D sl, ONE: TOOLCARRIER fine offsets with TRAORI machine data, CEC tables, ENC_COMP, reversal values"
@@ -38,7 +38,7 @@ FACTS = (
 )
 OPTIONS = {
     "points": Option(17, "points of each table; MD18342 and MD38000 have to allow them"),
-    "kinematics": Option("yes", "write the centres of the rotary axes", ("yes", "no")),
+    "kinematics": Option("yes", "write the centers of the rotary axes", ("yes", "no")),
     "directions": Option("yes", "write the directions of the rotary axes V1, V2", ("yes", "no")),
     "tables": Option("yes", "write CEC and ENC_COMP", ("yes", "no")),
     "rotary_tables": Option("yes", "CEC with a rotary axis as input", ("yes", "no")),
@@ -209,7 +209,7 @@ def _kinematics(request: Request, held: Sequence[Held], numbers: Mapping[str, fl
 
 def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
-    result = ["Save an archive of the NC data first."]
+    result = ["Save an archive of the NC data first.", SIGN_TRIAL]
     if request.machine.rotary and (request.options["kinematics"], request.options["directions"]) != ("no", "no"):
         result += [
             "Run kinematics.mpf once in channel 1; it sets the fine offsets of the tool carrier.",
@@ -219,6 +219,5 @@ def steps(request: Request) -> list[str]:
         result += [
             "Switch SD41300 and MD32710 off, load cec.ini and enc_comp.ini, set MD32450 as reversal.mpf has it.",
             "Switch SD41300 and MD32710 on again.",
-            "Do the sign trial before anything is cut: no source that was read states the signs.",
         ]
     return [*result, "Reset, approach the reference points, move every axis a little at low feed."]

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..space import Held
-from . import Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request
 from ._parts import across, centre, reversal, rows, tables, tilt, trims
 
 TEXT = "any other control (Mitsubishi, Mazak, Okuma, Mach4 …): a sheet of values with what each of them means"
 FACTS = (
-    Fact("centres of the rotary axes in machine coordinates at the zero pose, mm", "docs/model.md"),
+    Fact("centers of the rotary axes in machine coordinates at the zero pose, mm", "docs/model.md"),
     Fact("your control has a place for each of these values; which one is in its manual", "your manual", confirmed=False),
     Fact("the sign of every table is as the sheet says: error, actual minus commanded", "your manual", confirmed=False),
 )
 OPTIONS = {
     "points": Option(11, "points of each table"),
-    "centres": Option("yes", "centres of the rotary axes", ("yes", "no")),
+    "centres": Option("yes", "centers of the rotary axes", ("yes", "no")),
     "directions": Option("no", "directions of the rotary axes", ("yes", "no")),
     "pitch": Option("yes", "positioning error of each axis", ("yes", "no")),
     "straightness": Option("no", "straightness and squareness of each linear axis", ("yes", "no")),
@@ -69,7 +69,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the sheet."""
     return [
         "Write down the present value of every parameter before you change it.",
+        SIGN_TRIAL,
         "Enter the values of values.txt where the manual of the control has them.",
-        "Where the manual keeps a centre in two places (TCP and fixture offset, say), enter both: one alone is a systematic error.",
-        "Do the sign trial on one centre and one table before anything is cut.",
+        "Where the manual keeps a center in two places (TCP and fixture offset, say), enter both: one alone is a systematic error.",
     ]

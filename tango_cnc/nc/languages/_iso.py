@@ -25,22 +25,22 @@ REFUSED = {
     12.1: "polar and cylindrical interpolation is not followed",
     15: "polar coordinates are not followed",
     16: "polar coordinates are not followed",
-    20: "inches are not compensated: let the post-processor write millimetres",
+    20: "inches are not compensated: let the post-processor write millimeters",
     33: "threads are not compensated",
     38.2: "probing moves are not compensated: what is measured would be wrong by the correction",
     38.3: "probing moves are not compensated",
     38.4: "probing moves are not compensated",
     38.5: "probing moves are not compensated",
     31: "probing moves are not compensated",
-    41: "radius compensation changes the path after this program: let the CAM compute the path of the tool's centre",
-    42: "radius compensation changes the path after this program: let the CAM compute the path of the tool's centre",
+    41: "radius compensation changes the path after this program: let the CAM compute the path of the tool's center",
+    42: "radius compensation changes the path after this program: let the CAM compute the path of the tool's center",
     41.1: "radius compensation changes the path after this program",
     42.1: "radius compensation changes the path after this program",
     43.1: "a tool length that is written into the program is not followed",
     43.2: "further tool lengths are not followed",
     44: "a tool length that is taken off is not followed",
-    43.4: "with tool centre point control on the control itself moves the axes: compensate the control instead",
-    43.5: "with tool centre point control on the control itself moves the axes: compensate the control instead",
+    43.4: "with tool center point control on the control itself moves the axes: compensate the control instead",
+    43.5: "with tool center point control on the control itself moves the axes: compensate the control instead",
     51: "scaling is not followed",
     50.1: "mirroring is not followed",
     51.1: "mirroring is not followed",
@@ -141,6 +141,8 @@ def _strange(style: Style, text: str, number: int) -> None:
             continue
         if "#" in item or "[" in item or "=" in item or re.match(r"R\d", item):
             raise refused(number, text, "variables and expressions are not followed: let the post-processor write numbers")
+        if re.match(r"(?i)IF|WHILE|GOTO?|DO\d*$|END\d*$|THEN", item):
+            raise refused(number, item, "jumps and loops are not followed: let the post-processor write the path out")
         raise refused(number, text, UNKNOWN)
 
 

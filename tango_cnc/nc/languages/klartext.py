@@ -167,7 +167,7 @@ def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: 
             block.arc = arc_of(number, modal, target, {}, radius, clockwise=clockwise)
         else:
             if modal.centre is None:
-                raise refused(number, "C", "no CC says where its centre is")
+                raise refused(number, "C", "no CC says where its center is")
             if not {"X", "Y"} <= modal.position.keys():
                 raise refused(number, "C", "where it begins is not known: X or Y has not been programmed before")
             start = modal.position["X"], modal.position["Y"]

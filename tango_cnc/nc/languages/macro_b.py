@@ -56,7 +56,7 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
         raise refused(number, "G5.1 with Q2 or more", "smoothing would take the correction away: let it be Q1")
     for w in block.words:
         if w.letter in "XYZABCIJKR" and "." not in line[w.begin : w.end] and w.value:
-            raise refused(number, line[w.begin : w.end], "without a decimal point it may be millimetres or thousandths of them")
+            raise refused(number, line[w.begin : w.end], "without a decimal point it may be millimeters or thousandths of them")
     return block
 
 
