@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import linprog
 
 from tango_cnc.records import Array, Artefact, Machine
 
@@ -221,6 +220,8 @@ def _beyond(one: Solid, other: Solid, corner: Array) -> Array:
 
 def _common(one: Solid, other: Solid, corner: Array) -> bool:
     """→ whether the two have a point in common, deeper than SKIN."""
+    from scipy.optimize import linprog  # slow to load, and few controls have two bodies that come this close
+
     normal, offset = (v[0] for v in _turned(one, corner[None]))
     planes, within = np.vstack([normal, other.hull.normal]), np.concatenate([offset, other.hull.offset]) - SKIN / 2
     return bool(linprog(np.zeros(3), planes, within, bounds=(None, None)).status == 0)

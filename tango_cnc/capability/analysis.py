@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, special
 
 from .. import kinematics
 from ..model import Model, residual
@@ -102,6 +101,8 @@ def wetness(values: Array, block: int = 100, time: Array | None = None, last: in
     _, _, film, spread = _random_walk(t[used], values[used], np.diff(state))
     side = max(2, block // 5)
     edges = (blocks[1:, :side].mean(axis=1) - blocks[:-1, -side:].mean(axis=1)) * np.diff(state[::block])
+    from scipy import special  # slow to load, and a plan of the touches needs no test
+
     dof = len(state) - 3  # steps, less film, walk and white noise
     p = float(2 * special.stdtr(dof, -abs(film) / spread)) if spread > 0 else 0.0
     power = float(special.stdtrit(dof, 0.975) + special.ndtri(0.8)) * spread
@@ -197,6 +198,8 @@ def _random_walk(t: Array, values: Array, known: Array | None = None) -> tuple[f
     if size == 0:
         return 0.0, 0.0, 0.0, 0.0
 
+    from scipy import linalg, optimize
+
     def fitted(x: Array) -> tuple[float, float, float]:
         walk, white = size * np.exp(x)
         bands = np.vstack([walk * hours / hours.mean() + 2 * white, np.full(len(steps), -white)])
@@ -214,8 +217,6 @@ def _random_walk(t: Array, values: Array, known: Array | None = None) -> tuple[f
     starts = [np.array([a, b]) for a, b in ((-1.0, -1.5), (-6.0, -0.7), (-0.1, -6.0))]
     options = {"xatol": 1e-4, "fatol": 1e-8}
     bounds = [(-18.0, 2.0)] * 2
-    from scipy import optimize
-
     found = [optimize.minimize(lambda x: fitted(x)[0], x, method="Nelder-Mead", bounds=bounds, options=options) for x in starts]
     best = min(found, key=lambda f: float(f.fun)).x
     walk, white = size * np.exp(best)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from ..records import Array
 
@@ -83,6 +82,8 @@ def _support(a: Array, b: Array, shift: Array, way: Array) -> tuple[Array, Array
 
 def _nearest(a: Array, b: Array, shift: Array, need: float) -> bool:
     """One pose → the same, by the point of the difference that is nearest to the origin."""
+    from scipy.optimize import nnls  # slow to load, and most poses are proven without it
+
     corner = (a[:, None, None] + shift[None, :, None] - b[None, None, :]).reshape(-1, 3)
     size = float(np.linalg.norm(corner, axis=1).max()) or 1.0
     try:
