@@ -81,6 +81,13 @@ def test_a_record_file_is_read_from_where_it_ended(control, port):
     assert control.talking == 0
 
 
+def test_a_record_file_of_somebody_else_is_refused_before_a_program_is_put(control, port):
+    control.files[RECORDS] = b"my measurements of last year\r\n"
+    said = asked(opened(port), b"open")
+    assert said.startswith("! ") and "without%20a%20record%20of%20a%20TANGO%20program" in said
+    assert control.files[RECORDS] == b"my measurements of last year\r\n"
+
+
 def test_who_started_the_control_first_reads_from_the_last_start_mark(control, port):
     control.files[RECORDS] = OLD + NEW
     line = opened(port, "?from=last")

@@ -60,6 +60,20 @@ def test_a_record_file_is_followed_as_it_grows(server):
     assert opened(server).read(0.0) == b""  # a file that is not there yet
 
 
+@pytest.mark.parametrize("text", [b"my measurements of last year\n", b"x" * 9000, b"P1\nTANGO\n"])
+def test_a_record_file_of_somebody_else_is_refused_before_a_program_is_put(text, server):
+    (server.folder / "TANGO.TXT").write_bytes(text)
+    with pytest.raises(LinkError, match="a file without a record of a TANGO program, and the control would write into it"):
+        opened(server, program=place(server, "O8700.NC"))
+    assert (server.folder / "TANGO.TXT").read_bytes() == text and not (server.folder / "O8700.NC").exists()
+
+
+@pytest.mark.parametrize("text", [b"", b"\0\0\0", b"TANGO ST", b"x" * 9000 + b"\r\nTANGO END 0A 1\r\n", b"\x12P12 H1 X 3.5\r\n"])
+def test_a_record_file_that_is_empty_or_has_records_is_taken(text, server):
+    (server.folder / "TANGO.TXT").write_bytes(text)
+    opened(server).close()
+
+
 def test_who_started_the_control_first_reads_from_the_last_start_mark(server):
     (server.folder / "TANGO.TXT").write_bytes(b"TANGO START 0A 1\nTANGO END 1\nTANGO START 0B 1\nP1 H1 X2\n")
     assert opened(server, **{"from": "last"}).read(0.0) == b"TANGO START 0B 1\nP1 H1 X2\n"

@@ -140,6 +140,12 @@ def test_a_second_segment_counts_in_the_numbers_of_the_run_and_time_goes_on(tmp_
     assert 999 < readings[1].time_s < 1001
 
 
+def test_a_resumed_run_that_stops_says_that_its_count_is_of_its_own_program(tmp_path):
+    run = Run(tmp_path, after_the_program(b""), this_job=job(original=(2, 3, 4), again=1))
+    said = "0 of 3 touches of the resumed program are recorded, beside those of before, touch 2 was due"
+    assert said in run.error
+
+
 def test_the_transcript_of_a_run_can_be_replayed(tmp_path):
     out = io.StringIO()
     Run(tmp_path, after_the_program(printed(*GOOD)), transcript=out)

@@ -173,7 +173,8 @@ class Session:
         warning = "" if quiet else " The control may still execute what it has received: look at the machine."
         done, of = self._accepted, len(self._job.numbers)
         due = f", touch {self._job.original[self._place]} was due" if self._place < of else ""
-        return LinkError(f"{why}{'' if why.endswith('?') else '.'} {done} of {of} touches are recorded{due}.{warning}")
+        of_what = " of the resumed program are recorded, beside those of before" if self._job.again else " are recorded"
+        return LinkError(f"{why}{'' if why.endswith('?') else '.'} {done} of {of} touches{of_what}{due}.{warning}")
 
     def _converse(self, transport: Transport) -> None:
         last = self._clock()

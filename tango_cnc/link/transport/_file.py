@@ -19,6 +19,10 @@ BOM = b"\xef\xbb\xbf"
 START = b"TANGO START"
 HEAD = 4000  # bytes at either end by which a file is seen to hold records
 CODES = b"\0\x11\x12\x13\x14\x7f"  # leader and print codes, which some controls write into files too
+FOREIGN = (
+    "found a file without a record of a TANGO program, and the control would write into it; allowed: a new name, an empty file, or "
+    "one that such a program has written; if the control made it, move it away"
+)
 RECORD = re.compile(rb"^[ \t]*(TANGO +(START|END) |P *[0-9]+\.?[0-9]* *H *[0-9])", re.MULTILINE)
 
 
@@ -109,12 +113,14 @@ def foreseen(address: Address) -> None:
             tail = opened.read(HEAD)
     except OSError:
         return  # said in the words of the system when it is opened
+    if foreign(head, tail):
+        raise InputError(f"port {address.url}: {FOREIGN}")
+
+
+def foreign(head: bytes, tail: bytes) -> bool:
+    """first and last bytes of a file that a control is to write into → whether it is neither empty nor one of records."""
     text = [piece.removeprefix(BOM).translate(None, CODES).replace(b"\r", b"\n") for piece in (head, tail)]
-    if not START.startswith(text[0].strip()[: len(START)]) and not any(RECORD.search(piece) for piece in text):
-        raise InputError(
-            f"port {address.url}: found a file without a record of a TANGO program, and the control would write into it; allowed: "
-            "a new name, an empty file, or one that such a program has written; if the control made it, move it away"
-        )
+    return not START.startswith(text[0].strip()[: len(START)]) and not any(RECORD.search(piece) for piece in text)
 
 
 def _last_start(file: BinaryIO, size: int) -> int:

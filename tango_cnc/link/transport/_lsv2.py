@@ -18,8 +18,9 @@ from urllib.parse import quote
 
 from ...records import LinkError
 from .._address import Address
+from ._file import FOREIGN, foreign
 from ._line import Lost, reason
-from ._remote import START, Remote
+from ._remote import HEAD, START, Remote
 from ._stores import needed
 
 PATIENCE = 10.0  # s for one telegram
@@ -309,5 +310,7 @@ class AtRest(Remote):
     def _mark(self, there: Lsv2) -> None:
         """Notes where the record file ends now: what stands in it is of another run."""
         whole = there.read(self._path, 0, LARGEST)
+        if whole and foreign(whole[:HEAD], whole[-HEAD:]):
+            raise LinkError(f"{self._path}: {FOREIGN}. Nothing was put at the control")
         old = max(0, whole.rfind(START)) if self._address.options.get("from", "now") == "last" else len(whole)
         self._at, self._before, self._known = old, whole[max(0, old - 64) : old], True

@@ -11,6 +11,7 @@ from urllib.parse import unquote, urlsplit
 
 from ...records import InputError, LinkError
 from .._address import Address
+from ._file import FOREIGN, foreign
 from ._line import Lost, reason
 from ._stores import Store, needed, store
 
@@ -53,6 +54,8 @@ class Remote:
         """Notes where the record file ends now, or where its last start mark is."""
         there = self._open()
         size = there.size(self._path) or 0
+        if size and foreign(there.read(self._path, 0, HEAD), there.read(self._path, max(0, size - HEAD), HEAD)):
+            raise LinkError(f"port {self._address.url}: {FOREIGN}. Nothing was put at the control")
         old = size
         if self._address.options.get("from", "now") == "last":
             old = max(0, there.read(self._path, 0, size).rfind(START))
