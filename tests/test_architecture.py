@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.imports import modules, statements, tree
+from support.imports import import_statements, modules, tree
 
 NUMERIC = "records texts judgement files.checked kinematics features touches terms model identify estimate"
 # A module of tango_cnc → what else of tango_cnc it may import. The longest name that fits decides; its own package is allowed.
@@ -109,7 +109,7 @@ SMALL = {"asked.py", "compare.py", "conformity.py", "segments.py", "judgement.py
 def imports(name: str, file: Path, known: dict[str, Path]) -> Iterator[str]:
     """Full names of the modules that a file imports, wherever in the file, `from . import x` spelt out."""
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    for node in statements(tree(file)):
+    for node in import_statements(file):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -184,7 +184,12 @@ def test_the_table_can_refuse(name: str, imported: str) -> None:
 
 def test_what_windows_lacks_is_imported_where_it_is_used(root: Path) -> None:
     for name, file in modules(root).items():
-        found = {alias.name for node in tree(file).body if isinstance(node, ast.Import) for alias in node.names}
+        found = {
+            alias.name
+            for node in import_statements(file)
+            if isinstance(node, ast.Import) and not node.col_offset
+            for alias in node.names
+        }
         assert not found & {"fcntl", "termios", "tty", "pty", "resource"}, name
 
 

@@ -63,7 +63,14 @@ def file_of(truth: Truth, told: Foretold, file: Path, wrong: float = 0.0) -> Pat
     return file
 
 
-@pytest.mark.parametrize(("name", "wrong"), [("laser-X", 0.2), ("circle-XY", 20.0), ("rotary-C", 30.0)])
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("laser-X", 0.2),
+        pytest.param("circle-XY", 20.0, marks=pytest.mark.long),
+        pytest.param("rotary-C", 30.0, marks=pytest.mark.long),
+    ],
+)
 def test_a_measured_file_agrees_and_one_of_another_machine_differs(name: str, wrong: float, tmp_path: Path) -> None:
     truth, result = machine("hu40t", 5)
     before, over = foretold(result, name), ranges(result.model.touches)

@@ -70,6 +70,7 @@ def test_a_range_of_nothing_is_told_as_nothing() -> None:
     assert sum(low <= 0.0 for _, low, _ in held) >= 54
 
 
+@pytest.mark.long
 def test_a_machine_without_errors_shows_sizes_of_nothing() -> None:
     """Every range begins at 0, and the learned sizes take most of the noise out of the number that is printed."""
     truth = Truth(EXAMPLES / "hu40t", 7, size=0.0)

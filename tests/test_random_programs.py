@@ -208,6 +208,7 @@ def test_a_thousand_random_plans_are_safe_in_every_dialect(part: int, capsys: py
         print(f"\n200 plans: {', '.join(f'{name} {n}' for name, n in ran.items() if n)} programs run without a collision")
 
 
+@pytest.mark.long
 def test_the_plans_are_as_different_as_is_said() -> None:
     drawn = list(random_plans(5, 60))
     usual = {example(name).machine.probe for name in EXAMPLES}

@@ -139,7 +139,7 @@ def random_plans_pass(seed: int, count: int) -> None:
 
 
 def test_random_plans_pass() -> None:
-    random_plans_pass(1, 24)
+    random_plans_pass(1, len(READ))
 
 
 @pytest.mark.campaign
