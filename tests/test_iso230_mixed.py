@@ -101,6 +101,32 @@ def test_sizes_are_learned_from_the_touches_and_touches_are_not_counted_twice() 
     assert 2.0 < found[1] / found[0] < 4.0
 
 
+def test_each_degree_of_a_tilt_has_a_size_of_its_own() -> None:
+    """Every tilt is a line of ± 30 µrad. What the touches do not see may be as large in degree 1, and is small in degree 3."""
+    truth = Truth(EXAMPLES / "hu40t", 7, size=0.0)
+    for axis in truth.linear:
+        truth.series[axis][3:, 1] = 3e-5
+    machine = seen(estimated(truth, EXAMPLES / "hu40t"))
+    std = dict(zip((c.name for c in machine.wide.coefficients), np.sqrt(np.diag(machine.learned.covariance)), strict=True))
+    for name in ("EAY", "EBY", "ECY", "EBZ"):  # one stylus does not see them
+        assert std[f"{name}.P1"] > 1.6 * std[f"{name}.P3"], name
+
+
+@pytest.mark.parametrize("example", ["three_axis", "huron"])
+def test_where_nothing_is_decided_it_is_said_what_to_do(example: str, tmp_path: Path) -> None:
+    runner, cell = CliRunner(), tmp_path / "cell"
+    assert runner.invoke(tango, ["init", str(cell), "--example", example]).exit_code == 0
+    assert runner.invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
+    text = runner.invoke(tango, ["iso230", "-C", str(cell)]).stdout
+    assert "what to do about withheld figures:" in text
+    assert ("calibrated facets in more places" in text) == (example == "three_axis")
+    assert ("add indexations" in text) == (example == "huron")
+    found = json.loads(runner.invoke(tango, ["check", "-C", str(cell), "--json", "-"]).stdout)
+    assert found["figures"] == []
+    assert bool(found["second_stylus"]["more"]) == (example == "huron")
+    assert len(set(found["not_identifiable_figures"])) == len(found["not_identifiable_figures"])
+
+
 def test_the_minimum_zone_of_a_bow_is_half_of_what_its_end_points_and_line_leave() -> None:
     x = np.linspace(-1.0, 1.0, 201)
     assert minimum_zone(x, x**2) == pytest.approx(1.0)

@@ -9,9 +9,10 @@ from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from ..plan import by_stylus, last_motion
-from ..records import Cell, InputError, Plan, TermItem
+from ..records import Cell, InputError, Machine, Plan, TermItem
 from ._common import Decorator
 
 LONGER = 60.0  # mm
@@ -47,31 +48,42 @@ def left(cell: Cell, part: Cell, command: str) -> list[str]:
     ]
 
 
-def bought(made: Plan, terms: Sequence[TermItem], degree: int) -> dict[str, Any]:
-    """plan with one stylus, terms, degree → ISO figures that it decides, and with every touch made again with a second stylus.
+def with_second(made: Plan, terms: Sequence[TermItem], degree: int) -> tuple[float, tuple[str, ...]]:
+    """plan with one stylus, terms, degree → length of another one, mm, ISO figures decided by every touch made again with it.
 
     That is the second one of machine.yaml, else one that is `LONGER` mm longer.
     """
-    from ..identify import select
-    from ..iso230.signed import decided
-    from ..touches import of_facets
-
     machine, n = made.machine, len(made.touches)
     other = machine.styli[1] if machine.styli else replace(machine.probe, length=machine.probe.length + LONGER)
     both = replace(machine, styli=(machine.probe, other))
-    facets, moved = [t.facet for t in made.touches], last_motion(made)
-    position = np.array([t.contact for t in made.touches])
-    stylus = np.repeat([1, 2], n)
-    one = of_facets(machine, made.artefact, facets, position, moved)
-    two = of_facets(both, made.artefact, facets * 2, np.tile(position, (2, 1)), np.tile(moved, (2, 1)), stylus).nominal
-    (alone, withheld), (together, _) = (decided(select(touches, terms, degree)) for touches in (one, two))
+    return other.length, _decided(made, both, np.repeat([1, 2], n), terms, degree)[0]
+
+
+def bought(made: Plan, terms: Sequence[TermItem], degree: int) -> dict[str, Any]:
+    """plan with one stylus, terms, degree → ISO figures that it decides, and those of `with_second`."""
+    alone, withheld = _decided(made, made.machine, None, terms, degree)
+    length, together = with_second(made, terms, degree)
     return {
-        "length_mm": other.length,
+        "length_mm": length,
         "figures": len(alone) + len(withheld),
         "alone": len(alone),
         "together": len(together),
         "more": [name for name in together if name not in alone],
     }
+
+
+def _decided(
+    made: Plan, machine: Machine, stylus: NDArray[np.int64] | None, terms: Sequence[TermItem], degree: int
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    from ..identify import select
+    from ..iso230.signed import decided
+    from ..touches import of_facets
+
+    times = 1 if stylus is None else len(stylus) // len(made.touches)
+    facets, moved = [t.facet for t in made.touches] * times, np.tile(last_motion(made), (times, 1))
+    position = np.tile(np.array([t.contact for t in made.touches]), (times, 1))
+    touches = of_facets(machine, made.artefact, facets, position, moved, stylus)
+    return decided(select(touches if stylus is None else touches.nominal, terms, degree))
 
 
 def folder_of(folder: Path, cell: Cell) -> Path:

@@ -24,6 +24,7 @@ from ..report.units import shown
 from ..touches import of_facets
 from ._common import Output, cell_option, dialect, json_option, table, write_json
 from ._plan import obstructed_option
+from ._stylus import with_second
 
 PLACE = "Begin 30"  # in the list of commands
 
@@ -158,6 +159,9 @@ def check(
         found["one_stylus"] = _told(cell, [made], terms, degree)
     elif made.left_out and (whole := _whole(cell)) is not None:
         found["with_left_out"] = {"touches": len(whole.touches), **_told(cell, [whole], terms, degree)}
+    if not others and made.touches and found["not_identifiable_figures"]:
+        length, together = with_second(made, terms, degree)
+        found["second_stylus"] = {"length_mm": length, "more": [name for name in together if name not in found["figures"]]}
     return found | ({} if (gain := saved(made, feed)) is None else {"double_touch_saves_s": gain})
 
 
@@ -266,8 +270,11 @@ def _figures(data: dict[str, Any]) -> list[str]:
     if withheld:
         lines.append(f"  withheld, whatever is measured: {_first(withheld)}")
     if (one := data.get("one_stylus")) is None:
-        hint = "a second stylus, longer or shorter by 60 mm or more, would part some of them (machine.yaml: styli)"
-        return [*lines, f"  {hint}"] if withheld and data["planned_touches"] else lines
+        if second := data.get("second_stylus"):
+            gain = _first(second["more"]) or "nothing; first add touches in other places"
+            again = f"the same touches again with a second stylus of {second['length_mm']:g} mm (machine.yaml: styli)"
+            lines.append(f"  {again} would add {gain}")
+        return lines
     for stylus in data["styli"]:
         lines.append(f"  stylus {stylus['stylus']}, {stylus['length_mm']:g} mm: {stylus['touches']} touches")
     more = [name for name in given if name not in one["figures"]]

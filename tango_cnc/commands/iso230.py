@@ -107,6 +107,7 @@ def sheet_json(sheet: Sheet) -> dict[str, Any]:
             for f in sheet.figures
         ],
         "not_identifiable": list(sheet.not_identifiable),
+        "advice": list(sheet.advice),
     }
 
 
@@ -140,7 +141,8 @@ def sheet_text(sheet: Sheet) -> list[str]:
         )
     lines.append(f"{used}, or more where the intervals say so; what each order is worth to these touches: {tried}")
     lines.append(table(rows, "<<>><>><") if len(rows) > 1 else "these touches decide no figure")
-    return lines + [f"withheld: {text}" for text in sheet.not_identifiable]
+    withheld = [f"withheld: {text}" for text in sheet.not_identifiable]
+    return lines + withheld + (["", "what to do about withheld figures:", *(f"  {t}" for t in sheet.advice)] if withheld else [])
 
 
 def _fitted_json(result: Estimate, longer: Known | None) -> list[dict[str, Any]]:

@@ -6,12 +6,14 @@ error motions are named with which it is mixed, and differences of two such figu
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
 from ..estimate import Estimate
+from ..features import bar_left_out
 from ..identify import Selection
 from ..records import Array, TangoError
 from .interval import of_range
@@ -19,7 +21,7 @@ from .onpart import Ask, asked, minimum_zone
 from .seen import Budget, root_of, seen
 from .temperature import Known, Thermal, scale
 from .trajectory import Reference, reference
-from .whole import DEGREE, ORDER, Whole, foreseen, whole
+from .whole import DEGREE, ORDER, Whole, foreseen, understood, whole
 
 COVERAGE = 0.95
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
@@ -63,6 +65,11 @@ class Sheet:
     def not_identifiable(self) -> tuple[str, ...]:
         """→ a sentence for every figure that is withheld."""
         return tuple(f.text for f in self.figures if f.value is None)
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """→ what to do where figures are withheld; () where none is."""
+        return () if self.whole is None or not self.not_identifiable else ways_out(self.whole)
 
 
 def signed(
@@ -130,12 +137,32 @@ def withheld(result: Estimate) -> tuple[str, ...]:
         return (str(error),)
 
 
+def ways_out(w: Whole) -> tuple[str, ...]:
+    """machine → how many of its numbers the touches decide, and what would decide more: sentences."""
+    machine, artefact, touched = w.touches.machine, w.touches.artefact, w.touches.facet
+    some, of = understood(w)
+    more = "touch calibrated facets in more places of X, Y and Z (another spindle position is the same place)"
+    if machine.rotary:
+        more = "add indexations, with every facet that the probe reaches"
+    found = [
+        f"these {len(touched)} touches decide {some:.0f} of the {of} numbers that describe all error motions of this machine",
+        f"to decide more, {more}; 'tango check' says which figures they will decide",
+    ]
+    by_bar = artefact.scale_bar is not None and bar_left_out(artefact, touched) is None
+    if not by_bar and all(artefact.facets[f].uncertainty is None for f in touched):
+        found.append("nothing here carries the absolute scale: touch a scale bar or calibrated facets")
+    if machine.rotary and not machine.styli:
+        found.append("a second stylus of another length separates tilts from straightness; 'tango check' says what it would add")
+    return (*found, "until then, 'tango iso230 --fitted' shows the fitted terms alone, as if the machine had no other error motion")
+
+
 def decided(selection: Selection, length: float | None = None) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """selection for touches that nobody has made yet, tool length (mm) → ISO figures that they will decide, those they will not."""
     w = foreseen(selection)
     asks, _ = _asked(w, length)
-    doubtful = {ask.name for ask in asks if _undecided(ask, w)}
-    return tuple(a.name for a in asks if a.name not in doubtful), tuple(a.name for a in asks if a.name in doubtful)
+    names = Counter(ask.name for ask in asks)
+    told = [(a.name if names[a.name] == 1 else f"{a.name} ({a.kind})", _undecided(a, w) is None) for a in asks]
+    return tuple(name for name, known in told if known), tuple(name for name, known in told if not known)
 
 
 def _worst(ask: Ask, w: Whole) -> tuple[Array, float]:

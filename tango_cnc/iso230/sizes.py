@@ -3,9 +3,12 @@
 `whole` gives every error motion 100 µm or 300 µrad before the touches are looked at. That decides what is withheld: nothing may
 rest on a guess. An interval about what is not withheld must not rest on it either. A curve that may be 100 µm large is read with
 all the noise in it, so that its range is too large, and what is mixed with it widens it by what no machine has. So the sizes
-are estimated: motions of a kind share one, and each has its own about it. Two or three of a kind say too little of each other:
-gain and backlash of linear axes keep the wide one. Source: empirical Bayes with scaled inverse χ² variances, by expectation and
-maximization (Gelman et al., Bayesian Data Analysis, 3rd ed., 5.4 and 13.4).
+are estimated: motions of a kind share one, and each has its own about it. Over a part of the travel a bow shows less the higher
+its degree: tilts and straightness have a size for each degree, and the first degree of a straightness is squareness. With one
+size for all degrees, large tilts that the touches see faintly were above their intervals. Two or three of a kind say too little
+of each other: gain and backlash of linear axes keep the wide one, and the rest of their positioning has one size for all degrees.
+Source: empirical Bayes with scaled inverse χ² variances, by expectation and maximization (Gelman et al., Bayesian Data Analysis,
+3rd ed., 5.4 and 13.4).
 """
 
 from __future__ import annotations
@@ -26,9 +29,9 @@ FIRST = 0.05  # of the wide one: where the search begins
 LEAST = (1e-4, 3e-7)  # mm and rad: no motion of a real machine is smaller
 ROUNDS = 25
 STILL = 0.02  # relative change of the sizes at which the search ends
-CURVED = re.compile(r".*\.P[2-9]")
+DEGREE = re.compile(r".*\.(P[1-9])")
 
-Kind = tuple[str, bool, bool]  # place, series or wave; of a linear axis; a displacement, not a turn
+Kind = tuple[str, bool, bool]  # place, wave, series, or its degree (P1); of a linear axis; a displacement, not a turn
 
 
 def sized(w: Whole) -> Whole:
@@ -86,10 +89,10 @@ def _kind(c: Coefficient, machine: Machine) -> Kind | None:
     """coefficient, machine → the kind with which it shares its size; None where it keeps the wide one."""
     if backlash.PATTERN.fullmatch(c.name):
         return None
-    linear = c.slot.axis in machine.linear
+    linear, series = c.slot.axis in machine.linear, DEGREE.fullmatch(c.name)
     if c.slot.stage == "motion":
-        if linear and not CURVED.fullmatch(c.name):
+        if linear and (series is None or series[1] == "P1"):
             return None
-        return ("series" if ".P" in c.name else "wave", linear, linear)
-    what = "place" if c.slot.stage == "inter" else "series" if ".P" in c.name else "wave"
+        return ("wave" if series is None else "series", linear, linear)
+    what = "place" if c.slot.stage == "inter" else "wave" if series is None else series[1] if linear else "series"
     return (what, linear and what != "place", c.slot.component < 3)

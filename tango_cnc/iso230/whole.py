@@ -154,7 +154,15 @@ def foreseen(selection: Selection) -> Whole:
     covariance[np.ix_(seen, seen)] = inverse @ inverse.T
     freedom = len(model.touches) + len(rows) - float(np.sum((matrix @ inverse) ** 2))
     found = model.coefficients[:p]
-    return Whole(model.touches, found, tuple(motion_of(c) for c in found), values[:p], covariance[:p, :p], sigma, freedom)
+    motions = tuple(motion_of(c) for c in found)
+    return Whole(model.touches, found, motions, values[:p], covariance[:p, :p], sigma, freedom, widths=width[:p])
+
+
+def understood(w: Whole) -> tuple[float, int]:
+    """machine → how many of the numbers that describe its errors the touches decide, of how many that they may feel."""
+    assert w.widths is not None
+    seen = w.widths > 0
+    return float(np.sum(1 - np.diag(w.covariance)[seen] / w.widths[seen] ** 2)), int(seen.sum())
 
 
 def _with_all(fitted: Model, degree: int = DEGREE, order: int = ORDER) -> tuple[Model, int]:
