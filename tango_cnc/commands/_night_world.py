@@ -156,9 +156,8 @@ class RealControl:
 
         made = self._plan(kind, touches)
         _postable(self.cell if kind == "full" or self.check is None else self.check, made)
-        return Finding(
-            "program", True, say("preflight.world.plan_touches_read_back", plan_hash=plan_hash(made), count=len(made.touches))
-        )
+        said = say("preflight.world.plan_touches_read_back", plan_hash=plan_hash(made), count=len(made.touches))
+        return Finding("program", True, "; ".join((said, *made.start)))  # nobody is there to bring the axes near the first place
 
     def _gate(self, kind: str, touches: Sequence[int]) -> Finding:
         """Nobody is there at night: a program that waits for a finger at the probe would stand still until the morning."""

@@ -14,6 +14,7 @@ import numpy as np
 from .. import check, kinematics
 from ..gate import gate, served
 from ..records import OFF, Array, Axis, InputError, Move, Plan, Touch
+from .beside import STRAIGHT, TURNING, Beside, turn
 from .switches import Switches
 
 CLOSE = 6e-4  # mm or deg: programs have three decimals
@@ -41,6 +42,7 @@ class Walk:
         self.next: Move | None = None
         self._advance()
         self._chain, self._solid = kinematics.chain(plan.machine), check.solid(plan.artefact)
+        self._beside, self._descended = Beside(plan.machine, plan.artefact), False
         self.at = {axis.name: _anywhere(axis) for axis in plan.machine.axes}
         self._known: set[str] = set()
         self._turning: dict[str, float] = {}  # what is left of the indexation that is under way
@@ -77,6 +79,7 @@ class Walk:
             if not abs(value - end[name]) <= CLOSE:
                 raise InputError(f"found {name} {value:.3f} mm; the move that proves the probe goes to {name} {end[name]:.3f} mm")
             self._travel(name, value)
+        self._keeps_off(target, "the slow move that proves the probe")
         self.at.update({name: (start[name] + end[name]) / 2 for name in target})
         self._up = True
 
@@ -148,6 +151,8 @@ class Walk:
                     f"found {name} {value:.3f} mm; the plan goes to {name} {wanted:.3f} mm ({move.kind}, touch {move.touch})"
                 )
             self._travel(name, value)
+        self._keeps_off(target, f"the {move.kind} move of touch {move.touch}")
+        self._descended |= move.kind == "approach"
         self.at.update(target)
         self._known.update(move.target)
         if move.kind in (*MEASURES, "prove"):
@@ -239,11 +244,29 @@ class Walk:
         gap = self._gap(poses)
         if gap < AIR:
             raise InputError(f"{name} turns with the probe {gap:.1f} mm from what is on the table; retract before turning")
+        if self._beside:
+            swept = turn(first, last)
+            poses = np.tile([self.at[n] for n in machine.names], (len(swept), 1))
+            poses[:, machine.column(name)] = swept
+            known = {*self._known, name}
+            if said := self._beside.met(self._radian(poses)[:, None], known, need=TURNING, begun=self._descended):
+                raise InputError(f"while {name} turns before touch {self.touch.number}, {said}")
+
+    def _keeps_off(self, target: Mapping[str, float], what: str) -> None:
+        """Raises InputError when a straight motion from here comes near what is declared on the bodies of the machine."""
+        if not self._beside:
+            return
+        places = np.array([list({**self.at, **end}.values()) for end in ({}, target)])
+        if said := self._beside.met(self._radian(places)[None], self._known, need=STRAIGHT, begun=self._descended):
+            raise InputError(f"on {what}, {said}")
+
+    def _radian(self, poses: Array) -> Array:
+        return poses * [1.0 if axis.kind == "linear" else math.pi / 180 for axis in self._plan.machine.axes]
 
     def _gap(self, poses: Array) -> float:
         """(n, k) mm deg → mm between probe and table, never more than there is: to an outermost plane or one across the tool."""
-        machine, probe = self._plan.machine, self._plan.machine.probe
-        position = poses * [1.0 if axis.kind == "linear" else math.pi / 180 for axis in machine.axes]
+        probe = self._plan.machine.probe
+        position = self._radian(poses)
         stem = max(probe.length - probe.body_length, 0.0)
         height = np.arange(0.0, probe.length + BEHIND, SPACING)
         radius = np.where(height <= stem, probe.stylus_radius, probe.body_radius)
