@@ -161,7 +161,8 @@ def decided(selection: Selection, length: float | None = None) -> tuple[tuple[st
     w = foreseen(selection)
     asks, _ = _asked(w, length)
     names = Counter(ask.name for ask in asks)
-    told = [(a.name if names[a.name] == 1 else f"{a.name} ({a.kind})", _undecided(a, w) is None) for a in asks]
+    known = [_worst(a, w)[1] <= UNDECIDED[a.unit] for a in asks]  # what the others are mixed with is not asked for here
+    told = [(a.name if names[a.name] == 1 else f"{a.name} ({a.kind})", k) for a, k in zip(asks, known, strict=True)]
     return tuple(name for name, known in told if known), tuple(name for name, known in told if not known)
 
 
