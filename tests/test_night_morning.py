@@ -117,6 +117,7 @@ def test_a_machine_that_warms_up_while_it_is_measured_is_no_broken_probe(tell: T
         assert record["verdict"] == "doubtful" and not record["alarms"] and not record["carried"]
         assert "warm-up" in record["headline"] and "probe" not in record["headline"]
         assert "nothing of this night is carried on" in message(record, (), ())[1]
+    assert records[2]["next"]["kind"] == records[3]["kind"] == "full"  # as the message of the night in doubt has said
     assert records[3]["verdict"] == "good"  # cold again: the state has not followed the warm-up
 
 

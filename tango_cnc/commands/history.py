@@ -116,7 +116,7 @@ def list_(history: History, machine: str, last: int | None, since: str | None, j
     for n, text in zip(nights, shortened([known[n.entry] for n in nights]), strict=True):
         volume = "" if n.volume_um is None else f"{n.volume_um:.1f}"
         words = [t.of(code(word)) for word in (n.kind, n.status, n.verdict)]
-        rows.append((n.start_utc, n.entry, [n.night, *words, volume, t.of(text)]))
+        rows.append((n.start_utc, n.entry, [n.night, *words, volume, " ".join(t.of(text).split())]))
     for e in events:
         rows.append((e.utc, e.entry, [e.utc[:10], t("cli.history.compensation"), e.event, "", "", _said(e, t)]))
     rows.sort(key=lambda row: row[:2], reverse=True)

@@ -283,7 +283,7 @@ def _status(
             click.echo("  " + t("cli.nightly.cannot_begin", why=str(wrong)))
         for n, text in zip(nights, shortened([said.get(n.entry) or n.headline for n in nights]), strict=True):
             kind, status, verdict = (t.of(code(word)) for word in (n.kind, n.status, n.verdict))
-            click.echo(f"  {n.night} {kind:5} {status:8} {verdict:13} {t.of(text)}")
+            click.echo(f"  {n.night} {kind:5} {status:8} {verdict:13} {' '.join(t.of(text).split())}")
         for alarm in alarms:
             command = f"tango history decide {alarm['id']} --action … --owner …"
             click.echo("  " + t("cli.nightly.open_alarm", id=alarm["id"], text=alarm["text"], command=command))

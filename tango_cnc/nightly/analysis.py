@@ -177,7 +177,7 @@ class Nights:
                 "night.analysis.last_full_run_days_old", age=f"{age:.0f}", full_every_days=f"{self.settings.full_every_days:g}"
             )
         measured = next((n for n in nights if n.status in ("complete", "partial") and n.touches), None)
-        if measured is not None and measured.kind != "full" and (measured.alarms or measured.verdict == "doubtful"):
+        if measured is not None and (measured.verdict == "doubtful" or (measured.alarms and measured.kind != "full")):
             return "full", say("night.analysis.night_asked_for", night=measured.night, headline=measured.headline)
         repaired = [d for d in past.decisions(machine) if d.action == "repaired" and d.utc > full.start_utc]
         if repaired:
