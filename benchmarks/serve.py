@@ -1,6 +1,6 @@
 """How long pages take with 200 machines and 10 000 nights, how fifty follow a run, and what 10 000 requests leave in memory.
 
-    python benchmarks/serve.py [--quick]
+    python benchmarks/serve.py [--quick] [--requests N]
 
 A server of its own process is asked over a real socket. The floor beside each number is `/healthz` of the same server; beside
 the clock stands the processor time of the server, which other programs on the computer do not make longer.
@@ -93,8 +93,10 @@ def followed(base: str, run: Recorded, steps: int) -> tuple[float, float]:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--quick", action="store_true", help="a tenth of everything")
-    quick = parser.parse_args().quick
-    machines, nights, requests = (20, 10, 1000) if quick else (200, 50, 10_000)
+    parser.add_argument("--requests", type=int, default=10_000, help="after which the memory is looked at again [default: 10000]")
+    asked = parser.parse_args()
+    quick = asked.quick
+    machines, nights, requests = (20, 10, 1000) if quick else (200, 50, asked.requests)
     with tempfile.TemporaryDirectory() as place:
         root = Path(place)
         began = time.perf_counter()

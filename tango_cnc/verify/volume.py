@@ -181,7 +181,9 @@ def probed(touches: Touches, position: Array) -> tuple[NDArray[np.bool_], NDArra
     outside[:, columns] = (at < -HULL) | (at > (high - low) / width + HULL)
     extrapolated = np.asarray(outside.any(axis=1), dtype=np.bool_)
     matrix = np.vstack([((seen - low) / width).T, np.ones(len(seen))])
-    for i in np.flatnonzero(~extrapolated):
+    touched = {tuple(row) for row in seen.tolist()}  # a touched pose is inside: that needs no search
+    inner = [tuple(row) not in touched for row in np.round(position[:, columns], 6).tolist()]
+    for i in np.flatnonzero(~extrapolated & np.array(inner, dtype=bool)):
         _, distance = optimize.nnls(matrix, np.append(at[i], 1.0))
         extrapolated[i] = distance > HULL
     return outside, extrapolated
