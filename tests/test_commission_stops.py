@@ -82,7 +82,7 @@ def test_a_stop_without_a_text_blames_no_probe() -> None:
     ("OT0500 + OVERTRAVEL ( SOFT 1 ) Z", "soft limits"),
     ("PS0035 CAN NOT COMMAND G31", "feed of approach"),
     ("SW0100 PARAMETER WRITE", "list of alarms"),
-    ("Z stands at 32.3800 after it was sent to 656.8300: the control has ended the move by itself, and reports no contact", "-t 1"),
+    ("Z stands at 32.3800 after it was sent to 656.8300: the control has ended the move by itself, and has met nothing", "-t 1"),
 ])  # fmt: skip
 def test_a_stop_that_is_no_belief_has_advice_too(text: str, word: str) -> None:
     assert "FAIL" not in verdicts(commission.Seen(air(), {}, True, False, said=text)).values()

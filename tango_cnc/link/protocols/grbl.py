@@ -246,7 +246,7 @@ class Client(Control):
             if abs(self._at[name] - self._goal[name]) > CLOSE:
                 raise Stop(
                     f"{name} stands at {self._at[name]:.4f} after it was sent to {self._goal[name]:.4f}: the control has ended the "
-                    "move by itself, and reports no contact"
+                    "move by itself, and has met nothing"
                 )
 
     def _index(self, target: Mapping[str, float], angle: float | None) -> Talk:
