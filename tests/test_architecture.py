@@ -49,7 +49,8 @@ INTERNAL: dict[str, str | None] = {
     "instruments": f"{NUMERIC} files iso230 nearest",
     "acceptance": f"{NUMERIC} files iso230 judgement nc compensate",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
-    "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement asked state.changes nearest",
+    "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement asked "
+    "state.changes state.volume nearest history",
     "state": f"{NUMERIC} verify iso230",
     "web": "records texts files history report link.journal link.entries",
     "commands": None,
