@@ -33,9 +33,6 @@ def test_a_backup_that_cannot_be_restored_leaves_the_history_where_it_is(tmp_pat
             for number in range(1, 1 + nights):
                 history.add_night(record(number))
 
-    def full(*_: object) -> None:
-        raise LinkError("the disk is full")
-
     with monkeypatch.context() as broken, click.Context(restore):
         broken.setattr(copy.History, "verify", lambda self: [] if "backup" in str(self.engine.url) else ["not what was copied"])
         with pytest.raises(LinkError, match="the copy is not what was copied"):
