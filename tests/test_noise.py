@@ -15,6 +15,7 @@ from sim_controller.simulate import simulate
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.noise import honest
+from tango_cnc.noise._fit import _components
 from tango_cnc.plausible import judge, swamped
 from tango_cnc.records import Cell, Readings, World
 
@@ -122,3 +123,12 @@ def test_intervals_hold(what: str) -> None:
     assert all(0.93 <= share <= 0.97 for share in found.each.values()), found.each
     if what == "warm-up of 5 µm":
         assert found.trusted.mean() >= 0.5
+
+
+@pytest.mark.parametrize("size", [1e3, 1e9])
+def test_residuals_that_are_all_of_a_component_end_in_numbers(size: float) -> None:
+    """Its variance over the white one has no end then; rounding decides, and no traceback comes of it."""
+    rng = np.random.default_rng(2)
+    part = rng.normal(size=(60, 3)) @ rng.normal(size=(3, 14)) * size
+    white, ratios = _components(part @ rng.normal(size=14), [part])
+    assert np.isfinite(white) and np.isfinite(ratios).all()

@@ -17,6 +17,7 @@ from tango_cnc.kinematics import chain, tip
 from tango_cnc.noise import honest
 from tango_cnc.plausible import judge
 from tango_cnc.records import Array, Cell, Readings, TangoError, World
+from tango_cnc.touches import from_readings
 
 Measured = tuple[Cell, World, Readings]
 
@@ -169,3 +170,38 @@ def test_backlashes_that_are_all_alike_may_be_the_tip(pytestconfig: pytest.Confi
     assert result.value("EXXb") < -0.07 and judgement.verdict == "doubtful"
     assert {"EXXb", "EYYb", "EZZb"} <= set(judgement.untrusted)
     assert any("backlashes of X, Y are alike" in reason for reason in judgement.reasons)
+
+
+@pytest.mark.parametrize(
+    ("example", "axis", "sign", "size", "verdict", "named"),
+    [
+        ("trunnion", 0, 1, 0.016, "trustworthy", ("EX0S", "EXXb")),
+        pytest.param("split", 1, -1, 0.027, "doubtful", ("EY0S", "EYYb"), marks=pytest.mark.long),
+        pytest.param("trunnion", 0, 0, 0.03, "doubtful", ("EXXb",), marks=pytest.mark.long),
+        pytest.param("trunnion", 0, -1, 0.016, "trustworthy", ("EX0S", "EXXb"), marks=pytest.mark.long),
+        pytest.param("fork_head", 0, -1, 0.028, "doubtful", ("EXXb",), marks=pytest.mark.long),
+    ],
+)
+def test_late_one_way_and_backlash_cannot_be_told_apart_and_the_result_says_so(
+    pytestconfig: pytest.Config, example: str, axis: int, sign: int, size: float, verdict: str, named: tuple[str, ...]
+) -> None:
+    folder = pytestconfig.rootpath / "examples" / example
+    cell, world = read_cell(folder), read_world(folder / "world.yaml")
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, world, seed=9)
+    found = []
+    for late in (0.0, size):
+        normal = from_readings(cell.machine, cell.artefact, readings).machine_normal[:, axis]
+        toward = normal * sign > 0.5 if sign else np.abs(normal)  # both ways: as much as the axis has of the touch
+        result = honest(estimate(cell.machine, cell.artefact, pushed(cell, readings, -late * toward), cell.terms))
+        judgement = judge(cell, readings, result, search=False)
+        found.append([t for t in (*judgement.reasons, *judgement.remarks) if "cannot tell the backlash" in t])
+    letter = "XYZ"[axis]
+    assert not found[0], "nothing is late"
+    side = {1: "-", -1: "+", 0: "±"}[sign]
+    said = next(t for t in found[1] if f"touches toward {letter}{side} that" in t)
+    assert judgement.verdict == verdict and all(name in said for name in named)
+    assert float(said.split("latched ")[1].split(" ")[0]) == pytest.approx(size * 1000.0, rel=0.15)
+    if verdict == "doubtful":
+        assert set(named) <= set(judgement.untrusted)
+    wrong = [n for n in named if abs(result.value(n) - world.errors.get(n, 0.0)) > 5 * result.parameters[n].std]
+    assert set(wrong) == set(named), "what is named is really wrong by many standard deviations"

@@ -227,7 +227,10 @@ def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
             return n * np.log(total / n), total / n
         inner = gram[np.ix_(rows, rows)] * np.outer(d[rows], d[rows])
         inner[np.diag_indices_from(inner)] += 1.0
-        root = linalg.cholesky(inner, lower=True, check_finite=False)
+        try:
+            root = linalg.cholesky(inner, lower=True, check_finite=False)
+        except linalg.LinAlgError:  # a component so large that rounding has the white scatter: no such noise
+            return np.inf, total / n
         y = linalg.solve_triangular(root, d[rows] * right[rows], lower=True, check_finite=False)
         variance = max((total - float(y @ y)) / n, SIGMA_FLOOR**2)
         return n * np.log(variance) + 2 * float(np.log(np.diag(root)).sum()), variance
@@ -235,7 +238,7 @@ def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
     def best(active: tuple[int, ...]) -> tuple[float, Array]:
         def of(x: Array) -> float:
             ratios = np.zeros(len(seen))
-            ratios[list(active)] = np.exp(x)
+            ratios[list(active)] = np.exp(np.clip(x, -20, 25))
             return deviance(ratios)[0]
 
         start = min(([g] * len(active) for g in (-2.0, 1.0, 4.0)), key=lambda x: of(np.array(x)))

@@ -17,6 +17,7 @@ from ..records import Cell, Readings
 from ..texts import joined, say
 from ..touches import FAR, Touches, from_readings, misnamed
 from .backlashes import alike as alike_backlashes
+from .backlashes import latched_late
 from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches
@@ -132,7 +133,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
             )
         )
     found += _noise(result)
-    found += [*late(result), *common(result), *still(result), *alike_backlashes(result)]
+    found += [*late(result), *common(result), *still(result), *alike_backlashes(result), *latched_late(result)]
     found += stylus(cell, told)
     return found
 

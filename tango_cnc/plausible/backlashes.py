@@ -1,7 +1,9 @@
-"""Backlashes of several linear axes that are large and all alike: a wrong tip radius makes them where no table turns.
+"""Backlashes that something else may have made: a wrong tip radius, or touches that are latched late.
 
 Where only the head turns, every facet is met from one side of the machine. A ball that reads too large on all sides then looks the
-same as axes that all lose the same way.
+same as axes that all lose the same way. Touches that are late whenever an axis goes one way look like half as much backlash of that
+axis and a spindle that stands elsewhere; late both ways is backlash altogether. Where the parameters take all of it, no reading
+of the same plan tells the two apart, and the result says so.
 """
 
 from __future__ import annotations
@@ -9,8 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..estimate import Estimate
+from ..records import Array
 from ..texts import joined, say
 from .bounds import is_backlash
 from .data import Remark
@@ -18,6 +22,11 @@ from .data import Remark
 LARGE = 0.01  # mm
 CERTAIN = 10.0  # standard deviations
 ALIKE = 0.1  # of their mean, within which they are alike
+LEAST = 0.001  # mm of backlash that is worth a word
+SEEN = 5.0  # standard deviations
+TOWARD = 0.5  # cosine between a facet's normal and an axis from which on its touches go by that axis
+TAKEN = 1.5  # times the scatter of a touch that late touches may leave, root mean square, before the readings show them
+MOVED = 0.2  # of the lateness, by which a parameter that it moves is named
 
 
 def alike(result: Estimate) -> Iterator[Remark]:
@@ -47,3 +56,48 @@ def alike(result: Estimate) -> Iterator[Remark]:
         sure=True,
         moves=tuple(model.names[i] for i in rows),
     )
+
+
+def latched_late(result: Estimate) -> Iterator[Remark]:
+    """estimate → a remark for each backlash of a linear axis that late touches would have made just as well."""
+    model, touches = result.model, result.model.touches
+    machine, used = touches.machine, ~result.out
+    for i, c in enumerate(model.coefficients):
+        if not is_backlash(c) or c.slot.axis not in machine.linear or result.values[i] > -max(LEAST, SEEN * result.std[i]):
+            continue  # late touches make it negative
+        along = touches.machine_normal @ np.array(machine.axis(c.slot.axis).direction)
+        sides = {"+": along < -TOWARD, "-": along > TOWARD}
+        found = {sign: one for sign, late in sides.items() if (one := _as_late(result, i, late & used)) is not None}
+        if not found:  # late both ways is this backlash, by its definition
+            alone = np.where(np.arange(len(result.values)) == i, result.values[i], 0.0)
+            found = {"±": (abs(float(result.values[i])), alone)}
+        for sign, (size, moved) in found.items():
+            most = _most(result, moved, size)
+            names = joined(", ", [f"{model.names[j]} {moved[j] * 1000.0:+.1f}" for j in most])
+            text = say("plausible.backlashes.late", axis=c.slot.axis, sign=sign, size=f"{size * 1000.0:.1f}", names=names)
+            large = abs(result.values[i]) > LARGE
+            moves = tuple(model.names[j] for j in most) if large else ()
+            yield Remark("doubtful" if large else "trustworthy", text, moves=moves)
+
+
+def _as_late(result: Estimate, row: int, late: NDArray[np.bool_]) -> tuple[float, Array] | None:
+    """estimate, its backlash, touches → mm that they would be late, mm that each parameter has of it; None where readings tell."""
+    n, used = len(result.residuals), ~result.out
+    if late.sum() < 2:
+        return None
+    jacobian = np.array(result.jacobian)
+    jacobian[:n][~used] = 0.0
+    off = np.zeros(len(jacobian))
+    off[:n][late] = -1.0  # beyond the surface
+    moved, *_ = np.linalg.lstsq(jacobian, -off, rcond=None)
+    if abs(moved[row]) < MOVED or (size := float(result.values[row] / moved[row])) < 0:
+        return None
+    left = size * (off + jacobian @ moved)[:n][used]
+    white = result.noise.white if result.noise is not None else result.sigma
+    return (size, np.asarray(size * moved, dtype=float)) if float(np.sqrt(np.mean(left**2))) < TAKEN * white else None
+
+
+def _most(result: Estimate, moved: Array, size: float) -> list[int]:
+    """→ parameters in mm that late touches would move most, those of the machine alone."""
+    own = [j for j, c in enumerate(result.model.coefficients) if c.slot.component < 3 and c.slot.stage != "table"]
+    return [j for j in own if abs(moved[j]) > MOVED * size]
