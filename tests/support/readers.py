@@ -260,6 +260,11 @@ def _origins(folder: Path) -> Any:
             origin.changed_keys(known, folder)]  # fmt: skip
 
 
+def _kept(record: dict[str, Any]) -> bytes:
+    """record of a compensation → its file, as it is written."""
+    return (json.dumps(record | {"digest": loop.digest(record)}, indent=1, ensure_ascii=False) + "\n").encode()
+
+
 def _record(folder: Path) -> bytes:
     (folder / "compensations" / "001-a").mkdir(parents=True, exist_ok=True)
     (folder / "compensations" / "001-a" / "a.txt").write_text("x\n", encoding="utf-8")
@@ -270,7 +275,7 @@ def _record(folder: Path) -> bytes:
     record |= {"promise": {"rms_before_um": figure, "rms_after_um": figure, "p95_before_um": figure, "p95_after_um": figure}}
     record |= {"created_utc": UTC, "steps": ["1. load it"], "readings_rows": ["00ff"], "over": "probed", "present_given": True}
     (folder / "compensations" / "001-a" / "steps.txt").write_text("1. load it\n", encoding="utf-8")
-    return json.dumps(record | {"digest": loop.digest(record)}).encode()
+    return _kept(record)
 
 
 def _records(folder: Path) -> Any:
@@ -412,7 +417,7 @@ def signed(data: bytes, rng: random.Random) -> bytes:
     made = spoilt(data, rng)
     try:
         record = json.loads(made)
-        return json.dumps(record | {"digest": loop.digest(record)}).encode()
+        return _kept(record)
     except (ValueError, TypeError, RecursionError):
         return made
 
