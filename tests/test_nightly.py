@@ -6,12 +6,14 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tango_cnc.commands._simulated_nights import Event, Story, nights
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
+from tango_cnc.nightly.trend import by_chance
 
 
 @pytest.mark.long
@@ -48,16 +50,31 @@ def test_a_check_of_fewer_touches_than_unknowns_is_a_night_like_others(root: Pat
 
 
 @pytest.mark.long
-def test_a_drift_as_slow_as_the_machine_wanders_is_said_and_becomes_an_alarm(root: Path, tmp_path: Path) -> None:
-    """0.3 µm a night from night 10 on: a week shows no more than a wander of that size, four weeks do."""
+def test_a_drift_as_slow_as_the_machine_wanders_is_said_and_one_twice_as_fast_becomes_an_alarm(root: Path, tmp_path: Path) -> None:
+    """0.3 or 0.6 µm a night from night 10 on: a week shows no more than a wander of that size, two weeks do."""
     cell, truth = read_cell(root / "examples" / "hu40t"), read_world(root / "examples" / "hu40t" / "world.yaml")
     cell = replace(cell, strategy=replace(cell.strategy, indexations=cell.strategy.indexations[::4]))
-    story = Story((Event(10, drift={"EX0C": 3e-4}),))
-    with opened(tmp_path / "history.db") as history:
-        records = [r for r, _ in nights(cell, truth, history, 40, 77, story, Nightly(diagnose=False, check_minutes=2))]
-    alarms = [(i, a) for i, r in enumerate(records, 1) for a in r["alarms"]]
+    found = {}
+    for rate in (3e-4, 6e-4):
+        story, settings = Story((Event(10, drift={"EX0C": rate}),)), Nightly(diagnose=False, check_minutes=2)
+        with opened(tmp_path / f"{rate}.db") as history:
+            found[rate] = [r for r, _ in nights(cell, truth, history, 30, 77, story, settings)]
+    said = {rate: [i for i, r in enumerate(records, 1) if "EX0C" in r["headline"]] for rate, records in found.items()}
+    assert min(said[3e-4]) > min(said[6e-4]) > 10
+    alarms = [(i, a) for i, r in enumerate(found[6e-4], 1) for a in r["alarms"]]
     assert [(a["parameter"], a["cause"]) for _, a in alarms] == [("EX0C", "axis_location")]
     number, alarm = alarms[0]
-    assert number > 20 and alarm["rate_per_day"] == pytest.approx(3e-4, rel=0.25)
-    said = [i for i, r in enumerate(records[: number - 1], 1) if "EX0C" in r["headline"]]
-    assert said and min(said) > 10
+    assert number > 17 and alarm["rate_per_day"] == pytest.approx(6e-4, rel=0.25)
+
+
+def test_chance_of_a_drift_counts_that_the_rate_of_a_wander_is_known_from_so_many_nights_only() -> None:
+    """Draws: a wander whose variance is estimated from its own nights, beside a variance that is known."""
+    rng = np.random.default_rng(8)
+    for known, wandered, number in ((0.0, 1.0, 20), (1.0, 1.0, 20), (1.0, 3.0, 60)):
+        told = wandered * rng.chisquare(number, 100_000) / number
+        moved = rng.normal(size=100_000) * np.sqrt(known + wandered)
+        sigmas = np.abs(moved) / np.sqrt(known + told)
+        chance = np.array([by_chance(s, known, t, number) for s, t in zip(sigmas, told, strict=True) if s > 3])
+        for level in (1e-3, 2e-4):
+            assert 0.6 < np.sum(chance < level) / (1e5 * level) < 1.4
+    assert by_chance(5.0, 1.0, 0.0, 10) == pytest.approx(5.733e-7, rel=1e-3)  # nothing wanders: normal

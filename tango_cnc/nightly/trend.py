@@ -3,7 +3,9 @@
 A parameter wanders; how fast is known (`State.rates`). Between two nights k days apart it moves by less than
 √(rate k + what neither night knows). What moves farther has drifted. Every parameter is tried over every span of the last week
 and over some of the last four: a wander grows with the root of time, so a drift as slow as it shows in weeks only. The price of
-so many tries is paid (Bonferroni), so that the share of false alarms that drifts have is kept.
+so many tries is paid (Bonferroni), so that the share of false alarms that drifts have is kept. The rate itself is known from so
+many nights only: what moves by it has the tails of Student's t with as many degrees of freedom, and what both nights do not know
+has a normal tail; together by Welch and Satterthwaite (GUM, G.4.1).
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ MONTH = 30  # nights that what stands behind a limit is looked for over
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
 SLOPE = 21  # nights that a rate is told from
+UNLEARNED = 10  # nights that the first idea of a rate is worth
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 
 
@@ -70,12 +73,13 @@ def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: f
             break
     places = k.followed.machine
     names = [k.followed.selection.label(k.followed.names[i]) for i in places]
-    best: tuple[float, int, Mapping[str, Any], float, float] | None = None
+    best: tuple[float, float, int, Mapping[str, Any], float, float] | None = None
     tried, sure = 0, after.std
     for record in [back[span - 1] for span in SPANS if span <= len(back)]:
         days = after.day - float(record["state"]["day"])
         rates = np.array(record["state"]["rates"], dtype=float)
         rates = rates[places] if len(rates) == len(k.followed.names) else k.followed.wander[places]
+        nights = max(float(record["state"].get("learned") or 0), UNLEARNED)
         for j, (i, name) in enumerate(zip(places, names, strict=True)):
             then = record["parameters"].get(name)
             if then is None:
@@ -83,16 +87,25 @@ def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: f
             tried += 1
             size = float(after.mean[i]) - then["value"]
             known = float(sure[i]) ** 2 + then["std"] ** 2
-            sigmas = abs(size) / float(np.sqrt((known + rates[j] * max(days, 0.0)) * max(scale, 1.0)))
-            if best is None or sigmas > best[0]:
-                best = (sigmas, int(i), record, size, float(np.sqrt(known)))
-    if best is None or best[0] < TOLD:
+            wandered = float(rates[j]) * max(days, 0.0)
+            sigmas = abs(size) / float(np.sqrt((known + wandered) * max(scale, 1.0)))
+            chance = by_chance(sigmas, known, wandered, nights)
+            if best is None or chance < best[0]:
+                best = (chance, sigmas, int(i), record, size, float(np.sqrt(known)))
+    if best is None or best[1] < TOLD:
         return None
-    sigmas, i, record, size, std = best
+    chance, sigmas, i, record, size, std = best
     if k.worst(_only(k, i, size)) < LEAST:
         return None
-    p_value = min(1.0, tried * 2 * float(special.ndtr(-sigmas)))
+    p_value = min(1.0, tried * chance)
     return _drift(k, i, record, size, std, after, sigmas, p_value, records)
+
+
+def by_chance(sigmas: float, known: float, wandered: float, nights: float) -> float:
+    """standard deviations, variance of what two nights do not know and of a wander whose rate is known from so many nights →
+    probability that chance moves a parameter as far, either way."""
+    freedom = nights * ((known + wandered) / max(wandered, 1e-3 * known, 1e-30)) ** 2
+    return 2 * float(special.stdtr(freedom, -sigmas))
 
 
 def _drift(
