@@ -121,8 +121,9 @@ def test_a_cell_without_a_scale_bar_says_nothing_of_one() -> None:
 
 MINUTES = {"trunnion": 8, "hu40t": 14, "fork_head": 22, "split": 12, "huron": 14, "three_axis_calibrated": 5}
 WHOLE = MINUTES | {"split": 32}  # all error motions of that machine take longer
+QUICK = ("trunnion", "three_axis_calibrated")  # a minute each; the others take up to five
 EVERY = [
-    *(pytest.param(name, MINUTES[name], "locations", marks=pytest.mark.long) for name in MINUTES),
+    *(pytest.param(n, MINUTES[n], "locations", marks=pytest.mark.long if n in QUICK else pytest.mark.campaign) for n in MINUTES),
     pytest.param("trunnion", WHOLE["trunnion"], "volume", marks=pytest.mark.long),
     *(
         pytest.param(name, WHOLE[name], goal, marks=pytest.mark.campaign)
