@@ -80,6 +80,28 @@ def test_one_knock_that_stays_keeps_its_sentence_and_its_advice() -> None:
     assert not back["drifts"] and "by 8 µm since" in back["text"] and "16 µm" in back["on_part"]  # what stands now, no drift
 
 
+def test_an_alarm_speaks_of_the_change_and_says_what_the_error_is_in_all() -> None:
+    """+20 µm of a change beside −93 µm in all: a man who corrects by the wrong one makes it worse."""
+    said = texts()("part.turned", axis="C", angle="180", effect="40.0 µm")  # as nights wrote it before
+
+    def told(whole: float, verdict: str = "changed", **more: Any) -> dict[str, Any]:
+        known = {"EY0C": {"value": whole / 1e3, "std": 0.0005, "unit": "mm", "seen": True}}
+        record = night("M", 3, verdict, standing=[step(2, 20.0, total=0.02, on_part=said, **more)], parameters=known)
+        return faults(record, (), {}, Units(), texts())[0]
+
+    large = told(-93.0)
+    assert (
+        large["on_part"].startswith("Since the night of Mon 26 Oct 2026 a part")
+        and "40 µm different from before" in large["on_part"]
+    )
+    assert large["whole"].startswith("In all, C axis off in Y: −93 µm today, −113 µm before the change. It is smaller than before.")
+    assert "not by the change" in large["whole"] and "not by the change" in told(50.0)["whole"]
+    assert "It is nearly right now: correct nothing by the change." in told(3.0)["whole"]
+    assert "larger than before" in told(20.0)["whole"]
+    assert told(3.0, "doubtful")["whole"] == ""  # numbers of such a night are not acted on
+    assert "orrect" not in told(20.0, rate_per_day=0.001)["whole"]  # what goes on is corrected by no number
+
+
 def test_what_does_more_to_a_part_comes_first_and_no_sentence_says_last_night() -> None:
     """Also before what stands behind a limit; what stands there comes before others that were answered."""
     spindle = step(

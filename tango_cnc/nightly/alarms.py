@@ -19,7 +19,7 @@ from ..state.changes import change
 from ..state.filter import sigma_of
 from ..texts import instead, joined, say
 from .ports import Past
-from .words import cause_texts, changed, value
+from .words import cause_texts, changed, on_part, value
 
 LAST_NIGHT = "last night"
 NEAR = 1.5  # days within which the night before is last night
@@ -112,31 +112,49 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         if named.remains < FAR and named.explained < MOSTLY * tonight.statistic / tonight.scale:
             text = texts()("changed.more", text=text)
         alarm["instead"] = list(named.instead)
-    effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved)
+    effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved, before.date)
     return alarm | {
         **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
         **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
     }
 
 
-def effect_of(k: Known, cause: str, parameter: str, size: float, unit: str, moved: Array) -> tuple[float, str, str]:
-    """cause, parameter, size in its unit, (p,) change of the unknowns → µm at most on a part, what that means, what to do."""
+def effect_of(
+    k: Known, cause: str, parameter: str, size: float, unit: str, moved: Array, since: str = ""
+) -> tuple[float, str, str]:
+    """cause, parameter, size in its unit, (p,) change of the unknowns, date of the last night without the change ('': the size is
+    the whole error) → µm at most on a part, what that means, what to do.
+    """
     t = texts()
     if (match := OFFSET.fullmatch(parameter)) and cause == "axis_location":
         turn = _range(k.cell, match[1], 2 * math.pi)
         effect = 2 * math.sin(min(turn, math.pi) / 2) * abs(size) * 1e3
         angle = f"{math.degrees(min(turn, math.pi)):.0f}"
-        return effect, t("part.turned", axis=match[1], angle=angle, effect=f"{effect:.1f} µm"), t("cause.axis_location.do")
+        return (
+            effect,
+            on_part("part.turned_since" if since else "part.turned", since, axis=match[1], angle=angle, effect=f"{effect:.1f} µm"),
+            t("cause.axis_location.do"),
+        )
     if (match := TURNED.fullmatch(parameter)) and cause == "axis_location":
         if match[1] in k.cell.machine.linear:
             length = _range(k.cell, match[1], 1000.0)
             effect = abs(size) * length * 1e3
-            told = t("part.square", axis=match[1], length=f"{length:.0f}", effect=f"{effect:.1f} µm")
+            told = on_part(
+                "part.square_since" if since else "part.square",
+                since,
+                axis=match[1],
+                length=f"{length:.0f}",
+                effect=f"{effect:.1f} µm",
+            )
             return effect, told, t("part.square_do")
         effect = k.worst(moved)
-        return effect, t("part.tilted", axis=match[1], effect=f"{effect:.1f} µm"), t("cause.axis_location.do")
+        return (
+            effect,
+            on_part("part.tilted_since" if since else "part.tilted", since, axis=match[1], effect=f"{effect:.1f} µm"),
+            t("cause.axis_location.do"),
+        )
     effect = abs(size) * 1e3 if unit == "mm" else k.worst(moved)
-    return (effect, *cause_texts(cause, effect))
+    return (effect, *cause_texts(cause, effect, since))
 
 
 def _range(cell: Cell, axis: str, endless: float) -> float:

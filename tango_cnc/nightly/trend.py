@@ -120,7 +120,8 @@ def _drift(
     records: Sequence[Mapping[str, Any]],
 ) -> Drift:
     name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
-    effect, on_part, do = effect_of(k, change_of(name, k.followed.families[i]), name, size, unit, _only(k, i, size))
+    cause = change_of(name, k.followed.families[i])
+    effect, on_part, do = effect_of(k, cause, name, size, unit, _only(k, i, size), record["night"])
     begun = float(record["state"]["day"])
     between = [r for r in records if r.get("state") and name in (r.get("parameters") or {}) and r["state"]["day"] >= begun]
     values = [float(after.mean[i]), *(r["parameters"][name]["value"] for r in between)]

@@ -14,10 +14,16 @@ from ..texts import joined, say
 SHOWN = 3  # alarms that wait, in full
 
 
-def cause_texts(cause: str, effect_um: float) -> tuple[str, str]:
-    """cause, µm that it does at most → what it means for a part, what to do (tango_cnc/texts/en.toml)."""
-    t = texts()
-    return t(f"cause.{cause}.on_part", effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
+def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str]:
+    """cause, µm that it does at most, date since when or '' → what it means for a part, what to do (tango_cnc/texts/en.toml)."""
+    key, t = f"cause.{cause}.on_part", texts()
+    key = f"{key}_since" if since and f"{key}_since" in t else key
+    return on_part(key, since, effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
+
+
+def on_part(key: str, since: str, **values: str) -> str:
+    """key, date since when it is a change ('': it is a whole error), values → what it means for a part."""
+    return texts()(key, **({"since": since} if since else {}), **values)
 
 
 def changed(parameter: str, size: str, since: str = "last night") -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..records import Machine
 from ..state.changes import change
-from ..texts import instead
+from ..texts import Said, instead
 from .days import day, days_between, local_day
 from .plain import amount, office, plain, shop
 from .texts import Texts, texts
@@ -57,7 +57,7 @@ def faults(
             }
         one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
         told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
-    found = _together(list(told.values()), u, t, machine, written)
+    found = [x | {"whole": _whole_error(x, known, u, t, machine)} for x in _together(list(told.values()), u, t, machine, written)]
     for a in record.get("behind") or ():
         sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
         if not sizes or max(sizes) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
@@ -164,6 +164,31 @@ def _whole(
     return whole
 
 
+def _whole_error(a: Mapping[str, Any], known: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
+    """fault, last night that measured → what its parameter is in all today beside the change, which nobody may correct by alone.
+
+    Nothing for what is no error of an axis, where nothing is known of it, and of a night that is not to be believed.
+    """
+    name = str(a.get("parameter"))
+    now = (known.get("parameters") or {}).get(name)
+    total = a.get("total") if a.get("total") is not None else a.get("size")
+    if not a["id"] or not now or not total or known.get("verdict") == "doubtful" or spoken(name) == name:
+        return ""
+    whole, change_ = float(now["value"]), float(total)
+    was = whole - change_
+    factor, unit = shown(str(a.get("unit") or "mm"))
+    sizes = {"now": f"{whole * factor:+.1f} {unit}", "before": f"{was * factor:+.1f} {unit}"}
+    text = plain(t("part.whole", what=spoken(name, machine, t), **sizes), u, t, machine)
+    if a["drifts"]:  # what goes on is not corrected by any number
+        return text
+    slack = max(2 * float(now.get("std") or 0.0), SAME * abs(change_))
+    right = abs(whole) <= slack and abs(was) > slack
+    way = (
+        "right" if right else "smaller" if abs(whole) < abs(was) - slack else "larger" if abs(whole) > abs(was) + slack else "same"
+    )
+    return f"{text} {t(f'part.whole_{way}')}"
+
+
 def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
     return change(a.get("cause")).of_the_probe, -size_of(a)
 
@@ -189,6 +214,7 @@ def alarm(
     size, record, asked = _amount(a, u), record or {}, str(a.get("id") or "")[:10]
     owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
     told = {**a, "night": asked}
+    part = _part(told, u, t)
     return {
         **a,
         "id": str(a.get("id") or ""),
@@ -200,8 +226,9 @@ def alarm(
         "cause_key": str(a.get("cause") or ""),
         "begun": str(a.get("since") or ""),
         "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
-        "on_part": sentence(plain(_told(a, "on_part", u, t), u, t, machine), Units()),
-        "raw_part": _told(a, "on_part", u, t),
+        "on_part": sentence(plain(part, u, t, machine), Units()),
+        "raw_part": part,
+        "whole": "",
         "todo": shop(sentence(plain(_todo(a, u, t), u, t, machine), Units()), t),
         "office": office(_todo(a, u, t), t),
         "instead": [_named(f"followed.{str(x).partition(' ')[0]}", x, t) for x in a.get("instead") or ()],
@@ -262,6 +289,15 @@ def _todo(a: Mapping[str, Any], u: Units, t: Texts) -> str:
     own = _told(a, "do", u, t)
     key = "confirmed.square" if own in (t("part.square_do"), texts()("part.square_do")) else f"confirmed.{a.get('cause')}"
     return t(key) if a.get("confirmed") and key in t else own
+
+
+def _part(a: Mapping[str, Any], u: Units, t: Texts) -> str:
+    """alarm with its night → what it means for a part: a change is told as one, also where an older record has a whole error."""
+    own = a.get("on_part")
+    key = f"{own.key.removesuffix('_since')}_since" if isinstance(own, Said) else ""
+    if not a.get("since") or key not in t or not isinstance(own, Said):
+        return _told(a, "on_part", u, t)
+    return t(key, **{**own.values, "since": _since(a, t)})
 
 
 def _told(a: Mapping[str, Any], member: str, u: Units, t: Texts) -> str:
