@@ -180,7 +180,7 @@ class Disk:
 
     def clean(self) -> None:
         """As at the beginning of a session."""
-        self.records.write_bytes(b"of another day\n")
+        self.records.write_bytes(b"TANGO END of another day\n")
         self.program.unlink(missing_ok=True)
 
 
@@ -199,7 +199,7 @@ class Drive(Disk):
 
     def clean(self) -> None:
         self.control.files.clear()
-        self.control.files[self.names[0]] = b"of another day\n"
+        self.control.files[self.names[0]] = b"TANGO END of another day\n"
         self.control.heard.clear()
         self.control.joined.clear()
 
