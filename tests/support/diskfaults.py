@@ -29,7 +29,7 @@ class Disk:
         self.ledger, self.clock, self.chance, self.rates = ledger, clock, chance, rates
         self.program, self.told, self.away = b"", False, 0.0
         self.injected: dict[str, int] = {}
-        self._versions: list[tuple[float, bytes]] = [(-1e9, b"of another day\n")]
+        self._versions: list[tuple[float, bytes]] = [(-1e9, b"TANGO END of another day\n")]
 
     def happens(self, kind: str) -> bool:
         """kind → whether it happens now; counted."""
