@@ -29,7 +29,7 @@ MONTH = 30  # nights that what stands behind a limit is looked for over
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
 SLOPE = 21  # nights that a rate is told from
-UNLEARNED = 10  # nights that the first idea of a rate is worth
+UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 
 
@@ -79,7 +79,7 @@ def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: f
         days = after.day - float(record["state"]["day"])
         rates = np.array(record["state"]["rates"], dtype=float)
         rates = rates[places] if len(rates) == len(k.followed.names) else k.followed.wander[places]
-        nights = max(float(record["state"].get("learned") or 0), UNLEARNED)
+        nights = float(record["state"].get("learned") or 0) or UNLEARNED
         for j, (i, name) in enumerate(zip(places, names, strict=True)):
             then = record["parameters"].get(name)
             if then is None:
