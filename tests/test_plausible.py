@@ -117,7 +117,9 @@ def test_half_of_the_readings_is_incomplete_and_not_used(cell: Path, capsys: pyt
     code, data = estimated(capsys, cell)
     assert (code, data["verdict"], data["incomplete"]) == (1, "doubtful", True)
     (reason,) = (r for r in data["reasons"] if r.startswith("196 of 393 planned touches are missing"))
-    assert reason.endswith("197 are there; go on with 'tango run --resume', or measure again")
+    assert reason.endswith(
+        "197 are there; make the missing touches, or measure again. For the office: 'tango run --resume' makes them"
+    )
 
 
 @pytest.mark.long
