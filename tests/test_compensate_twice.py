@@ -53,7 +53,7 @@ def test_a_folder_that_is_no_cell_is_named(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[bool, Outcome]:
-    """Whether tool center point control is said to have been on → outcome of a run that was made with it on."""
+    """The answer about tool center point control → outcome of a run that was made with it on."""
     folder = tmp_path_factory.mktemp("cell")
     cell, world = example("trunnion")
     proposal = propose(measured(cell, world), "siemens")

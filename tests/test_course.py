@@ -60,5 +60,5 @@ def test_jumps_are_the_alarms_of_nights_and_no_drift_is_one() -> None:
     }
     assert jumps_of(alarms, (5, 6, 7, 9), "EX0C", 1e3) == [(2, 20.0)]
     tip = np.array([40.0, 40.0, 60.0, 80.0, 99.0])
-    assert jumps_of_tip(alarms, (5, 6, 7, 8, 9), tip, 0.5) == [(2, 20.0)]  # a stylus moves no part, a drift is none
+    assert jumps_of_tip(alarms, (5, 6, 7, 8, 9), tip, 0.5) == [(2, 20.0)]  # a stylus moves no part, and a drift is no jump
     assert jumps_of_tip(alarms, (5, 6, 7), np.array([40.0, 40.0, 40.5]), 0.5) == []

@@ -151,7 +151,7 @@ def test_what_stays_unexplained_is_said_with_both_numbers() -> None:
 
 
 def what_is_found(seed: int) -> tuple[bool, bool, bool]:
-    """One draw → whether drift, rough facets and lobes are named. What is named is true; what is not is said to be unexplained."""
+    """One draw → whether drift, rough facets and lobes are named. Every name is true; the rest is reported as unexplained."""
     s = setting().again(seed)
     measured = [e for e in s.disturbances if e["cause"] != "random_walk"]
     d = unexplained.found_in(s, "as measured", measured).diagnosis

@@ -87,7 +87,7 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
 
 
 def asked_otherwise(found: Outcome, other: Outcome, *, tcp: bool) -> Outcome:
-    """outcome as the run is said to have been made, outcome if it was made the other way → what to say of both.
+    """outcome with the answer that was given, outcome with the other answer → what to say of both.
 
     Where only the other answer agrees with the promise, a person has probably given the wrong one. Without tool center point
     control more than all of it would be gone, which cannot be: nothing is decided then. With it, the kinematics may really be

@@ -292,7 +292,7 @@ def _todo(a: Mapping[str, Any], u: Units, t: Texts) -> str:
 
 
 def _part(a: Mapping[str, Any], u: Units, t: Texts) -> str:
-    """alarm with its night → what it means for a part: a change is told as one, also where an older record has a whole error."""
+    """alarm with its night → what it means for a part: it speaks of the change, also where an old record states the whole error."""
     own = a.get("on_part")
     key = f"{own.key.removesuffix('_since')}_since" if isinstance(own, Said) else ""
     if not a.get("since") or key not in t or not isinstance(own, Said):
