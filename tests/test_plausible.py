@@ -62,6 +62,8 @@ def test_a_sound_cell_is_trustworthy(cell: Path, capsys: pytest.CaptureFixture[s
     code, data = estimated(capsys, cell)
     assert code == 0
     assert (data["verdict"], data["suspicions"], data["untrusted"]) == ("trustworthy", [], [])
+    shown = called(capsys, "estimate", "-C", cell, "--readings", readings_of(cell))[1]
+    assert shown.splitlines()[-1] == "trustworthy: nothing was found that speaks against these numbers"
 
 
 def test_an_axis_that_turns_the_other_way_is_implausible(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

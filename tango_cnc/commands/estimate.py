@@ -96,7 +96,8 @@ def command(
     if exclude_outliers:
         data["excluded"] = gone
     if not write_json(json_file, data):
-        click.echo("\n".join([*told(judgement), as_text(result, figures), *([bar] if bar else [])]))
+        sound = [] if judgement.verdict != "trustworthy" else ["trustworthy: nothing was found that speaks against these numbers"]
+        click.echo("\n".join([*told(judgement), as_text(result, figures), *([bar] if bar else []), *sound]))
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
     skipped = int((~readings.ok).sum())
