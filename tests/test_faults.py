@@ -94,9 +94,10 @@ def test_an_alarm_speaks_of_the_change_and_says_what_the_error_is_in_all() -> No
         large["on_part"].startswith("Since the night of Mon 26 Oct 2026 a part")
         and "40 µm different from before" in large["on_part"]
     )
-    assert large["whole"].startswith("In all, C axis off in Y: −93 µm today, −113 µm before the change. It is smaller than before.")
-    assert "not by the change" in large["whole"] and "not by the change" in told(50.0)["whole"]
-    assert "It is nearly right now: correct nothing by the change." in told(3.0)["whole"]
+    assert large["whole"].startswith("The whole error (C axis off in Y) is −93 µm today; it was −113 µm before the change.")
+    assert large["whole"].endswith("It is smaller than before. Correct the whole error, not the change.")
+    assert "not the change" in told(50.0)["whole"]
+    assert "It is nearly right now: do not correct the change." in told(3.0)["whole"]
     assert "larger than before" in told(20.0)["whole"]
     assert told(3.0, "doubtful")["whole"] == ""  # numbers of such a night are not acted on
     assert "orrect" not in told(20.0, rate_per_day=0.001)["whole"]  # what goes on is corrected by no number

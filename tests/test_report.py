@@ -157,6 +157,13 @@ def test_a_simulation_says_so_beside_its_verdict(facts: Facts) -> None:
     assert made_up.index('<section class="verdict') < made_up.index(line) < made_up.index('<section class="todo')
 
 
+def test_the_chain_of_axes_stands_below_the_answer(facts: Facts) -> None:
+    """Who makes parts reads the answer before a code that only the engineer can read."""
+    text = page.render(facts)
+    assert 0 < text.index("May I make parts?") < text.index(f"Chain of axes: {facts.cell.machine.topology}")
+    assert facts.cell.machine.topology not in text.partition("May I make parts?")[0]
+
+
 def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:
     paper = replace(facts.paper, readings="readings.csv", measured="2026-11-22T21:00:00Z")
     top = page.render(replace(facts, paper=paper)).partition('<section class="verdict')[0]

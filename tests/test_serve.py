@@ -226,10 +226,10 @@ def test_a_night_that_did_not_measure_tells_the_one_before_with_its_date() -> No
         (
             "C axis tilted about Y has changed by +40.3 ± 1.0 µrad since last night (EB0C)",
             "by 12 µm over 300 mm since",
-            "484 µin over 12 in",
+            "0.00048 in over 12 in",
         ),
-        ("most of it comes from EX0C: -115.5 ± 0.2 µm", "from C axis off in X: −116 µm", "−4567 µin"),
-        ("scale of Y has changed by +13.7 µm/m (EYY1)", "by 4.1 µm over 300 mm", "164 µin over 12 in"),
+        ("most of it comes from EX0C: -115.5 ± 0.2 µm", "from C axis off in X: −116 µm", "−0.0045 in"),
+        ("scale of Y has changed by +13.7 µm/m (EYY1)", "by 4.1 µm over 300 mm", "0.00016 in over 12 in"),
         ("See it with 'tango history plot EY0C'.", "'tango history plot EY0C'", "'tango history plot EY0C'"),
     ],
 )

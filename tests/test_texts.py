@@ -89,7 +89,7 @@ def test_what_to_do_begins_with_what_to_do() -> None:
             "name",
             "nothing",
         ),
-        *("orient", "put", "read", "run", "see", "state", "touch", "warm"),
+        *("orient", "put", "read", "run", "see", "state", "tell", "touch", "warm", "watch"),
     )
     no_order = ("todo.line", "todo.diagnosis", "mail.do", "diagnosis_said.touches_were_not_fitted_do")  # parts of a sentence
     found = {k: texts()._flat[k] for k in texts().keys if _orders(k)}
@@ -101,7 +101,7 @@ def test_what_to_do_begins_with_what_to_do() -> None:
 def _orders(key: str) -> bool:
     last = key.split(".")[-1]
     named = last in ("do", "advice") or last.endswith(("_do", "_todo")) or last.startswith("todo_")
-    return (named and not key.startswith("unseen_said.")) or key.startswith(("todo.", "confirmed."))
+    return (named and not key.startswith("unseen_said.")) or key.startswith(("todo.", "confirmed.", "look."))
 
 
 def test_what_people_at_the_machine_read_has_no_command_in_it() -> None:
@@ -109,7 +109,7 @@ def test_what_people_at_the_machine_read_has_no_command_in_it() -> None:
     from tango_cnc.report.plain import office, shop
 
     t = texts()
-    sections = ("may", "morning", "cause", "confirmed", "part", "night", "todo", "web", "decision", "preflight")
+    sections = ("may", "morning", "cause", "confirmed", "part", "night", "todo", "web", "decision", "preflight", "look")
     command = re.compile(r"(?<![\w.])(?:tango (?!cnc|serve)[a-z]|--[a-z]|systemctl|crontab)")
     shown = {k: t._flat[k] for k in t.keys if k.split(".")[0] in sections and k != "morning.office_mark"}
     assert len(shown) > 200

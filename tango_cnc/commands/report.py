@@ -198,8 +198,9 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
     """cell, its machine, units, texts → newest night and open alarms in its history.db; None where it has none."""
     from ..history import compensations as recorded
     from ..history import opened
-    from ..report.faults import answered, earlier, faults, unclosed
-    from ..report.morning import last_written
+    from ..report.faults import answered, earlier, faults, still_open, unclosed
+    from ..report.morning import last_written, volumes_of
+    from ..report.pace import ahead
 
     machine = chain.name
     file = folder / "history.db"
@@ -216,13 +217,14 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
         written = last_written(recorded(history, machine))
         found = faults(record, earlier(alarms), decisions, u, t, chain, before, today, written)
         waits, has = answered(found, record)
-        complete = next((x for x in history.nights(machine, last=LATELY) if x.status == "complete"), None)
+        lately = history.nights(machine, last=LATELY)
+        complete = next((x for x in lately if x.status == "complete"), None)
         since = complete.night if complete is not None else t("web.never")
         old = complete is None or datetime.fromisoformat(complete.start_utc) < now - timedelta(hours=settings.late_hours)
-        cause = "" if not found else f"{found[0]['text'].rstrip('.')}."
-        open_ones = sum(decisions.get(str(a["id"])) is None for a in alarms)
+        cause = "" if not found else str(found[0]["text"])
+        open_ones, soon = len(still_open(found)), ahead(before or record, volumes_of(lately), today)
         said = record.get("headline") or n.headline
-        return Nights(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause)
+        return Nights(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon)
 
 
 def _measured_before(history: History, machine: str, newest: Night) -> Mapping[str, Any] | None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..history import Decision
+from ..report.look import orders
 from ..report.texts import Texts, texts
 from ..report.units import shown
 from ..report.words import moved
@@ -173,7 +174,8 @@ def message(
         lines += _unmeasured(record, owner, failed, t)
     if record["verdict"] == "doubtful":
         lines += [f"* {_sentence(t.of(r))}" for r in ((record.get("plausible") or {}).get("reasons") or ())]
-        lines += [f"* {t('mail.do', text=t('night.doubtful_do'))}", f"  {t('mail.owner', owner=owner)}"]
+        reasons = (record.get("plausible") or {}).get("reasons") or ()
+        lines += [f"* {t('mail.do', text=orders(reasons, t))}", f"  {t('mail.owner', owner=owner)}"]
         if not record.get("carried", True):
             lines.append(f"* {t('mail.not_carried', night=record.get('last_measured') or say('mail.no_night'))}")
     lines += [_limit_line(limit, t) for limit in record["limits"] if limit["passed"] is not False]

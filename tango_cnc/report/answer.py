@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 from ..records import Machine
 from .days import day
-from .plain import amount
+from .pace import SOON, Ahead
+from .plain import amount, length
 from .texts import Texts
 from .units import Units
 from .verdict import Level
@@ -21,13 +22,14 @@ MEASURED = ("good", "changed", "out_of_limits", "doubtful")
 
 @dataclass(frozen=True)
 class Answer:
-    """Whether parts may be made; `numbers` are error and limit, `why` is what limits a yes."""
+    """Whether parts may be made; `numbers` are error and limit, `why` is what limits a yes, `soon` how near the limit is."""
 
     may: May
     word: str
     state: str  # key of the verdict in a word, below `morning`
     numbers: str
     why: str
+    soon: str = ""
 
     @property
     def level(self) -> str:
@@ -44,9 +46,10 @@ def answer(
     machine: Machine | None = None,
     late: str = "",
     has: str = "",
+    ahead: Ahead | None = None,
 ) -> Answer:
     """record, units, texts, date of an alarm that nobody has answered, last night that measured, machine, date since when a
-    complete night is missing, who has answered an alarm that is not closed → the answer.
+    complete night is missing, who has an alarm that is not closed, how soon it is at its limit → the answer.
 
     A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
     """
@@ -64,12 +67,22 @@ def answer(
         may, state, why = "but", "late", t("may.late", date=day(late, t))
     elif late and not missing:
         why = f"{why} {t('may.late_also', date=day(late, t))}".strip()
-    return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why)
+    soon = _soon(ahead, u, t) if ahead is not None and may in ("yes", "but") else ""
+    if soon and ahead is not None and ahead.nights < SOON and may == "yes":  # it may be beyond before it is measured again
+        may, state, why = "but", "undecided", t("may.first_part")
+    return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why, soon)
+
+
+def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
+    """how soon a machine is at its limit, units, texts → the same as a sentence."""
+    key = "now" if ahead.nights < 1 else "next" if ahead.nights < SOON else "in"
+    words = {"limit": length(ahead.limit, u), "rate": length(ahead.rate, u), "nights": f"{ahead.nights:.0f}"}
+    return t(f"may.soon_{key}", **words)
 
 
 def measuring(known: Answer, t: Texts) -> Answer:
     """what was known before, texts → the answer while the machine measures: neither yes nor no."""
-    return replace(known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word))
+    return replace(known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="")
 
 
 def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str) -> tuple[May, str, str]:
@@ -82,7 +95,8 @@ def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str) -> tu
     if verdict not in MEASURED:
         return "no", verdict, ""
     if verdict == "changed" or waiting or has:
-        why = t("may.open", date=day(waiting, t)) if waiting else t("may.has", owner=has) if has else t("may.changed")
+        also = "may.open_other" if has else "may.open"  # somebody has another one
+        why = t(also, date=day(waiting, t)) if waiting else t("may.has", owner=has) if has else t("may.changed")
         return "but", "changed" if verdict == "changed" else "alarm_open", why
     if None in passed:
         return "but", "undecided", t("may.undecided")
@@ -102,8 +116,9 @@ def _numbers(record: Mapping[str, Any] | None, u: Units, t: Texts, machine: Mach
         unit = str(worst.get("unit") or "µm")
         found, allowed = amount(float(worst["value"]), unit, u, t), amount(float(worst["limit"]), unit, u, t)
         if found == allowed and worst.get("passed") is not True:  # 60.4 µm beside 60 µm must not look alike
-            factor, shown = u.of(unit)
-            found = f"{abs(float(worst['value'])) * factor:.1f} {shown}"
+            factor, shown = u.plain if unit == "µm" else u.of(unit)
+            size = abs(float(worst["value"])) * factor
+            found = f"{size:.5f} in" if shown == "in" else f"{size:.1f} {shown}"
         text = t("may.numbers", what=f"{name[:1].upper()}{name[1:]}", found=found, allowed=allowed)
     elif (record.get("volume") or {}).get("worst_um") is not None:
         text = t("may.no_limit", what=t("may.tip"), found=amount(float(record["volume"]["worst_um"]), "µm", u, t))

@@ -19,6 +19,11 @@ def source(f: Facts, t: Texts) -> str:
     )
 
 
+def made_of(f: Facts, t: Texts) -> str:
+    """facts, texts → the line below the answer: table, plan and chain of axes, which say nothing to people at the machine."""
+    return t("report.made_of", table=f.cell.artefact.name, plan=f.cell.strategy.name, chain=f.cell.machine.topology)
+
+
 def audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
     """facts, texts → rows (name, value) of the table for the auditor."""
     u, probe, paper = f.wishes.units, f.cell.machine.probe, f.paper

@@ -18,7 +18,7 @@ from .facts import Facts
 from .over import covariate_of, shown_over
 from .svg import BLUE, CYCLE, INK, LINE, ORANGE, RED, SOFT, Frame, Kind, Mark, Series, chart, label
 from .texts import Texts
-from .units import Units
+from .units import Units, inches
 
 FIRST = 6  # covariates of a diagnosis that are drawn
 
@@ -302,13 +302,15 @@ def tip(nights: Sequence[tuple[date, float, str]], limit: float | None, unit: st
     for name, kind, color, word, size in signs:
         keep = level == name
         if keep.any():
-            tips = tuple(f"{day}: {value:.1f} {unit}" for (day, value, _), k in zip(nights, keep, strict=True) if k)
+            said = [inches(v) if unit == "in" else f"{v:.1f} {unit}" for v in y[keep]]
+            tips = tuple(f"{nights[i][0]}: {text}" for i, text in zip(np.flatnonzero(keep).tolist(), said, strict=True))
             series.append(Series(x[keep], y[keep], kind, color, t(f"trend.{word}"), size=size, tips=tips))
     marks = []
     if limit is not None:
-        marks.append(Mark(t("trend.allowed", limit=f"{limit:.0f}", unit=unit), y=limit, color=INK, dash="7 3"))
-    said = f"{nights[0][0]} … {nights[-1][0]}"
-    frame = Frame(width, height, t("trend.tip"), said, unit, from_zero=True, first_day=first)
+        allowed = inches(limit).removesuffix(" in") if unit == "in" else f"{limit:.0f}"
+        marks.append(Mark(t("trend.allowed", limit=allowed, unit=unit), y=limit, color=INK, dash="7 3"))
+    span = f"{nights[0][0]} … {nights[-1][0]}"
+    frame = Frame(width, height, t("trend.tip"), span, unit, from_zero=True, first_day=first)
     return chart(series, frame, marks)
 
 

@@ -1,6 +1,7 @@
 """A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
 
-A jump is an alarm of a night. What has moved since the last one counts from twice and a half what the two ends are known to.
+A jump is an alarm of a night. What has moved since the last one counts from twice and a half what the two ends are known to. Where
+the last fortnight goes another way than all since then, the fortnight is told. No rate is told farther ahead than it was seen.
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ import numpy as np
 from ..records import Array
 from ..state.changes import change
 from .days import day
+from .pace import RECENT, pace
 from .texts import Texts
+from .units import inches
 
 LEAST = 3  # nights since the last jump before anything is said of how it goes on
 SURE = 2.58  # standard deviations of the difference of the ends (99 %)
-FAR = 26.0  # weeks: a limit that is reached later is not told
+OTHER = 2.0  # times the rate of the whole stretch, from where that of the last fortnight is told
 Jump = tuple[int, float]  # place in the series, size in its unit
 
 
@@ -54,35 +57,52 @@ def course(
     few = len(value) - start < LEAST or weeks <= 0
     goes = not few and abs(moved) > SURE * float(np.hypot(std[start], std[-1]))
     rate = float(np.polyfit(days[start:] / 7, value[start:], 1)[0]) if goes else 0.0
-    goes = goes and rate * moved > 0
-    way = "few" if few else "steady" if not goes else "rises" if rate > 0 else "falls"
-    words = {"rate": f"{_short(abs(rate))} {unit}", "first": day(first + timedelta(days=float(days[0])), t)}
+    rate = rate if goes and rate * moved > 0 else 0.0
+    begin, lately = pace(days[start:], value[start:], float(np.median(std)))
+    now = 7 * lately
+    other = bool(now) and begin > 0 and (rate * now <= 0 or abs(now) > OTHER * abs(rate))
+    words = {"first": day(first + timedelta(days=float(days[start + begin if other else 0])), t)}
+    words["rate"] = _short(abs(now if other else rate), unit)
+    way = _way(now if other else rate, few)
     if jumps:
         jumped = day(first + timedelta(days=float(days[start])), t)
-        words |= {"date": jumped, "size": f"{_short(jumps[-1][1], signed=True)} {unit}", "count": str(len(jumps))}
-        told = t(f"course.jumped_{way}", **words)
+        words |= {"date": jumped, "size": _short(jumps[-1][1], unit, signed=True), "count": str(len(jumps))}
+        told = t("course.jumped_few" if other else f"course.jumped_{way}", **words)
         told = t("course.last_of", text=told, count=len(jumps)) if len(jumps) > 1 else told
+        told = f"{told} {t(f'course.{way}', **words)}" if other else told
     else:
         told = t(f"course.{way}", **words)
-    return f"{told} {_of_limit(first, days, value, std, rate if goes else 0.0, limit, unit, t)}".strip()
+    seen = float(days[-1] - days[start + begin if other else start]) / 7
+    return f"{told} {_of_limit(first, days, value, std, (now or rate, seen), limit, unit, t)}".strip()
 
 
-def _of_limit(first: date, days: Array, value: Array, std: Array, rate: float, limit: float | None, unit: str, t: Texts) -> str:
-    """as `course`, with the rate a week → where the last value is of its limit, and when that changes; nothing without one."""
+def _way(rate: float, few: bool) -> str:
+    return "few" if few else "steady" if not rate else "rises" if rate > 0 else "falls"
+
+
+def _of_limit(
+    first: date, days: Array, value: Array, std: Array, paced: tuple[float, float], limit: float | None, unit: str, t: Texts
+) -> str:
+    """as `course`, with the rate a week and the weeks in which it was seen → where the last value is of its limit, and when that
+    changes; nothing without one.
+    """
+    rate, seen = paced
     if limit is None or limit <= 0:
         return ""
     size, spread = abs(float(value[-1])), 2 * float(std[-1])
     toward = rate * (1.0 if value[-1] >= 0 else -1.0)  # of the size, a week
     where = "beyond" if size - spread > limit else "within" if size + spread <= limit else "close"
     weeks = (limit - size) / toward if toward else -1.0
-    words = {"limit": f"{limit:g} {unit}"}
-    if where != "close" and 0 < weeks < FAR:
+    words = {"limit": inches(limit) if unit == "in" else f"{limit:g} {unit}"}
+    if where != "close" and 0 < weeks < max(seen, RECENT / 7):
         there = first + timedelta(days=round(float(days[-1]) + 7 * weeks))
         return t(f"course.{where}_until", date=day(there, t), **words)
     return t(f"course.{where}", **words)
 
 
-def _short(number: float, signed: bool = False) -> str:
-    """number → whole from 10 on, else with one or two decimals."""
+def _short(number: float, unit: str, signed: bool = False) -> str:
+    """number, unit → whole from 10 on, else with one or two decimals, and the unit; of inches as a shop writes them."""
+    if unit == "in":
+        return inches(number, signed)
     decimals = 0 if abs(number) >= 9.95 else 1 if abs(number) >= 0.95 else 2
-    return f"{number:{'+' if signed else ''}.{decimals}f}".replace("-", "−")
+    return f"{number:{'+' if signed else ''}.{decimals}f} {unit}".replace("-", "−")

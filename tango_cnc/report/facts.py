@@ -32,7 +32,8 @@ from ..verify.volume import VolumeMap
 from . import slices
 from .answer import LEVELS, Answer, answer
 from .days import at, day
-from .plain import plain
+from .pace import Ahead
+from .plain import length, plain
 from .texts import Texts, texts
 from .units import Units
 from .verdict import MISSING, OUTLIERS, PREDICTED, RATIO, Check, Level, Verdict, graded, worst_of
@@ -79,7 +80,7 @@ class Nights:
     date: str
     verdict: str  # good, changed, out_of_limits, doubtful, not_measured
     headline: str
-    waiting: int  # alarms
+    waiting: int  # open alarms, each cause once, as on the page of the machine
     ended_utc: str = ""
     record: Mapping[str, Any] | None = None  # of this night
     before: Mapping[str, Any] | None = None  # where this one did not measure: of the last that did
@@ -87,11 +88,12 @@ class Nights:
     has: str = ""  # who has what is open
     late: str = ""  # date since when a complete night is missing
     cause: str = ""  # what is wrong first, as a sentence
+    ahead: Ahead | None = None  # how soon the machine is at its limit
 
     def answer(self, u: Units, t: Texts, machine: Machine) -> Answer:
         """units, texts, machine → whether parts may be made, as on the page of the machine."""
         record = self.record or {"verdict": self.verdict, "night": self.date}
-        return answer(record, u, t, self.waits, self.before, machine, self.late, self.has)
+        return answer(record, u, t, self.waits, self.before, machine, self.late, self.has, self.ahead)
 
     @property
     def measured_on(self) -> str:
@@ -351,12 +353,11 @@ def _limit(f: Facts, t: Texts) -> Check:
     u = f.wishes.units
     if f.tip is None:
         return Check("limit", "look", "–", t("check.limit_unknown"), t("todo.limit_unknown"), trust=False)
-    size = f"{f.tip.worst * 1e3 * u.per_micron:.0f}"
-    value = f"{size} {u.small}"
+    value = length(f.tip.worst * 1e3, u)
     if f.wishes.limit is None:
         return Check("limit", "good", value, t("check.limit_none"), t("todo.limit_none"), trust=False, open=True)
     passed = limits_of(f)[0]["passed"]
-    text = t("check.limit_judged", worst=size, limit=f"{f.wishes.limit * 1e3 * u.per_micron:.0f}", unit=u.small)
+    text = t("check.limit_judged", worst=value, limit=length(f.wishes.limit * 1e3, u))
     label = t(f"morning.limit_{'open' if passed is None else 'good' if passed else 'stop'}")
     tone: Level = "look" if passed is None else "good" if passed else "stop"
     todo = t("todo.limit_open" if passed is None else "todo.limit")

@@ -41,7 +41,8 @@ def faults(
     written: str = "",
 ) -> list[dict[str, Any]]:
     """record, alarms of earlier nights, decisions by alarm, last night that measured, date, date on which a compensation was last
-    written → what is wrong: unanswered first, then by what it does to a part. One order a machine: what was done is not told again.
+    written → what is wrong, by what it does to a part, whether or not somebody has it; what is no error of a part comes after that,
+    what is closed last. One order a machine: what was done is not told again.
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
     standing = {str(a.get("id")): a for a in known.get("standing") or ()}
@@ -61,11 +62,13 @@ def faults(
     for a in record.get("behind") or ():
         sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
         if not sizes or max(sizes) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
-            found.append(alarm(a, None, u, t, machine, record, today) | {"older": False})
+            asked = next((x for x in found if x.get("parameter") == a.get("parameter") and not _closed(x)), None)
+            whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner")}
+            found.append(alarm(a, None, u, t, machine, record, today) | {"older": False} | whose)
     if any(x["drifts"] and not change(x["cause_key"]).of_the_probe and not _closed(x) for x in found):
         found = [x | ({"todo": t("morning.after_drift", do=x["todo"])} if _entered(x) else {}) for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
-    return sorted(found, key=lambda a: (a.get("decision") is not None and a.get("parameter") not in behind, *_urgency(a)))
+    return sorted(found, key=lambda a: (_closed(a) and a.get("parameter") not in behind, *_urgency(a)))
 
 
 def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
@@ -84,12 +87,17 @@ def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]
 
 
 def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> tuple[str, str]:
-    """faults, record → date of the first alarm that nobody has answered, '' where it is of tonight; who has all that is open."""
-    listed = [a for a in found if a["id"] and not _closed(a)]
+    """faults, record → date of the first alarm that nobody has answered, '' where it is of tonight; who has another open one."""
+    listed = still_open(found)
     unanswered = [str(a["night"]) for a in listed if a["decision"] is None]
-    if unanswered:
-        return "" if record.get("alarms") else unanswered[0], ""
-    return "", next((str(a["decision"].owner) for a in listed), "")
+    if unanswered and record.get("alarms"):
+        return "", ""
+    return min(unanswered, default=""), next((str(a["decision"].owner) for a in listed if a["decision"] is not None), "")
+
+
+def still_open(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """faults → those with an alarm that nobody has closed: what every page counts as open alarms."""
+    return [a for a in found if a["id"] and not _closed(a)]
 
 
 def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -137,7 +145,7 @@ def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Mac
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
         elif first["older"] and first.get("now"):
             now = plain(t.of(first["now"]), u, t, machine)
-            first["text"] = f"{first['text'].rstrip('.')}. {sentence(now, Units())}"
+            first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
         unanswered = next((a for a in same if a["decision"] is None), None)
         found.append(
             first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
@@ -152,9 +160,9 @@ def _whole(
     factor, unit = shown(str(first.get("unit") or "mm"))
     size = amount(every * factor, unit, u, t)
     text = moved(str(first["parameter"]), size, _since({**first, "night": first["first"]}, t), t)
-    whole: dict[str, Any] = {"text": sentence(plain(text, u, t, machine), Units())}
+    whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:
-        whole["text"] += f". {t('morning.drifts', steps=steps) if steps > 1 else t('morning.drifts_on')}"
+        whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else t('morning.drifts_on')}"
         whole["todo"] = t("morning.drift_do")
     if first.get("on_part_um") is not None:
         small = float(first["on_part_um"])
@@ -218,7 +226,7 @@ def alarm(
     return {
         **a,
         "id": str(a.get("id") or ""),
-        "text": sentence(plain(t.of(_dated(told, raw, t)), u, t, machine), Units()),
+        "text": whole_sentence(sentence(plain(t.of(_dated(told, raw, t)), u, t, machine), Units())),
         "recorded": sentence(t.of(raw), u),
         "night": asked,
         "first": asked,  # date of the first night on which it was seen
@@ -282,6 +290,11 @@ def sentence(text: Any, u: Units) -> str:
     """text of a record, units → the same as a sentence: a capital in front, lengths in these units."""
     found = u.sentence(str(text or ""))
     return found[:1].upper() + found[1:]
+
+
+def whole_sentence(text: str) -> str:
+    """sentence → the same with its full stop; nothing stays nothing."""
+    return text if not text or text.endswith((".", "?", "!", "…")) else f"{text}."
 
 
 def _todo(a: Mapping[str, Any], u: Units, t: Texts) -> str:

@@ -11,9 +11,11 @@ from markupsafe import Markup
 
 from ..records import InputError, Machine
 from . import svg
-from .answer import answer, measuring
+from .answer import Answer, answer, measuring
 from .days import day, ended, local_day
-from .faults import alarm, answered, begun, faults, sentence
+from .faults import alarm, answered, begun, faults, sentence, still_open
+from .look import looks
+from .pace import ahead
 from .plain import amount, office, plain, shop, value_text
 from .template import environment, rendered
 from .texts import Texts, texts_of
@@ -92,7 +94,8 @@ def context(
     alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, written)
     waits, has = answered(found, record)
-    told = answer(record, u, t, waits, before, machine, late, has)
+    coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
+    told = answer(record, u, t, waits, before, machine, late, has, coming)
     began = begun(found, record.get("behind") or ())
     suspect = _suspect(told.may, within, never, began, t)
     if busy:
@@ -118,7 +121,8 @@ def context(
         "suspect": suspect,
         "over_since": _over_since(told.may, within, never, t),
         "grown": _grown(record if record.get("volume") else before or {}, (volumes or {}).get(began), began, u, t),
-        "who": _who(told.may, asked, found, t),
+        "who": who_of(told, asked, found, t),
+        "count": len(still_open(found)),
         "nobody": found[0]["nobody"] if found else not asked["owner"],
         "busy": busy,
         "newer": newer,
@@ -138,6 +142,7 @@ def context(
         "volume": _volume(record, u),
         "next": {"kind": "", **(record.get("next") or {}), "why": u.sentence(t.of((record.get("next") or {}).get("why") or ""))},
         "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u, t)},
+        "look": looks((record.get("plausible") or {}).get("reasons") or (), t),
         "diagnosis": {"verdict": "", **(record.get("diagnosis") or {})},
         "temperatures": record.get("temperatures") or {},
         "hashes": record.get("hashes") or {},
@@ -189,11 +194,11 @@ def _over_since(may: str, within: str, never: str, t: Texts) -> str:
     )
 
 
-def _who(may: str, record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
-    """answer, record, faults → who has it, as a sentence; '' where there is nothing to have."""
+def who_of(told: Answer | None, record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
+    """answer (None: nothing is known), record, faults → who has it, as a sentence; '' where there is nothing to have."""
     if found:
         return str(found[0]["who"])
-    if may in ("yes", "wait") and record.get("verdict") == "good":
+    if told is not None and told.may in ("yes", "wait") and record.get("verdict") == "good" and not told.soon:
         return ""
     return t("morning.call", owner=record["owner"]) if record["owner"] else t("morning.nobody")
 

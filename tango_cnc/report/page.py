@@ -13,7 +13,7 @@ from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning
 from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
-from .audit import audit, source
+from .audit import audit, made_of, source
 from .course import course
 from .days import at
 from .drawings import drawing
@@ -54,6 +54,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "date": at(f.paper.made.isoformat(), t),
         "simulated": f.paper.simulated,
         "source": source(f, t),
+        "made_of": made_of(f, t),
         "verdict": found,
         "sentence": sentence(found, t),
         "may": told,

@@ -10,7 +10,7 @@ import re
 from ..records import Machine
 from .days import spoken_days
 from .texts import Texts
-from .units import Units
+from .units import Units, inches
 from .words import spoken
 
 SPAN = {"mm": 300.0, "inch": 12.0}  # mm or in over which a tilt is told
@@ -43,7 +43,7 @@ def office(text: str, t: Texts) -> str:
 def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
     text = BRACKETS.sub("", text)
     text = SYMBOL.sub(lambda m: spoken(m[0], machine, t), text)
-    text = SPREAD.sub(lambda m: f"{m[1].replace('-', '−')}{rounded(float(m[2]))} µm", text)
+    text = SPREAD.sub(lambda m: f"{m[1].replace('-', '−')}{length(float(m[2]), u)}", text)
     told, at = [], 0
     for match in TILT.finditer(text):  # what a tilt becomes is no length of the record: it is not converted once more
         told += [u.sentence(text[at : match.start()]), tilt(float(match[1]), u, t)]
@@ -52,16 +52,23 @@ def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
 
 
 def tilt(size: float, u: Units, t: Texts) -> str:
-    """µrad or µm/m, units, texts → 12 µm over 300 mm, 144 µin over 12 in."""
+    """µrad or µm/m, units, texts → 12 µm over 300 mm, 0.0005 in over 12 in."""
     span = SPAN[u.system]
-    small = size * span * (1e-3 if u.system == "mm" else 1.0)
-    return t("may.over", size=f"{rounded(abs(small))} {u.small}", span=f"{span:g} {u.large}")
+    small = size * span * (1e-3 if u.system == "mm" else 25.4e-3)  # µm
+    return t("may.over", size=length(small, u), span=f"{span:g} {u.large}")
+
+
+def length(micron: float, u: Units) -> str:
+    """µm, units → its size for people who make parts: 76 µm, 0.0030 in."""
+    return f"{rounded(abs(micron))} µm" if u.system == "mm" else inches(abs(micron) * u.plain[0])
 
 
 def amount(value: float, unit: str, u: Units, t: Texts) -> str:
     """number in µm, µrad or µm/m, units, texts → 76 µm, or 12 µm over 300 mm; another unit is told as it is."""
     if unit in ("µrad", "µm/m"):
         return tilt(value, u, t)
+    if unit == "µm":
+        return length(value, u)
     factor, name = u.of(unit)
     return f"{rounded(abs(value * factor))} {name}".rstrip()
 

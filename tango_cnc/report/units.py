@@ -1,4 +1,4 @@
-"""Numbers as people in the shop read them: µm, µrad, µm/m, or µin in a shop that works in inches."""
+"""Numbers as people in the shop read them: µm, µrad, µm/m; in a shop that works in inches 0.0012 in, and µin for the engineer."""
 
 from __future__ import annotations
 
@@ -23,9 +23,17 @@ def shown(unit: str) -> tuple[float, str]:
     return factor, f"{label}/{bottom}"
 
 
+def inches(value: float, signed: bool = False) -> str:
+    """number in inches, whether a plus is shown → 0.0056 in: to the tenth of a thousandth; below a thousandth one digit more."""
+    decimals = 4 if abs(value) >= 0.00095 else 5
+    return f"{value:{'+' if signed else ''}.{decimals}f} in".replace("-", "−")
+
+
 @dataclass(frozen=True)
 class Units:
-    """How lengths are shown: `mm` (errors in µm) or `inch` (errors in µin); angles are the same in both."""
+    """How lengths are shown: `mm` (errors in µm) or `inch` (errors in inches in the shop, in µin for the engineer); angles are the
+    same in both.
+    """
 
     system: Literal["mm", "inch"] = "mm"
 
@@ -33,6 +41,11 @@ class Units:
     def small(self) -> str:
         """→ unit of errors."""
         return "µm" if self.system == "mm" else "µin"
+
+    @property
+    def plain(self) -> tuple[float, str]:
+        """→ shown number of one µm, unit, for people who make parts: a micro-inch is no size that they know."""
+        return (1.0, "µm") if self.system == "mm" else (1e-3 / INCH, "in")
 
     @property
     def large(self) -> str:

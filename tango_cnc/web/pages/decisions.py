@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 from starlette.requests import Request
@@ -12,10 +11,9 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.faults import alarm, size_of
-from ..app import State, machine_of, needs, page, proven, state_of
-from ..places import Row
-from .fleet import answer_of, made_up, open_faults
+from ...report.faults import size_of, still_open
+from ..app import machine_of, needs, page, proven, state_of
+from .fleet import answer_of, faults_of, made_up
 
 NOTE = 500  # characters
 MANY = 200  # alarms of one cause that are answered together
@@ -36,14 +34,14 @@ def _values(request: Request) -> dict[str, Any]:
         history, name = row.machine.history, row.machine.name
         if history is None or row.standing is None:
             continue
-        shown = open_faults(row, state)
-        if shown:
-            told = answer_of(row, shown, state)
-            card = {"machine": row.machine, "answer": told, "faults": shown, "owner": state.places.owner(row.machine)}
-            waiting.append(card | {"simulated": made_up(row), "behind": _behind(row, shown, state)})
+        found = faults_of(row, state)
+        if asked := still_open(found):
+            shown = [a for a in found if a in asked or not a["id"]]  # what stands behind a limit is told with them
+            card = {"machine": row.machine, "answer": answer_of(row, found, state), "faults": shown, "open": asked}
+            waiting.append(card | {"simulated": made_up(row), "owner": state.places.owner(row.machine)})
         past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]
     largest = {c["machine"].slug: max(map(size_of, c["faults"]), default=0.0) for c in waiting}
-    waits = {c["machine"].slug: any(a["decision"] is None for a in c["faults"]) for c in waiting}
+    waits = {c["machine"].slug: any(a["decision"] is None for a in c["open"]) for c in waiting}
     waiting.sort(
         key=lambda c: (
             not waits[c["machine"].slug],
@@ -53,18 +51,9 @@ def _values(request: Request) -> dict[str, Any]:
         )
     )
     past.sort(key=lambda p: p["d"].utc, reverse=True)
-    count = sum(len(a["ids"]) for card in waiting for a in card["faults"])
-    return {"waiting": waiting, "machines": sum(waits.values()), "alarms": count, "past": past[:50], "actions": ACTIONS}
-
-
-def _behind(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Mapping[str, Any] | None:
-    """row, its alarms, state → what stands behind a crossed limit, where no alarm says the same; else None."""
-    known = row.before or row.record or {}
-    for a in known.get("behind") or ():
-        same = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
-        if not same or max(same) < 0.8 * size_of(a):
-            return alarm(a, None, state.units, state.texts, state.places.geometry(row.machine), known)
-    return None
+    listed = [a for card in waiting for a in card["open"]]
+    missing = sum(a["decision"] is None for a in listed)
+    return {"waiting": waiting, "open": len(listed), "alarms": missing, "past": past[:50], "actions": ACTIONS}
 
 
 def decide(request: Request) -> Response:

@@ -12,8 +12,9 @@ from starlette.routing import Route
 
 from ...report.answer import Answer, answer, measuring
 from ...report.days import day
-from ...report.faults import answered, earlier, faults, sentence, unclosed
-from ...report.morning import strip
+from ...report.faults import answered, earlier, faults, sentence, still_open, unclosed, whole_sentence
+from ...report.morning import strip, volumes_of, who_of
+from ...report.pace import ahead
 from ...report.plain import plain
 from ...report.units import Units
 from ..app import State, needs, page, state_of
@@ -38,14 +39,14 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     t, s, u = state.texts, row.standing, state.units
     axes = state.places.geometry(row.machine)
     complete = next((n.night for n in row.nights if n.status == "complete"), t("web.never"))
-    found = open_faults(row, state)
-    waiting = next((a for a in found if a["decision"] is None), None)
+    found = faults_of(row, state)
     told = answer_of(row, found, state)
+    owner = state.places.owner(row.machine)
     run, busy = run_of(request, row.machine), busy_of(request, row.machine)
     if busy and told is not None:
         told = measuring(told, t)
     verdict = "" if told is None else f"morning.{told.state}"
-    headline = "" if row.record is None else sentence(plain(t.of(row.record.get("headline") or ""), u, t, axes), Units())
+    said = "" if row.record is None else sentence(plain(t.of(row.record.get("headline") or ""), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
     signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
     return {
@@ -61,11 +62,12 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "word": busy or (t(verdict) if verdict in t else ""),
         "why": "" if told is None else told.why,
         "numbers": "" if told is None else told.numbers,
-        "headline": headline,
-        "waiting": "" if waiting is None else waiting["who"],
-        "nobody": waiting is not None and waiting["nobody"],
-        "fault": "" if waiting is None else waiting["text"],
-        "open": s.alarms_open if s else 0,
+        "soon": "" if told is None else told.soon,
+        "headline": whole_sentence(said),
+        "who": who_of(told, {"owner": owner, **_named(row.record)}, found, t),
+        "nobody": found[0]["nobody"] if found else not owner and "owner" not in _named(row.record),
+        "fault": found[0]["text"] if found else "",
+        "open": len(still_open(found)),
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
         "strip": strip(signs, t("web.nights", count=len(signs)), t) if signs else "",
@@ -88,7 +90,14 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
         axes,
         late if row.standing is not None and row.standing.late else "",
         has,
+        ahead(row.before or row.record, volumes_of(row.nights), datetime.now().astimezone().strftime("%Y-%m-%d")),
     )
+
+
+def _named(record: Mapping[str, Any] | None) -> dict[str, Any]:
+    """record of a night → verdict and owner, where it names one."""
+    known = record or {}
+    return {"verdict": known.get("verdict")} | ({"owner": known["owner"]} if known.get("owner") else {})
 
 
 def made_up(row: Row) -> bool:
@@ -102,19 +111,18 @@ def _urgent(r: Mapping[str, Any]) -> tuple[int, str]:
     return min(order[r["may"]], 2 if r["late"] else 4), r["name"]
 
 
-def open_faults(row: Row, state: State) -> list[dict[str, Any]]:
-    """row of the fleet, state → what is wrong with the machine and not closed, each cause once, whole; unanswered first."""
-    history, name, s = row.machine.history, row.machine.name, row.standing
-    if history is None or s is None or not (s.alarms_open or s.alarms_held):
+def faults_of(row: Row, state: State) -> list[dict[str, Any]]:
+    """row of the fleet, state → what is wrong with the machine, as its own page has it: each cause once, the largest first."""
+    history, name, record = row.machine.history, row.machine.name, row.record or {}
+    s, known = row.standing, row.before or record
+    told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind"))
+    if history is None or s is None or not (told or s.alarms_open or s.alarms_held):
         return []
     today = datetime.now().astimezone().strftime("%Y-%m-%d")
     alarms, decisions = unclosed(history, name, today)
-    whose, axes = state.places.owner(row.machine), state.places.geometry(row.machine)
-    record = dict(row.record or {})
-    record |= {"owner": record.get("owner") or whose, "alarms": (), "standing": (), "behind": ()}
-    known = row.before if record.get("verdict") == "not_measured" else row.record
-    shown = record | {"verdict": "not_measured"}
-    return faults(shown, earlier(alarms), decisions, state.units, state.texts, axes, known, today, written_of(row.machine))
+    asked = {**record, "owner": record.get("owner") or state.places.owner(row.machine)}
+    axes, written = state.places.geometry(row.machine), written_of(row.machine)
+    return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, written)
 
 
 ROUTES = [Route("/", fleet, name="fleet")]

@@ -17,7 +17,7 @@ from ...history import Night, compensations
 from ...report.charts import tip
 from ...report.course import course, jumps_of_tip
 from ...report.faults import earlier, sentence, unclosed
-from ...report.morning import LEVELS, context, last_within, last_written, never_within, strip, volumes_of
+from ...report.morning import LEVELS, context, last_within, last_written, never_within, strip, volumes_of, who_of
 from ...report.plain import plain
 from ...report.repeated import shortened
 from ...report.units import Units
@@ -41,6 +41,8 @@ def machine(request: Request) -> Response:
     values: dict[str, Any] = {"machine": found, "nights": nights[:10], "run": run, "known": False}
     values["silent"] = None if run is None else quiet(run, time.time())
     values["busy"] = busy_of(request, found)
+    owner = state.places.owner(found)
+    values |= {"who": who_of(None, {"owner": owner}, (), state.texts), "nobody": not owner}
     if nights and found.history is not None:
         entry, allowed = nights[0].entry, limits_of(request, found)
         alarms, decisions = _unclosed(request, found)
@@ -54,7 +56,7 @@ def machine(request: Request) -> Response:
             waiting=earlier(alarms),
             before=record_before(request, found, nights),
             machine=state.places.geometry(found),
-            owner=state.places.owner(found),
+            owner=owner,
             late=state.places.late(found),
             within=last_within(every),
             never=never_within(every),
@@ -140,17 +142,17 @@ def limits_of(request: Request, machine: Machine) -> Mapping[str, float]:
 def curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
     """The largest error of the tool tip night by night: of a quarter of a year, and of the last nights for a phone."""
     state = state_of(request)
-    u, allowed = state.units, limits_of(request, machine)
+    (k, unit), allowed = state.units.plain, limits_of(request, machine)
     found = [
-        (date.fromisoformat(n.night), float(n.volume_um) * u.per_micron, LEVELS.get(told(n, allowed), "stop"))
+        (date.fromisoformat(n.night), float(n.volume_um) * k, LEVELS.get(told(n, allowed), "stop"))
         for n in reversed(state.places.nights(machine, QUARTER))
         if n.volume_um is not None
     ]
     if len(found) < 2:
         return None
-    limit = allowed["volume"] * u.per_micron if "volume" in allowed else None
+    limit = allowed["volume"] * k if "volume" in allowed else None
     wide, narrow = (
-        tip(part, limit, u.small, state.texts, *size) for part, size in ((found, (860, 240)), (found[-STRIP:], (360, 270)))
+        tip(part, limit, unit, state.texts, *size) for part, size in ((found, (860, 240)), (found[-STRIP:], (360, 270)))
     )
     return Markup(wide), Markup(narrow)
 
@@ -171,7 +173,7 @@ def course_of_tip(request: Request, machine: Machine) -> str:
     known = [n for n in reversed(state.places.nights(machine, QUARTER)) if n.volume_um is not None]
     if len(known) < 2:
         return ""
-    k = state.units.per_micron
+    k, unit = state.units.plain
     volume = stored(request, machine, known[-1].entry).get("volume") or {}
     std = float(volume.get("std_um") or 1.0) * k
     value = np.array([float(n.volume_um or 0.0) * k for n in known])
@@ -179,7 +181,7 @@ def course_of_tip(request: Request, machine: Machine) -> str:
     days = np.array([(date.fromisoformat(n.night) - first).days for n in known], dtype=float)
     jumps = jumps_of_tip(alarms_by_entry(request, machine), [n.entry for n in known], value, std)
     limit = allowed["volume"] * k if "volume" in allowed else None
-    return course(first, days, value, np.full(len(value), std), jumps, limit, state.units.small, state.texts)
+    return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts)
 
 
 def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Mapping[int, str]:

@@ -1,0 +1,72 @@
+"""Errors of the tool tip night by night → how fast the machine rises now, and in how many nights it is at its limit.
+
+Only the last fortnight counts, from the last step on: a knock is no pace, and what went on in spring is over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..records import Array
+from .days import days_between
+
+RECENT = 14.0  # days of which the pace is told, and nights ahead for which it is
+LEAST = 5  # nights
+SURE = 2.58  # standard deviations (99 %)
+STEP = 4.0  # of what the other nights differ by, from where one difference is a step
+SOON = 2.0  # nights: from here on, a machine may be at its limit before it is measured again
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """A machine that rises toward its limit: µm a night, nights to the limit (0: about now), the limit in µm."""
+
+    rate: float
+    nights: float
+    limit: float
+
+
+def pace(days: Array, value: Array, std: float) -> tuple[int, float]:
+    """(n,) days, (n,) values, standard deviation of one → place where the last stretch begins, change a day in it; 0 for none.
+
+    The stretch is at most a fortnight long and begins after the last step. Its change counts from `SURE` standard deviations on,
+    by what a value is known to and by what the values scatter about their line, whichever is larger.
+    """
+    start = int(np.searchsorted(days, days[-1] - RECENT)) if len(days) else 0
+    x, y = days[start:], value[start:]
+    if len(x) < LEAST:
+        return start, 0.0
+    apart = np.abs(np.diff(y))
+    steps = np.flatnonzero(apart > np.maximum(SURE * np.sqrt(2) * std, STEP * np.median(apart)))
+    if len(steps):
+        start += int(steps[-1]) + 1
+        x, y = days[start:], value[start:]
+    if len(x) < LEAST:
+        return start, 0.0
+    lever = x - x.mean()
+    width = float(lever @ lever)
+    slope = float(lever @ y) / width if width else 0.0
+    scatter = float(np.sqrt(np.sum((y - y.mean() - slope * lever) ** 2) / (len(x) - 2)))
+    return start, slope if abs(slope) * np.sqrt(width) > SURE * max(std, scatter) else 0.0
+
+
+def ahead(record: Mapping[str, Any], volumes: Mapping[str, float], today: str = "") -> Ahead | None:
+    """last night that measured, {date: µm at the tool tip} of its nights and others, date of the page ('': of that night) → how
+    soon it is at its limit; None where it does not rise, where that is more than a fortnight away, or where no limit is kept.
+    """
+    night, known = str(record.get("night")), record.get("volume") or {}
+    limit = next((float(x["limit"]) for x in record.get("limits") or () if x.get("what") == "volume" and x.get("limit")), None)
+    if limit is None or known.get("worst_um") is None or record.get("verdict") == "doubtful":
+        return None
+    dates = [d for d in sorted(volumes) if d <= night][-int(RECENT) - 1 :]
+    value = np.array([volumes[d] for d in dates], dtype=float)
+    days = np.array([days_between(dates[0], d) for d in dates], dtype=float) if dates else value
+    gap = limit - float(known["worst_um"])
+    _, rate = pace(days, value, float(known.get("std_um") or 1.0))
+    if rate <= 0 or not 0 <= gap <= RECENT * rate:
+        return None
+    return Ahead(rate, max(gap / rate - days_between(night, today or night), 0.0), limit)
