@@ -152,6 +152,7 @@ def _fitted_json(result: Estimate, longer: Known | None) -> list[dict[str, Any]]
             "name": f.name,
             "value": f.value,
             "std": f.std,
+            "interval": None if f.interval is None else list(f.interval),
             "unit": f.unit,
             "range": None if f.range is None else list(f.range),
             "note": f.note,

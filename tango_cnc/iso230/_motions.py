@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..records import Array
 from ..texts import say
 from ._figure import Figure, Tell
 from ._line import Line, motions, range_of, straight
@@ -16,11 +17,8 @@ def positioning(line: Line, tell: Tell) -> list[Figure]:
     curve, over = line.along[line.base + (0 if unit == "µm" else 3)], range_of(line)
     found = []
     if curve.any():
-        value, std = tell.spread(curve)
         found.append(
-            Figure(
-                "positioning", f"{name} M", value * factor, std * factor, unit, over, say("iso_said.line.mean_bidirectional_range")
-            )
+            _range("positioning", f"{name} M", tell, curve, factor, unit, over, say("iso_said.line.mean_bidirectional_range"))
         )
         slope, _ = straight(line, curve)
         gain, std = tell.one(slope)
@@ -30,12 +28,9 @@ def positioning(line: Line, tell: Tell) -> list[Figure]:
         note = say("iso_said.motions.negative_lost_motion")
         found.append(Figure("reversal", f"{name} B", b * factor, std_b * factor, unit, over, note))
         if curve.any():
-            whole = line.reversal * (2.0 if b > 0 else -2.0)
-            y = curve @ tell.values
-            both = curve[int(np.argmax(y))] - curve[int(np.argmin(y))] + whole
-            value, std = tell.one(both)
             note = say("iso_said.motions.bidirectional_systematic_deviation_accuracy_needs")
-            found.append(Figure("positioning", f"{name} E", value * factor, std * factor, unit, over, note))
+            both = np.concatenate([curve + line.reversal, curve - line.reversal])
+            found.append(_range("positioning", f"{name} E", tell, both, factor, unit, over, note))
     return found
 
 
@@ -44,7 +39,14 @@ def motion_figures(line: Line, tell: Tell) -> list[Figure]:
     found = positioning(line, tell)
     for motion in motions(line):
         if motion.kind != "positioning":
-            value, std = tell.spread(motion.curve)
-            factor = motion.factor
-            found.append(Figure(motion.kind, motion.name, value * factor, std * factor, motion.unit, range_of(line), motion.note))
+            more = (motion.factor, motion.unit, range_of(line), motion.note)
+            found.append(_range(motion.kind, motion.name, tell, motion.curve, *more))
     return found
+
+
+def _range(
+    kind: str, name: str, tell: Tell, curve: Array, factor: float, unit: str, over: tuple[float, float], note: str
+) -> Figure:
+    """curve (m, p) of a motion → the figure of its range."""
+    value, std, (low, high) = tell.spread(curve)
+    return Figure(kind, name, value * factor, std * factor, unit, over, note, (low * factor, high * factor))

@@ -318,15 +318,20 @@ def _iso(f: Facts, t: Texts) -> list[dict[str, Any]]:
         factor, unit = f.wishes.units.of(g.unit)
         over = "" if g.range is None else _over(f, g.name, g.range)
         value, half = g.value * factor, f.factor * g.std * factor
-        text = f"{value_text(value, g.std * factor)} ± {half:.{digits(g.std * factor)}f}"
-        second = "" if g.arcseconds is None else f"{g.arcseconds:.2f} ″"
+        places = digits(g.std * factor)
+        text = f"{value_text(value, g.std * factor)} ± {half:.{places}f}"
+        weak = abs(value) < half
+        if g.interval is not None:
+            low, high = (v * factor for v in g.interval)
+            text, weak = f"{value_text(value, g.std * factor)}, {low:.{places}f} … {high:.{places}f}", low <= 0
+        second = "" if g.arcseconds is None else f"{g.arcseconds:.2f} ″".replace("-", "−")
         key = f"iso_kind.{g.kind.replace(' ', '_')}"
         kind = t(key) if key in t else g.kind
         row = {"kind": kind, "name": t.of(g.name), "value": text, "unit": unit, "arc": second, "over": over, "note": t.of(g.note)}
         symbol = g.name.removesuffix(" M").removesuffix(" B").removesuffix(" E")
         if any(w.startswith(f"{symbol} ") for w in f.withheld):
             row |= {"value": "–", "arc": "", "note": t("iso.withheld")}
-        rows.append({**row, "weak": abs(value) < half})
+        rows.append({**row, "weak": weak})
     return rows
 
 
