@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import LinearConstraint, minimize
 from scipy.spatial import ConvexHull
 
 from tango_cnc.cli import guarded, tango
@@ -18,8 +19,10 @@ from tango_cnc.design import goals, order, region
 from tango_cnc.design.candidates import candidates
 from tango_cnc.design.criterion import Criterion, State, swaps, value
 from tango_cnc.design.exchange import Draft
+from tango_cnc.design.here import bound_here
 from tango_cnc.design.relaxed import Costs, Relaxed, efficiency, relax
 from tango_cnc.design.senses import ordered, senses_of
+from tango_cnc.design.spare import with_each
 from tango_cnc.design.timed import rows_of
 from tango_cnc.design.whole import whole
 from tango_cnc.design.worst import sharpened
@@ -101,6 +104,44 @@ def test_no_plan_there_is_gets_below_the_bound_and_the_chosen_one_is_near_the_be
     assert costs.touch[chosen].sum() + costs.visit[np.unique(pose[chosen])].sum() <= seconds
     assert relaxed.bound <= best + 1e-9
     assert efficiency(criterion, value(criterion, information(rows[chosen])), best, P) > 0.9
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("criterion", [*CRITERIA, Criterion("worst", None, SPREAD[:4])], ids=lambda c: c.name)
+def test_no_choice_of_touches_at_the_visits_of_a_plan_gets_below_its_bound(criterion: Criterion, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows, touch, seconds = rng.normal(size=(10, P)), rng.uniform(1.0, 1.6, 10), float(rng.uniform(5.0, 10.0))
+    best = np.inf
+    for mask in itertools.product([False, True], repeat=10):
+        if touch[chosen := np.array(mask)].sum() <= seconds:
+            best = min(best, value(criterion, information(rows[chosen])))
+    bound = bound_here(rows, HELD, touch, seconds, criterion)
+    assert bound <= best + 1e-9
+    if criterion.worst is None:  # what a solver that knows nothing of gradients makes of touches by the fraction
+        room = LinearConstraint(touch, 0.0, seconds)
+        solved = minimize(
+            lambda w: value(criterion, HELD + (rows.T * w) @ rows),
+            np.full(10, seconds / touch.sum()),
+            method="SLSQP",
+            bounds=[(0.0, 1.0)] * 10,
+            constraints=[room],
+        )
+        assert bound == pytest.approx(solved.fun, rel=0.01, abs=0.05)
+    # A facet is touched once at a visit. With time for most of them, the bound is above that of touches without such a limit.
+    most = 0.8 * float(touch.sum())
+    free = relax(rows, [np.array([i]) for i in range(10)], HELD, Costs(touch, np.zeros(10)), most, criterion)
+    if not criterion.determinant:  # which touches alike seldom and so seldom meets the limit
+        assert bound_here(rows, HELD, touch, most, criterion) > free.bound
+    # Where there is time for all touches, they are the best choice.
+    whole_time = bound_here(rows, HELD, touch, float(touch.sum()) + 1.0, criterion)
+    assert whole_time == pytest.approx(value(criterion, information(rows)), rel=0.01, abs=0.05)
+
+
+@pytest.mark.parametrize("criterion", [*CRITERIA, Criterion("worst", None, SPREAD[:4])], ids=lambda c: c.name)
+def test_what_one_more_touch_leaves_is_what_a_plain_recomputation_has(criterion: Criterion) -> None:
+    now = information(TOUCHES[:20])
+    plain = [value(criterion, now + np.outer(row, row)) for row in TOUCHES[20:]]
+    assert with_each(criterion, now, TOUCHES[20:]) == pytest.approx(plain)
 
 
 def test_after_exchanges_by_the_worst_no_swap_makes_the_worst_better() -> None:
@@ -280,6 +321,7 @@ def test_the_strategy_that_is_written_is_one_that_check_and_plan_take(goal: str,
     assert guarded(tango.main, [*asked, "--json", str(told)], standalone_mode=False) == 0
     data = json.loads(told.read_text(encoding="utf-8"))
     assert data["time_s"] <= 300 and 0 < data["certificate"]["efficiency"] <= 1
+    assert data["certificate"]["efficiency"] < data["certificate"]["efficiency_at_these_indexations"] <= 1
     (folder / "tango.yaml").write_text(
         (folder / "tango.yaml").read_text().replace("strategy.yaml", "chosen.yaml"), encoding="utf-8"
     )

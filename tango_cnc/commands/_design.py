@@ -17,6 +17,7 @@ from ..design.check import ALARMS, POWER, Power
 from ..design.enough import determined
 from ..design.problem import Chosen
 from ..design.propose import Setting
+from ..design.relaxed import efficiency
 from ..duration import spoken
 from ..files.write import dump
 from ..records import Array, Strategy
@@ -55,6 +56,10 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         data["certificate"] = {
             "bound": propose.reached(ready, found.bound)[0],
             "efficiency": found.efficiency,
+            "bound_at_these_indexations": propose.reached(ready, found.here)[0],
+            "efficiency_at_these_indexations": efficiency(
+                found.problem.criterion, found.value, found.here, len(found.problem.held)
+            ),
             "touches_in_a_row": found.problem.times,
             "seconds_per_facet": found.costs[0],
             "seconds_per_indexation": found.costs[1],
@@ -97,8 +102,12 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         own = data["certificate"]
         lines.append(
             f"no plan of this time with {own['seconds_per_facet']:.1f} s for {_facet(own['touches_in_a_row'])} and "
-            f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}: "
-            f"efficiency {100 * own['efficiency']:.0f} %"
+            f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}, "
+            f"not even with parts of a turn: efficiency {100 * own['efficiency']:.0f} %"
+        )
+        lines.append(
+            f"no other choice of facets at these indexations gets below {own['bound_at_these_indexations']:.3g} {unit}: "
+            f"efficiency {100 * own['efficiency_at_these_indexations']:.0f} %"
         )
     if "competitors" in data:
         said = ", ".join(f"{name} {other:.3g}" for name, other in data["competitors"].items())

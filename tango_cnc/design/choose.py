@@ -22,10 +22,12 @@ from . import order
 from .balls import needed
 from .criterion import parts, value
 from .exchange import Draft
+from .here import certified_here
 from .problem import Chosen, Problem, lighter
 from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
 from .senses import senses_of
 from .sequence import sequence
+from .spare import used_up
 from .timed import judged
 from .whole import SHAKES, whole
 from .worst import FEWER, sharpened
@@ -75,7 +77,7 @@ def chosen(problem: Problem) -> Chosen:
             better, made = finer.value < GAIN * made.value, min(finer, made, key=lambda each: each.value)
             if not better:
                 break
-    return certified(made, _lifted(made.problem, relaxed))
+    return certified(used_up(made, again), _lifted(made.problem, relaxed))
 
 
 def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:
@@ -174,7 +176,8 @@ def certified(found: Chosen, relaxed: Relaxed) -> Chosen:
     costs = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
     seconds = max(problem.seconds, found.seconds) - proof(found.plan, problem.gate, problem.feed)
     bound = relax(choice.rows, choice.of_pose, problem.held, costs, seconds, problem.criterion, relaxed, THOROUGH).bound
-    return replace(found, bound=bound, efficiency=efficiency(problem.criterion, found.value, bound, len(problem.held)))
+    made = replace(found, bound=bound, efficiency=efficiency(problem.criterion, found.value, bound, len(problem.held)))
+    return replace(made, here=certified_here(made))
 
 
 def _first_costs(problem: Problem) -> float:

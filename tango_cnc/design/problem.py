@@ -66,6 +66,7 @@ class Chosen:
     costs: tuple[float, float]  # s of a touch with its way, s of coming to an indexation
     time: Array  # (n,) s at which each touch is done
     rows: Array  # (n, p) of the touches in their order
+    here: float = -np.inf  # bound on φ of any touches at the indexations of this plan
 
 
 def lighter(problem: Problem) -> Problem:

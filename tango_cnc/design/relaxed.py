@@ -118,7 +118,7 @@ def relax(
         ratio, chosen = best_visits(gradient, of_pose, costs)
         excess = seconds * float(ratio.max()) - float(total @ gradient)
         now = value(Criterion(here.name, here.spread), information)
-        low = now - excess if here.determinant else 1 / (1 / now + excess / now**2)
+        low = below(here, now, excess)
         if low > lowest:
             lowest, found = low, here
         worst = now if many is None else value(criterion, information)
@@ -137,6 +137,11 @@ def relax(
     np.add.at(come, [key[0] for key in keys], weight[: len(keys)])
     kept = tuple((key[0], visits[key], float(share)) for key, share in zip(keys, weight, strict=True))
     return Relaxed(total, come, lowest, found, kept, many, ratio)
+
+
+def below(criterion: Criterion, now: float, excess: float) -> float:
+    """criterion, φ₀ of weights, how much larger Σ g of any plan is than Σ w g at most → bound on φ of any plan."""
+    return now - excess if criterion.determinant else 1 / (1 / now + excess / now**2)
 
 
 def efficiency(criterion: Criterion, reached: float, bound: float, unknowns: int) -> float:
