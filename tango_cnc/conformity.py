@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -39,7 +39,7 @@ class Decision:
     value: float
     std: float
     limits: Limits
-    inside: float  # probability that the true value lies inside the limits
+    inside: float | None  # probability that the true value lies inside the limits; None where the result is in doubt
     verdict: Verdict
     uses: str = "one run"  # whose uncertainty: of one run, of the mean of repeated runs, or of the prediction of the next run
 
@@ -114,6 +114,11 @@ def _verdict(inside: float, probability: float) -> Verdict:
     if inside >= probability:
         return "conforms"
     return "does not conform" if inside <= 1 - probability else "cannot tell"
+
+
+def undecided(decision: Decision) -> Decision:
+    """decision on a result that is in doubt → none: no probability stands that rests on a model or a budget found wanting."""
+    return replace(decision, inside=None, verdict="cannot tell")
 
 
 def all_conform(decisions: Sequence[Decision]) -> bool:

@@ -70,6 +70,19 @@ def test_scatter_that_the_budget_leaves_out_is_added_and_said(cell: Path, capsys
     assert data["parameters"]["EX0S"]["contributions"]["scatter seen in the residuals"] > 1e-4
 
 
+@pytest.mark.long
+def test_a_result_in_doubt_decides_on_no_limit_unless_told_to(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spoil(cell, np.random.default_rng(3).normal(0, 0.01, 226))
+    (cell / "uncertainty.yaml").write_text("contributions:\n- {source: repeatability, std: 0.0000007}\n", encoding="utf-8")
+    (cell / "limits.yaml").write_text("limits: {EX0S: 0.4}\n", encoding="utf-8")
+    wide = "--limits", str(cell / "limits.yaml")
+    code, data, _ = intervals(capsys, cell, *wide)
+    decided = data["conformity"]["EX0S"]
+    assert (code, decided["verdict"], decided["probability_inside"]) == (1, "cannot tell", None)
+    code, data, _ = intervals(capsys, cell, *wide, "--despite")
+    assert (code, data["conformity"]["EX0S"]["verdict"]) == (0, "conforms")
+
+
 @pytest.mark.parametrize(
     "line, found",
     [

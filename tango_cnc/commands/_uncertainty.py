@@ -298,8 +298,18 @@ def _decisions(found: Analysis, decisions: Sequence[conformity.Decision]) -> str
     for d in decisions:
         scale, unit = shown(found.study.model.coefficients[names.index(d.name)].unit)
         numbers = (f"{scale * x:.2f}" for x in (d.value, d.limits.low, d.limits.high))
-        rows.append([d.name, *numbers, f"{d.inside:.4f}", unit, d.verdict, "the mean" if d.uses == "mean" else d.uses])
-    return table(rows, "<>>>><<<")
+        rows.append([d.name, *numbers, _inside(d.inside), unit, d.verdict, "the mean" if d.uses == "mean" else d.uses])
+    lines = table(rows, "<>>>><<<")
+    if any(d.inside is None for d in decisions):
+        lines += "\nNothing is decided, as the result is in doubt: the reasons stand above (--despite decides all the same)"
+    return lines
+
+
+def _inside(probability: float | None) -> str:
+    """probability → as many digits as the trials can say."""
+    if probability is None:
+        return "–"
+    return ">0.999" if probability > 0.999 else "<0.001" if probability < 0.001 else f"{probability:.3f}"
 
 
 def comparison_json(c: process.Comparison, condition: Sequence[float] | None = None) -> dict[str, Any]:

@@ -141,6 +141,8 @@ def command(
         found = analysis.analyse(cell.machine, cell.artefact, readings, items, degree, lines, options, robust)
     judgement = _beside(found, robust, judgement, stated=given is None)
     decisions = _decide(found, limits, conform)
+    if judgement.verdict != "trustworthy" and not despite:
+        decisions = [conformity.undecided(d) for d in decisions]
     if not write_json(json_file, report.as_json(found, decisions, factor) | members(judgement)):
         click.echo("".join(f"{line}\n" for line in told(judgement)) + report.as_text(found, decisions, factor))
     if given is None and found.pool == "none":
