@@ -81,9 +81,12 @@ def sandboxed(file: Path | None) -> FileResponse:
 
 
 def file_of_cell(machine: Machine) -> Path | None:
-    """machine → its report, None where there is none."""
-    file = None if machine.folder is None else machine.folder / "report.html"
-    return file if file is not None and file.is_file() else None
+    """machine → its report, None where there is none, or where it is a link out of the folder of the cell."""
+    if machine.folder is None:
+        return None
+    root = machine.folder.resolve()
+    file = (root / "report.html").resolve()
+    return file if file.is_relative_to(root) and file.is_file() else None
 
 
 def file_of_night(machine: Machine, record: Mapping[str, Any], name: str) -> Path | None:
