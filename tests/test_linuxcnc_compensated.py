@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import time
 from pathlib import Path
 
 import numpy as np
@@ -159,19 +158,15 @@ def touching(text: str, made: Plan) -> str:
             "(LOG,N X#5420 Y#5421 Z#5422)\nG91\nG38.2 X{:.6f} Y{:.6f} Z{:.6f} F180\nG90 F30000\n(LOG,P X#5061 Y#5062 Z#5063)"
         ).format(*(2.5 * NEAR * ways[int(found[1])]))
 
-    return "(LOGOPEN,log.txt)\n" + TOUCH.sub(search, text).replace("\nM2", "\n(LOGCLOSE)\nM2")
+    return "(LOGOPEN,log.txt)\n" + TOUCH.sub(search, text).replace("\nM2", "\n(LOG,THE END)\n(LOGCLOSE)\nM2")
 
 
 def tip_error(control: Control, text: str, made: Plan) -> Array:
     """Control, program → (n,) mm that the stylus truly stood too far from every facet, a shift of the workpiece taken out."""
-    (control.folder / "log.txt").unlink(missing_ok=True)
-    (control.folder / "part.ngc").write_text(touching(text, made), encoding="ascii")
-    control.tell("set mode auto", f"set open {control.folder / 'part.ngc'}", "set run")
-    time.sleep(1.0)
-    assert control.idle(40), control.tell("get error")
-    said = (control.folder / "log.txt").read_text().splitlines()
+    said, error = control.execute(touching(text, made))
+    assert not error, said
     near, met = (np.array([[float(v) for v in re.findall(r"[XYZ](-?[\d.]+)", s)] for s in said if s[0] == w]) for w in "NP")
-    assert len(near) == len(met) == len(made.touches), (said, control.tell("get error"))
+    assert len(near) == len(met) == len(made.touches), said
     contact, begin = (np.array([getattr(t, w) for t in made.touches]) for w in ("contact", "standoff"))
     nominal = nominal_machine(made.machine)
     way = tip_in_table(nominal, contact, contact * 0) - tip_in_table(nominal, begin, begin * 0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -122,20 +121,17 @@ def program(made: Plan, top: float) -> str:
             "(LOG,X#5061 Y#5062 Z#5063)",
             "G1 X{:.6f} Y{:.6f} Z{:.6f} F30000".format(*a),
         ]
-    return "\n".join([*lines, "M68 E3 Q0", "M66 E0 L0", f"G1 Z{top:.3f}", "(LOGCLOSE)", "M2", ""])
+    return "\n".join([*lines, "M68 E3 Q0", "M66 E0 L0", f"G1 Z{top:.3f}", "(LOG,THE END)", "(LOGCLOSE)", "M2", ""])
 
 
 def away(control: Control, made: Plan) -> Array:
     """Control → (n,) mm from the nominal contacts along the approach, as the control tells them; a shift of the table taken out."""
     z = made.machine.column("Z")
     top = max(touch.standoff[z] for touch in made.touches) + 150.0  # mm: nothing of this table comes so high
-    (control.folder / "touches.ngc").write_text(program(made, top))
-    control.tell("set mode auto", f"set open {control.folder / 'touches.ngc'}", "set run")
-    time.sleep(1.0)
-    assert control.idle(50), control.tell("get error")
-    said = (control.folder / "log.txt").read_text().splitlines()
+    said, error = control.execute(program(made, top))
+    assert not error, said
     found = np.array([[float(v) for v in re.findall(r"[XYZ](-?[\d.]+)", line)] for line in said if line.startswith("X")])
-    assert len(found) == len(made.touches), (said, control.tell("get error"))
+    assert len(found) == len(made.touches), said
     begin, end = (words(made, np.array([getattr(t, w) for t in made.touches])) for w in ("standoff", "contact"))
     way = (end - begin) / np.linalg.norm(end - begin, axis=1, keepdims=True)
     far = np.sum((found - end) * way, axis=1)

@@ -28,6 +28,7 @@ from tango_cnc.records import Machine
 
 HERE = Path(__file__).parents[1]
 ORDER = "XYZBC"  # of the joints; of a machine with a cradle A: XYZAC
+STANDS = 60.0  # s: a control that has done nothing for so long does nothing any more
 PERIOD = 0.001  # s, of the servo thread: the probe input is looked at once in it
 # Everything but measuring is to take little time: mm/s and mm/s², deg/s and deg/s². Within the 30 ms that table.py may be
 # silent no motion comes farther than some millimetres from where it began.
@@ -71,6 +72,34 @@ class Control:
             time.sleep(0.3)
         return False
 
+    def execute(self, text: str, last: str = "THE END") -> tuple[list[str], str]:
+        """Program that writes log.txt, how its last line in there begins → lines of the log, last error of the control.
+
+        It has ended when the control is idle and either that line is there or an error was told: an idle control without both has
+        not begun yet. How long a program takes says how busy the computer is. So it is given up only when nothing has happened for
+        long: no axis has moved and the log has not grown.
+        """
+        log = self.folder / "log.txt"
+        log.unlink(missing_ok=True)
+        (self.folder / "tango.ngc").write_text(text, encoding="ascii")
+        while not self.tell("get error")[0].endswith("OK"):
+            pass  # what was said of something else
+        self.tell("set mode auto", f"set open {self.folder / 'tango.ngc'}", "set run")
+        error, before, changed = "", ([""], 0), time.monotonic()
+        while True:
+            time.sleep(0.3)
+            # Asked after the state: what ended the program is told only once, and may come between the two questions.
+            status, told, *at = self.tell("get program_status", "get error", "get abs_act_pos")
+            found = re.search(r"ERROR (?!OK)(.*)", told)
+            error = found[1].strip() if found else error
+            lines = log.read_text().splitlines() if log.exists() else []
+            if "IDLE" in status and (error or (lines and lines[-1].startswith(last))):
+                return lines, error
+            if before != (before := (at, len(lines))):
+                changed = time.monotonic()
+            if time.monotonic() > changed + STANDS:
+                pytest.fail(f"nothing happens: {status}, {at} after {lines}")
+
     def position(self) -> dict[str, float]:
         """→ machine coordinates, mm and deg."""
         values = self.tell("get abs_act_pos")[0].split()[1:]
@@ -89,20 +118,7 @@ class Control:
         made, controller = plan(read_cell(cell)), read_cell(cell).controller
         assert controller is not None
         lines = program(load("linuxcnc"), made, controller.options, plan_hash(made))[2]()
-        (self.folder / "tango.ngc").write_text("".join(f"{line}\n" for line in lines), encoding="ascii")
-        self.tell("set mode auto", f"set open {self.folder / 'tango.ngc'}", "set run")
-        error, end, idle = "", time.monotonic() + 120, False
-        while not idle and time.monotonic() < end:
-            time.sleep(0.3)
-            # Asked after the state: what ended the program is told only once, and may come between the two questions.
-            status, said = self.tell("get program_status", "get error")
-            idle = "IDLE" in status
-            found = re.search(r"ERROR (?!OK)(.*)", said)
-            error = found[1].strip() if found else error
-        if not idle:
-            pytest.fail("the program did not end within two minutes")
-        time.sleep(0.5)
-        return (self.folder / "log.txt").read_text().splitlines(), error
+        return self.execute("".join(f"{line}\n" for line in lines), "TANGO END")
 
     def contacts(self) -> list[dict[str, object]]:
         """→ every contact that there has been: surface, and the axis positions at which it truly was."""
@@ -183,13 +199,14 @@ def _switched_on(folder: Path, port: int, process: subprocess.Popen[bytes]) -> C
     else:
         pytest.fail("linuxcncrsh does not answer")
     homed = ""
+    count = int(re.findall(r"JOINTS = (\d+)", (folder / "machine.ini").read_text())[0])
     for _ in range(20):  # what is told before the machine is really on has no effect
-        for joint in range(len(ORDER)):
+        for joint in range(count):
             if homed.split()[1 + joint : 2 + joint] != ["YES"]:
                 control.tell("set machine on", f"set home {joint}")
                 time.sleep(0.5)
         homed = control.tell("get joint_homed")[0]
-        if homed.split()[1 : 1 + len(ORDER)] == ["YES"] * len(ORDER):
+        if homed.split()[1 : 1 + count] == ["YES"] * count:
             return control
     pytest.fail(f"not homed: {homed}; {(folder / 'out.log').read_text()[-1000:]}")
 
