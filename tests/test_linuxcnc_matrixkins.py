@@ -48,7 +48,7 @@ facets:
   13: {point: [0, 60, 0], normal: [0, 0, 1]}
 """
 STRATEGY = """name: still
-approach: {standoff: 3, search: 3, feed: 180}
+approach: {standoff: 2, search: 2, feed: 90}
 indexations:
   - {S: 0, B: 0, C: 0, facets: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]}
 """

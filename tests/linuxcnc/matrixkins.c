@@ -2,7 +2,7 @@
 
    These are our own kinematics, written from the manual page matrixkins(9) of LinuxCNC alone: its equations, the names C_xx .. C_zz,
    the identity to begin with, and that a change acts at run time. Debian's LinuxCNC has no matrixkins; where the control has its own,
-   use that one. `tests/support/matrixkins.py` compiles this file with halcompile (Debian: linuxcnc-uspace-dev). */
+   use that one. `halcompile --install matrixkins.c` puts it among the modules (Debian: linuxcnc-uspace-dev). */
 
 #include "rtapi.h"
 #include "rtapi_app.h"

@@ -98,7 +98,9 @@ class Control:
             if before != (before := (at, len(lines))):
                 changed = time.monotonic()
             if time.monotonic() > changed + STANDS:
-                pytest.fail(f"nothing happens: {status}, {at} after {lines}")
+                more = self.tell("get operator_text", "get operator_display", "get machine", "get estop", "get program_line")
+                output = (self.folder / "out.log").read_text()[-1500:]
+                pytest.fail(f"nothing happens: {status}, {at}, {more} after {lines}; {output}")
 
     def position(self) -> dict[str, float]:
         """→ machine coordinates, mm and deg."""
