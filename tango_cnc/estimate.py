@@ -40,6 +40,8 @@ class Jump:
     frame: str  # machine, table or spindle: in which it moved
     shift: tuple[float, float, float]  # mm, by which it moved there
     moves: tuple[str, ...]  # coefficients that it moves, or without which nothing would be known of them
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad, by which the table turned
+    radius: float = 0.0  # mm, by which the tip is larger
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ class Noise:
     facets: Mapping[str, float] = field(default_factory=dict)  # facets that scatter more than the others, each with its scatter
     step: Jump | None = None
     undecided: tuple[int, ...] = ()  # touches without weight, as others on their facet or ball do not fit: who is wrong is unknown
+    columns: Array | None = None  # (n, q) what one standard deviation of walk and seating does to the touches, over `white`
 
 
 @dataclass(frozen=True)

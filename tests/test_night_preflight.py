@@ -8,13 +8,14 @@ import shutil
 import socketserver
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.controls import GOLDEN, golden
 from support.runs import Result
+from test_bodies import YOKE, trunnion
 
 from tango_cnc.commands._night_warm import warm
 from tango_cnc.commands._night_world import RealControl
@@ -22,7 +23,8 @@ from tango_cnc.files import read_cell
 from tango_cnc.files.nightly import Nightly, read_nightly
 from tango_cnc.history import opened
 from tango_cnc.link._layout import read_layout
-from tango_cnc.records import InputError, LinkError, Plan
+from tango_cnc.plan import plan
+from tango_cnc.records import Cell, InputError, LinkError, Obstacle, Plan
 
 BED = '<Streams><Temperature dataItemId="t1" name="bed">{}</Temperature></Streams>'
 ASKED = Nightly(sensor="bed", temperature=(20.0, 24.0))
@@ -204,3 +206,26 @@ def registers(**values: int) -> bytes:
 def test_a_control_that_is_busy_says_so_in_the_words_of_its_link(protocol: str, data: bytes, said: str) -> None:
     client = importlib.import_module(f"tango_cnc.link.protocols.{protocol}").Client
     assert client.busy(data, {}) == said
+
+
+def test_what_the_first_move_may_meet_is_in_the_findings_as_nobody_brings_the_axes_near(root: Path) -> None:
+    def program(cell: Cell) -> str:
+        control = RealControl(replace(cell, folder=root / "examples" / "trunnion"), Nightly(), plan(cell), None, "now", "none:")
+        (point,) = (p for p in control.preflight("full", ()) if p.check == "program")
+        assert point.passed, point.found
+        return point.found
+
+    free = trunnion(indexations=1)
+    assert "first place" not in program(free)
+    clamp = Obstacle("box", low=(-20.0, 170.0, -70.0), high=(20.0, 262.0, -50.0))
+    one = free.strategy.indexations[0]
+    tilted = tuple(replace(one, position={**one.position, "A": angle}, facets=("13",)) for angle in (0.0, 0.5))
+    beside = trunnion(*YOKE)
+    beside = replace(
+        beside,
+        artefact=replace(beside.artefact, obstacles=(clamp,)),
+        strategy=replace(beside.strategy, indexations=tilted),
+    )
+    found = program(beside)
+    assert "On the way to the first place" in found and "may be met by" in found
+    assert "Bring the axes near that place before you start" in found

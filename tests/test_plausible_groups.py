@@ -53,6 +53,18 @@ def test_a_table_that_moves_late_or_half_way_is_a_step(cell: Cell, readings: Rea
     assert re.search("something moved between touches 11[123] and 11[456]", only(half, "doubtful"))
 
 
+def test_a_table_that_was_bumped_and_turned_and_a_tip_that_was_changed_are_steps(cell: Cell, readings: Readings) -> None:
+    point = np.array([cell.artefact.facets[f].point for f in readings.facet])
+    normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
+    late = np.arange(len(readings)) >= 130
+    turned = np.array([0.08, -0.05, 0.03]) + np.cross([2e-4, -1e-4, 5e-4], point)
+    bumped = judged(cell, pushed(cell, readings, late * np.einsum("ij,ij->i", normal, turned)))
+    reason = " ".join(bumped.reasons)
+    assert re.search("something moved between touches 1(29|30) and 13[1-3]", reason) and "and it turned by A +19" in reason
+    tip = " ".join(judged(cell, pushed(cell, readings, 0.04 * late)).reasons)
+    assert re.search("something moved between touches 1(29|30) and 13[1-3]", tip) and "the tip is 40." in tip and "larger" in tip
+
+
 def test_a_bar_half_a_millimetre_too_long_is_named(cell: Cell, readings: Readings) -> None:
     bar = cell.artefact.scale_bar
     assert bar is not None
@@ -117,9 +129,15 @@ def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readi
     assert bar is not None
     wrong = replace(cell, artefact=replace(cell.artefact, scale_bar=replace(bar, length=bar.length + 0.03)))
     judgement = judged(wrong, readings)
-    assert judgement.verdict == "trustworthy" and any(
-        "so is a scale bar that is not as long as stated" in r for r in judgement.remarks
-    )
+    assert "so is a scale bar that is not as long as stated" in only(judgement, "doubtful")
+    assert {"EXX1", "EYY1", "EZZ1"} <= set(judgement.untrusted)
+
+
+def test_a_result_says_which_length_its_gains_rest_on(cell: Cell, readings: Readings) -> None:
+    judgement = judged(cell, readings)
+    said = "EXX1, EYY1, EZZ1 rest on the length of the scale bar as artefact.yaml states it: 200 mm ± 0.0005 mm"
+    assert judgement.verdict == "trustworthy" and any(r.startswith(said) for r in judgement.remarks)
+    assert not judged(replace(cell, artefact=replace(cell.artefact, scale_bar=None)), readings).remarks
 
 
 def test_single_wrong_touches_are_no_group(cell: Cell, readings: Readings) -> None:

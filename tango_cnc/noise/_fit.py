@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,8 +15,9 @@ from ._start import positive, reachable
 from ._system import System, drifting, system
 
 WORTH = 4.0  # twice the gain in log likelihood that a component needs
-STEPS = np.arange(-10.0, 10.5, 0.5)  # of the logarithm of a component's variance over the white one
-MISSED = 1.0  # of twice the log likelihood, at most, between a minimum and the nearest step: 0.25² times half of 32 groups
+RANGE = (-20.0, 25.0)  # of the logarithm of a component's variance over the white one
+COARSE = np.arange(-20.0, 25.5, 0.5)  # steps of it, and the finer ones beside the best of them
+NEAR = np.arange(-0.5, 0.55, 0.05)
 LARGEST = 1500  # touches of which the noise is taken apart
 FAINT = 1e-4  # share of the largest singular value below which touches tell nothing of a direction
 ROUNDS = 8  # of looking again at who fits
@@ -27,6 +29,7 @@ CUT = 4.5  # standard deviations beyond which a touch has no weight
 PRIOR = 4.0  # touches that the common scatter counts for in that of a facet
 FEWEST = 2.5  # touches to spare on a facet that is judged by its own scatter
 ROUGH = 1e-3  # chance that a facet is called rough by mistake, all facets together
+LARGE = 1e4  # standard deviations of a touch that what may have any size is taken to have
 FINEST = 1e-5  # mm: residuals below this are rounding, and are left alone
 
 
@@ -60,7 +63,7 @@ def by_noise(result: Estimate, settled: bool = True) -> Estimate:
         return replace(result, rejected=np.zeros(len(touches), dtype=np.bool_), noise=Noise(result.sigma))
     facets = {f: float(fitted.sigma * r) for f, r in zip(touches.facet, rough, strict=True) if r > 1}
     undecided = tuple(int(i) for i in touches.number[keep & ~decided])
-    noise = Noise(fitted.sigma, fitted.walk, fitted.seating, facets, undecided=undecided)
+    noise = Noise(fitted.sigma, fitted.walk, fitted.seating, facets, undecided=undecided, columns=fitted.columns)
     residuals = result.residuals + s.jacobian @ (change / s.scale)
     dof = result.dof - int((~decided).sum())
     thinned = _thinned(fitted.left / (fitted.sigma * rough))
@@ -141,6 +144,7 @@ class Fitted:
     residual: Array  # (n,) mm, of every touch, walk and seating in it
     lever: Array  # (n,) variance of every touch as the fit predicts it, over that of the touch
     spare: float  # touches more than what was taken out of them
+    columns: Array | None = None  # (n, q) walk and seating, of which one standard deviation is 1, over sigma; None without them
 
 
 def gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool = False) -> Fitted:
@@ -157,7 +161,11 @@ def gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool = False) -
     change = again.change[:p]
     residual = s.gaps + s.jacobian @ (change / s.scale)
     wandered = float(np.sqrt(np.mean((residual - again.residual) ** 2) + again.walk**2))
-    return replace(again, change=change, covariance=again.covariance[:p, :p], walk=wandered, white=False, residual=residual)
+    smooth = free.jacobian[:, p:]
+    any_size = LARGE * smooth / np.maximum(np.sqrt(np.mean(smooth**2, axis=0)), 1e-300)
+    columns = any_size if again.columns is None else np.hstack([again.columns, any_size])
+    covariance = again.covariance[:p, :p]
+    return replace(again, change=change, covariance=covariance, walk=wandered, white=False, residual=residual, columns=columns)
 
 
 def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitted:
@@ -210,6 +218,7 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
         s.gaps - s.jacobian @ found[:p],
         lever,
         len(j) - float(lever[keep].sum()),
+        z if used else None,
     )
 
 
@@ -235,32 +244,49 @@ def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
         variance = max((total - float(y @ y)) / n, SIGMA_FLOOR**2)
         return n * np.log(variance) + 2 * float(np.log(np.diag(root)).sum()), variance
 
-    def best(active: tuple[int, ...]) -> tuple[float, Array]:
-        def of(x: Array) -> float:
-            ratios = np.zeros(len(seen))
-            ratios[list(active)] = np.exp(np.clip(x, -20, 25))
-            return deviance(ratios)[0]
+    alone = [_alone(gram[np.ix_(which == k, which == k)], right[which == k], total, n) for k in range(len(seen))]
+    singles = []
+    for one in alone:
+        x = COARSE[np.argmin(one(COARSE))] + NEAR
+        singles.append((float(one(x).min()), float(x[np.argmin(one(x))])))
 
-        start = min(([g] * len(active) for g in (-2.0, 1.0, 4.0)), key=lambda x: of(np.array(x)))
+    def best() -> tuple[float, Array]:
+        """All components together, from where each is best alone."""
+
+        def of(x: Array) -> float:
+            return deviance(np.exp(np.clip(x, *RANGE)))[0]
+
+        starts = [[x for _, x in singles], *([g] * len(seen) for g in (-2.0, 1.0, 4.0))]
+        start = min(starts, key=lambda x: of(np.array(x)))
         from scipy import optimize  # takes a tenth of a second to load, and few noises need it
 
         found = optimize.minimize(of, start, method="Nelder-Mead", options={"xatol": 0.05, "fatol": 0.05, "maxiter": 120})
-        ratios = np.zeros(len(seen))
-        ratios[list(active)] = np.exp(np.clip(np.atleast_1d(found.x), -20, 25))
-        return float(found.fun), ratios
-
-    def hopeful(k: int) -> bool:
-        """Whether component k alone may be worth it: no further off than MISSED by steps that a minimum cannot hide between."""
-        least = min(deviance(np.exp(x) * np.eye(len(seen))[k])[0] for x in STEPS)
-        return least < tried[0][0] - WORTH + MISSED
+        return float(found.fun), np.exp(np.clip(np.atleast_1d(found.x), *RANGE))
 
     none = np.zeros(len(seen))
     tried = [(deviance(none)[0], none, 0)]
-    tried += [(*best((k,)), 1) for k in range(len(seen)) if hopeful(k)]
+    tried += [(least, np.exp(x) * np.eye(len(seen))[k], 1) for k, (least, x) in enumerate(singles)]
     if len(seen) > 1 and any(d < tried[0][0] - WORTH for d, _, k in tried if k == 1):
-        tried.append((*best(tuple(range(len(seen)))), len(seen)))
+        tried.append((*best(), len(seen)))
     _, ratios, _ = min(tried, key=lambda item: item[0] + WORTH * item[2])
     return float(np.sqrt(deviance(ratios)[1])), ratios.tolist()
+
+
+def _alone(gram: Array, right: Array, total: float, n: int) -> Callable[[Array], Array]:
+    """Z'Z and Z'e of one component, e'e, N → its deviance as a function of the logarithms of its variance over the white one.
+
+    In the eigenvectors of Z'Z no matrix has to be factored again for each variance.
+    """
+    value, turn = np.linalg.eigh(gram)
+    value, square = np.maximum(value, 0.0), (turn.T @ right) ** 2
+
+    def of(x: Array) -> Array:
+        ratio = np.exp(x)[:, None]
+        rest = 1 + ratio * value
+        variance = np.maximum((total - np.sum(ratio * square / rest, axis=1)) / n, SIGMA_FLOOR**2)
+        return np.asarray(n * np.log(variance) + np.sum(np.log(rest), axis=1))
+
+    return of
 
 
 def _rough(result: Estimate, fitted: Fitted, keep: NDArray[np.bool_]) -> Array:

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate import Estimate, Jump
+from ..kinematics import Slot
 from ..records import Array
+from ..touches import Touches
 from ._fit import LARGEST, Fitted, gls
 from ._start import reachable
 from ._system import System, system, widened
@@ -23,6 +25,8 @@ LEFT = 0.4  # of what the fit without it leaves, at most, that a step may leave
 UNFIT = 0.1  # share of touches that it may leave unfit: a shift makes some of any wrong touches fit
 LOST = 7.0  # what each touch without weight costs: as much as one that is a hundred times off
 WHITE = 1.3  # times the white scatter beside walk and seating that it may leave: a drift leaves more
+MOST = 4  # moments that are fitted
+PAID = 4.0  # what one number more in the displacement costs
 TIMES = 3.0  # white standard deviations that it has to be
 
 
@@ -33,30 +37,31 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
         return None
     touches = result.model.touches
     s = system(result)
-    frames = {"machine": touches.machine_normal, "table": touches.normal, "spindle": touches.spindle_normal}
+    frames = _frames(touches)
     every = np.ones(n, dtype=np.bool_)
     rows = [every] if found.rejected is None or not found.rejected.any() else [every, ~found.rejected]
     white = max(found.noise.white, s.least)
     plane = np.cumsum(touches.ball_index < 0)
-    tried = []
+    tried: dict[tuple[str, int, int], float] = {}
     for keep in rows:
         for name, normal in frames.items():
             gain, at, until = _scan(s, normal, keep, white)
             # Touches on balls often stand alone at the beginning: what they contradict is the bar or the tip radius.
             if gain > WORTH * white**2 and min(plane[at - 1], plane[-1] - plane[at - 1]) >= FEWEST:
-                tried.append((name, at, until))
+                tried[name, at, until] = max(gain, tried.get((name, at, until), 0.0))
     if not tried:
         return None
+    few = sorted(tried, key=lambda one: -tried[one])[:MOST]
     plain = _refit(s)
     best, least = None, np.inf
-    for name, at, until in dict.fromkeys(tried):
+    for name, at, until in few:
         with_it = _with(s, frames[name], at)
         other = _refit(with_it)
         cost, before = _cost(other, plain, other, white), _cost(plain, plain, other, white)
-        shift = other[0].change[-3:]
-        lost = cost + LOST * float((~other[1]).sum())
+        size = other[0].change[-frames[name].shape[1] :]
+        lost = cost + LOST * float((~other[1]).sum()) + PAID * len(size)
         good = other[0].sigma < WHITE * white and (~other[1]).mean() < UNFIT and cost < LEFT * before
-        if good and lost < least and np.linalg.norm(shift) > TIMES * white:
+        if good and lost < least and np.abs(frames[name] @ size).max() > TIMES * white:
             best, least = (name, at, until, other[0]), lost
     if best is None:
         return None
@@ -66,14 +71,29 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
     off = np.abs(result.values + other_fit.change[:p] - found.values)
     own = np.flatnonzero((off > found.std) | (std > 3 * found.std))
     names = tuple(result.model.names[i] for i in own if i < len(result.model.coefficients))
-    shift = -other_fit.change[-3:]
-    return Jump(
-        int(touches.number[at - 1]), int(touches.number[until]), name, (float(shift[0]), float(shift[1]), float(shift[2])), names
-    )
+    sign = 1.0 if name == "turned" else -1.0  # an error of the table moves it; a displacement of the touches is the other way
+    shift = (sign * other_fit.change[-frames[name].shape[1] :]).tolist()
+    turn = (shift[3], shift[4], shift[5]) if len(shift) == 6 else (0.0, 0.0, 0.0)
+    radius = shift[3] if len(shift) == 4 else 0.0
+    frame = "table" if name == "turned" else "spindle" if name == "tip" else name
+    before, after = int(touches.number[at - 1]), int(touches.number[until])
+    return Jump(before, after, frame, (shift[0], shift[1], shift[2]), names, turn, radius)
+
+
+def _frames(touches: Touches) -> dict[str, Array]:
+    """touches → (n, k) mm a unit of what may move at one moment: displacements, a table that turned as well, another tip."""
+    levers = touches.seen.slots
+    return {
+        "machine": touches.machine_normal,
+        "table": touches.normal,
+        "spindle": touches.spindle_normal,
+        "turned": np.stack([levers[Slot("w", "table", i)] for i in range(6)], axis=1),
+        "tip": np.hstack([touches.spindle_normal, np.ones((len(touches), 1))]),
+    }
 
 
 def _scan(s: System, normal: Array, keep: NDArray[np.bool_], white: float) -> tuple[float, int, int]:
-    """system, (n, 3) normals, touches that count, mm → largest mm² that a displacement takes out of the residuals, its first touch.
+    """system, (n, k) mm a unit, touches that count, mm → largest mm² that a displacement takes out of the residuals, first touch.
 
     The last number is the last touch that could as well be the first after it: those between did not feel it.
     """
@@ -92,9 +112,10 @@ def _scan(s: System, normal: Array, keep: NDArray[np.bool_], white: float) -> tu
     plain = after(np.einsum("ij,ik->ijk", seen, seen))
     gram = plain - np.einsum("nij,nik->njk", within, within)
     pull = after(seen * np.where(keep, left, 0.0)[:, None])
-    size, turn = np.linalg.eigh(gram[FEWEST : n - FEWEST + 1])
-    along = np.einsum("nij,ni->nj", turn, pull[FEWEST : n - FEWEST + 1])
-    enough = size > FAINT * np.trace(plain[FEWEST : n - FEWEST + 1], axis1=1, axis2=2)[:, None]
+    every = np.sqrt(np.maximum(np.diagonal(plain, axis1=1, axis2=2), 1e-30))[FEWEST : n - FEWEST + 1]  # mm and rad to one scale
+    size, turn = np.linalg.eigh(gram[FEWEST : n - FEWEST + 1] / (every[:, :, None] * every[:, None, :]))
+    along = np.einsum("nij,ni->nj", turn, pull[FEWEST : n - FEWEST + 1] / every)
+    enough = size > FAINT * normal.shape[1]
     gain = np.where(enough, along**2 / np.where(enough, size, 1.0), 0.0).sum(axis=1)
     best = int(np.argmax(gain))
     alike = gain > gain[best] - (3 * white) ** 2
@@ -107,7 +128,7 @@ def _scan(s: System, normal: Array, keep: NDArray[np.bool_], white: float) -> tu
 
 
 def _with(s: System, normal: Array, at: int) -> System:
-    """system, (n, 3) normals, first touch after it → the system with three more unknowns."""
+    """system, (n, k) mm a unit, first touch after it → the system with k more unknowns."""
     return widened(s, normal * (np.arange(len(s.gaps)) >= at)[:, None], prior=1e-6)
 
 

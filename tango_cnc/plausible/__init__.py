@@ -20,8 +20,9 @@ from .backlashes import alike as alike_backlashes
 from .backlashes import latched_late
 from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
-from .directions import approaches
+from .directions import approaches, turns
 from .groups import common
+from .lacking import lacking
 from .late import late
 from .search import less, place, suspects
 from .setup import stylus
@@ -53,7 +54,7 @@ def judge(
     what the plan left out, so that nobody misses it.
     """
     touches = from_readings(cell.machine, cell.artefact, readings)
-    found = [*remarks(cell, readings, run), *approaches(touches)]
+    found = [*remarks(cell, readings, run), *approaches(touches), *turns(touches)]
     untrusted: list[str] = []
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
@@ -134,7 +135,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
         )
     found += _noise(result)
     found += [*late(result), *common(result), *still(result), *alike_backlashes(result), *latched_late(result)]
-    found += stylus(cell, told)
+    found += [*lacking(result), *stylus(cell, told)]
     return found
 
 

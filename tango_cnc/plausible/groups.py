@@ -15,7 +15,7 @@ from scipy import special
 
 from ..estimate import Estimate
 from ..records import Array
-from ..texts import say
+from ..texts import joined, say
 from .data import Remark, listed
 
 CHANCE = 1e-4  # that touches dropped at random fall together as much
@@ -60,6 +60,11 @@ def _step(result: Estimate) -> Iterator[Remark]:
         return
     touches = result.model.touches
     size = ", ".join(f"{c} {d * 1e3:+.1f}" for c, d in zip("XYZ", step.shift, strict=True))
+    more = ""
+    if any(step.turn):
+        more = say("plausible.groups.turned", turn=", ".join(f"{c} {a * 1e6:+.0f}" for c, a in zip("ABC", step.turn, strict=True)))
+    if step.radius:
+        more = say(f"plausible.groups.tip_{'larger' if step.radius > 0 else 'smaller'}", size=f"{abs(step.radius) * 1e3:.1f}")
     change = say("plausible.groups.find_out_what_happened_then")
     at = touches.time[int(np.flatnonzero(touches.number == step.after)[0])] - touches.time.min()
     after = tuple(int(i) for i in touches.number[touches.time >= touches.time.min() + at])
@@ -73,6 +78,7 @@ def _step(result: Estimate) -> Iterator[Remark]:
             place=say(f"plausible.moved_{step.frame}"),
             size=size,
             where=say(f"plausible.frame_{step.frame}"),
+            more=more,
         ),
         after,
         "step",
@@ -142,20 +148,27 @@ def _bar(result: Estimate) -> Iterator[Remark]:
 
 
 def _gains(result: Estimate) -> Iterator[Remark]:
+    """All gains rest on the bar; nothing but their being alike can speak against it, so that the result says what they rest on."""
     names = [n for n in ("EXX1", "EYY1", "EZZ1") if n in result.model.names]
-    if len(names) < 3 or result.selection.mismatch:
+    bar = result.model.touches.artefact.scale_bar
+    if not names or result.selection.mismatch or bar is None or result.model.bar is None:
         return
     values = np.array([result.value(n) for n in names])
     std = max(float(result.std[result.model.names.index(n)]) for n in names)
     mean = float(values.mean())
-    if abs(mean) > max(LENGTH, 8 * std) and np.ptp(values) < abs(mean) / 2:
-        yield Remark(
-            "trustworthy",
-            say(
-                f"plausible.groups.gains_{'long' if mean > 0 else 'short'}",
-                mean=f"{abs(mean) * 1000000.0:.0f}",
-            ),
-        )
+    if len(names) == 3 and abs(mean) > max(LENGTH, 8 * std) and np.ptp(values) < abs(mean) / 2:
+        text = say(f"plausible.groups.gains_{'long' if mean > 0 else 'short'}", mean=f"{abs(mean) * 1000000.0:.0f}")
+        change = say("plausible.groups.compare_with_certificate_bar_see")
+        yield Remark("doubtful", text, (), "scale_bar", "scale_bar.length", change, file="artefact", sure=True, moves=tuple(names))
+        return
+    text = say(
+        "plausible.groups.scale_rests_on_bar",
+        names=joined(", ", names),
+        length=f"{bar.length:.10g}",
+        uncertainty=f"{bar.uncertainty:g}",
+        share=f"{0.01 / bar.length * 1e6:.0f}",
+    )
+    yield Remark("trustworthy", text)
 
 
 def _feed(result: Estimate) -> Iterator[Remark]:

@@ -1,0 +1,240 @@
+"""What the fit does not contain, and what that did to the parameters: a score test of many patterns at once.
+
+A mistake that the noise does not explain leaves its pattern in the residuals, however little. Each pattern is one that something
+can make: table, tip or an axis elsewhere from one touch on or for a while, an axis that errs with its own position, a drift, a
+probe that reads by direction. What it would take out of the residuals, beside walk, seating and every unknown, is an F test (Rao
+1973, 4b.2); the level is shared by all patterns (Bonferroni). Where one is found, the parameters that it would move are not to be
+trusted, whatever it was. Everything is linear algebra on one factor of the normal matrix; nothing is fitted again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, special
+
+from ..estimate import Estimate
+from ..kinematics import Slot
+from ..model import known
+from ..records import Array
+from ..texts import joined, say
+from ..touches import Touches
+from .data import Remark
+
+LEVEL = 5e-4  # chance that any pattern of one kind is found where there is none
+FAINT = 1e-3  # share of a pattern that the unknowns leave of it, below which they stand for it
+FEWEST = 3  # touches that a pattern acts on
+LARGEST = 1500  # touches of which patterns are looked for
+SPARE = 20.0  # touches to spare, at least
+MOVED = 2.0  # standard deviations by which a pattern moves a parameter before the result is doubtful
+TOUCHED = 1.0  # the same before the parameter is not to be trusted
+RIDGE = 1e-10
+SHOWN = 4  # parameters that a sentence names
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """A pattern that the residuals show."""
+
+    what: str  # key of its words
+    axis: str
+    first: int  # rows on which it acts, of the touches
+    last: int
+    score: float  # logarithm of how much better it explains the touches, its unknowns paid for
+    moved: Array  # (p,) by which it moves every unknown, in standard deviations
+
+
+@dataclass(frozen=True)
+class _Left:
+    """Touches that count, over their scatter, and what the unknowns leave of them."""
+
+    rows: NDArray[np.int64]  # (n,) which touches
+    weight: Array  # (n,) one over the scatter of each, 1/mm
+    basis: Array  # (n, q) such that basis basisᵀ is what the unknowns take
+    back: Array  # (q, p) from there to the unknowns, in mm, rad …
+    gaps: Array  # (n,) what is left
+    spare: float
+    std: Array  # (p,)
+
+
+def lacking(result: Estimate) -> Iterator[Remark]:
+    """estimate by the noise of its residuals → a remark where the residuals show a pattern that moves parameters."""
+    found = patterns(result)
+    if not found:
+        return
+    p = len(result.model.coefficients)
+    moved = np.max([np.abs(f.moved[:p]) for f in found], axis=0)
+    if moved.max(initial=0.0) < MOVED:
+        return
+    best = max(found, key=lambda f: (round(f.score), f.what == "position"))  # an error motion of its own can stand for it
+    names = [result.model.names[int(j)] for j in np.argsort(-moved) if moved[j] > TOUCHED]
+    number = result.model.touches.number
+    text = say(
+        "plausible.lacking.found",
+        what=say(f"plausible.lacking.{best.what}", axis=best.axis, first=number[best.first], last=number[best.last]),
+        names=joined(", ", [result.selection.label(n) for n in names[:SHOWN]]),
+        size=f"{float(moved.max()):.0f}",
+    )
+    yield Remark("doubtful", text, moves=tuple(names))
+
+
+def patterns(result: Estimate) -> list[Pattern]:
+    """estimate by the noise of its residuals → patterns that its residuals show, whatever they do to the parameters."""
+    touches = result.model.touches
+    if result.noise is None or len(touches) > LARGEST:
+        return []
+    left = _left(result)
+    if left is None or left.spare < SPARE:
+        return []
+    return [*_steady(touches, left), *_moments(touches, left)]
+
+
+def _left(result: Estimate) -> _Left | None:
+    noise, n = result.noise, len(result.residuals)
+    assert noise is not None
+    rows = np.flatnonzero(~result.unused)
+    facets = result.model.touches.facet
+    scatter = np.array([noise.facets.get(facets[i], noise.white) for i in rows])
+    if not scatter.size or scatter.min() <= 0:
+        return None
+    offsets, jacobian, uncertainty = known(result.model, result.values)
+    own = np.vstack([result.jacobian[:n][rows] / scatter[:, None], jacobian / uncertainty[:, None]])
+    p, columns = own.shape[1], noise.columns
+    size = np.linalg.norm(own, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    full = own / size
+    right = np.concatenate([result.residuals[rows] / scatter, offsets / uncertainty])
+    penalty = np.zeros(p)
+    if columns is not None:
+        more = columns[rows] * (noise.white / scatter)[:, None]
+        full = np.hstack([full, np.vstack([more, np.zeros((len(offsets), more.shape[1]))])])
+        penalty = np.concatenate([penalty, np.ones(more.shape[1])])
+    normal = full.T @ full
+    normal[np.diag_indices_from(normal)] += penalty + RIDGE
+    try:
+        root = linalg.cholesky(normal, lower=True, check_finite=False)
+    except linalg.LinAlgError:
+        return None
+    basis = linalg.solve_triangular(root, full.T, lower=True, check_finite=False).T
+    back = linalg.solve_triangular(root, np.eye(len(root)), lower=True, check_finite=False)[:, :p] / size
+    gaps = right - basis @ (basis.T @ right)
+    touched = basis[: len(rows)]
+    return _Left(
+        rows, 1 / scatter, touched, back, gaps[: len(rows)], len(rows) - float(np.sum(touched**2)), np.linalg.norm(back, axis=0)
+    )
+
+
+def _steady(touches: Touches, left: _Left) -> Iterator[Pattern]:
+    """Patterns on all touches: an axis that errs with its position, a drift, a probe that reads by direction."""
+    tried = list(_candidates(touches))
+    for what, axis, columns in tried:
+        seen = columns[left.rows] * left.weight[:, None]
+        gram = seen.T @ seen
+        within = left.basis.T @ seen
+        pull = seen.T @ left.gaps
+        gain, free, beta = _gain(gram[None], (gram - within.T @ within)[None], pull[None])
+        score = _score(gain, free, left.spare, LEVEL / len(tried))
+        if score[0] > 0:
+            moved = -(left.back.T @ (within @ beta[0])) / left.std
+            yield Pattern(what, axis, 0, len(touches) - 1, float(score[0]), moved)
+
+
+def _moments(touches: Touches, left: _Left) -> Iterator[Pattern]:
+    """Patterns that begin at one touch, or last from one indexation to another: the best of each kind."""
+    index = touches.indexation[left.rows]
+    turns = np.flatnonzero(np.diff(index, prepend=index[:1])) if len(index) else np.empty(0, dtype=np.int64)
+    edges = np.unique(np.concatenate([[0], turns, [len(index)]])).astype(np.int64)
+    kinds = list(_movable(touches))
+    for what, axis, columns in kinds:
+        seen = columns[left.rows] * left.weight[:, None]
+
+        def after(rows: Array) -> Array:
+            return np.asarray(np.concatenate([np.cumsum(rows[::-1], axis=0)[::-1], np.zeros((1, *rows.shape[1:]))]))
+
+        within = after(np.einsum("ij,ik->ijk", left.basis, seen))
+        plain = after(np.einsum("ij,ik->ijk", seen, seen))
+        pull = after(seen * left.gaps[:, None])
+        n = len(index)
+        begin, end = np.arange(FEWEST, n - FEWEST + 1), np.full(max(n - 2 * FEWEST + 1, 0), n)
+        i, j = np.triu_indices(len(edges), 1)
+        begin, end = np.concatenate([begin, edges[i]]), np.concatenate([end, edges[j]])
+        keep = (end - begin >= FEWEST) & (end - begin <= n - FEWEST)
+        begin, end = begin[keep], end[keep]
+        if not len(begin):
+            continue
+        inside = within[begin] - within[end]
+        gram = plain[begin] - plain[end]
+        gain, free, beta = _gain(gram, gram - np.matmul(inside.transpose(0, 2, 1), inside), pull[begin] - pull[end])
+        score = _score(gain, free, left.spare, LEVEL / len(kinds) / len(begin))
+        best = int(np.argmax(score))
+        if score[best] > 0:
+            moved = -(left.back.T @ (inside[best] @ beta[best])) / left.std
+            rows = left.rows[begin[best]], left.rows[end[best] - 1]
+            yield Pattern(what if end[best] == n else f"{what}_while", axis, int(rows[0]), int(rows[1]), float(score[best]), moved)
+
+
+def _gain(plain: Array, gram: Array, pull: Array) -> tuple[Array, Array, Array]:
+    """(m, k, k) squares of patterns, the same of what the unknowns leave of them, (m, k) → χ² that each takes out, its degrees of
+    freedom, (m, k) its size."""
+    size = np.sqrt(np.maximum(np.diagonal(plain, axis1=1, axis2=2), 1e-30))
+    scaled = gram / (size[:, :, None] * size[:, None, :])
+    value, turn = np.linalg.eigh(scaled)
+    along = np.einsum("mij,mi->mj", turn, pull / size)
+    enough = value > FAINT
+    weight = np.where(enough, along / np.where(enough, value, 1.0), 0.0)
+    beta = np.einsum("mij,mj->mi", turn, weight) / size
+    return (along * weight).sum(axis=1), enough.sum(axis=1), beta
+
+
+def _score(gain: Array, free: Array, spare: float, level: float) -> Array:
+    """χ² taken out, degrees of freedom of the pattern and of the touches, level → how much further than the level allows it is."""
+    rest = np.maximum(spare - free, 1.0)
+    ratio = gain / np.maximum(free, 1) / (np.maximum(spare - gain, 1e-3 * spare) / rest)
+    chance = special.fdtrc(np.maximum(free, 1), rest, ratio)
+    return np.where(free > 0, np.log(level) - np.log(np.maximum(chance, 1e-300)), -1.0)
+
+
+def _candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
+    """touches → (words, axis, (n, k) mm a unit) of each pattern that acts all the time."""
+    slots, machine = touches.seen.slots, touches.machine
+    for axis in (*machine.rotary, *machine.linear):
+        at = touches.axis(axis)
+        span = float(np.ptp(at))
+        if span == 0:
+            continue
+        x = 2 * (at - at.min()) / span - 1
+        turns = axis in machine.rotary
+        shape = [x, np.sin(at), np.cos(at), np.sin(2 * at), np.cos(2 * at)] if turns else [x, x**2, x**3]
+        shapes = np.stack([f / np.linalg.norm(f) for f in shape], axis=1)
+        for slot, lever in slots.items():
+            if slot.axis == axis and slot.stage in ("motion", "inter"):
+                yield "position" if slot.stage == "motion" else "motion", axis, lever[:, None] * shapes
+    table = np.stack([slots[Slot("w", "table", i)] for i in range(6)], axis=1)
+    t = (touches.time - touches.time.min()) / (float(np.ptp(touches.time)) or 1.0)
+    for shape in (t, t**2, np.sin(np.pi * t), np.sin(2 * np.pi * t)):
+        yield "drift", "", table * shape[:, None]
+    for i, axis in enumerate("XYZ"):
+        for sign, word in ((1.0, "-"), (-1.0, "+")):
+            yield "late", f"{axis}{word}", (touches.machine_normal[:, [i]] * sign > 0.5).astype(float)
+    for normal in (touches.machine_normal, touches.spindle_normal):
+        across = np.hypot(normal[:, 0], normal[:, 1])
+        angle = np.arctan2(normal[:, 1], normal[:, 0])
+        for k in (2, 3):
+            yield "probe", "", across[:, None] * np.stack([np.cos(k * angle), np.sin(k * angle)], axis=1)
+    up = touches.machine_normal @ np.array(machine.spindle.direction)
+    yield "probe", "", np.abs(touches.spindle_normal[:, [2]])
+    yield "probe", "", np.abs(up)[:, None]
+    yield "radius", "", np.ones((len(touches), 1))
+
+
+def _movable(touches: Touches) -> Iterator[tuple[str, str, Array]]:
+    """touches → (words, axis, (n, k) mm a unit) of what may be elsewhere from a moment on."""
+    slots, machine = touches.seen.slots, touches.machine
+    yield "table", "", np.stack([slots[Slot("w", "table", i)] for i in range(6)], axis=1)
+    yield "tip", "", np.hstack([touches.spindle_normal, np.ones((len(touches), 1))])
+    yield "offset", "", touches.machine_normal
+    for axis in machine.rotary:
+        yield "turned", axis, touches.lever(axis)[:, None]
