@@ -53,6 +53,7 @@ def test_a_table_that_moves_late_or_half_way_is_a_step(cell: Cell, readings: Rea
     assert re.search("something moved between touches 11[123] and 11[456]", only(half, "doubtful"))
 
 
+@pytest.mark.long
 def test_a_table_that_was_bumped_and_turned_and_a_tip_that_was_changed_are_steps(cell: Cell, readings: Readings) -> None:
     point = np.array([cell.artefact.facets[f].point for f in readings.facet])
     normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
@@ -62,7 +63,8 @@ def test_a_table_that_was_bumped_and_turned_and_a_tip_that_was_changed_are_steps
     reason = " ".join(bumped.reasons)
     assert re.search("something moved between touches 1(29|30) and 13[1-3]", reason) and "and it turned by A +19" in reason
     tip = " ".join(judged(cell, pushed(cell, readings, 0.04 * late)).reasons)
-    assert re.search("something moved between touches 1(29|30) and 13[1-3]", tip) and "the tip is 40." in tip and "larger" in tip
+    assert re.search("something moved between touches 1(29|30) and 13[1-3]", tip)
+    assert re.search(r"the tip is (39\.9|40\.\d) µm larger in radius", tip)
 
 
 def test_a_bar_half_a_millimetre_too_long_is_named(cell: Cell, readings: Readings) -> None:

@@ -23,6 +23,8 @@ LARGE = 0.01  # mm
 CERTAIN = 10.0  # standard deviations
 ALIKE = 0.1  # of their mean, within which they are alike
 LEAST = 0.001  # mm of backlash that is worth a word
+MISLED = 0.003  # mm of backlash beyond which what it would have moved is not trusted
+BIASED = 2.0  # standard deviations that it would have moved it
 SEEN = 5.0  # standard deviations
 TOWARD = 0.5  # cosine between a facet's normal and an axis from which on its touches go by that axis
 TAKEN = 1.5  # times the scatter of a touch that late touches may leave, root mean square, before the readings show them
@@ -76,7 +78,12 @@ def latched_late(result: Estimate) -> Iterator[Remark]:
             names = joined(", ", [f"{model.names[j]} {moved[j] * 1000.0:+.1f}" for j in most])
             text = say("plausible.backlashes.late", axis=c.slot.axis, sign=sign, size=f"{size * 1000.0:.1f}", names=names)
             large = abs(result.values[i]) > LARGE
-            moves = tuple(model.names[j] for j in most) if large else ()
+            far = (
+                np.flatnonzero(np.abs(moved) > BIASED * result.std)
+                if abs(result.values[i]) > MISLED
+                else np.empty(0, dtype=np.int64)
+            )
+            moves = tuple(model.names[j] for j in {*far.tolist(), *(most if large else ())} if j < len(model.coefficients))
             yield Remark("doubtful" if large else "trustworthy", text, moves=moves)
 
 

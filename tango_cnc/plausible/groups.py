@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ..estimate import Estimate
+from ..model import known
 from ..records import Array
 from ..texts import joined, say
 from .data import Remark, listed
@@ -159,7 +160,8 @@ def _gains(result: Estimate) -> Iterator[Remark]:
     if len(names) == 3 and abs(mean) > max(LENGTH, 8 * std) and np.ptp(values) < abs(mean) / 2:
         text = say(f"plausible.groups.gains_{'long' if mean > 0 else 'short'}", mean=f"{abs(mean) * 1000000.0:.0f}")
         change = say("plausible.groups.compare_with_certificate_bar_see")
-        yield Remark("doubtful", text, (), "scale_bar", "scale_bar.length", change, file="artefact", sure=True, moves=tuple(names))
+        moves = tuple({*names, *_by_bar(result, mean * bar.length)})
+        yield Remark("doubtful", text, (), "scale_bar", "scale_bar.length", change, file="artefact", sure=True, moves=moves)
         return
     text = say(
         "plausible.groups.scale_rests_on_bar",
@@ -169,6 +171,14 @@ def _gains(result: Estimate) -> Iterator[Remark]:
         share=f"{0.01 / bar.length * 1e6:.0f}",
     )
     yield Remark("trustworthy", text)
+
+
+def _by_bar(result: Estimate, off: float) -> list[str]:
+    """estimate, mm that the bar is off → names of coefficients that this moves by more than two of their standard deviations."""
+    _, rows, uncertainty = known(result.model, result.values)  # the bar is the last of what is known
+    moved = result.covariance @ rows[-1] * off / uncertainty[-1] ** 2
+    count = len(result.model.coefficients)
+    return [n for n, m, s in zip(result.model.names[:count], moved, result.std, strict=False) if abs(m) > 2 * s]
 
 
 def _feed(result: Estimate) -> Iterator[Remark]:
