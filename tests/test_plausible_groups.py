@@ -142,6 +142,16 @@ def test_a_result_says_which_length_its_gains_rest_on(cell: Cell, readings: Read
     assert not judged(replace(cell, artefact=replace(cell.artefact, scale_bar=None)), readings).remarks
 
 
+def test_an_axis_that_bends_and_rolls_is_no_angle_of_an_indexation(root: Path) -> None:
+    """Two touches of an indexation that an error motion has thrown out are no reason to name an angle."""
+    whole = read_cell(root / "examples" / "hu40t")
+    world = read_world(root / "examples/hu40t/world.yaml")
+    bent = replace(world, errors={**world.errors, "EYX2": 1.5e-7, "EAX1": 6e-8})
+    readings = simulate(whole.machine, whole.artefact, whole.strategy, bent, seed=7)
+    said = only(judged(whole, readings), "doubtful")
+    assert "from where the readings say" not in said and "an error motion that the terms lack" in said
+
+
 def test_single_wrong_touches_are_no_group(cell: Cell, readings: Readings) -> None:
     rng = np.random.default_rng(4)
     wrong = (rng.random(len(readings)) < 0.04) * rng.uniform(0.25, 0.5, len(readings)) * rng.choice([-1, 1], len(readings))

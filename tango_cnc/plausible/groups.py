@@ -29,6 +29,7 @@ LENGTH = 6e-5  # mm/mm: gains that are alike and larger speak of the bar
 REACH = 400.0  # mm: what an angle does to a touch beyond its lever is half of its square times this, at most
 ALONE = 0.4  # share of all touches without weight that lie in one indexation of which the angle is blamed
 TURNED = math.radians(0.002)  # rad: smaller angles of one indexation are seating
+EXPLAINS = 0.7  # share of the squares of an indexation that its angle takes away, or the terms lack something
 
 
 def common(result: Estimate) -> Iterator[Remark]:
@@ -318,6 +319,8 @@ def _indexations(result: Estimate) -> Iterator[Remark]:
                 continue
             angle = float(lever @ left / (lever @ lever))
             rest = float(np.abs(left - lever * angle).max())
+            if angle * float(lever @ left) < EXPLAINS * float(left @ left):
+                continue
             if rest < FITS * white + REACH * angle**2 / 2 and abs(angle) > TURNED and (best is None or rest < best[0]):
                 best = rest, axis, angle
         if best is None:
