@@ -116,7 +116,7 @@ def _interrupted(source: Path) -> None:
     """readings.csv → nothing. Raises InputError where there is only what an interrupted run has left."""
     left = source.with_name(f"{source.stem}.partial.csv")
     if not source.exists() and left.exists():
-        count = max(len(left.read_text(encoding="utf-8").splitlines()) - 1, 0)
+        count = max(len(left.read_bytes().splitlines()) - 1, 0)
         raise InputError(
             f"{source}: no such file; the run was interrupted, and {left.name} has its {count} touches: go on with "
             f"'tango run --resume', or look at what there is with --readings {left}"
