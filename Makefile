@@ -46,6 +46,7 @@ mutants: .venv/test.stamp
 	$(BIN)/python benchmarks/mutants.py $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT)) $(if $(PART),--part $(PART)) $(if $(MINUTES),--minutes $(MINUTES))
 
 # Effects hidden in simulated readings by the hundred, and the confusion matrix of what the diagnosis makes of them.
+# TANGO_STRATEGY=plan.yaml: the HU40T touches a plan of 'tango design' instead of its own 393 touches.
 blind: .venv/test.stamp
 	$(BIN)/python -m pytest tests/test_diagnose_blind.py tests/test_diagnose_outside.py -m campaign -s
 

@@ -20,9 +20,10 @@ from tango_cnc.design.candidates import candidates
 from tango_cnc.design.criterion import Criterion, State, swaps, value
 from tango_cnc.design.exchange import Draft
 from tango_cnc.design.here import bound_here
+from tango_cnc.design.in_a_row import without_each
 from tango_cnc.design.relaxed import Costs, Relaxed, efficiency, relax
 from tango_cnc.design.senses import ordered, senses_of
-from tango_cnc.design.spare import with_each
+from tango_cnc.design.spare import state_of, with_each
 from tango_cnc.design.timed import rows_of
 from tango_cnc.design.whole import whole
 from tango_cnc.design.worst import sharpened
@@ -138,10 +139,13 @@ def test_no_choice_of_touches_at_the_visits_of_a_plan_gets_below_its_bound(crite
 
 
 @pytest.mark.parametrize("criterion", [*CRITERIA, Criterion("worst", None, SPREAD[:4])], ids=lambda c: c.name)
-def test_what_one_more_touch_leaves_is_what_a_plain_recomputation_has(criterion: Criterion) -> None:
+def test_what_one_more_touch_leaves_and_one_less_is_what_a_plain_recomputation_has(criterion: Criterion) -> None:
     now = information(TOUCHES[:20])
+    state, phi = state_of(criterion, now), value(criterion, now)
     plain = [value(criterion, now + np.outer(row, row)) for row in TOUCHES[20:]]
-    assert with_each(criterion, now, TOUCHES[20:]) == pytest.approx(plain)
+    assert with_each(criterion, state, phi, TOUCHES[20:]) == pytest.approx(plain)
+    plain = [value(criterion, now - np.outer(row, row)) for row in TOUCHES[:20]]
+    assert without_each(criterion, state, phi, TOUCHES[:20]) == pytest.approx(plain)
 
 
 def test_after_exchanges_by_the_worst_no_swap_makes_the_worst_better() -> None:
@@ -236,6 +240,7 @@ def test_a_drawing_gives_the_facets_of_its_hull(binary: bool, tmp_path: Path) ->
 def test_a_body_that_is_none_is_refused(body: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert guarded(tango.main, ["design", "--facets", body, "-o", str(tmp_path / "a.yaml")], standalone_mode=False) == 2
     assert not list(tmp_path.iterdir())
+    assert "Did you mean" not in capsys.readouterr().err  # the word is right, or like none of them
 
 
 def test_a_relaxed_design_that_goes_on_from_another_ends_where_one_that_begins_anew_does() -> None:
@@ -274,6 +279,8 @@ def test_help_of_the_command_is_asked_for_often(capsys: pytest.CaptureFixture[st
 def test_a_number_that_is_none_is_refused(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert guarded(tango.main, ["design", "-C", str(tmp_path), option, "nan"], standalone_mode=False) == 2
     assert f"'{option}': nan is not in the range" in capsys.readouterr().err
+    assert guarded(tango.main, ["design", "-C", str(tmp_path), option, "five"], standalone_mode=False) == 2
+    assert f"'{option}': 'five' is not a number" in capsys.readouterr().err
 
 
 def bare(folder: Path) -> Path:

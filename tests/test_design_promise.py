@@ -11,10 +11,11 @@ import pytest
 
 from sim_controller.simulate import simulate
 from tango_cnc.commands.check import check
-from tango_cnc.design import goals, propose, timed
+from tango_cnc.design import goals, order, propose, timed
 from tango_cnc.design.balls import needed, unknowns
 from tango_cnc.design.problem import Chosen
 from tango_cnc.design.propose import Setting, Wish
+from tango_cnc.design.spare import used_up
 from tango_cnc.estimate import estimate
 from tango_cnc.features import bar_left_out, completing, loose
 from tango_cnc.files import read_cell, read_world
@@ -84,6 +85,24 @@ def test_touches_that_would_lose_a_ball_are_completed() -> None:
     assert set(facet[more]) == {"101"} and not (more & mask).any()
     assert set(choice.pose[more]) <= set(choice.pose[mask])
     assert not loose(choice.cell.artefact, facet[mask | more].tolist())
+
+
+@pytest.mark.long
+def test_seconds_that_are_left_over_go_into_touches_in_a_row() -> None:
+    cell, ready = given("trunnion", "locations", 5)
+    cell = replace(cell, strategy=replace(cell.strategy, approach=CLOSE))
+    own = timed.judged(ready.problem, cell, plan(cell, "leave-out"))
+    found = replace(own, problem=replace(ready.problem, seconds=own.seconds + 5.0))
+    again = order.again(ready.problem.choice.cell, ready.problem.feed)
+    more = used_up(found, again)
+    added = len(more.rows) - len(own.rows)
+    assert 2 <= added <= 5.0 / again and more.value < own.value
+    assert own.seconds < more.seconds <= own.seconds + 5.0
+    assert [(i.position, set(i.facets)) for i in more.cell.strategy.indexations] == [
+        (i.position, set(i.facets)) for i in cell.strategy.indexations
+    ]
+    compare(ready, more, read_world(EXAMPLES / "trunnion" / "world.yaml"))
+    assert used_up(replace(own, problem=replace(ready.problem, seconds=own.seconds + 0.1)), again).rows is own.rows
 
 
 def artefact() -> Artefact:

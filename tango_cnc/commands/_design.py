@@ -101,7 +101,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     if "certificate" in data:
         own = data["certificate"]
         lines.append(
-            f"no plan of this time with {own['seconds_per_facet']:.1f} s for {_facet(own['touches_in_a_row'])} and "
+            f"no plan of this time with {own['seconds_per_facet'] / own['touches_in_a_row']:.1f} s for a touch and "
             f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}, "
             f"not even with parts of a turn: efficiency {100 * own['efficiency']:.0f} %"
         )
@@ -141,10 +141,6 @@ def _known(value: float | None) -> str:
 def _clock(seconds: float) -> str:
     """s → '45 s', '2 min 12 s': a quarter of a minute is much of a short plan."""
     return spoken(seconds) if seconds < 90 else f"{round(seconds) // 60} min {round(seconds) % 60} s"
-
-
-def _facet(times: int) -> str:
-    return "a touch" if times == 1 else f"{times} touches of a facet"
 
 
 def _means(goal: str, value: float, unit: str) -> str:

@@ -32,6 +32,10 @@ class Finite(click.FloatRange):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """text → number. Raises click.BadParameter for one that is none, or outside."""
+        try:
+            value = float(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number.", param, ctx)
         found = super().convert(value, param, ctx)
         if not math.isfinite(found):
             self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)

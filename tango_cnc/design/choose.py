@@ -23,6 +23,7 @@ from .balls import needed
 from .criterion import parts, value
 from .exchange import Draft
 from .here import certified_here
+from .in_a_row import shared
 from .problem import Chosen, Problem, lighter
 from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
 from .senses import senses_of
@@ -77,7 +78,7 @@ def chosen(problem: Problem) -> Chosen:
             better, made = finer.value < GAIN * made.value, min(finer, made, key=lambda each: each.value)
             if not better:
                 break
-    return certified(used_up(made, again), _lifted(made.problem, relaxed))
+    return certified(used_up(shared(made, again), again), _lifted(made.problem, relaxed))
 
 
 def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:

@@ -42,8 +42,7 @@ def of_text(text: str, up: Sequence[float] = (0.0, 0.0, 1.0)) -> Artefact:
     if count is None or len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise InputError(
             f"--facets: found {text!r}; allowed: box:X0:X1,Y0:Y1,Z0:Z1, cylinder:RADIUS,Z0:Z1 or table:WIDTH,DEPTH in mm, "
-            f"or mesh:FILE.stl"
-            f"{suggestion(kind, KINDS)}"
+            f"or mesh:FILE.stl{suggestion(kind, KINDS) if count is None else ''}"
         )
     if kind == "table":
         numbers = [-numbers[0] / 2, numbers[0] / 2, -numbers[1] / 2, numbers[1] / 2, -80.0, 0.0]

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..plan import plan
 from ..records import Array, Indexation
-from .criterion import Criterion, State, value
+from .criterion import Criterion, State
 from .problem import Chosen
 from .timed import judged
 
@@ -40,10 +40,13 @@ def _more(found: Chosen, count: int) -> tuple[Indexation, ...]:
     """plan, how many touches more → its indexations with them."""
     place = {(touch.indexation, touch.facet): n for n, touch in enumerate(found.plan.touches)}
     keys, rows = list(place), found.rows[list(place.values())]
-    information, facets = found.information, [list(i.facets) for i in found.cell.strategy.indexations]
+    criterion, facets = found.problem.criterion, [list(i.facets) for i in found.cell.strategy.indexations]
+    state, now = state_of(criterion, found.information), found.value
     for _ in range(count):
-        best = int(np.argmin(with_each(found.problem.criterion, information, rows)))
-        information = information + np.outer(rows[best], rows[best])
+        worth = with_each(criterion, state, now, rows)
+        best = int(np.argmin(worth))
+        now = float(worth[best])
+        state.change(rows[best], 1)
         number, facet = keys[best]
         facets[number].insert(facets[number].index(facet), facet)
     return tuple(_of(i, own) for i, own in zip(found.cell.strategy.indexations, facets, strict=True))
@@ -53,13 +56,24 @@ def _of(indexation: Indexation, facets: Sequence[str]) -> Indexation:
     return replace(indexation, facets=tuple(facets))
 
 
-def with_each(criterion: Criterion, information: Array, rows: Array) -> Array:
-    """criterion, A (p, p), (n, p) touches → (n,) φ with each of them besides."""
+def state_of(criterion: Criterion, information: Array) -> State:
+    """criterion, A (p, p) → state that follows touches one by one; of the worst of many its covariance alone is used."""
+    return State.of(Criterion(criterion.name) if criterion.worst is not None else criterion, information)
+
+
+def with_each(criterion: Criterion, state: State, now: float, rows: Array, power: float = np.inf) -> Array:
+    """criterion, state, its φ, (n, p) touches → (n,) φ with each of them besides; `power`: of the norm of the many."""
     if criterion.worst is None:
-        state = State.of(criterion, information)
-        return np.asarray(value(criterion, information) - state.benefit(*state.seen(rows)))
-    covariance = np.linalg.inv(information)
-    aims = criterion.worst @ covariance
-    now = np.einsum("kp,kp->k", aims, criterion.worst)
-    leverage = np.einsum("np,np->n", rows @ covariance, rows)
-    return np.asarray((now[:, None] - (aims @ rows.T) ** 2 / (1 + leverage)).max(axis=0))
+        return np.asarray(now - state.benefit(*state.seen(rows)))
+    aims = criterion.worst @ state.covariance
+    variance = np.einsum("kp,kp->k", aims, criterion.worst)
+    leverage = np.einsum("np,np->n", rows @ state.covariance, rows)
+    return norm(variance[:, None] - (aims @ rows.T) ** 2 / (1 + leverage), power)
+
+
+def norm(variance: Array, power: float) -> Array:
+    """(k, n) variances, power → (n,) their norm by that power: a smooth stand-in for the worst of many, never below it."""
+    worst = variance.max(axis=0)
+    if np.isinf(power):
+        return np.asarray(worst)
+    return np.asarray(worst * np.sum((np.maximum(variance, 0.0) / worst) ** power, axis=0) ** (1 / power))
