@@ -162,15 +162,17 @@ def test_rates_are_learned_from_what_there_was(known: tuple[s.Frame, s.State], c
         true[slow] += rng.normal(0, 3e-4)
         value = rows @ true + rng.normal(scale=after.sigma, size=len(rows))
         nights.append((float(day), s.Seen(rows, value, what.touch[what.touch > 0], 20.0)))
-    learned = s.learn(followed, after, nights)
+    learned = s.learn(followed, after, nights).rates
     assert 1.5e-3 < np.sqrt(learned[fast]) < 5e-3
     assert np.sqrt(learned[slow]) < 1e-3
     assert np.all(learned[followed.wander == 0] == 0)
 
 
-def nights_of_a_quiet_machine(after: s.State, what: s.Seen, variance: np.ndarray, count: int) -> list[tuple[float, s.Seen]]:
-    """state, touches of a night, true variance a day → what was seen in so many nights."""
-    rng, keep, true = np.random.default_rng(9), what.touch > 0, after.mean.copy()
+def nights_of_a_quiet_machine(
+    after: s.State, what: s.Seen, variance: np.ndarray, count: int, seed: int = 9
+) -> list[tuple[float, s.Seen]]:
+    """state, touches of a night, true variance a day, how many nights → what was seen in them."""
+    rng, keep, true = np.random.default_rng(seed), what.touch > 0, after.mean.copy()
     rows, found = what.rows[keep], []
     for day in range(1, count + 1):
         true = true + rng.normal(size=len(true)) * np.sqrt(variance)
@@ -202,12 +204,48 @@ def test_a_machine_quieter_than_the_first_idea_is_found_to_be_so(known: tuple[s.
     what = s.seen(followed, read(cell, truth, 15, 4), after.mean, 20.0)
     share = np.array([{"location": 0.6, "angle": 0.6, "gain": 0.4, "backlash": 0.9}.get(f, 0.0) for f in followed.families])
     true = followed.wander * share**2
-    learned = s.learn(followed, after, nights_of_a_quiet_machine(after, what, true, 20))
+    learned = s.learn(followed, after, nights_of_a_quiet_machine(after, what, true, 20)).rates
     for family in ("location", "angle", "gain", "backlash"):
         own = np.array([f == family for f in followed.families])
         assert 0.5 < np.sqrt(learned[own].mean() / true[own].mean()) < 1.6, family
     points = np.array([f == "table" for f in followed.families])
     assert np.all(learned[points] < 0.3 * followed.wander[points])  # facets lie where they lay
+
+
+def test_nights_to_come_are_as_far_from_learned_rates_as_learning_says(
+    known: tuple[s.Frame, s.State], cell: Cell, truth: World
+) -> None:
+    """Machines of half the first idea; rates from ten nights. The next forty lie from them as far as the ten say, once what was
+    fitted is paid for; the ten themselves lie nearer, and nights judged with the first idea much nearer.
+    """
+    followed, after = known
+    what = s.seen(followed, read(cell, truth, 15, 8), after.mean, 20.0)
+    count, told, paid, later, before = int(np.sum(what.touch > 0)), [], [], [], []
+    for seed in range(4):
+        nights = nights_of_a_quiet_machine(after, what, followed.wander / 4, 50, seed)
+        learned = s.learn(followed, after, nights[:10])
+        total, dof = learned.agreement([count] * 10, [(0.0, 0.0)] * 10) or (0.0, 0.0)
+        assert dof == 10 * count
+        paid.append(total / dof)
+        told.append(learned.squares.mean() / count)
+        every = rates._nights(after, nights, ())
+        later.append(rates._gain(after, every, learned.rates).squares[10:].mean() / count)
+        before.append(rates._gain(after, every, after.rates).squares[:10].mean() / count)
+    assert abs(np.mean(paid) / np.mean(later) - 1) < 0.04  # 400 touches a machine: 4 %
+    assert np.mean(told) < np.mean(paid) < 1.1
+    assert np.mean(before) < 0.9 * np.mean(later)
+
+
+def test_an_alarm_says_nothing_of_how_far_quiet_nights_lie(known: tuple[s.Frame, s.State], cell: Cell, truth: World) -> None:
+    followed, after = known
+    what = s.seen(followed, read(cell, truth, 15, 8), after.mean, 20.0)
+    nights = nights_of_a_quiet_machine(after, what, followed.wander / 4, 8)
+    learned = s.learn(followed, after, nights, (3, 7))
+    assert [int(n) for n in np.flatnonzero(np.isnan(learned.squares))] == [3, 4, 7]  # a night after an alarm sees what it opened
+    total, dof = learned.agreement([100] * 8, [(20.0, 25.0)] * 8) or (0.0, 0.0)
+    assert dof == 5 * 75
+    assert total == pytest.approx(np.nansum(learned.squares) - 5 * 20.0 + 2 * learned.fitted)
+    assert s.learn(followed, after, nights[:2]).agreement([100] * 2, [(20.0, 25.0)] * 2) is None
 
 
 @pytest.mark.long

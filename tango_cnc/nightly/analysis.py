@@ -345,14 +345,18 @@ class Nights:
         begin = matched(restored(*parts.three(knowledge), records[nights[0].entry]["state"]), self.followed)
         begin = replace(begin, sigma=sigma_of(after), noise=(0.0, 0.0), agreement=(0.0, 0.0), rates=after.rates.copy())
         seen_then: list[tuple[float, Seen]] = []
-        opened = []
+        noise, opened = [], []
         for place, night in enumerate(nights[1:]):
             record = records[night.entry]
             what = self._then(readings[night.entry], after)
             seen_then.append((record["state"]["day"], what.without(record.get("outliers", ()))))
+            rest = record.get("residual") or {"std_um": 0.0, "dof": 0}
+            noise.append(((rest["std_um"] / 1e3 / begin.sigma) ** 2 * rest["dof"], float(rest["dof"])))
             if night.alarms:
                 opened.append(place)
-        return replace(after, rates=learn(self.followed, begin, seen_then, opened)), len(nights), 0
+        found = learn(self.followed, begin, seen_then, opened)
+        agreement = found.agreement([len(what.value) for _, what in seen_then], noise) or after.agreement
+        return replace(after, rates=found.rates, agreement=agreement), len(nights), 0
 
     def _then(self, readings: str, after: State) -> Seen:
         """text of the readings of an earlier night, state of tonight → what those touches say.

@@ -38,7 +38,7 @@ class State:
     sigma: float  # mm, of a touch
     reference: float | None = None  # °C at which temperature counts as zero
     noise: tuple[float, float] = (0.0, 0.0)  # sum of squares mm², degrees of freedom: what σ is learned from
-    agreement: tuple[float, float] = (0.0, 0.0)  # sum of the statistics of quiet nights, their degrees of freedom
+    agreement: tuple[float, float] = (0.0, 0.0)  # sum of the statistics of quiet nights under these rates, their degrees of freedom
 
     @property
     def covariance(self) -> Array:

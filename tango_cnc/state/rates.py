@@ -36,6 +36,7 @@ class _Night(NamedTuple):
     value: Array
     days: float  # since the night before
     opened: bool
+    rest: float  # sum of squares that no unknown can take away
 
 
 class _Gain(NamedTuple):
@@ -44,15 +45,37 @@ class _Gain(NamedTuple):
     likelihood: float
     slope: Array
     curve: Array
+    squares: Array  # (n,) of the innovations of each night
 
 
-def learn(followed: Frame, begin: State, nights: Sequence[tuple[float, Seen]], opened: Sequence[int] = ()) -> Array:
-    """frame, state before the first night, (day, what was seen) of each, places of alarms → (p,) variance a day.
+class Learned(NamedTuple):
+    """How fast the unknowns wander, and how far the nights that say so lie from what these rates predict of them."""
+
+    rates: Array  # (p,) variance a day
+    squares: Array  # (n,) of the innovations of each night, in standard deviations of a touch; NaN: an alarm, a night after one
+    fitted: float = 0.0  # rates that the nights decide and not the first idea
+
+    def agreement(self, touches: Sequence[int], noise: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+        """(n,) touches of each night, (n,) squares and degrees of freedom of what no unknown took away → statistics of quiet
+        nights had they been predicted with these rates, their degrees of freedom; None where nothing was learned.
+
+        Nights that rates were fitted to lie nearer to them than the next ones will, by two squares a rate (Akaike 1974).
+        """
+        quiet = np.isfinite(self.squares)
+        if not quiet.any():
+            return None
+        rest = np.asarray(noise)[quiet]
+        statistic = float(np.sum(self.squares[quiet] - rest[:, 0])) + 2 * self.fitted
+        return max(statistic, 0.0), max(float(np.sum(np.asarray(touches)[quiet] - rest[:, 1])), 0.0)
+
+
+def learn(followed: Frame, begin: State, nights: Sequence[tuple[float, Seen]], opened: Sequence[int] = ()) -> Learned:
+    """frame, state before the first night, (day, what was seen) of each, places of alarms → (p,) variance a day, (n,) squares.
 
     Of what was seen, single touches that fit nothing have been taken out. The search begins at the rates of the state.
     """
     if len(nights) - len(opened) < 3:
-        return begin.rates.copy()
+        return Learned(begin.rates.copy(), np.full(len(nights), np.nan))
     alive = (followed.wander > 0) | (begin.std > 10 * CLOSED)  # the others are not followed yet
     names = tuple(n for n, lives in zip(begin.names, alive, strict=True) if lives)
     learned, whole = begin.rates.copy(), begin
@@ -67,7 +90,7 @@ def learn(followed: Frame, begin: State, nights: Sequence[tuple[float, Seen]], o
     factors = _factors(np.log(begin.rates[own] / first), spread, weight)
     told = _nights(begin, nights, opened)
     best, best_value, step = factors, -np.inf, np.zeros(len(factors))
-    slope, curve = np.zeros(len(own)), np.ones(len(own))
+    slope, curve, squares = np.zeros(len(own)), np.ones(len(own)), np.full(len(nights), np.nan)
     for _ in range(ROUNDS):
         rates = begin.rates.copy()
         rates[own] = first * np.exp(np.clip(spread @ factors, np.log(LEAST), np.log(MOST)))
@@ -76,7 +99,7 @@ def learn(followed: Frame, begin: State, nights: Sequence[tuple[float, Seen]], o
         if value < best_value:  # too long a step
             step = step / 4
         else:
-            best, best_value, slope, curve = factors, value, gain.slope[own], gain.curve[own]
+            best, best_value, slope, curve, squares = factors, value, gain.slope[own], gain.curve[own], gain.squares
             bend = spread.T @ (curve[:, None] * spread) + np.diag(weight)
             step = linalg.solve(bend, spread.T @ slope - weight * factors, assume_a="pos")
             step = step * min(1.0, LONGEST / max(float(np.max(np.abs(spread @ step))), 1e-9))
@@ -85,7 +108,10 @@ def learn(followed: Frame, begin: State, nights: Sequence[tuple[float, Seen]], o
         if float(np.max(moved**2 * (curve + OWN**-2))) < SETTLED**2:
             break
     learned[np.flatnonzero(alive)[own]] = first * np.exp(np.clip(spread @ best, np.log(LEAST), np.log(MOST)))
-    return learned
+    bend = spread.T @ (curve[:, None] * spread)
+    fitted = float(np.trace(linalg.solve(bend + np.diag(weight), bend, assume_a="pos")))
+    squares[[place + 1 for place in opened if place + 1 < len(nights)]] = np.nan  # what an alarm had opened is first seen then
+    return Learned(learned, squares, fitted)
 
 
 def _factors(logs: Array, spread: Array, weight: Array) -> Array:
@@ -98,10 +124,11 @@ def _nights(begin: State, nights: Sequence[tuple[float, Seen]], opened: Sequence
     sigma, day, told = sigma_of(begin), begin.day, []
     for place, (when, what) in enumerate(nights):
         rows, value = what.rows / sigma, what.value / sigma
+        rest = 0.0
         if len(rows) > rows.shape[1]:
             both = triangle(np.column_stack([rows, value]))
-            rows, value = both[:-1, :-1], both[:-1, -1]
-        told.append(_Night(rows, value, max(when - day, 0.0), place in opened))
+            rows, value, rest = both[:-1, :-1], both[:-1, -1], float(both[-1, -1] ** 2)
+        told.append(_Night(rows, value, max(when - day, 0.0), place in opened, rest))
         day = max(when, day)
     return told
 
@@ -110,7 +137,7 @@ def _gain(begin: State, nights: Sequence[_Night], rates: Array) -> _Gain:
     """state before the first night, touches of the nights, (p,) rates → what the likelihood says of them."""
     mean, spread = begin.mean, np.asfortranarray(begin.covariance)
     p = len(mean)
-    likelihood, kept = 0.0, []
+    likelihood, kept, squares = 0.0, [], []
     for night in nights:
         spread = spread.copy(order="K")
         # What changed at once is let in, and says nothing of wandering.
@@ -124,6 +151,7 @@ def _gain(begin: State, nights: Sequence[_Night], rates: Array) -> _Gain:
         root = np.linalg.cholesky(size)
         white = solved(np.asarray(root, dtype=float), both)
         ahead, rows, seen = white[:, 0], white[:, 1 : p + 1], white[:, p + 1 :]
+        squares.append(np.nan if night.opened else float(ahead @ ahead) + night.rest)
         likelihood -= 0.5 * float(ahead @ ahead) + float(np.sum(np.log(np.diag(root))))
         mean = mean + seen.T @ ahead
         spread = spread - seen.T @ seen
@@ -142,4 +170,4 @@ def _gain(begin: State, nights: Sequence[_Night], rates: Array) -> _Gain:
         share, own = rates * night.days, np.diag(sure)
         slope += 0.5 * share * (back**2 - own)
         curve += 0.5 * share * own  # between what all steps would say if they were seen, and what single ones say
-    return _Gain(likelihood, slope, np.maximum(curve, 0.0))
+    return _Gain(likelihood, slope, np.maximum(curve, 0.0), np.array(squares))
