@@ -359,7 +359,8 @@ def test_rates_are_learned_anew_after_so_many_nights_and_not_every_night(root: P
     few = replace(cell, strategy=replace(cell.strategy, indexations=cell.strategy.indexations[::8]))
     monkeypatch.setattr(analysis, "LEARNED_EVERY", 4)
     monkeypatch.setattr(analysis, "LEARNED_FROM", 4)  # full from the fifth night on
-    monkeypatch.setattr(analysis, "learn", lambda followed, begin, nights, opened: begin.rates)
+    nothing = lambda followed, begin, nights, opened: rates.Learned(begin.rates, np.full(len(nights), np.nan))  # noqa: E731
+    monkeypatch.setattr(analysis, "learn", nothing)
     with opened("sqlite://") as history:
         records = [r for r, _ in nights(few, truth, history, 10, 0, Story(), Nightly(diagnose=False))]
     assert [i for i, r in enumerate(records, 1) if r["state"]["since_learned"] == 0 and i > 1] == [5, 9]
