@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -288,11 +289,15 @@ def strip(nights: Sequence[tuple[str, str, str]], label: str, t: Texts) -> Marku
         f'width="{max(wide * len(nights), wide):g}" height="16" role="img" aria-label="{svg.escape(label)}">'
     ]
     for i, (date, verdict, _) in enumerate(nights):
-        x = wide * i + wide / 2
-        word = t(f"morning.{verdict}") if f"morning.{verdict}" in t else verdict.replace("_", " ")
-        tip = f"<title>{svg.escape(day(date, t))}: {svg.escape(word)}</title>"
-        parts.append(f"<g>{tip}{_sign(verdict, x)}</g>")
+        parts.append(f"<g>{_tip(date, verdict, t)}{_sign(verdict, wide * i + wide / 2)}</g>")
     return Markup("".join([*parts, "</svg>"]))
+
+
+@lru_cache(4096)
+def _tip(date: str, verdict: str, t: Texts) -> str:
+    """date, verdict, texts → what a sign says of itself; two hundred machines have the same thirty dates."""
+    word = t(f"morning.{verdict}") if f"morning.{verdict}" in t else verdict.replace("_", " ")
+    return f"<title>{svg.escape(day(date, t))}: {svg.escape(word)}</title>"
 
 
 def _sign(verdict: str, x: float) -> str:

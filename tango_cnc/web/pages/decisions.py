@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from starlette.requests import Request
@@ -12,7 +13,7 @@ from starlette.routing import Route
 from ...history import ACTIONS, Decision
 from ...records import InputError
 from ...report.faults import size_of, still_open
-from ..app import machine_of, needs, page, proven, state_of
+from ..app import State, machine_of, needs, page, proven, state_of
 from .fleet import answer_of, faults_of, made_up
 
 NOTE = 500  # characters
@@ -26,8 +27,13 @@ def decisions(request: Request) -> Response:
     return page(request, "decisions.html", said="", **_values(request))
 
 
-def _values(request: Request) -> dict[str, Any]:
+def _values(request: Request) -> Mapping[str, Any]:
+    """→ what the page shows to everybody alike; kept as long as the list of machines is."""
     state = state_of(request)
+    return state.places.kept("alarms", lambda: _read(state))
+
+
+def _read(state: State) -> dict[str, Any]:
     waiting: list[dict[str, Any]] = []
     past: list[dict[str, Any]] = []
     for row in state.places.fleet():

@@ -111,8 +111,12 @@ def _urgent(r: Mapping[str, Any]) -> tuple[int, str]:
     return min(order[r["may"]], 2 if r["late"] else 4), r["name"]
 
 
-def faults_of(row: Row, state: State) -> list[dict[str, Any]]:
+def faults_of(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
     """row of the fleet, state → what is wrong with the machine, as its own page has it: each cause once, the largest first."""
+    return state.places.kept(f"faults {row.machine.slug}", lambda: _faults(row, state))
+
+
+def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
     history, name, record = row.machine.history, row.machine.name, row.record or {}
     s, known = row.standing, row.before or record
     told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind"))
@@ -121,7 +125,7 @@ def faults_of(row: Row, state: State) -> list[dict[str, Any]]:
     today = datetime.now().astimezone().strftime("%Y-%m-%d")
     alarms, decisions = unclosed(history, name, today)
     asked = {**record, "owner": record.get("owner") or state.places.owner(row.machine)}
-    axes, written = state.places.geometry(row.machine), written_of(row.machine)
+    axes, written = state.places.geometry(row.machine), written_of(state, row.machine)
     return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, written)
 
 

@@ -21,7 +21,7 @@ from ...report.morning import LEVELS, context, last_within, last_written, never_
 from ...report.plain import plain
 from ...report.repeated import shortened
 from ...report.units import Units
-from ..app import machine_of, needs, page, state_of
+from ..app import State, machine_of, needs, page, state_of
 from ..live import Run, journals, minutes_left, quiet
 from ..places import STRIP, Machine, told
 from ..places import measured_before as before
@@ -61,7 +61,7 @@ def machine(request: Request) -> Response:
             within=last_within(every),
             never=never_within(every),
             volumes=volumes_of(state.places.nights(found, ANOTHER)),
-            written=written_of(found),
+            written=written_of(state, found),
             busy=values["busy"],
             now=datetime.now(UTC),
         )
@@ -106,12 +106,15 @@ def _unclosed(request: Request, machine: Machine) -> tuple[Any, Any]:
     return state_of(request).places.kept(f"unclosed {machine.slug}", read)
 
 
-def written_of(machine: Machine) -> str:
-    """machine → date on which a compensation was last written; '' where none was."""
-    history = machine.history
-    if history is None or machine.name not in history.machines():
-        return ""
-    return last_written(compensations(history, machine.name))
+def written_of(state: State, machine: Machine) -> str:
+    """what pages share, machine → date on which a compensation was last written; '' where none was."""
+    history, name = machine.history, machine.name
+
+    def read() -> str:
+        known = () if history is None else state.places.kept(f"names {id(history)}", history.machines)
+        return last_written(compensations(history, name)) if history is not None and name in known else ""
+
+    return state.places.kept(f"written {machine.slug}", read)
 
 
 def run_of(request: Request, machine: Machine) -> Run | None:

@@ -37,7 +37,7 @@ def night(request: Request) -> Response:
         volumes=volumes_of(nights),
         machine=state.places.geometry(found),
         owner=state.places.owner(found),
-        written=written_of(found),
+        written=written_of(state, found),
         now=now,
         newer=place,
     )
