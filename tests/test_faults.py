@@ -167,8 +167,9 @@ def test_dates_are_said_as_people_say_them() -> None:
         told = day(f"2026-02-{number:02d}", t)
         assert told == date(2026, 2, number).strftime("%a ") + f"{number} Feb 2026"
     assert day("never", t) == "never"
-    assert [ended(f"2026-11-{d}Z", t, now).rpartition(", ")[2] for d in ("23T05:30:00", "23T02:00:00", "20T06:00:00")] == [
-        *("30 min ago", "4 h ago", "3 days ago")
+    moments = ("23T05:30:00", "23T02:00:00", "20T06:00:00", "12T18:00:00")  # the last: ten days and a half
+    assert [ended(f"2026-11-{d}Z", t, now).rpartition(", ")[2] for d in moments] == [
+        *("30 min ago", "4 h ago", "3 days ago", "10 days ago")
     ]
     assert "ago" not in ended("2026-11-23T02:00:00Z", t) and ended("", t, now) == ""
     assert "4 h ago" in context(night("M", 0), (), None, t, now=datetime(2026, 10, 24, 6, 4, tzinfo=UTC))["ended"]

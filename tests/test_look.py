@@ -47,7 +47,7 @@ def test_every_text_belongs_to_a_reason_of_the_program() -> None:
 def test_the_page_the_mail_and_the_record_say_it(tmp_path: Path) -> None:
     """Also after a way through the history, where a sentence is kept with its key."""
     record = night("HU40T-like", 1, "doubtful", plausible={"verdict": "implausible", "reasons": [FEW, CHIP]}, owner="Ann")
-    wanted = "Look at that face: a chip, a drop of coolant, a burr. Clean it. Feel whether its fixture is loose."
+    wanted = "Look at that facet: a chip, a drop of coolant, a burr. Clean it. Feel whether its fixture is loose."
     page = morning.render(record).partition("For the engineer")[0]
     assert wanted in page and page.index(wanted) < page.index("Run the full measurement after that.")
     assert wanted in message({**record, "carried": False}, (), ())[1]

@@ -117,3 +117,13 @@ def test_every_sentence_of_a_row_ends(tmp_path: Path) -> None:
     assert all("Still there: +20 µm. " in text for text in seen.values())
     doubt = night(NAME, 1, "doubtful", headline="the readings are not to be relied on: 9 of 74 touches do not fit")
     assert "9 of 74 touches do not fit. " in pages(cell(tmp_path / "two", records=[night(NAME, 0), doubt]))["/"]
+
+
+def test_an_error_just_within_its_limit_does_not_look_like_the_limit(tmp_path: Path) -> None:
+    """59.7 µm beside 60 µm would both be 60; a sentence on the first screen ends."""
+    limit = {"what": "volume", "value": 59.7, "low": 59.0, "high": 59.9, "limit": 60.0, "unit": "µm", "passed": True}
+    partial = {"status": "partial", "touches": 58, "planned": 84, "why": "the door was opened"}
+    seen = pages(cell(tmp_path / "one", records=[night(NAME, 0), night(NAME, 1, limits=[limit], **partial)]))
+    for path in ("/", f"/machine/{NAME}"):
+        assert "Largest error at the tool tip: 59.7 µm, 60 µm allowed" in seen[path], path
+    assert "The door was opened. " in seen[f"/machine/{NAME}"]

@@ -275,6 +275,14 @@ def test_files_are_offered_and_nothing_else(site: TestClient, folder: Path) -> N
         assert site.get(f"/machine/HU40T-like/files/{name}").status_code == 404, name
 
 
+def test_a_run_says_when_it_began_as_every_other_page_says_a_date(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[])
+    Recorded(place).begin()
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
+        text = client.get("/machine/HU40T-like/run").text
+    assert re.search(r"started Mon 23 Nov 2026, \d\d:\d\d", text) and "2026-11-23" not in text.partition("<details")[0]
+
+
 def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one", records=[])
     with TestClient(create(Settings((folder,))), base_url=HOST) as site:

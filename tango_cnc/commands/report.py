@@ -221,10 +221,12 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
         complete = next((x for x in lately if x.status == "complete"), None)
         since = complete.night if complete is not None else t("web.never")
         old = complete is None or datetime.fromisoformat(complete.start_utc) < now - timedelta(hours=settings.late_hours)
-        cause = "" if not found else str(found[0]["text"])
+        cause, owner = (str(found[0]["text"]), str(found[0]["owner"] or "")) if found else ("", "")
         open_ones, soon = len(still_open(found)), ahead(before or record, volumes_of(lately), today)
         said = record.get("headline") or n.headline
-        return Nights(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon)
+        return Nights(
+            n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner
+        )
 
 
 def _measured_before(history: History, machine: str, newest: Night) -> Mapping[str, Any] | None:

@@ -36,7 +36,7 @@ def ended(utc: object, t: Texts, now: datetime | None = None) -> str:
     if now is None or now < moment:
         return told
     hours = (now - moment).total_seconds() / 3600
-    key, count = ("minutes", hours * 60) if hours < 1 else ("hours", hours) if hours < 48 else ("days_ago", hours / 24)
+    key, count = ("minutes", hours * 60) if hours < 1 else ("hours", hours) if hours < 48 else ("days_ago", hours // 24)
     return f"{told}, {t(f'date.{key}', count=f'{count:.0f}')}"
 
 

@@ -89,6 +89,7 @@ class Nights:
     late: str = ""  # date since when a complete night is missing
     cause: str = ""  # what is wrong first, as a sentence
     ahead: Ahead | None = None  # how soon the machine is at its limit
+    owner: str = ""  # who has what is wrong first, or is asked about it
 
     def answer(self, u: Units, t: Texts, machine: Machine) -> Answer:
         """units, texts, machine → whether parts may be made, as on the page of the machine."""
@@ -382,7 +383,8 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
         age=t(f"check.nights_{age}", date=at(f.paper.measured, t)),
     )
     newer = "_newer" if age == "newer" else ""
-    todo = t(f"todo.nights{newer}", owner=f.paper.owner) if f.paper.owner else t(f"todo.nights{newer}_nobody")
+    owner = n.owner or f.paper.owner
+    todo = t(f"todo.nights{newer}", owner=owner) if owner else t(f"todo.nights{newer}_nobody")
     told = n.answer(f.wishes.units, t, f.cell.machine)
     tone = LEVELS[told.may]
     return [Check("nights", level, word, text, todo, trust=False, said=f"verdict.nights_{age}", tone=tone, label=told.word)]

@@ -14,7 +14,7 @@ from ..records import InputError, Machine
 from . import svg
 from .answer import Answer, answer, measuring
 from .days import day, ended, local_day
-from .faults import alarm, answered, begun, faults, sentence, still_open
+from .faults import alarm, answered, begun, faults, sentence, still_open, whole_sentence
 from .look import looks
 from .pace import ahead
 from .plain import amount, office, plain, shop, value_text
@@ -115,7 +115,7 @@ def context(
             **record,
         },
         "sentence": lambda text: sentence(t.of(text or ""), u),
-        "plain": lambda text: shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t),
+        "plain": lambda text: whole_sentence(shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t)),
         "office": _office(record, found, t),
         "day": lambda text, year=True: day(text, t, year),
         "ended": ended(record.get("end_utc"), t, now),

@@ -7,12 +7,13 @@ import threading
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from pathlib import Path
 
 from ..link.entries import Again, Begun, Doubted, End, Entry, Reading, Segment, by_no_machine
 from ..link.journal import read_journal
 from ..records import Cell
+from ..report.days import at
+from ..report.texts import Texts
 
 
 @dataclass(frozen=True)
@@ -113,9 +114,6 @@ def _facets(cell: Cell | None) -> dict[int, str]:
     return dict(enumerate(every, 1))
 
 
-def title(run: Run) -> str:
-    """run → its date and time for people."""
-    try:
-        return datetime.fromisoformat(run.started).astimezone().strftime("%Y-%m-%d %H:%M %Z")
-    except ValueError:
-        return run.file.name
+def title(run: Run, t: Texts) -> str:
+    """run, texts → when it began, as people say it; the name of its file where that is not known."""
+    return at(run.started, t) if run.started else run.file.name

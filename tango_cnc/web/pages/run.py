@@ -44,7 +44,7 @@ def run(request: Request) -> Response:
         run=chosen,
         step=Markup(step),
         listed=listed,
-        heading=title(chosen) if chosen else "",
+        heading=title(chosen, state.texts) if chosen else "",
         silent=None if chosen is None else quiet(chosen, time.time()),
         texts=state.texts,
     )
