@@ -269,12 +269,11 @@ def affine(chain: Chain, position: Array) -> tuple[Array, Array, Array]:
     columns = list(chain.linear_columns)
     base = np.array(position, dtype=float)
     base[:, columns] = 0.0
-    origin = tip(chain, base)
-    jacobian = np.empty((len(base), 3, 3))
+    moved = np.stack([base] * (1 + len(columns)))
     for i, column in enumerate(columns):
-        moved = base.copy()
-        moved[:, column] = 1.0
-        jacobian[:, :, i] = tip(chain, moved) - origin
+        moved[1 + i, :, column] = 1.0
+    origin, *ends = tip(chain, moved)
+    jacobian = np.stack([end - origin for end in ends], axis=-1)
     return base, origin, jacobian
 
 

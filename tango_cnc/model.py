@@ -183,10 +183,10 @@ def with_levers(model: Model, values: Array) -> tuple[Array, Array, Mapping[Slot
     value = _direct(value, acting)
     one = np.ones(len(touches))
     levers = {GAP: one, RADIUS: -one, **kinematics.sensitivity(touches.chain, run, gradient).slots}
-    jacobian = np.zeros((len(model.names), len(touches))).T
-    count = len(model.coefficients)
+    columns = np.zeros((len(model.names), len(touches)))
+    jacobian, count = columns.T, len(model.coefficients)
     if count:
-        jacobian[:, :count] = (np.array([levers[slot] for slot in model.slots])[model.by_slot[3]] * model.regressors).T
+        np.multiply(np.array([levers[slot] for slot in model.slots])[model.by_slot[3]], model.regressors, out=columns[:count])
     row = np.flatnonzero(touches.facet_index >= 0)
     along = np.sum(gradient[row] * touches.normal[row], axis=-1)
     jacobian[row, count + touches.facet_index[row]] = -along

@@ -166,7 +166,10 @@ class Touches:
         What a plan can see is decided there: at the real positions, 0.1 mm away, an exact dependence looks like a faint one.
         """
         tip = self.point + self.radius[:, None] * self.normal
-        return replace(self, position=kinematics.inverse(self.chain, self.position, tip))
+        same = replace(self, position=kinematics.inverse(self.chain, self.position, tip))
+        for name in ("facets", "balls", "facet_index", "ball_index", "curved", "radius"):  # what the position has no part in
+            same.__dict__[name] = getattr(self, name)
+        return same
 
     @cached_property
     def seen(self) -> Sensitivity:

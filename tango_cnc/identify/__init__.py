@@ -5,11 +5,12 @@ it moves every touch exactly as they do and is left out. What a subset word such
 same way on a rich plan: random poses over the whole travel, every direction, a scale bar.
 """
 
-from .rank import columns, condition_number, independent, scaled_condition_number
+from .rank import CLEAR, columns, condition_number, independent, scaled_condition_number
 from .selection import SUBSETS, Selection, rich_plan, select, subset_terms
 from .words import describe, summary
 
 __all__ = [
+    "CLEAR",
     "SUBSETS",
     "Selection",
     "columns",

@@ -16,6 +16,7 @@ from ..terms import GAP, error_motion
 # 5e-7 where points are given to 1e-6 mm. At 2e-5 a touch of 0.7 µm would leave more than a millimetre undecided.
 TOLERANCE = 2e-5
 NOISE = 1e-11  # of the column itself: less is rounding
+CLEAR = 1e-4  # of the column itself: as much is known to a part in a million from the normal equations, too
 # mm at the longest lever: what would be known to no better than this is not seen. The model is curved; a standard deviation of
 # half a millimetre on a machine of 300 mm already bends by as much as a touch scatters.
 BLURRED = 0.5
@@ -34,7 +35,7 @@ def columns(model: Model) -> tuple[Array, Array]:
     _, rows, _ = known(model, start)
     touches = model.touches
     turns = [lever for slot, lever in levers.items() if slot != GAP and _turns(slot, touches.machine)]
-    longest = max(float(np.max(np.abs(lever))) for lever in turns)
+    longest = float(np.max(np.abs(turns)))
     could = np.full(len(model.names), math.sqrt(len(touches)))
     size = _own_sizes(model)
     turning = np.array([_turns(slot, touches.machine) for slot in model.slots])[model.by_slot[3]]
@@ -74,12 +75,18 @@ def independent(matrix: Array, could: Array, tolerance: float = TOLERANCE) -> tu
     Gram–Schmidt with one re-orthogonalisation (Giraud et al. 2005): unpivoted QR would let the rounding noise of a
     dependent column push out the columns behind it.
     """
-    scale = np.linalg.norm(matrix, axis=0)
+    normal = matrix.T @ matrix
+    scale = np.sqrt(np.diag(normal))
     scale = np.where(scale > 0, scale, 1.0)
-    reduced: Array = matrix / scale
     first = 0  # columns before it stand on their own by the diagonal of the triangle already
     if matrix.shape[0] > matrix.shape[1]:
-        reduced = np.asarray(np.linalg.qr(reduced, mode="r"))
+        # The normal equations square what is ill-conditioned, and cost a fifth: far from the limit they are good enough.
+        root, failed = linalg.lapack.dpotrf(normal / scale / scale[:, None])
+        if not failed and np.all(np.diag(root) > np.maximum(CLEAR, 10 * tolerance * could / scale)):
+            return list(range(matrix.shape[1])), {}
+    reduced: Array = np.asfortranarray(matrix) / scale
+    if matrix.shape[0] > matrix.shape[1]:
+        reduced = np.triu(linalg.lapack.dgeqrf(reduced, lwork=64 * reduced.shape[1])[0][: reduced.shape[1]])
         size = np.abs(np.diag(reduced))
         first = int(np.argmin(np.append((size * scale > tolerance * could) & (size > NOISE), False)))
     count = reduced.shape[1]
@@ -138,11 +145,11 @@ def blurred(model: Model, matrix: Array, could: Array, wanted: set[str]) -> dict
     sigma = max(model.touches.machine.probe.repeatability, FINEST)
     count = len(model.touches)
     matrix[count:] *= (sigma / known(model, np.zeros(len(model.names)))[2])[:, None]
-    scale = np.linalg.norm(matrix, axis=0)
+    normal = matrix.T @ matrix
+    scale = np.sqrt(np.diag(normal))
     reach = sigma * could / math.sqrt(count) / scale
-    # The normal equations square what is ill-conditioned, and cost a quarter: far from the limit they are good enough.
-    normal, failed = linalg.lapack.dpotrf((matrix / scale).T @ (matrix / scale))
-    if not failed and np.max(np.sqrt(np.diag(linalg.lapack.dpotri(normal)[0])) * reach) < BLURRED / 2:
+    first, failed = linalg.lapack.dpotrf(normal / scale / scale[:, None])  # good enough far from the limit, as in `independent`
+    if not failed and np.max(np.sqrt(np.diag(linalg.lapack.dpotri(first)[0])) * reach) < BLURRED / 2:
         return {}
     root = np.asarray(np.linalg.qr(matrix / scale, mode="r"))
     power = [int(m[3]) if (m := error_motion.PATTERN.fullmatch(name)) else 0 for name in model.names]
