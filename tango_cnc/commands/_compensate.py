@@ -9,9 +9,11 @@ from pathlib import Path
 from ..compensate import targets
 from ..compensate.proposal import Proposal
 from ..compensate.trial import Verdict
-from ..files.checked import load, suggestion
+from ..files.checked import load
 from ..records import InputError, Machine
 from ._common import table
+
+WORTH_IT = 0.98  # of what a control leaves: programs that leave as much, but for the scatter of the draws, take nothing away
 
 
 def volume_of(text: str | None, machine: Machine) -> dict[str, tuple[float, float]]:
@@ -27,8 +29,8 @@ def volume_of(text: str | None, machine: Machine) -> dict[str, tuple[float, floa
             values = (math.nan, math.nan)
         if name.strip() not in axes or not values[0] < values[1]:
             raise InputError(
-                f"--volume: found {part!r}; allowed: AXIS=LOW:HIGH,… in mm and degrees, e.g. X=-100:100,{axes[-1]}=-90:90"
-                f"{suggestion(name.strip(), axes)}"
+                f"--volume: found {part!r}; allowed: AXIS=LOW:HIGH,… in mm and degrees, LOW below HIGH, with the axes "
+                f"{' '.join(axes)}, e.g. X=-100:100,{axes[-1]}=-90:90"
             )
         scale = 1.0 if name.strip() in machine.linear else math.pi / 180
         result[name.strip()] = (values[0] * scale, values[1] * scale)
@@ -80,6 +82,7 @@ def text(proposal: Proposal) -> str:
         assert isinstance(f, Figure)
         return [name, f"{f.value:.2f}", f"{f.low:.2f} to {f.high:.2f}"]
 
+    gains = best.rms_program.value < WORTH_IT * best.rms_after.value
     lines += [
         "",
         table(
@@ -89,10 +92,11 @@ def text(proposal: Proposal) -> str:
                 row("after, rms", best.rms_after),
                 row("now, 95 % of the volume below", best.largest_before),
                 row("after, 95 % of the volume below", best.largest_after),
-                row("with programs compensated as well, rms", best.rms_program),
+                *([row("with programs compensated as well, rms", best.rms_program)] if gains else []),
             ],
             "<><",
         ),
+        *([] if gains else ["compensating programs as well would take nothing more away"]),
         "",
         f"direction of the tool: {best.direction_before:.1f} µrad now, {best.direction_after:.1f} µrad after (rms)",
         f"rounding to the increment costs {best.rounding:.2f} µm",

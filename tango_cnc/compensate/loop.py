@@ -73,7 +73,7 @@ def store(
     place = folder or cell / FOLDER / f"{number:03d}-{proposal.target}"
     if place.exists() and any(place.iterdir()):
         raise InputError(f"-o: found {place}, which is not empty; allowed: a new folder")
-    steps = [f"{i}. {text}" for i, text in enumerate(_asked(proposal, trial=trial), 1)]
+    steps = [f"{i}. {text}" for i, text in enumerate(_asked(cell, proposal, trial=trial), 1)]
     first = {"simulated": SIMULATED} if simulated else {}
     record = first | as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
     record["readings_rows"] = list(rows)
@@ -90,13 +90,13 @@ def store(
     return kept
 
 
-def _asked(proposal: Proposal, *, trial: bool) -> list[str]:
-    """proposal → what a person does, in order; for a sign trial without the step that asks for one."""
+def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
+    """folder of a cell, proposal → what a person does, in order; for a sign trial without the step that asks for one."""
     most = max(zip(proposal.held, proposal.fit.change, strict=True), key=lambda pair: abs(float(pair[1])))[0]
     place = most.table if most.at is not None else most.place
     said = (
         "No source that was read states the signs, so do the sign trial first: "
-        f"tango compensate --target {proposal.target} --sign-trial {shlex.quote(place)}"
+        f"tango compensate -C {shlex.quote(str(cell))} --target {proposal.target} --sign-trial {shlex.quote(place)}"
     )
     steps = [said if text == SIGN_TRIAL else text for text in proposal.module.steps(proposal.request)]
     return [text for text in steps if text != said] if trial else steps

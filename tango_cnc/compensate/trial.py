@@ -36,7 +36,7 @@ def chosen(proposal: Proposal, name: str) -> list[Held]:
     own = [h for h in proposal.held if name in (h.place, h.table)]
     if not own:
         known = sorted({h.table for h in proposal.held if h.at is not None} | {h.place for h in proposal.held if h.at is None})
-        raise InputError(f"--sign-trial: found {name!r}; allowed: {', '.join(known)}{suggestion(name, known)}")
+        raise InputError(f"--sign-trial: found {name!r}; allowed: {', '.join(known)}.{suggestion(name, known)}")
     return own
 
 

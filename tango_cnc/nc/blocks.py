@@ -81,7 +81,7 @@ def languages() -> tuple[str, ...]:
 def language(name: str) -> ModuleType:
     """name → language. Raises InputError for a name that none has."""
     if name not in languages():
-        raise InputError(f"--language: found {name!r}; allowed: {', '.join(languages())}{suggestion(name, languages())}")
+        raise InputError(f"--language: found {name!r}; allowed: {', '.join(languages())}.{suggestion(name, languages())}")
     return importlib.import_module(f"{__package__}.languages.{name}")
 
 

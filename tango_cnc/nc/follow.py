@@ -32,7 +32,7 @@ class Setup:
 
 @dataclass(slots=True)
 class Motion:
-    """A block with where its motion begins and ends, programmed mm and degrees; `known`: whether every linear axis is."""
+    """A block with where its motion begins and ends, programmed mm and degrees; `known`: whether every axis is."""
 
     block: Block
     start: dict[str, float]
@@ -50,24 +50,33 @@ def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator
     at: dict[str, float] = dict.fromkeys(machine.rotary, 0.0)
     tool: int | None = None
     acts = bool(language.LENGTH)
+    before = 0.0
     for number, line in enumerate(lines, 1):
         block = language.read(line, number, modal, axes)
         if block.tool is not None:
             tool = block.tool
         if block.length is not None:
             acts = block.length
-        for axis in block.forgets:
-            if axis in machine.linear:
-                at.pop(axis, None)
+        length = setup.length_of(tool)
+        added = length if acts else 0.0
+        for axis in block.forgets + ("Z" if added != before else ""):  # another length, and Z stands at another word
+            at.pop(axis, None)
+            if axis not in block.target:
+                modal.position.pop(axis, None)
+        before = added
         start = dict(at)
         if block.kind in ("rapid", "feed", "arc"):
             at.update(block.target)
-        known = all(a in at for a in machine.linear)
-        if block.kind in ("feed", "arc") and not known:
-            lacking = ", ".join(a for a in machine.linear if a not in at)
-            raise refused(number, block.text.strip(), f"where {lacking} is, no block has said before: begin with a rapid to X Y Z")
-        length = setup.length_of(tool)
-        added = length if acts else 0.0
+        lacking = [a for a in axes if a not in at]
+        known = not lacking
+        wanted = [a for a in axes if a not in start] if block.kind == "arc" else lacking if block.kind == "feed" else []
+        if wanted:
+            raise refused(
+                number,
+                block.text.strip(),
+                f"where {' and '.join(wanted)} {'is' if len(wanted) == 1 else 'are'}, no block has said before: "
+                f"begin with a rapid to {' '.join(wanted)}",
+            )
         if known and block.target:
             _within_travel(block, at, added, setup)
         yield Motion(block, start, dict(at), length, added, known)

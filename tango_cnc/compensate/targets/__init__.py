@@ -66,7 +66,7 @@ def names() -> tuple[str, ...]:
 def load(name: str) -> ModuleType:
     """name → target. Raises InputError with the nearest name when there is none."""
     if name not in names():
-        raise InputError(f"--target: found {name!r}; allowed: {', '.join(names())}{suggestion(name, names())}")
+        raise InputError(f"--target: found {name!r}; allowed: {', '.join(names())}.{suggestion(name, names())}")
     return importlib.import_module(f"{__name__}.{name}")
 
 
@@ -78,7 +78,7 @@ def options(target: ModuleType, given: Sequence[str]) -> dict[str, Any]:
         name, separator, value = text.partition("=")
         if not separator or name not in known:
             allowed = ", ".join(f"{n}={o.default}" for n, o in known.items()) or "no settings"
-            raise InputError(f"--set: found {text!r}; allowed: {allowed}{suggestion(name, list(known))}")
+            raise InputError(f"--set: found {text!r}; allowed: {allowed}.{suggestion(name, list(known))}")
         option = known[name]
         try:
             result[name] = type(option.default)(value)

@@ -189,6 +189,8 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
                 raise refused(number, f"M{w.value:g}", "subprograms are not followed: write them out")
             elif w.value == 128:
                 raise refused(number, "M128", REFUSED[43.4])
+            elif w.value in (72, 73):
+                raise refused(number, f"M{w.value:g}", "what it switches back is not followed")
         elif w.letter in "UVW":
             raise refused(number, f"{w.letter}{w.value:g}", "incremental or further linear axes are not followed")
         elif w.letter == "H" and style.height in codes:
