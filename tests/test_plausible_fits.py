@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -118,3 +119,26 @@ def test_a_stylus_that_is_clearly_not_as_long_as_stated_gets_one_remark(sound: t
     found = judged(longer, readings)
     (said,) = (text for text in found.remarks if "length of the stylus" in text)
     assert found.verdict == "trustworthy" and "height of a pivot (axes.A.point), is off by 0.7" in said
+
+
+@pytest.mark.parametrize("pair", ["XY", pytest.param("YZ", marks=pytest.mark.long)])
+def test_two_axes_that_are_exchanged_in_a_third_of_the_rows_are_named(sound: tuple[Cell, Readings], pair: str) -> None:
+    cell, readings = sound
+    position = np.array(readings.position)
+    one, other = (cell.machine.column(name) for name in pair)
+    position[60:135, [one, other]] = position[60:135, [other, one]]
+    first = suspects(cell, replace(readings, position=position))[0]
+    assert (first.kind, first.key, first.fits) == ("axes_exchanged", ", ".join(pair), True)
+    assert re.search(r"exchanged in 7\d rows, those of touches 6\d … 13\d", first.text)
+
+
+def test_corners_of_the_facets_instead_of_their_centers_are_named(sound: tuple[Cell, Readings]) -> None:
+    cell, readings = sound
+    rng = np.random.default_rng(8)
+    facets = {}
+    for key, facet in cell.artefact.facets.items():
+        along = np.cross(facet.normal, rng.normal(size=3))
+        corner = np.array(facet.point) + (7.0 * along / np.linalg.norm(along) if facet.ball is None else 0.0)
+        facets[key] = replace(facet, point=tuple(corner.tolist()))
+    first = suspects(replace(cell, artefact=replace(cell.artefact, facets=facets)), readings)[0]
+    assert (first.kind, first.key, first.fits) == ("facet_place", "facets", True) and "corners instead of centers" in first.text

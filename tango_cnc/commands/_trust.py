@@ -159,7 +159,7 @@ def suspected(judgement: Judgement) -> list[str]:
         lines = [f"no single mistake explains the readings; the one that explains most: {most} ({_where(first)}: {first.change})"]
     else:
         lines = [f"most likely: {first.text} ({_where(first)}: {first.change})"]
-    if first.before > 0:
+    if first.before > first.after:
         lines += [f"  this leaves {first.after * 1e3:.4g} µm of {first.before * 1e3:.4g} µm (root mean square of all touches)"]
     as_well = "would leave as little" if first.fits is False else "would explain it as well"
     lines += [f"  {text} {as_well}" for text in first.equally]

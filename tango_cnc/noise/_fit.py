@@ -176,15 +176,14 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
     # would explain them all. Such directions are left to what was known before.
     p = j.shape[1]
     whole = len(j) <= LARGEST
-    basis, singular, _ = np.linalg.svd(j, full_matrices=whole)
+    basis, singular, _ = np.linalg.svd(j, full_matrices=False)
     rank = int((singular > FAINT * singular[0]).sum())
-    left = gaps - basis[:, :rank] @ (basis[:, :rank].T @ gaps)
+    basis = basis[:, :rank]
+    left = gaps - basis @ (basis.T @ gaps)
     sigma = max(float(np.sqrt(left @ left / max(len(j) - rank, 1))), s.least)
     if whole and parts and len(j) > p + 8:
-        rest = basis[:, rank:]
-        e = rest.T @ gaps
-        seen = [rest.T @ (part[keep] * weight[:, None]) for part in parts]
-        sigma, ratios = _components(e, seen)
+        weighted = [part[keep] * weight[:, None] for part in parts]
+        sigma, ratios = _components(left, [part - basis @ (basis.T @ part) for part in weighted], len(j) - rank)
         sigma = max(sigma, s.least)
     else:
         ratios = [0.0] * len(parts)
@@ -222,9 +221,8 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
     )
 
 
-def _components(e: Array, seen: list[Array]) -> tuple[float, list[float]]:
-    """(N,) residuals free of the unknowns, Z of each component there → white σ, variance of each over σ²; 0 where not worth it."""
-    n = len(e)
+def _components(e: Array, seen: list[Array], n: int) -> tuple[float, list[float]]:
+    """residuals and Z of each component without the unknowns, dimension → white σ, variance of each over σ² (0: not worth it)."""
     gram, right, total = np.hstack(seen).T @ np.hstack(seen), np.hstack(seen).T @ e, float(e @ e)
     count = [part.shape[1] for part in seen]
     which = np.repeat(np.arange(len(seen)), count)

@@ -20,6 +20,7 @@ LAPLACE = 0.01  # mm: mean size of a touch's residual that the start takes for g
 SUSPECT = 1.5  # times the stated repeatability that touches may scatter by before another start is looked for
 BETTER = 0.6  # of what the first start leaves, at most, that another one may leave
 QUANTILES = (0.3, 0.7)  # the middle of the good touches, where two in five are wrong to one side
+SETTLED = 0.1  # of the stated repeatability: what touches move by less is for the bisquare to settle
 APART = 6.0  # standard deviations between two populations, at least
 ROUNDS = 40
 FEWEST = 4  # touches of a population
@@ -65,7 +66,9 @@ def _quantile(s: System, tau: float) -> Array:
     for k in range(30):
         side = 2 * np.where(left > 0, tau, 1 - tau)
         weight = side / np.maximum(np.abs(left), max(size * 0.5 ** min(k, 12), SIGMA_FLOOR)) / LAPLACE
-        left = s.gaps - s.jacobian @ _weighted(s, weight)
+        before, left = left, s.gaps - s.jacobian @ _weighted(s, weight)
+        if k >= 12 and np.abs(left - before).max() < SETTLED * s.repeats:
+            break
     return left
 
 

@@ -25,7 +25,7 @@ LEFT = 0.4  # of what the fit without it leaves, at most, that a step may leave
 UNFIT = 0.1  # share of touches that it may leave unfit: a shift makes some of any wrong touches fit
 LOST = 7.0  # what each touch without weight costs: as much as one that is a hundred times off
 WHITE = 1.3  # times the white scatter beside walk and seating that it may leave: a drift leaves more
-MOST = 4  # moments that are fitted
+MOST = 3  # moments that are fitted
 PAID = 4.0  # what one number more in the displacement costs
 TIMES = 3.0  # white standard deviations that it has to be
 

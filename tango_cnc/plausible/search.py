@@ -31,6 +31,7 @@ SURE = 3.0  # by how much the logarithm of the likelihood has to grow before a m
 EQUAL = 2.0  # difference of that below which two mistakes explain the readings equally well
 NEAR = 4.0  # times the stated repeatability that touches may scatter and still fit: as much as leaves a result beyond doubt
 TINY = 0.01  # of what was left before: with that a gross mistake is found, though the machine wanders, or has errors of its own
+NEARER = 0.2  # of the way beside the facets that was there before, at most, for a mistake that leaves the gaps as they are
 WORTH = 0.9  # of what was left before: who leaves more, and fits not, explains nothing
 TOLD = 6  # suspicions that are handed back
 
@@ -60,7 +61,7 @@ def suspects(cell: Cell, readings: Readings) -> tuple[Suspicion, ...]:
                 plain.append((cost + h.price, kind, h))
     plain.sort(key=lambda item: item[0])
     tried = [_tried(case, kind, h) for kind, h in [*((k, h) for _, k, h in plain[:FITTED]), *freed]]
-    better = [t for t in tried if t.cost < case.stated.cost - SURE and t.explained.size < case.stated.size and _is_one(t)]
+    better = [t for t in tried if t.cost < case.stated.cost - SURE and _less(t, case) and _is_one(t)]
     fitting = sorted((t for t in better if _fits(t, case)), key=lambda t: t.cost)
     part = sorted((t for t in better if not _fits(t, case) and t.explained.size < WORTH * case.stated.size), key=_size)
     good = [*fitting, *part]
@@ -84,6 +85,11 @@ def _first_look(machine: Machine, artefact: Artefact, readings: Readings) -> flo
 def _tried(case: Case, kind: str, h: Hypothesis) -> _Tried:
     found = explain(h.machine or case.machine, h.artefact or case.artefact, h.readings or case.readings, h.free)
     return _Tried(kind, h, found, found.cost + h.price)
+
+
+def _less(tried: _Tried, case: Case) -> bool:
+    """→ whether it leaves less of the gaps, or takes the touches to their places where the gaps say nothing of it."""
+    return tried.explained.size < case.stated.size or (tried.explained.away < NEARER * case.stated.away and _fits(tried, case))
 
 
 def _is_one(tried: _Tried) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...kinematics import chain, tip
 from ...records import Array, Artefact, Facet, Id, Vector
@@ -14,6 +15,8 @@ from ._case import Case, Hypothesis
 
 WORST = 4  # facets that are looked at
 DECIMALS = 2
+LEAST = 2.0  # mm in its plane from which on a facet is elsewhere
+ALIKE = 0.5  # mm within which half of its touches are at the same place
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
@@ -28,10 +31,40 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     )
     place = tip(chain(case.machine), case.readings.position)
     facets = np.array(case.readings.facet)
+    yield from _corners(case, place, facets)
     away = np.abs(case.stated.gaps) + case.stated.beside
     loss = {f: float(np.median(np.log1p((away[facets == f] / 0.01) ** 2))) for f in dict.fromkeys(case.readings.facet)}
     for key in sorted(loss, key=lambda f: -loss[f])[:WORST]:
         yield from _facet(case, case.artefact.facets[key], place[facets == key])
+
+
+def _corners(case: Case, place: Array, facets: NDArray[np.str_]) -> Iterator[Hypothesis]:
+    """Most facets are touched elsewhere in their plane, each always at the same place: their points are those of their corners."""
+    points, away, judged = dict(case.artefact.facets), [], 0
+    for key, facet in case.artefact.facets.items():
+        own = place[facets == key]
+        if facet.ball is not None or facet.surface is not None or not len(own):
+            continue
+        judged += 1
+        normal = np.array(facet.normal)
+        beside = own - np.array(facet.point)
+        beside = beside - (beside @ normal)[:, None] * normal
+        middle = np.median(beside, axis=0)
+        size = float(np.linalg.norm(middle))
+        if size > LEAST and np.median(np.linalg.norm(beside - middle, axis=1)) < ALIKE:
+            x, y, z = (round(float(c), DECIMALS) for c in np.array(facet.point) + middle)
+            points[key] = replace(facet, point=(x, y, z))
+            away.append(size)
+    if judged < 3 or len(away) < judged / 2:
+        return
+    yield Hypothesis(
+        say("mistake.facet_place.corners", count=len(away), total=judged, least=f"{min(away):.1f}", most=f"{max(away):.1f}"),
+        "artefact",
+        "facets",
+        say("mistake.facet_place.write_centers"),
+        artefact=replace(case.artefact, facets=points),
+        price=8.0,  # so many numbers of its own fit much
+    )
 
 
 def _facet(case: Case, facet: Facet, place: Array) -> Iterator[Hypothesis]:
