@@ -130,5 +130,5 @@ def test_residuals_that_are_all_of_a_component_end_in_numbers(size: float) -> No
     """Its variance over the white one has no end then; rounding decides, and no traceback comes of it."""
     rng = np.random.default_rng(2)
     part = rng.normal(size=(60, 3)) @ rng.normal(size=(3, 14)) * size
-    white, ratios = _components(part @ rng.normal(size=14), [part])
+    white, ratios = _components(part @ rng.normal(size=14), [part], len(part))
     assert np.isfinite(white) and np.isfinite(ratios).all()
