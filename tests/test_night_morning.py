@@ -14,8 +14,11 @@ import pytest
 from support.histories import knowledge
 from support.histories import record as kept
 
+from sim_controller.simulate import simulate
 from tango_cnc.commands import _simulated_nights as simulated
+from tango_cnc.commands._cell_nights import _judged
 from tango_cnc.commands._simulated_nights import Event, Story, nights
+from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, opened
@@ -24,7 +27,8 @@ from tango_cnc.nightly.alarms import Known, effect_of, since, standing
 from tango_cnc.nightly.doubt import Judged, believed
 from tango_cnc.nightly.night import _before
 from tango_cnc.nightly.trend import behind
-from tango_cnc.nightly.words import headline, message
+from tango_cnc.nightly.words import answer, headline, message
+from tango_cnc.noise import Noise
 from tango_cnc.records import Cell
 from tango_cnc.state import Frame, State
 
@@ -194,7 +198,7 @@ def test_who_has_answered_is_shown_instead_of_how_to_answer() -> None:
     alarm = {"id": "2026-10-04-1", "text": "it moved", "since": "2026-10-03", "sigmas": 9.0, "instead": [], "owner": "Ann"}
     alarm |= {"on_part": "x", "do": "y", "cause": "axis_location", "parameter": "EX0C"}
     record = night(verdict="changed", alarms=[alarm])
-    assert "to answer: tango history decide 2026-10-04-1" in message(record, (), ())[1]
+    assert "to answer: tango history decide 2026-10-04-1 -C " in message(record, (), ())[1]
     text = message(record, (), (), None, [Decision("2026-10-04-1", "repaired", "Bo", "clamp", None, "2026-10-04T08:00:00Z")])[1]
     assert "to answer" not in text and re.search(r"answered: repaired by Bo, 2026-10-04: clamp", text)
 
@@ -239,3 +243,46 @@ def test_a_limit_that_is_crossed_comes_before_what_has_changed() -> None:
         "since 2026-10-03"
     )
     assert text.count("BEYOND") == 1
+
+
+def test_a_night_that_is_as_predicted_has_not_wandered(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By chance, the readings of a quiet run look like a drift that the machine's errors could make as well."""
+    folder = root / "examples" / "trunnion"
+    cell, truth = read_cell(folder), read_world(folder / "world.yaml")
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, truth, seed=4)
+    quiet = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    by_chance = replace(quiet, sigma=3e-3, noise=Noise(quiet.sigma, walk=4 * quiet.sigma))
+    monkeypatch.setattr("tango_cnc.noise.honest", lambda result: by_chance)
+    alone, agreed = (_judged(cell, readings, quiet, "full", agrees) for agrees in (False, True))
+    assert alone.verdict == "doubtful" and "wandered" in alone.wandered and alone.walk > 3
+    assert agreed.verdict == "trustworthy" and not agreed.wandered and agreed.walk == 0
+
+
+def test_a_line_of_an_alarm_says_what_was_decided_since() -> None:
+    told = {
+        "id": "2026-10-04-1",
+        "text": "it moved",
+        "since": "2026-10-03",
+        "sigmas": 9.0,
+        "instead": [],
+        "owner": "Ann",
+        "now": "",
+    }
+    told |= {"on_part": "x", "do": "y", "cause": "axis_location", "parameter": "EX0C", "night": "2026-10-04", "decision": None}
+    record = night(verdict="changed", standing=[told])
+
+    def line(*actions: str) -> str:
+        decisions = [Decision("2026-10-04-1", action, "Bo", "", None, "2026-10-05T08:00:00Z") for action in actions]
+        return next(x for x in message(record, (), (), None, decisions)[1].splitlines() if "alarm of 2026-10-04" in x)
+
+    assert "alarm of 2026-10-04, not answered: it moved" in line()
+    assert "alarm of 2026-10-04, repaired: it moved" in line("acknowledge", "repaired")
+    assert "Bo has acknowledged it" in line("acknowledge") and "not answered" not in line("acknowledge")
+
+
+def test_the_command_that_answers_names_the_cell_and_counts_have_their_number() -> None:
+    assert (
+        answer("2026-10-04-1", "/cells/big mill") == "tango history decide 2026-10-04-1 -C '/cells/big mill' --action … --owner …"
+    )
+    assert answer("2026-10-04-1", ".", "x.db") == "tango history decide 2026-10-04-1 --history x.db --action … --owner …"
+    assert "history: 1 entry, " + "ab" * 32 in message(night(), (), (), (1, "ab" * 32))[1]

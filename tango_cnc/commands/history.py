@@ -324,7 +324,7 @@ def verify(history: History, machine: str | None, digest: str | None, json_file:
     if not write_json(json_file, {"format": "tango-history-verify/1", "wrong": list(wrong), "newest": newest}):
         t = here()
         for name, (number, digest) in newest.items():
-            click.echo(t("cli.history.newest", machine=name, count=number, digest=digest))
+            click.echo(t(f"cli.history.newest{'_one' if number == 1 else ''}", machine=name, count=number, digest=digest))
         click.echo("\n".join(t.of(text) for text in wrong) if wrong else t("cli.history.whole"))
     return 1 if wrong else 0
 
@@ -353,7 +353,7 @@ def backup(history: History, machine: str | None, output: Path) -> None:
     if output.exists():
         raise InputError(f"{output}: it exists; allowed: a new file")
     count = copied(history, output)
-    click.echo(here()("cli.history.entries", count=count, file=str(output)))
+    click.echo(here()(f"cli.history.entries{'_one' if count == 1 else ''}", count=count, file=str(output)))
 
 
 @contextmanager
@@ -394,7 +394,7 @@ def restore(source: Path, folder: Path, where: str | None) -> None:
             count = copied(history, place)
     if kept is not None:
         click.echo(here()("cli.history.kept_beside", file=str(kept)), err=True)
-    click.echo(here()("cli.history.entries", count=count, file=str(place)))
+    click.echo(here()(f"cli.history.entries{'_one' if count == 1 else ''}", count=count, file=str(place)))
 
 
 @command.command()

@@ -248,7 +248,7 @@ def _status(
     folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None, t: Texts
 ) -> int:
     from ..history import opened
-    from ..nightly.words import code
+    from ..nightly.words import answer, code
     from ..report.repeated import shortened
     from ._unreadable import machine_of
 
@@ -285,7 +285,7 @@ def _status(
             kind, status, verdict = (t.of(code(word)) for word in (n.kind, n.status, n.verdict))
             click.echo(f"  {n.night} {kind:5} {status:8} {verdict:13} {' '.join(t.of(text).split())}")
         for alarm in alarms:
-            command = f"tango history decide {alarm['id']} --action … --owner …"
+            command = answer(alarm["id"], str(folder), where)
             click.echo("  " + t("cli.nightly.open_alarm", id=alarm["id"], text=alarm["text"], command=command))
         for stamp in waiting:
             click.echo("  " + t("cli.nightly.waits", stamp=stamp))

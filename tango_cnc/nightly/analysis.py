@@ -79,7 +79,7 @@ class Nights:
     times: Timed
     read: READ  # text of readings.csv → readings
     check: Cell | None = None  # the cell with the strategy of check.yaml
-    judged: Callable[[Cell, Readings, Estimate, str], Judged] | None = None  # the last: kind of night
+    judged: Callable[[Cell, Readings, Estimate, str, bool], Judged] | None = None  # the last: kind of night, as predicted
     diagnosed: Callable[[Cell, Readings], Mapping[str, Any]] | None = None
     written: Callable[[Estimate], Mapping[str, str]] | None = None
 
@@ -225,7 +225,7 @@ class Nights:
         result = None if self.judged is None and self.written is None else self._estimate(readings, after, tonight)
         judged = Judged("trustworthy")
         if self.judged is not None and result is not None:
-            judged = self.judged(*self._judgeable(kind, measured), result, kind)
+            judged = self.judged(*self._judgeable(kind, measured), result, kind, not first and not alarm)
         alarms = [alarm_of(known, since(past, machine, day), ahead, tonight, named)] if alarm else []
         diagnosis: dict[str, Any] = {}
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":

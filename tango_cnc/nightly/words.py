@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -155,13 +156,13 @@ def message(
     for alarm in record["alarms"]:
         since = t("mail.since", date=alarm["since"], sigmas=f"{alarm['sigmas']:.0f}")
         lines += [f"* {t.of(alarm['text'])}", f"  {since}"]
-        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, t), ""]
+        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
     standing = record.get("standing") or ()
     for alarm in standing[:SHOWN]:
-        who = t("mail.acknowledged", owner=alarm["owner"]) if alarm["decision"] else t("mail.not_answered")
+        who = _who(alarm, decisions, t)
         lines += [f"* {t('mail.alarm_of', night=alarm['night'], who=who, text=alarm['text'])}"]
         lines += [f"  {t.of(alarm['now'])}"] if alarm.get("now") else []
-        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, t), ""]
+        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
     if len(standing) > SHOWN:
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
     for cause in record.get("behind") or ():
@@ -201,7 +202,7 @@ def message(
     known = {"cell": record["cell"], "folder": kept}
     lines.append(t("mail.cell_files", **known) if kept and record["touches"] else t("mail.cell", cell=record["cell"]))
     if newest is not None:
-        lines.append(t("mail.history", count=newest[0], digest=newest[1]))
+        lines.append(t(f"mail.history{'_one' if newest[0] == 1 else ''}", count=newest[0], digest=newest[1]))
     return subject, "\n".join(lines) + "\n"
 
 
@@ -235,10 +236,28 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
 
 
-def _answers(alarm: str, decisions: Sequence[Decision], t: Texts) -> list[str]:
+def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> str:
+    """alarm of another night, decisions of today → what its line says of an answer: the last one counts."""
+    own = [d for d in decisions if d.alarm == alarm["id"]]
+    if own and own[-1].action != "acknowledge":
+        return t.of(code(own[-1].action))
+    if own or alarm["decision"]:
+        return t("mail.acknowledged", owner=own[-1].owner if own else alarm["owner"])
+    return t("mail.not_answered")
+
+
+def answer(alarm: str, cell: str, history: str | None = None) -> str:
+    """alarm, folder of the cell, history that was named → the command that answers it, from any folder."""
+    where = ("" if cell in ("", ".") else f" -C {shlex.quote(cell)}") + (
+        "" if history is None else f" --history {shlex.quote(history)}"
+    )
+    return f"tango history decide {alarm}{where} --action … --owner …"
+
+
+def _answers(alarm: str, decisions: Sequence[Decision], cell: str, t: Texts) -> list[str]:
     own = [d for d in decisions if d.alarm == alarm]
     if not own:
-        return ["  " + t("mail.to_answer", command=f"tango history decide {alarm} --action … --owner …")]
+        return ["  " + t("mail.to_answer", command=answer(alarm, cell))]
     return [f"  {t('mail.answered', text=decided(d))}" for d in own]
 
 
