@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from tango_cnc.cli import tango
 
 LIGHT = ("sim_controller.server", "tango_cnc.commands.run", "tango_cnc.commands.simulate", "tango_cnc.commands.plan")
 HEAVY = ("scipy.linalg", "scipy.optimize", "scipy.spatial", "scipy.special", "scipy.stats")
@@ -20,4 +25,30 @@ def test_who_fits_nothing_does_not_wait_for_the_mathematics_of_fits() -> None:
     """scipy takes as long to load as all the rest; a module that needs it seldom loads it where it needs it."""
     program = PROGRAM.format(light=LIGHT, heavy=HEAVY)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+COMMAND = """
+import sys
+from tango_cnc.cli import main
+sys.argv = ["tango", "estimate", "-C", sys.argv[1], "--readings", "measured.csv"]
+try:
+    main()
+except SystemExit as end:
+    assert end.code == 0, end.code
+assert "scipy.linalg" in sys.modules
+loaded = [name for name in ("numpy.f2py.crackfortran", "numpy.testing._private.utils") if name in sys.modules]
+assert not loaded, loaded
+import numpy
+numpy.testing.assert_allclose(1.0, 1.0)  # it is there for whoever uses it
+assert "numpy.testing._private.utils" in sys.modules
+"""
+
+
+def test_what_scipy_asks_of_numpy_and_nobody_uses_is_not_loaded(tmp_path: Path) -> None:
+    """A Fortran compiler's front end and numpy's own tests are a third of the time in which scipy loads."""
+    cell = tmp_path / "cell"
+    for words in (["init", str(cell)], ["simulate", "-C", str(cell), "-o", str(cell / "measured.csv")]):
+        assert CliRunner().invoke(tango, words).exit_code == 0
+    done = subprocess.run([sys.executable, "-c", COMMAND, str(cell)], capture_output=True, text=True, check=False, cwd=cell)
     assert done.returncode == 0, done.stderr
