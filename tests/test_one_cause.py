@@ -127,3 +127,29 @@ def test_an_error_just_within_its_limit_does_not_look_like_the_limit(tmp_path: P
     for path in ("/", f"/machine/{NAME}"):
         assert "Largest error at the tool tip: 59.7 µm, 60 µm allowed" in seen[path], path
     assert "The door was opened. " in seen[f"/machine/{NAME}"]
+
+
+def test_what_another_program_adds_is_shown_after_five_seconds(tmp_path: Path) -> None:
+    """A decision at the computer, and a night: what is kept of the machine before is not shown again."""
+    knock, now = moved(2, "EX0C", 20.0), [0.0]
+    records = [night(NAME, i) for i in (0, 1)] + [night(NAME, 2, "changed", alarms=[knock])]
+    place = cell(tmp_path / "one", records=records)
+    app = create(Settings((place,), late_hours=1e6))
+    app.state.tango.places.clock = lambda: now[0]
+    with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+
+        def shown() -> str:
+            now[0] += 6.0
+            return client.get("/").text
+
+        assert "Call Ann" in shown()
+        with opened(place / "history.db") as history:
+            history.decide(NAME, Decision(knock["id"], "acknowledge", "Ben"))
+        assert "Ben (acknowledged)" in shown()
+        with opened(place / "history.db") as history:
+            history.decide(NAME, Decision(knock["id"], "accept", "Cid"))
+        assert "Cid (accepted)" in shown()
+        with opened(place / "history.db") as history:
+            history.add_night(night(NAME, 3), None)
+        text = shown()
+        assert "Night of Tue 27 Oct 2026" in text and "Cid" not in text and ">Yes<" in text

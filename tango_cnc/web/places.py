@@ -22,7 +22,7 @@ from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
 STRIP = 30  # nights of the strip beside a machine
-MOST = 500  # things that are kept
+MOST = 2000  # things that are kept
 T = TypeVar("T")
 
 
@@ -66,6 +66,7 @@ class Places:
     _lock: threading.RLock = field(default_factory=threading.RLock)
     _locks: dict[str, threading.RLock] = field(default_factory=dict)
     _read: dict[int, dict[int, Mapping[str, Any]]] = field(default_factory=dict)  # records of the list of machines, by entry
+    _nights: dict[int, tuple[Any, dict[str, list[Night]]]] = field(default_factory=dict)  # by history: of which entries, nights
     _cells: dict[Path, tuple[float, Cell | str]] = field(default_factory=dict)
 
     def close(self) -> None:
@@ -174,23 +175,33 @@ class Places:
         machines = self.machines()
         now = datetime.now(UTC).isoformat()
         standings: dict[tuple[int, str], Standing] = {}
-        nights: dict[tuple[int, str], list[Night]] = {}
+        nights: dict[tuple[int, str], Sequence[Night]] = {}
         histories = {id(m.history): m.history for m in machines.values() if m.history is not None}
         for key, history in histories.items():
-            for standing in history.fleet(now, self.settings.late_hours):
-                standings[key, standing.machine] = standing
-            for night in history.nights(last=STRIP * max(len(standings), 1)):
-                listed = nights.setdefault((key, night.machine), [])
-                if len(listed) < STRIP:
-                    listed.append(night)
+            own = history.fleet(now, self.settings.late_hours)
+            standings |= {(key, s.machine): s for s in own}
+            nights |= {(key, name): listed for name, listed in self._last_nights(key, history, own).items()}
         records = {key: self._records(key, history, nights) for key, history in histories.items()}
         rows = []
         for m in machines.values():
-            key, own = id(m.history), tuple(nights.get((id(m.history), m.name), ()))
+            key, listed = id(m.history), tuple(nights.get((id(m.history), m.name), ()))
             known = records.get(key, {})
-            last, before = (known.get(n.entry) if n is not None else None for n in (own[0] if own else None, measured_before(own)))
-            rows.append(Row(m, standings.get((key, m.name)), own, last, before))
+            wanted = (listed[0] if listed else None, measured_before(listed))
+            last, before = (known.get(n.entry) if n is not None else None for n in wanted)
+            rows.append(Row(m, standings.get((key, m.name)), listed, last, before))
         return sorted(rows, key=_urgent)
+
+    def _last_nights(self, key: int, history: History, own: Sequence[Standing]) -> Mapping[str, Sequence[Night]]:
+        """history, how its machines stand → the nights of their strips; an entry never changes, so they are read once."""
+        stamp = tuple((s.machine, s.nights, None if s.last is None else s.last.entry) for s in own)
+        if self._nights.get(key, (None, {}))[0] != stamp:
+            found: dict[str, list[Night]] = {}
+            for night in history.nights(last=STRIP * max(len(own), 1)):
+                listed = found.setdefault(night.machine, [])
+                if len(listed) < STRIP:
+                    listed.append(night)
+            self._nights[key] = stamp, found
+        return self._nights[key][1]
 
     def _records(self, key: int, history: History, nights: Mapping[tuple[int, str], Sequence[Night]]) -> Mapping[int, Any]:
         """history, its nights → the records that the list of machines needs; an entry never changes, so none is read twice."""

@@ -14,13 +14,15 @@ from ...report.answer import Answer, answer, measuring
 from ...report.days import day
 from ...report.faults import answered, earlier, faults, sentence, still_open, unclosed, whole_sentence
 from ...report.morning import strip, volumes_of, who_of
-from ...report.pace import ahead
+from ...report.pace import Ahead, ahead
 from ...report.plain import plain
 from ...report.units import Units
 from ..app import State, needs, page, state_of
 from ..places import Row
 from ..places import told as verdict_of
 from .machine import busy_of, run_of, written_of
+
+STAY, LONG = 30.0, 600.0  # s that is kept what a decision under the same counts could change, and what nothing changes
 
 
 def fleet(request: Request) -> Response:
@@ -49,6 +51,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     said = "" if row.record is None else sentence(plain(t.of(row.record.get("headline") or ""), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
     signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
+    drawn = state.places.kept(f"strip {_stamp(row)}", lambda: strip(signs, t("web.nights", count=len(signs)), t), LONG)
     return {
         "slug": row.machine.slug,
         "name": row.machine.name,
@@ -70,7 +73,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "open": len(still_open(found)),
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
-        "strip": strip(signs, t("web.nights", count=len(signs)), t) if signs else "",
+        "strip": drawn if signs else "",
     }
 
 
@@ -90,8 +93,13 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
         axes,
         late if row.standing is not None and row.standing.late else "",
         has,
-        ahead(row.before or row.record, volumes_of(row.nights), datetime.now().astimezone().strftime("%Y-%m-%d")),
+        _ahead(row, state),
     )
+
+
+def _ahead(row: Row, state: State) -> Ahead | None:
+    known = row.before or row.record or {}
+    return state.places.kept(f"ahead {_stamp(row)}", lambda: ahead(known, volumes_of(row.nights), _today()), LONG)
 
 
 def _named(record: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -113,7 +121,17 @@ def _urgent(r: Mapping[str, Any]) -> tuple[int, str]:
 
 def faults_of(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
     """row of the fleet, state → what is wrong with the machine, as its own page has it: each cause once, the largest first."""
-    return state.places.kept(f"faults {row.machine.slug}", lambda: _faults(row, state))
+    return state.places.kept(f"faults {_stamp(row)}", lambda: _faults(row, state), STAY)
+
+
+def _stamp(row: Row) -> str:
+    """row of the fleet → what it is told from: another night or decision makes it another one."""
+    s, newest = row.standing, row.nights[0].entry if row.nights else 0
+    return f"{row.machine.slug} {newest} {s.alarms_open if s else 0} {s.alarms_held if s else 0} {_today()}"
+
+
+def _today() -> str:
+    return datetime.now().astimezone().strftime("%Y-%m-%d")
 
 
 def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
@@ -122,7 +140,7 @@ def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
     told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind"))
     if history is None or s is None or not (told or s.alarms_open or s.alarms_held):
         return []
-    today = datetime.now().astimezone().strftime("%Y-%m-%d")
+    today = _today()
     alarms, decisions = unclosed(history, name, today)
     asked = {**record, "owner": record.get("owner") or state.places.owner(row.machine)}
     axes, written = state.places.geometry(row.machine), written_of(state, row.machine)
