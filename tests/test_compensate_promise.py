@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 from support.closing import EXAMPLES, SETTINGS
 from support.compensated import example, first, measured, truth, write
 
@@ -123,6 +122,8 @@ def test_two_hundred_promises_are_kept(name: str, tmp_path: Path) -> None:
     for target, count in kept(name, fitting(name), range(MACHINES), tmp_path).items():
         n = count["kept"] + count["less"] + count["more"]
         assert n > 0.8 * MACHINES
+        from scipy.stats import binomtest  # slow to load, and every worker reads this file
+
         share = binomtest(count["kept"], n).proportion_ci(0.95, method="wilson")
         said = f"{name}, {target}: {count['kept']} of {n} kept, {count['less']} less, {count['more']} more, to {share.high:.3f}"
         print(said)

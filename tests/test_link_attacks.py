@@ -143,8 +143,14 @@ class Disk:
     """Refuses the n-th opening for writing, renaming or making of a folder inside a cell, and those after it."""
 
     def __init__(self):
-        self.folder, self.left, self.error, self.refused = "", -1, errno.ENOSPC, []
-        sys.addaudithook(self._asked)
+        self.folder, self.left, self.error, self.refused, self.asked = "", -1, errno.ENOSPC, [], False
+
+    def refuses(self, folder, at, error):
+        """From the first call on this process asks at whatever it opens, which no process should that tests something else."""
+        self.folder, self.left, self.error, self.refused = str(folder), at, error, []
+        if not self.asked:
+            sys.addaudithook(self._asked)
+        self.asked = True
 
     def _asked(self, event, what):
         if self.left < 0 or event not in ("open", "os.rename", "os.mkdir", "os.truncate"):
@@ -166,7 +172,7 @@ DISK = Disk()
 @pytest.mark.parametrize("error", [errno.ENOSPC, pytest.param(errno.EROFS, marks=pytest.mark.long)])
 @pytest.mark.parametrize("at", [3, *(pytest.param(n, marks=pytest.mark.long) for n in (0, 1, 2, *range(4, 12)))])
 def test_a_disk_that_takes_nothing_from_any_write_on_leaves_a_run_to_be_resumed(cell, at, error):
-    DISK.folder, DISK.left, DISK.error, DISK.refused = str(cell), at, error, []
+    DISK.refuses(cell, at, error)
     try:
         result = Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20")
     finally:

@@ -13,11 +13,12 @@ from tango_cnc.commands.init import write_example
 from tango_cnc.records import LinkError
 from tango_cnc.uncertainty.fleet import cluster
 
-distributed = pytest.importorskip("distributed", reason="needs the extra 'fleet' (pip install tango-cnc[fleet])")
+WANTED = "needs the extra 'fleet' (pip install tango-cnc[fleet])"
 
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
+    distributed = pytest.importorskip("distributed", reason=WANTED)
     with (
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1", silence_logs=50
@@ -64,6 +65,7 @@ def _where(_: int) -> int:
 
 
 def test_nobody_answers() -> None:
+    pytest.importorskip("distributed", reason=WANTED)
     with pytest.raises(LinkError, match="no scheduler answers"), cluster("tcp://127.0.0.1:9", timeout=0.3):
         pass
     assert call("uncertainty", "-C", "nowhere", "--dask", "tcp://127.0.0.1:9") == 2
