@@ -19,9 +19,56 @@ from tango_cnc.plan import plan_hash
 PAGES = Path(__file__).parent.parent / "docs" / "controls"
 
 
+WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_controls_pages.py"
+
+
+def draft(name: str) -> str:
+    """dialect → a first page: what its post doubts, an example of the profile, the way to the first reading as on the others."""
+    post = load(name)
+    head, _, _ = (PAGES / "brother.md").read_text(encoding="utf-8").partition("## In the cabinet")
+    last = (PAGES / "brother.md").read_text(encoding="utf-8").partition("## To the first reading")[2]
+    rows = [f"| {number} | {doubt} | unconfirmed |" for number, doubt in enumerate(post.doubts or ("nothing yet",), 1)]
+    return "\n".join(
+        [
+            f"# {post.title}:{head.partition(':')[2].rstrip()}",
+            "",
+            "## In the cabinet",
+            "",
+            "Not looked up yet. Write which input the probe is wired to, and the line to the control.",
+            "",
+            "## What is known",
+            "",
+            "| matter | fact | source |",
+            "|---|---|---|",
+            *rows,
+            "",
+            "## In tango.yaml",
+            "",
+            "An example. Leave out what you have not looked up: what is not stated stays on the list.",
+            "",
+            "    controller:",
+            f"      post: {name}",
+            "      port: socket://192.168.1.20:4001",
+            "",
+            failed(name),
+            "",
+            f"## To the first reading{last}",
+        ]
+    )
+
+
+def page(name: str) -> str:
+    """dialect → the text of its page; the message where there is none says which command writes a first one."""
+    file = PAGES / f"{name}.md"
+    if not file.is_file() and os.environ.get("TANGO_GOLDEN") == "write":
+        file.write_text(draft(name), encoding="utf-8")
+    assert file.is_file(), f"docs/controls/{name}.md is missing; this writes a first one, for you to correct: {WRITE} -k {name}"
+    return file.read_text(encoding="utf-8")
+
+
 def stated(name: str) -> dict[str, object]:
     """dialect → what its page states under controller:."""
-    text = (PAGES / f"{name}.md").read_text(encoding="utf-8")
+    text = page(name)
     block = re.search(r"(?m)^    controller:\n(?:      .*\n)+", text)
     assert block, f"docs/controls/{name}.md: found no example of tango.yaml"
     found: dict[str, object] = yaml.safe_load(block[0].replace("\n    ", "\n").removeprefix("    "))["controller"]
@@ -41,10 +88,10 @@ def test_the_example_of_a_page_is_accepted(name: str) -> None:
 
 
 def test_every_dialect_has_its_page_and_every_row_its_source() -> None:
-    assert {page.stem for page in PAGES.glob("*.md")} == set(EVERY)
-    for page in PAGES.glob("*.md"):
-        rows = re.findall(r"(?m)^\| (.*) \|$", page.read_text(encoding="utf-8"))
-        assert rows and all(len(re.split(r" \| ", row)) == 3 and re.split(r" \| ", row)[2].strip() for row in rows), page
+    for name in EVERY:
+        rows = re.findall(r"(?m)^\| (.*) \|$", page(name))
+        assert rows and all(len(re.split(r" \| ", row)) == 3 and re.split(r" \| ", row)[2].strip() for row in rows), name
+    assert {file.stem for file in PAGES.glob("*.md")} == set(EVERY)
 
 
 def failed(name: str) -> str:
@@ -56,12 +103,10 @@ def failed(name: str) -> str:
 
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_a_page_says_what_of_the_control_mends_an_experiment(name: str) -> None:
-    """TANGO_GOLDEN=write python -m pytest tests/test_controls_pages.py writes it."""
-    page = PAGES / f"{name}.md"
-    text = page.read_text(encoding="utf-8")
+    text = page(name)
     if os.environ.get("TANGO_GOLDEN") == "write":
         kept = re.sub(r"(?s)## When an experiment fails\n.*?(?=\n## |\Z)", "", text)
         before, _, after = kept.partition("## To the first reading")
-        page.write_text(f"{before.rstrip()}\n\n{failed(name)}\n\n## To the first reading{after}", encoding="utf-8")
-        return
-    assert failed(name) in text, "TANGO_GOLDEN=write python -m pytest tests/test_controls_pages.py writes it"
+        text = f"{before.rstrip()}\n\n{failed(name)}\n\n## To the first reading{after}"
+        (PAGES / f"{name}.md").write_text(text, encoding="utf-8")
+    assert failed(name) in text, f"docs/controls/{name}.md: {WRITE} -k {name} writes this section anew"
