@@ -107,6 +107,7 @@ def _data(source: Path, way: predict.Way, found: list[features.Foretold]) -> dic
         "blocks": way.blocks,
         "points": way.points,
         "extrapolated": way.outside,
+        "extrapolated_axes": way.outside_by,
         "largest_um": round(way.largest, 4),
         "largest_std_um": round(way.largest_std, 4),
         "largest_line": way.largest_line,
@@ -138,8 +139,10 @@ def _text(data: dict[str, Any]) -> str:
     ]
     if data["extrapolated"]:
         share = 100 * data["extrapolated"] / data["points"]
+        axes = ", ".join(f"{axis} at {100 * n / data['points']:.0f} %" for axis, n in data["extrapolated_axes"].items())
         lines.append(
-            f"extrapolated: at {share:.0f} % of the points an axis is beyond the touches: the machine was not measured there"
+            f"extrapolated: at {share:.0f} % of the points an axis is beyond the touches ({axes}): "
+            "the machine was not measured there"
         )
     if data["features"]:
         rows = [["feature", "µm", "95 %", ""]]

@@ -112,11 +112,13 @@ def positions(setup: Setup, motions: list[dict[str, float]], added: list[float])
 
 def beyond(machine: Machine, at: Array, touched: Mapping[str, tuple[float, float]]) -> NDArray[np.bool_]:
     """(n, k) mm rad, touched ranges → (n,) whether an axis is where nothing was touched."""
-    result = np.zeros(len(at), dtype=np.bool_)
-    for name, (low, high) in touched.items():
-        value = at[:, machine.column(name)]
-        result |= (value < low - 1e-6) | (value > high + 1e-6)
-    return result
+    return np.logical_or.reduce([*axes_beyond(machine, at, touched).values(), np.zeros(len(at), dtype=np.bool_)])
+
+
+def axes_beyond(machine: Machine, at: Array, touched: Mapping[str, tuple[float, float]]) -> dict[str, NDArray[np.bool_]]:
+    """(n, k) mm rad, touched ranges → by axis (n,) whether it is where nothing was touched."""
+    values = {name: at[:, machine.column(name)] for name in touched}
+    return {name: (values[name] < low - 1e-6) | (values[name] > high + 1e-6) for name, (low, high) in touched.items()}
 
 
 def words(setup: Setup, position: Array, added: float) -> dict[str, float]:

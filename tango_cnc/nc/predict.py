@@ -16,7 +16,7 @@ from ..iso230.poses import at_poses
 from ..records import Array, Machine
 from ..touches import Touches
 from .correct import Machinery
-from .follow import Motion, Setup, arc_points, beyond, follow, positions
+from .follow import Motion, Setup, arc_points, axes_beyond, beyond, follow, positions
 
 BATCH = 2000
 PARTS = 4  # points of a line that are looked at
@@ -31,6 +31,7 @@ class Way:
     blocks: int = 0
     points: int = 0
     outside: int = 0  # points beyond the touched range of an axis
+    outside_by: dict[str, int] = field(default_factory=dict)  # the same of each axis that is
     largest: float = 0.0
     largest_std: float = 0.0  # of the point with the largest deviation
     largest_line: int = 0
@@ -98,6 +99,9 @@ def _look(
     deviation = mach.deviation(at) * 1e3
     size = np.linalg.norm(deviation, axis=1)
     outside = beyond(setup.machine, at, touched)
+    for axis, there in axes_beyond(setup.machine, at, touched).items():
+        if there.any():
+            way.outside_by[axis] = way.outside_by.get(axis, 0) + int(there.sum())
     turned = np.linalg.norm(mach.directions(at), axis=1) * 1e6
     way.points += len(at)
     way.outside += int(outside.sum())
