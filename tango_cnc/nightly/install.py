@@ -30,13 +30,14 @@ def units(kind: str, cell: Path, at: str, machine: str, user: str = "") -> dict[
 def advice(kind: str, names: list[str], folder: Path) -> str:
     """kind, names of the files, where they are → what to do with them."""
     if kind == "cron":
-        known = f"crontab -l 2>/dev/null | grep -vF {shlex.quote(f'nightly -C {folder.resolve().parents[1]}')}"
+        lines = _cron(shlex.join(["nightly", "-C", str(folder.resolve().parents[1])])) + " "  # as they stand, and no longer name
+        known = f"crontab -l 2>/dev/null | grep -vF {shlex.quote(lines)}"
         return f"({known}; cat {shlex.quote(str(folder / names[0]))}) | crontab -    # in place of earlier lines of this cell"
     if kind == "windows":
         return f'schtasks /Create /TN "{Path(names[0]).stem}" /XML "{folder / names[0]}"'
     timer = next(name for name in names if name.endswith(".timer"))
     return (
-        f"sudo cp {' '.join(str(folder / name) for name in names)} /etc/systemd/system/ && sudo systemctl daemon-reload && "
+        f"sudo cp {shlex.join(str(folder / name) for name in names)} /etc/systemd/system/ && sudo systemctl daemon-reload && "
         f"sudo systemctl enable --now {timer}"
     )
 

@@ -1,0 +1,53 @@
+"""The timer of a cell: what the program says to type, typed."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tango_cnc.nightly.install import advice, units
+
+
+def written(cell: Path, kind: str) -> str:
+    """cell → what is to be typed; its files are there."""
+    folder = cell / "nights" / "timer"
+    folder.mkdir(parents=True, exist_ok=True)
+    files = units(kind, cell, "02:00", cell.name)
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return advice(kind, list(files), folder)
+
+
+def typed(command: str, folder: Path, **programs: str) -> None:
+    """command, programs of the system as scripts → it has run."""
+    tools = folder / "tools"
+    tools.mkdir(exist_ok=True)
+    for name, script in programs.items():
+        (tools / name).write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+        (tools / name).chmod(0o755)
+    environment = {"PATH": f"{tools}:/usr/bin:/bin", "TABLE": str(folder / "table")}
+    done = subprocess.run(["sh", "-c", command], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["mill", "big mill", "50% mill"])
+def test_a_crontab_has_the_lines_of_a_cell_once_and_keeps_those_of_others(name: str, tmp_path: Path) -> None:
+    table = tmp_path / "table"
+    table.write_text(f"7 7 * * * backup\n0 2 * * * python -m tango_cnc nightly -C {tmp_path}/mill2 >> log\n", encoding="utf-8")
+    script = 'if [ "$1" = -l ]; then cat "$TABLE"; else cat > "$TABLE.new"; mv "$TABLE.new" "$TABLE"; fi'
+    for _ in range(2):
+        typed(written(tmp_path / name, "cron"), tmp_path, crontab=script)
+    lines = table.read_text(encoding="utf-8").splitlines()
+    own = [line for line in lines if "tango_cnc" in line and "mill2" not in line]
+    assert len(own) == 2 and "--tell" in own[1]
+    assert len(lines) - len(own) - sum(line.startswith("#") for line in lines) == 2  # the backup and the other mill
+
+
+def test_units_of_a_cell_with_a_space_in_its_name_are_copied(tmp_path: Path) -> None:
+    place = tmp_path / "etc"
+    place.mkdir()
+    command = written(tmp_path / "big mill", "systemd").replace("/etc/systemd/system/", str(place))
+    typed(command, tmp_path, sudo='exec "$@"', systemctl="exit 0")
+    assert sorted(f.name for f in place.iterdir()) == ["tango-big-mill.service", "tango-big-mill.timer"]
