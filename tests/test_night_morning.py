@@ -273,7 +273,7 @@ def test_a_line_of_an_alarm_says_what_was_decided_since() -> None:
 
     def line(*actions: str) -> str:
         decisions = [Decision("2026-10-04-1", action, "Bo", "", None, "2026-10-05T08:00:00Z") for action in actions]
-        return next(x for x in message(record, (), (), None, decisions)[1].splitlines() if "alarm of 2026-10-04" in x)
+        return next(x for x in message(record, (), (), None, decisions)[1].splitlines() if x.startswith("* alarm of 2026-10-04"))
 
     assert "alarm of 2026-10-04, not answered: it moved" in line()
     assert "alarm of 2026-10-04, repaired: it moved" in line("acknowledge", "repaired")
