@@ -43,6 +43,7 @@ class Jump:
     moves: tuple[str, ...]  # coefficients that it moves, or without which nothing would be known of them
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad, by which the table turned
     radius: float = 0.0  # mm, by which the tip is larger
+    row: int = 0  # of the first touch after it, in the order of measurement
 
 
 @dataclass(frozen=True)

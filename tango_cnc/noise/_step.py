@@ -15,7 +15,7 @@ from ..kinematics import Slot
 from ..records import Array
 from ..touches import Touches
 from ._fit import LARGEST, Fitted, gls
-from ._start import reachable
+from ._start import SUSPECT, reachable
 from ._system import System, system, widened
 
 FEWEST = 4  # touches before and after
@@ -53,6 +53,8 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
         return None
     few = sorted(tried, key=lambda one: -tried[one])[:MOST]
     plain = _refit(s)
+    # Where the fit without it drops many touches, those that it keeps scatter by less than a touch does.
+    most = max(WHITE * white, SUSPECT * s.repeats) if (~plain[1]).mean() > UNFIT else WHITE * white
     best, least = None, np.inf
     for name, at, until in few:
         with_it = _with(s, frames[name], at)
@@ -60,7 +62,7 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
         cost, before = _cost(other, plain, other, white), _cost(plain, plain, other, white)
         size = other[0].change[-frames[name].shape[1] :]
         lost = cost + LOST * float((~other[1]).sum()) + PAID * len(size)
-        good = other[0].sigma < WHITE * white and (~other[1]).mean() < UNFIT and cost < LEFT * before
+        good = other[0].sigma < most and (~other[1]).mean() < UNFIT and cost < LEFT * before
         if good and lost < least and np.abs(frames[name] @ size).max() > TIMES * white:
             best, least = (name, at, until, other[0]), lost
     if best is None:
@@ -77,7 +79,7 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
     radius = shift[3] if len(shift) == 4 else 0.0
     frame = "table" if name == "turned" else "spindle" if name == "tip" else name
     before, after = int(touches.number[at - 1]), int(touches.number[until])
-    return Jump(before, after, frame, (shift[0], shift[1], shift[2]), names, turn, radius)
+    return Jump(before, after, frame, (shift[0], shift[1], shift[2]), names, turn, radius, until)
 
 
 def _frames(touches: Touches) -> dict[str, Array]:

@@ -68,7 +68,7 @@ def _step(result: Estimate) -> Iterator[Remark]:
     if step.radius:
         more = say(f"plausible.groups.tip_{'larger' if step.radius > 0 else 'smaller'}", size=f"{abs(step.radius) * 1e3:.1f}")
     change = say("plausible.groups.find_out_what_happened_then")
-    at = touches.time[int(np.flatnonzero(touches.number == step.after)[0])] - touches.time.min()
+    at = touches.time[step.row] - touches.time.min()
     after = tuple(int(i) for i in touches.number[touches.time >= touches.time.min() + at])
     yield Remark(
         "doubtful",
