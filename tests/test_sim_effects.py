@@ -34,7 +34,12 @@ def rows(known: History, count: int) -> History:
 
 
 def test_every_cause_has_its_line_in_the_table_of_the_tests() -> None:
-    assert set(LEAST) == set(names()), "each effect has its smallest setting in LEAST, tests/support/effectparts.py"
+    assert set(LEAST) == set(names()), "LEAST of tests/support/effectparts.py has a line of an effect that is gone"
+    for name in names():
+        try:
+            effects.checked(world(name).effects)
+        except InputError as error:
+            pytest.fail(f"add a line for {name} to LEAST of tests/support/effectparts.py, with the keys that it must have: {error}")
 
 
 def test_every_key_is_documented(root: Path) -> None:
@@ -44,8 +49,14 @@ def test_every_key_is_documented(root: Path) -> None:
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if line.startswith("| `") and len(cells) == 3:
             documented[cells[0].strip("`")] = set(re.findall(r"`(\w+)`", cells[1]))
-    # A row: | `cause` | `key`, `key` | what it does |
-    assert documented == {cause: set(re.findall(r"\w+", keys)) for cause, keys, _ in effects.described()}
+    for cause, keys, what in effects.described():
+        found = set(re.findall(r"\w+", keys))
+        row = f"| `{cause}` | {', '.join(f'`{key}`' for key in sorted(found))} | {what} |"
+        assert documented.get(cause) == found, (
+            f"docs/effects.md: put this row into the table of its kind, with units and formula:\n{row}"
+        )
+    gone = set(documented) - {cause for cause, _, _ in effects.described()}
+    assert not gone, f"docs/effects.md: a row of an effect that is gone: {gone}"
 
 
 @pytest.mark.parametrize("cause", sorted(set(LEAST) - {"swapped_facets"}))
@@ -115,7 +126,9 @@ def test_touch_by_touch_an_effect_is_the_same_as_all_at_once(cause: str) -> None
         motion.rapid({name: there[name] for name in "XY"})
         motion.rapid({"Z": there["Z"] + 10})
         hit = motion.skip({"Z": there["Z"] - 5}, 180)
-        assert hit.position == pytest.approx(wanted[i], abs=1e-9)
+        assert hit.position == pytest.approx(wanted[i], abs=1e-9), (
+            f"{cause}: does it depend on time? Put it into AT_WHICH_TIME, above"
+        )
 
 
 @pytest.mark.parametrize("example", sorted(folder.name for folder in EXAMPLES.iterdir()))

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from sim_controller.effects import History
+from sim_controller.effects._apply import names
 from sim_controller.probing import facet_rows, history, rig
 from sim_controller.simulate import simulate
 from tango_cnc.files import read_cell
 from tango_cnc.records import Array, Cell, World
 
-# what world.yaml must at least give for each cause, in a size that a good machine has
+# What world.yaml must at least give for each cause, of a size that good machines have; others need an amplitude only.
 LEAST: dict[str, dict[str, object]] = {
     "ambient_cycle": {"amplitude": 0.003, "period": 1200, "direction": [1, 0, 0]},
     "axis_location": {"name": "EX0C", "amplitude": 0.02},
@@ -55,6 +56,7 @@ LEAST: dict[str, dict[str, object]] = {
     "thermal_drift": {"amplitude": 0.01, "tau": 2400, "direction": [0, 1, 0]},
     "trigger_latency": {"delay": 0.001},
 }
+LEAST |= {name: {"amplitude": 0.002} for name in names() if name not in LEAST}
 RANDOM = {"indexation_seating", "noise_level", "outliers", "random_walk", "spindle_orientation", "surface_form"}
 
 
