@@ -200,9 +200,12 @@ def test_exact_designs_are_as_good_as_those_that_algdesign_prints(kind: str, pri
 @pytest.mark.parametrize(
     ("body", "count"), [("box:-200:200,-150:150,-80:0", 25), ("table:400,300", 25), ("cylinder:125,-60:0", 16)]
 )
-def test_facets_are_proposed_on_every_side_that_does_not_look_down(body: str, count: int, tmp_path: Path) -> None:
+def test_facets_are_proposed_on_every_side_that_does_not_look_down(
+    body: str, count: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "artefact.yaml"
     assert guarded(tango.main, ["design", "--facets", body, "-o", str(file)], standalone_mode=False) == 0
+    assert ("--facets box:" in capsys.readouterr().err) == body.startswith("table:")  # a table is taken to be at zero
     found = read_artefact(file)
     normals = np.array([facet.normal for facet in found.facets.values()])
     points = np.array([facet.point for facet in found.facets.values()])
@@ -288,6 +291,17 @@ def bare(folder: Path) -> Path:
     assert guarded(tango.main, ["init", str(folder), "--example", "trunnion"], standalone_mode=False) == 0
     (folder / "strategy.yaml").unlink()
     return folder
+
+
+def test_a_table_that_no_axis_reaches_is_refused_with_the_axis_and_what_it_lacks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = bare(tmp_path)
+    table = ["design", "--facets", "box:-200:200,-200:200,-2080:-2000", "-o", str(folder / "artefact.yaml")]
+    assert guarded(tango.main, table, standalone_mode=False) == 0
+    assert guarded(tango.main, ["design", "-C", str(folder), "--goal", "locations"], standalone_mode=False) == 2
+    said = capsys.readouterr().err
+    assert re.search(r"lacks least is beyond a travel: [XYZ] -?\d+\.\d+ mm, travel -", said) and "obstacles" in said
 
 
 def test_a_check_of_a_cell_that_nobody_has_measured_says_what_comes_first(

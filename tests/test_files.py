@@ -133,6 +133,8 @@ BAD_CELLS = {
     "topology": ("machine.yaml", "wCBXfZY(S)t", "wCBXfZY(S)", 2, "topology", "e.g. wCBXfZY(S)t"),
     "three rotary axes": ("machine.yaml", "wCBXfZY(S)t", "wCBXfAZY(S)t", 2, "topology", "up to two of A B C"),
     "kind of axis": ("machine.yaml", "X: {kind: linear", "X: {kind: linaer", 4, "axes.X.kind", "Did you mean 'linear'"),
+    "travel in radians": ("machine.yaml", "travel: [-95, 95]", "travel: [-1.92, 0.52]", 7, "axes.B.travel", "[-110, 29.79] deg would be meant"),
+    "rapid in m/min": ("machine.yaml", "travel: [-350, 350]", "travel: [-350, 350], rapid: 30", 5, "axes.Y.rapid", "If m/min were meant, write 30000"),
     "travel upside down": ("machine.yaml", "travel: [-95, 95]", "travel: [95, -95]", 7, "axes.B.travel", "low below high"),
     "version of the format": ("tango.yaml", "tango: 1", "tango: 2", 1, "tango", "1, the version of the format"),
     "facet off its ball": ("artefact.yaml", "[50, 0, 72.7]", "[95, 0, 60]", 6, "facets.11", "a point 32.3 mm off the surface of ball 1 (45 mm from its centre, radius 12.7); allowed: within 2 mm"),

@@ -235,3 +235,10 @@ def test_how_a_spindle_stands_does_not_matter_to_what_a_head_sweeps() -> None:
     base = machine("wXYfZCA(S)t")
     high = [plan(cell(base, block(), [{"S": angle}], facets=["5"])).turns[-1].before[:3] for angle in (0.0, 270.0)]
     np.testing.assert_allclose(*high)
+
+
+@pytest.mark.parametrize("height", [-700.0, 900.0])
+def test_which_point_of_its_line_a_rotary_axis_states_does_not_matter(height: float) -> None:
+    poses = [{"A": 20.0, "C": 0.0}, {"A": -40.0, "C": 90.0}]
+    near, far = (plan(cell(machine("wCXfYZA(S)t", {"C": (0.0, 0.0, z)}), block(), poses)) for z in (-40.0, height))
+    np.testing.assert_allclose([turn.after for turn in near.turns], [turn.after for turn in far.turns], atol=1e-6)

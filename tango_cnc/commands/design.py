@@ -153,6 +153,12 @@ def _facets(text: str, output: Path | None) -> int:
     else:
         write_text(output, found)
         click.echo(f"artefact written to {output}: measure where the facets are, or let the probe find them", err=True)
+        if text.startswith("table:"):
+            click.echo(
+                "The middle of the top of the table is taken to be at X 0 Y 0 Z 0 of the machine frame, with all axes at zero. "
+                "Where it stands elsewhere, state its corners: --facets box:X0:X1,Y0:Y1,Z0:Z1",
+                err=True,
+            )
     return 0
 
 

@@ -227,6 +227,8 @@ def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | No
     each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
     while (minutes := math.ceil(2 * minutes * LONGER) / 2) <= LONGEST:
         seconds = 60 * minutes - spare
+        if seconds < visit + 3 * touch:  # what every plan needs takes longer
+            continue
         relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
         mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)
         if good(light, light.held + choice.rows[mask].T @ choice.rows[mask]):

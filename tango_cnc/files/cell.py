@@ -34,6 +34,7 @@ from .strategy import read_strategy
 from .tolerances import TOLERANCES, read_tolerances
 
 SUBSETS = ("S1", "S2", "S3", "S4")
+SLOWEST = 100.0  # mm/min, rapid of a linear axis
 COARSEST = 0.1  # mm: a probe of a machine tool repeats to micrometres
 SUBSET = re.compile(r"[Ss]\d*")  # what is meant for one; the machine has to be known to judge the other words
 STYLI = 9  # of one machine
@@ -175,6 +176,12 @@ def _axis(name: str, node: Node) -> Axis:
         low, high = (item.position() if kind == "linear" else angle(item) for item in fields["travel"].list(2))
         if low >= high:
             raise fields["travel"].wrong("[low, high] with low below high", f"[{low / scale:g}, {high / scale:g}]")
+        if kind == "rotary" and max(abs(low), abs(high)) <= math.radians(math.tau) and all(map(_broken, fields["travel"].list(2))):
+            raise fields["travel"].wrong(
+                "degrees. These look like radians: "
+                f"[{math.degrees(low / scale):.4g}, {math.degrees(high / scale):.4g}] deg would be meant; write whole degrees",
+                f"[{low / scale:g}, {high / scale:g}]",
+            )
         travel = (low, high)
     nearer = "nearer" in fields and fields["nearer"].boolean()
     if nearer and (travel is None or travel[1] - travel[0] > math.radians(800)):
@@ -185,11 +192,24 @@ def _axis(name: str, node: Node) -> Axis:
         fields["direction"].unit_vector(),
         fields["point"].vector() if "point" in fields else (0.0, 0.0, 0.0),
         travel,
-        fields["rapid"].number(0.1, 1_000_000) * scale if "rapid" in fields else None,
+        _rapid(fields["rapid"], kind) * scale if "rapid" in fields else None,
         fields["acceleration"].number(0.001, 10_000) if "acceleration" in fields else None,
         fields["clamp_time"].number(0, 3600) if "clamp_time" in fields else 0.0,
         nearer,
     )
+
+
+def _broken(node: Node) -> bool:
+    """number → whether it is no whole one."""
+    return node.position() % 1 != 0
+
+
+def _rapid(node: Node, kind: str) -> float:
+    """→ mm/min or deg/min. Raises InputError for what only an axis in m/min has: no machine tool is as slow as that in mm/min."""
+    rapid = node.number(0.1, 1_000_000)
+    if kind == "linear" and rapid < SLOWEST:
+        raise node.wrong(f"{SLOWEST:g} … 1 000 000 mm/min. If m/min were meant, write {1000 * rapid:g}", f"{rapid:g}")
+    return rapid
 
 
 def _probe(node: Node) -> Probe:

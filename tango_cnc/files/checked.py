@@ -31,6 +31,7 @@ FURTHEST = 100_000.0  # mm or degrees: no machine tool reaches further, and beyo
 COMMA = " Within { } a comma begins a new key: write decimals with a point, and lists in [ ]"
 MISSING = {  # file name → what to do when it is not there
     "tango.yaml": "give the folder of the cell with -C, or make one with 'tango init DIR'",
+    "strategy.yaml": "'tango design -C CELL -o CELL/strategy.yaml' makes one from machine.yaml and artefact.yaml",
     "readings.csv": "'tango run' makes the readings of a cell, 'tango simulate' those of its world.yaml",
 }
 

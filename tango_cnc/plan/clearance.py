@@ -7,6 +7,7 @@ and is done at the same places.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import chain, pairwise
 
@@ -52,11 +53,20 @@ class Clearance:
 
     def has_room(self, touch: Touch) -> bool:
         """touch → whether the travels leave a place above it at which the rotary axes may turn, whatever their angles are."""
+        return not self.why_no_room(touch)
+
+    def why_no_room(self, touch: Touch) -> str:
+        """touch → why there is no such place, as a sentence without its point; empty where there is one."""
         try:
-            self._parting(touch, lambda index: "")
-        except InputError:
-            return False
-        return True
+            self._parting(touch, self._angles)
+        except InputError as error:
+            return str(error).rstrip(". ")
+        return ""
+
+    def _angles(self, index: int) -> str:
+        """indexation → its rotary angles, as 'A -60 C 180'."""
+        at = self._station[index]
+        return " ".join(f"{name} {math.degrees(at[self._machine.column(name)]):.6g}" for name in self._machine.rotary)
 
     def _parting(self, last: Touch, name: Callable[[int], str]) -> Turn:
         over, complaints = np.array(last.over), list[InputError]()

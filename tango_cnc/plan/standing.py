@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from .. import check
-from ..records import Cell, InputError, Strategy
+from ..check.travel import travel_text
+from ..records import Array, Cell, InputError, Strategy
 from .build import _order, reachable
 from .clearance import Clearance
 from .places import Places, nowhere, scene
@@ -38,8 +39,23 @@ def standing(cell: Cell) -> Strategy:
         if len(rows) and clear.has_room(touches[int(rows[0])]):
             kept.append(replace(indexation, facets=tuple(shared.facet[row] for row in facet[rows])))
     if not kept:
+        turned = np.abs(where[:, 0, [cell.machine.column(name) for name in cell.machine.rotary]]).sum(axis=1)
+        nearest = int(np.argmin(np.where(within, turned, np.inf))) if len(turned) else 0  # the simplest to look at
+        why = clear.why_no_room(touches[nearest]) if within.any() else _travel(cell, beyond, where)
         raise InputError(
-            f"{strategy.name}: the axes reach no touch of it and get clear of the table afterwards; "
-            "check travels, the length of the probe and where the facets are"
+            f"{strategy.name}: the axes reach no touch of it and get clear of the table afterwards. {why}. "
+            "Check travels, obstacles, the length of the probe and where the facets are: "
+            "with all axes at zero, in the machine frame"
         )
     return replace(strategy, indexations=tuple(kept))
+
+
+def _travel(cell: Cell, beyond: Array, where: Array) -> str:
+    """cell, (n, 4, k) mm rad beyond travels, positions of n touches → which axis lacks how much at the touch that lacks least."""
+    if not len(beyond):
+        return "Every touch is in the way of the stem or the body of the probe, or of an obstacle"
+    lacks = np.abs(beyond).max(axis=(1, 2))
+    row = int(np.argmin(lacks))
+    place, axis = np.unravel_index(int(np.argmax(np.abs(beyond[row]))), beyond[row].shape)
+    name = cell.machine.names[int(axis)]
+    return f"Even the touch that lacks least is beyond a travel: {travel_text(cell.machine, name, where[row, place, axis])}"

@@ -170,13 +170,25 @@ def sphere(machine: Machine, branch: Sequence[str], position: Array, balls: Ball
     axis = machine.axis(branch[rotary[0]])
     if len(rotary) == 1:
         beyond = _offset(machine, branch[rotary[0] + 1 :], position)
-        centre = np.array(axis.point)
+        centre = _halfway(axis, beyond, balls)
         return rotation @ centre + shift, _around(centre - beyond, balls)
     outer = machine.axis(branch[rotary[1]])
     between = _offset(machine, branch[rotary[0] + 1 : rotary[1]], position)
     beyond = _offset(machine, branch[rotary[1] + 1 :], position)
     centre, nearest = _closest(axis, np.array(outer.point) + between, np.array(outer.direction))
     return rotation @ centre + shift, float(np.linalg.norm(nearest - centre)) + _around(nearest - between - beyond, balls)
+
+
+def _halfway(axis: Axis, beyond: Array, balls: Balls) -> Array:
+    """axis, (3,) mm that linear axes beyond it shift what it carries → the point of its line in the middle of that, along it.
+
+    Which point of its line machine.yaml states says nothing of the size of what turns.
+    """
+    point, direction = np.array(axis.point), np.array(axis.direction)
+    if not len(balls[0]):
+        return point
+    along = (balls[0] + beyond - point) @ direction
+    return np.asarray(point + ((along - balls[1]).min() + (along + balls[1]).max()) / 2 * direction)
 
 
 def _around(point: Array, balls: Balls) -> float:
