@@ -15,6 +15,7 @@ from tango_cnc.design import goals, order, propose, timed
 from tango_cnc.design.balls import needed, unknowns
 from tango_cnc.design.problem import Chosen
 from tango_cnc.design.propose import Setting, Wish
+from tango_cnc.design.proving import from_above, proving
 from tango_cnc.design.spare import used_up
 from tango_cnc.estimate import estimate
 from tango_cnc.features import bar_left_out, completing, loose
@@ -103,6 +104,17 @@ def test_seconds_that_are_left_over_go_into_touches_in_a_row() -> None:
     ]
     compare(ready, more, read_world(EXAMPLES / "trunnion" / "world.yaml"))
     assert used_up(replace(own, problem=replace(ready.problem, seconds=own.seconds + 0.1)), again).rows is own.rows
+
+
+def test_where_a_facet_proves_the_probe_one_is_touched_from_above() -> None:
+    _, ready = given("trunnion", "locations", 5)
+    problem = replace(ready.problem, gate="facet")
+    above, pose = from_above(problem.choice), problem.choice.pose
+    up = int(np.argmax(np.bincount(pose[above], minlength=pose.max() + 1)))
+    mask = ~above & np.isin(pose, [up])
+    more = proving(problem, mask)
+    assert more.sum() == 1 and above[more].all() and pose[more] == up
+    assert not proving(problem, mask | more).any() and not proving(ready.problem, mask).any()
 
 
 def artefact() -> Artefact:

@@ -13,9 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import kinematics
 from ..duration import proof
-from ..gate import ABOVE
 from ..plan import plan
 from ..records import Indexation, InputError, Strategy
 from . import order
@@ -25,6 +23,7 @@ from .exchange import Draft
 from .here import certified_here
 from .in_a_row import shared
 from .problem import Chosen, Problem, lighter
+from .proving import from_above, proving
 from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
 from .senses import senses_of
 from .sequence import sequence
@@ -191,7 +190,7 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
 
     `sides`: whether the order of the visits takes longer where axes then come from sides that tell more.
     """
-    more = needed(problem, mask)
+    more = needed(problem, mask) | proving(problem, mask)
     mask = mask | more
     choice = problem.choice
     legs = order.Legs(choice.cell, problem.feed)
@@ -200,7 +199,8 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
     for _ in range(TRIMS):
         visits = np.unique(choice.pose[mask]).tolist()
         if visited is None or set(visited) != set(visits):
-            visited = _provable(problem, mask, sequence(problem, mask, visits, sides))
+            visited = sequence(problem, mask, visits, sides)
+        visited = _provable(problem, mask, visited)  # also where they are given: other facets may be touched there now
         found = _planned(problem, mask, visited, legs)
         over = found.seconds - problem.seconds
         worse += 1
@@ -210,7 +210,7 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
             break
         own = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
         changed = _changed(lighter(problem.ordered(visited)), mask, own, relaxed, over, more)
-        more |= needed(problem, changed)
+        more |= needed(problem, changed) | proving(problem, changed)
         changed |= more
         if changed.sum() < 2 or (changed == mask).all():
             break
@@ -262,13 +262,9 @@ def _provable(problem: Problem, mask: Mask, visited: list[int]) -> list[int]:
     """chosen touches, order of visits → the same, beginning where a facet is touched from above if the gate asks for one."""
     if problem.gate != "facet":
         return visited
-    choice = problem.choice
-    cell, chain = choice.cell, kinematics.chain(choice.cell.machine)
+    proves = np.unique(problem.choice.pose[mask & from_above(problem.choice)])
     for j in visited:
-        position = cell.strategy.indexations[j].position
-        up = kinematics.spindle_axis(chain, np.array([[position.get(name, 0.0) for name in cell.machine.names]]))[0]
-        facets = [choice.facet[i] for i in np.flatnonzero(mask & (choice.pose == j))]
-        if max(float(np.dot(cell.artefact.facets[f].normal, up)) for f in facets) >= ABOVE:
+        if j in proves:
             return [j, *(other for other in visited if other != j)]
     return visited
 
