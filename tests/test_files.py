@@ -312,6 +312,9 @@ def machines(draw: st.DrawFn) -> Machine:
         kind = "linear" if name in "XYZ" else "spindle" if name == "S" else "rotary"
         scale = 1.0 if kind == "linear" else math.pi / 180
         low, size = draw(numbers), draw(positive)
+        slow = 100 if kind == "linear" else 1
+        if kind == "rotary" and max(abs(low), abs(low + size)) < 7:
+            low -= 7  # a travel that looks like radians is refused
         axes.append(
             Axis(
                 name,
@@ -319,7 +322,7 @@ def machines(draw: st.DrawFn) -> Machine:
                 draw(directions()),
                 draw(vectors),
                 None if kind == "spindle" else (low * scale, (low + size) * scale),
-                draw(st.none() | st.floats(1, 1e5).map(lambda v, scale=scale: v * scale)),
+                draw(st.none() | st.floats(slow, 1e5).map(lambda v, scale=scale: v * scale)),
                 draw(st.none() | st.floats(0.01, 1e3)),
                 draw(st.just(0.0) | st.floats(1e-4, 1e3)),
             )

@@ -23,7 +23,14 @@ CHIP = say(
     "plausible.groups.facet_elsewhere_between_touches_than", facet="12", median="212", numbers="20", numbers2="33", numbers3="3"
 )
 SLIP = say(
-    "plausible.groups.something_moved_between_touches_after", before="20", after="21", at="90", place="x", size="9", where="y"
+    "plausible.groups.something_moved_between_touches_after",
+    before="20",
+    after="21",
+    at="90",
+    place="x",
+    size="9",
+    where="y",
+    more="",
 )
 FEW = say("plausible.judge.touches_do_not_fit", count="41", count2="74", numbers="3, 7 …")
 

@@ -34,6 +34,7 @@ from .strategy import read_strategy
 from .tolerances import TOLERANCES, read_tolerances
 
 SUBSETS = ("S1", "S2", "S3", "S4")
+ROUND = 0.35  # deg: two digits of a radian
 SLOWEST = 100.0  # mm/min, rapid of a linear axis
 COARSEST = 0.1  # mm: a probe of a machine tool repeats to micrometres
 SUBSET = re.compile(r"[Ss]\d*")  # what is meant for one; the machine has to be known to judge the other words
@@ -176,7 +177,11 @@ def _axis(name: str, node: Node) -> Axis:
         low, high = (item.position() if kind == "linear" else angle(item) for item in fields["travel"].list(2))
         if low >= high:
             raise fields["travel"].wrong("[low, high] with low below high", f"[{low / scale:g}, {high / scale:g}]")
-        if kind == "rotary" and max(abs(low), abs(high)) <= math.radians(math.tau) and all(map(_broken, fields["travel"].list(2))):
+        if (
+            kind == "rotary"
+            and max(abs(low), abs(high)) <= math.radians(math.tau)
+            and all(map(_as_radians, fields["travel"].list(2)))
+        ):
             raise fields["travel"].wrong(
                 "degrees. These look like radians: "
                 f"[{math.degrees(low / scale):.4g}, {math.degrees(high / scale):.4g}] deg would be meant; write whole degrees",
@@ -199,9 +204,11 @@ def _axis(name: str, node: Node) -> Axis:
     )
 
 
-def _broken(node: Node) -> bool:
-    """number → whether it is no whole one."""
-    return node.position() % 1 != 0
+def _as_radians(node: Node) -> bool:
+    """number → whether it is no whole one, but would be some fives of degrees in radians, to the digits that people write."""
+    value = node.position()
+    off = math.degrees(value) % 5
+    return value % 1 != 0 and min(off, 5 - off) < ROUND
 
 
 def _rapid(node: Node, kind: str) -> float:

@@ -72,7 +72,7 @@ def turns(touches: Touches) -> Iterator[Remark]:
             way = (way + np.pi) % math.tau - np.pi
         turned = same & (np.abs(way) > TURN) & (said[1:] != 0)
         still = same & (np.abs(way) <= TURN) & (said[1:] * said[:-1] != 0)
-        if np.ptp(said) == 0 or not turned.any():
+        if not turned.any() or np.ptp(said) == 0:
             continue
         off = (turned & (said[1:] * way < 0)) | (still & (said[1:] != said[:-1]))
         if off[turned].sum() >= FEWEST and off.sum() > WRONG * (turned | off).sum():
