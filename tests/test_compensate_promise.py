@@ -96,7 +96,9 @@ def test_the_faster_way_promises_what_propose_does() -> None:
         fast, promise = promised("trunnion", target, found)
         slow = propose(found, target)
         said = slow.fit.rms_after
-        assert promise.value == pytest.approx(said.value, rel=0.02)
+        # Each way draws 1000 along eigenvectors of its own: their medians differ by 0.056 of the spread, thrice that once in 400.
+        spread = (said.high - said.low) / 3.92
+        assert promise.value == pytest.approx(said.value, abs=3 * 1.25 * spread * (2 / 1000) ** 0.5)
         # Its ends are quantiles of which 25 of 1000 draws lie beyond, and each way draws along eigenvectors of its own.
         assert (promise.low, promise.high) == pytest.approx((said.low, said.high), rel=0.06)
         # A table begins and ends where the touches did, which is some µm elsewhere on each machine.
