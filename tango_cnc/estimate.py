@@ -25,9 +25,8 @@ from .touches import FAR, Touches, from_readings, misnamed
 STEP = 1e-11  # mm
 SLOWEST = 0.01  # rate at which steps shrink that is trusted
 ITERATIONS = 60
-SERVES = (
-    1e-6  # mm: after a step as short as this the derivatives of the step before serve; a whole result moves by less than 1e-9 mm
-)
+# mm: after a step as short as this the derivatives of the step before serve; the result moves by less than 1e-9 mm.
+SERVES = 1e-6
 # Below one nanometre the touches are treated as exact and the scale bar keeps its weight.
 SIGMA_FLOOR = 1e-6
 
@@ -290,9 +289,8 @@ def _step(touched: Array, rows: Array, offsets: Array, weights: Array, damping: 
     if damping:
         stacked[t + m :, :p] = damping**0.5 * np.eye(p)
     if m or damping:
-        stacked = linalg.lapack.dgeqrf(stacked, lwork=64 * (p + 1), overwrite_a=True)[
-            0
-        ]  # what stands below the triangle is not read
+        # What stands below the triangle is not read.
+        stacked = linalg.lapack.dgeqrf(stacked, lwork=64 * (p + 1), overwrite_a=True)[0]
     root = stacked[:p, :p]
     if not np.min(np.abs(np.diag(root))) > 1e-14:
         raise TangoError(

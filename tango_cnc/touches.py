@@ -181,6 +181,11 @@ class Touches:
         return kinematics.sensitivity(self.chain, kinematics.trace(self.chain, position), self.normal)
 
     @property
+    def of_table(self) -> Array:
+        """→ (n, 6) mm a unit (mm, rad): what a touch sees of the table moved along its X Y Z and turned about them."""
+        return np.stack([self.seen.slots[Slot("w", "table", i)] for i in range(6)], axis=1)
+
+    @property
     def machine_normal(self) -> Array:
         """→ (n, 3) outward normals in the machine frame."""
         return self.seen.machine_normal

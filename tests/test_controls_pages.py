@@ -58,7 +58,7 @@ def draft(name: str) -> str:
 
 
 def page(name: str) -> str:
-    """dialect → the text of its page; the message where there is none says which command writes a first one."""
+    """dialect → the text of its page. Where a page is missing, the failure prints the command that writes a first one."""
     file = PAGES / f"{name}.md"
     if not file.is_file() and os.environ.get("TANGO_GOLDEN") == "write":
         file.write_text(draft(name), encoding="utf-8")

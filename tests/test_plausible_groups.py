@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.coverage import pushed
+from support.coverage import judged, pushed
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import estimate
@@ -27,10 +27,6 @@ def cell(root: Path) -> Cell:
 @pytest.fixture(scope="module")
 def readings(cell: Cell, root: Path) -> Readings:
     return simulate(cell.machine, cell.artefact, cell.strategy, read_world(root / "examples/trunnion/world.yaml"), seed=11)
-
-
-def judged(cell: Cell, readings: Readings) -> Judgement:
-    return judge(cell, readings, honest(estimate(cell.machine, cell.artefact, readings, cell.terms)), search=False)
 
 
 def only(judgement: Judgement, verdict: str) -> str:

@@ -7,14 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.coverage import pushed
+from support.coverage import judged, pushed
 
 from sim_controller.simulate import simulate
-from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.judgement import Judgement
-from tango_cnc.noise import honest
-from tango_cnc.plausible import judge
 from tango_cnc.records import Array, Cell, Readings
 
 
@@ -26,10 +22,6 @@ def cell(root: Path) -> Cell:
 @pytest.fixture(scope="module")
 def readings(cell: Cell, root: Path) -> Readings:
     return simulate(cell.machine, cell.artefact, cell.strategy, read_world(root / "examples/trunnion/world.yaml"), seed=21)
-
-
-def judged(cell: Cell, readings: Readings) -> Judgement:
-    return judge(cell, readings, honest(estimate(cell.machine, cell.artefact, readings, cell.terms)), search=False)
 
 
 def column(cell: Cell, readings: Readings, axis: str, change: Array) -> Readings:

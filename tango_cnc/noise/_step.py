@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate import Estimate, Jump
-from ..kinematics import Slot
 from ..records import Array
 from ..touches import Touches
 from ._fit import LARGEST, Fitted, gls
@@ -84,12 +83,11 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
 
 def _frames(touches: Touches) -> dict[str, Array]:
     """touches → (n, k) mm a unit of what may move at one moment: displacements, a table that turned as well, another tip."""
-    levers = touches.seen.slots
     return {
         "machine": touches.machine_normal,
         "table": touches.normal,
         "spindle": touches.spindle_normal,
-        "turned": np.stack([levers[Slot("w", "table", i)] for i in range(6)], axis=1),
+        "turned": touches.of_table,
         "tip": np.hstack([touches.spindle_normal, np.ones((len(touches), 1))]),
     }
 

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from ..estimate import Estimate
-from ..kinematics import Slot
 from ..model import known
 from ..records import Array
 from ..texts import joined, say
 from ..touches import Touches
 from .data import Remark
 
-LEVEL = 5e-4  # chance that any pattern of one kind is found where there is none
+LEVEL = 5e-4  # chance of a false find for each kind of pattern
 FAINT = 1e-3  # share of a pattern that the unknowns leave of it, below which they stand for it
 FEWEST = 3  # touches that a pattern acts on
 LARGEST = 1500  # touches of which patterns are looked for
@@ -212,7 +211,7 @@ def _candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
         for slot, lever in slots.items():
             if slot.axis == axis and slot.stage in ("motion", "inter"):
                 yield "position" if slot.stage == "motion" else "motion", axis, lever[:, None] * shapes
-    table = np.stack([slots[Slot("w", "table", i)] for i in range(6)], axis=1)
+    table = touches.of_table
     t = (touches.time - touches.time.min()) / (float(np.ptp(touches.time)) or 1.0)
     for shape in (t, t**2, np.sin(np.pi * t), np.sin(2 * np.pi * t)):
         yield "drift", "", table * shape[:, None]
@@ -232,9 +231,8 @@ def _candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
 
 def _movable(touches: Touches) -> Iterator[tuple[str, str, Array]]:
     """touches → (words, axis, (n, k) mm a unit) of what may be elsewhere from a moment on."""
-    slots, machine = touches.seen.slots, touches.machine
-    yield "table", "", np.stack([slots[Slot("w", "table", i)] for i in range(6)], axis=1)
+    yield "table", "", touches.of_table
     yield "tip", "", np.hstack([touches.spindle_normal, np.ones((len(touches), 1))])
     yield "offset", "", touches.machine_normal
-    for axis in machine.rotary:
+    for axis in touches.machine.rotary:
         yield "turned", axis, touches.lever(axis)[:, None]

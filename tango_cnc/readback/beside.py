@@ -39,7 +39,7 @@ class Beside:
         return bool(self._pairs)
 
     def met(self, places: Array, known: Collection[str], *, need: float, begun: bool = True) -> str:
-        """(n, s, k) mm rad, axes that have a place, mm to keep → which body comes too near to which, in words; empty for none.
+        """(n, s, k) mm rad, axes that have a place, mm to keep → which two bodies come too near each other; empty for none.
 
         Each of the n motions is straight between its s places. `begun`: whether the first descent has been made; before it only the
         probe is looked at, since what else is on the machine has its warning in the plan.

@@ -1,7 +1,8 @@
 """A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
 
 A jump is an alarm of a night. What has moved since the last one counts from twice and a half what the two ends are known to. Where
-the last fortnight goes another way than all since then, the fortnight is told. No rate is told farther ahead than it was seen.
+the last fortnight goes another way than all since then, the sentence is of the fortnight. No forecast reaches farther ahead
+than its nights reach back.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from .units import inches
 
 LEAST = 3  # nights since the last jump before anything is said of how it goes on
 SURE = 2.58  # standard deviations of the difference of the ends (99 %)
-OTHER = 2.0  # times the rate of the whole stretch, from where that of the last fortnight is told
+OTHER = 2.0  # times the rate of the whole stretch at which the sentence takes that of the last fortnight
 Jump = tuple[int, float]  # place in the series, size in its unit
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..records import Array
 from .days import days_between
 
-RECENT = 14.0  # days of which the pace is told, and nights ahead for which it is
+RECENT = 14.0  # days that the pace is taken from, and nights that it may look ahead
 LEAST = 5  # nights
 SURE = 2.58  # standard deviations (99 %)
 STEP = 4.0  # of what the other nights differ by, from where one difference is a step

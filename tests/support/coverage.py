@@ -17,9 +17,10 @@ import numpy as np
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
+from tango_cnc.judgement import Judgement
 from tango_cnc.kinematics import chain, inverse, tip
 from tango_cnc.noise import honest
-from tango_cnc.plausible import swamped
+from tango_cnc.plausible import judge, swamped
 from tango_cnc.records import Array, Cell, Readings, World
 
 INSIDE = 1.96
@@ -31,6 +32,11 @@ def pushed(cell: Cell, readings: Readings, way: Array) -> Readings:
     c = chain(cell.machine)
     normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
     return replace(readings, position=inverse(c, readings.position, tip(c, readings.position) + way[:, None] * normal))
+
+
+def judged(cell: Cell, readings: Readings) -> Judgement:
+    """cell, readings → whether their estimate may be believed, without the search for a mistake."""
+    return judge(cell, readings, honest(estimate(cell.machine, cell.artefact, readings, cell.terms)), search=False)
 
 
 def _drift(size: float, rng: np.random.Generator) -> dict[str, Any]:

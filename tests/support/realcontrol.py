@@ -75,8 +75,8 @@ class Control:
     def execute(self, text: str, last: str = "THE END") -> tuple[list[str], str]:
         """Program that writes log.txt, how its last line in there begins → lines of the log, last error of the control.
 
-        It has ended when the control is idle and either that line is there or an error was told: an idle control without both has
-        not begun yet. How long a program takes says how busy the computer is. So it is given up only when nothing has happened for
+        It has ended when the control is idle and the log has that line or the control reported an error. An idle control with
+        neither has not begun yet. A busy computer makes any program long. So it is given up only when nothing has happened for
         long: no axis has moved and the log has not grown.
         """
         log = self.folder / "log.txt"
@@ -88,7 +88,7 @@ class Control:
         error, before, changed = "", ([""], 0), time.monotonic()
         while True:
             time.sleep(0.3)
-            # Asked after the state: what ended the program is told only once, and may come between the two questions.
+            # First the state, then the error: LinuxCNC reports an error once, and may do so between the two questions.
             status, told, *at = self.tell("get program_status", "get error", "get abs_act_pos")
             found = re.search(r"ERROR (?!OK)(.*)", told)
             error = found[1].strip() if found else error

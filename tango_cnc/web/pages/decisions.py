@@ -42,7 +42,7 @@ def _read(state: State) -> dict[str, Any]:
             continue
         found = faults_of(row, state)
         if asked := still_open(found):
-            shown = [a for a in found if a in asked or not a["id"]]  # what stands behind a limit is told with them
+            shown = [a for a in found if a in asked or not a["id"]]  # and the cause behind a limit
             card = {"machine": row.machine, "answer": answer_of(row, found, state), "faults": shown, "open": asked}
             waiting.append(card | {"simulated": made_up(row), "owner": state.places.owner(row.machine)})
         past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]

@@ -125,7 +125,7 @@ def faults_of(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
 
 
 def _stamp(row: Row) -> str:
-    """row of the fleet → what it is told from: another night or decision makes it another one."""
+    """row of the fleet → key of its causes: another night or another decision gives another key."""
     s, newest = row.standing, row.nights[0].entry if row.nights else 0
     return f"{row.machine.slug} {newest} {s.alarms_open if s else 0} {s.alarms_held if s else 0} {_today()}"
 

@@ -81,7 +81,7 @@ def sandboxed(file: Path | None) -> FileResponse:
 
 
 def file_of_cell(machine: Machine) -> Path | None:
-    """machine → its report, None where there is none, or where it is a link out of the folder of the cell."""
+    """machine → its report; None when it has none, or when the file links to a place outside the cell."""
     if machine.folder is None:
         return None
     root = machine.folder.resolve()
