@@ -44,6 +44,9 @@ def setup_options(call: Any) -> Any:
                 help="Of every tool [default: that of the probe].",
             ),
             click.option("--tool", "tools", multiple=True, metavar="N=MM", help="Length of tool N; repeatable."),
+            click.option(
+                "--metric-absolute", is_flag=True, help="The control is set to mm and absolute; needed where no block states it."
+            ),
         ]
     ):
         call = option(call)
@@ -61,7 +64,7 @@ def setup_of(cell: Cell, options: dict[str, Any]) -> Setup:
             raise InputError(f"--tool: found {text!r}; allowed: NUMBER=LENGTH, e.g. 3=112.4") from None
     length = options["tool_length"]
     length = cell.machine.probe.length if length is None else _length("--tool-length", length)
-    return Setup(cell.machine, zero_of(options["zero"], cell.machine), length, tools)
+    return Setup(cell.machine, zero_of(options["zero"], cell.machine), length, tools, options["metric_absolute"])
 
 
 def _length(what: str, value: float) -> float:
@@ -157,6 +160,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         **({"simulated": True} if options["of_no_machine"] else {}),
         "program": str(target),
         "language": language.__name__.rpartition(".")[2],
+        **({"metric_absolute": "as given"} if setup.settled else {}),
         "already_compensated": account.marked,
         "blocks": account.blocks,
         "lines": account.lines,
@@ -179,6 +183,7 @@ def said(data: dict[str, Any]) -> str:
     if data["already_compensated"]:
         return f"the program bears the mark of a compensated one: it is copied as it is → {data['program']}"
     unchanged = data["unchanged_motions"]
+    given = "as you say, in millimeters and absolute wherever no block states it\n" if "metric_absolute" in data else ""
     more = f"; {unchanged} motions as they were (machine coordinates, or before every axis was placed)" if unchanged else ""
     beyond = (
         f"extrapolated: at {100 * data['extrapolated'] / data['points']:.0f} % of the places an axis is beyond the touches: the "
@@ -188,7 +193,7 @@ def said(data: dict[str, Any]) -> str:
     )
     return (
         f"{data['blocks']} blocks, {data['compensated']} compensated, {data['arcs']} arcs written as lines, {data['split']} split"
-        f"{more}\n{beyond}tip against where the program means it, with rapids: largest {data['largest_before_um']:.1f} µm before "
+        f"{more}\n{given}{beyond}tip against where the program means it, with rapids: largest {data['largest_before_um']:.1f} µm before "
         f"(line {data['largest_before_line']}), {data['largest_after_um']:.2f} µm after; rms {data['rms_before_um']:.1f} and "
         f"{data['rms_after_um']:.2f} µm, as far as the errors are known\n→ {data['program']}, {data['lines']} lines"
     )

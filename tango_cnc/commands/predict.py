@@ -81,7 +81,7 @@ def command(**options: Any) -> int:
     return 1 if limit is not None and way.largest > limit else 0
 
 
-ONLY_PROGRAM = ("zero", "language", "tools", "checks", "limit_um", "picture")
+ONLY_PROGRAM = ("zero", "language", "tools", "metric_absolute", "checks", "limit_um", "picture")
 ONLY_TEST = ("radius", "at", "measured", "instrument_um")
 
 

@@ -1,7 +1,8 @@
 """Text of an NC program → blocks with their motion; what cannot be followed is refused by its name.
 
 A language is a module in `languages/` with `NAME`, `SAYS` (one line), `LENGTH` (whether a tool's length acts without being asked
-for), `COUNTED` (whether each line begins with its number), `START` (modal state), `HEAD` (which lines may stand before the mark),
+for), `COUNTED` (whether each line begins with its number), `UNITS` (what states millimeters, and what absolute coordinates; once
+where one word states both), `HEAD` (which lines may stand before the mark),
 `mark(text)` → a comment line, `read(line, number, modal)` → block, and `write(block, moves, decimals)` → lines.
 """
 
@@ -68,6 +69,8 @@ class Modal:
     tool: int | None = None
     absolute_centre: bool = False
     incremental: bool = False  # G91 on the way to a reference point
+    metric: bool = False  # a block has stated it, as the next
+    absolute: bool = False
     changed: bool = False  # M6 has been seen
 
 

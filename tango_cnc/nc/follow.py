@@ -14,6 +14,7 @@ from ..records import Array, InputError, Machine
 from .blocks import Block, Modal, refused
 
 TRAVEL = 1e-3  # mm beyond the end of an axis that are rounding
+HALF = 179.9  # deg of a turn from which an axis that takes the nearer way may go the other one, corrected or not
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Setup:
     zero: Mapping[str, float]  # machine coordinates of the axes when the words are 0 and no tool length acts, mm and degrees
     length: float  # mm, of every tool that `tools` does not name
     tools: Mapping[int, float] = field(default_factory=dict)
+    settled: bool = False  # the user says that the control is set to millimeters and absolute coordinates
 
     def length_of(self, tool: int | None) -> float:
         """number of a tool → its length, mm."""
@@ -51,6 +53,7 @@ def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator
     tool: int | None = None
     acts = bool(language.LENGTH)
     before = 0.0
+    turned: set[str] = set()  # rotary axes that a block has named: before, none has said where they stand
     for number, line in enumerate(lines, 1):
         block = language.read(line, number, modal, axes)
         if block.tool is not None:
@@ -66,6 +69,11 @@ def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator
         before = added
         start = dict(at)
         if block.kind in ("rapid", "feed", "arc"):
+            if not setup.settled:
+                _stated(block, language, modal)
+            if block.kind == "feed":
+                _the_way_of_the_numbers(block, {a: v for a, v in at.items() if a in turned}, machine)
+            turned |= block.target.keys()
             at.update(block.target)
         lacking = [a for a in axes if a not in at]
         known = not lacking
@@ -80,6 +88,35 @@ def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator
         if known and block.target:
             _within_travel(block, at, added, setup)
         yield Motion(block, start, dict(at), length, added, known)
+
+
+def _stated(block: Block, language: ModuleType, modal: Modal) -> None:
+    """Raises InputError where no block has stated millimeters and absolute coordinates: the control may be set to others."""
+    known = (modal.metric, modal.absolute)
+    lacking = [what for what, one in zip(language.UNITS, known, strict=False) if not one]
+    if lacking:
+        asked = {(True, False): "absolute", (False, True): "in millimeters"}.get(known, "in millimeters and absolute")
+        raise refused(
+            block.number,
+            block.text.strip(),
+            f"whether it is {asked}, no block has stated: write {' and '.join(lacking)} before it; tango compensate and predict "
+            "take --metric-absolute where the control is set so",
+        )
+
+
+def _the_way_of_the_numbers(block: Block, at: Mapping[str, float], machine: Machine) -> None:
+    """Raises InputError where a rotary axis that may take the nearer way turns by a half or more: its parts go the numbers' way."""
+    for axis in set(machine.rotary) & block.target.keys() & at.keys():
+        known = machine.axis(axis)
+        turn = block.target[axis] - at[axis]
+        if abs(turn) >= HALF and (known.nearer or known.travel is None):
+            why = "it takes the nearer way (nearer)" if known.nearer else "it has no travel, so it may take the nearer way"
+            raise refused(
+                block.number,
+                f"{axis}{block.target[axis]:g} after {axis}{at[axis]:g}",
+                f"a cut that turns by {abs(turn):g}°, and machine.yaml says of {axis} that {why}: which way it turns is not known; "
+                "let the post-processor write turns of less than half a revolution",
+            )
 
 
 def _within_travel(block: Block, at: Mapping[str, float], added: float, setup: Setup) -> None:

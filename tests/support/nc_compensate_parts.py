@@ -32,7 +32,8 @@ def knowledge() -> Known:
 
 
 def rewritten(text: str, found: Known, name: str = "rs274", **more: object) -> tuple[list[str], Account]:
-    setup, account = Setup(example("trunnion")[0].machine, ZERO, LENGTH), Account()
+    setup = Setup(example("trunnion")[0].machine, ZERO, LENGTH, settled=bool(more.pop("settled", False)))
+    account = Account()
     settings = Settings(**({"chord": CHORD, "decimals": DECIMALS} | more))  # type: ignore[arg-type]
     lines = list(compensated(io.StringIO(text), language(name), setup, found, settings, account, mark_text("0123", ZERO)))
     return lines, account

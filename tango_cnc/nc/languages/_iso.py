@@ -12,6 +12,7 @@ from ..blocks import Block, Modal, Word, arc_of, refused
 NUMBER = r"[-+]?\s*(?:\d+\.?\d*|\.\d+)"
 AXES = "XYZABC"
 PLANES = {17: ("X", "Y", "Z"), 18: ("Z", "X", "Y"), 19: ("Y", "Z", "X")}
+INSIDE = re.compile(r"\([^)]*\)|<[^>]*>")  # a comment within a word: X(half)10
 AFTER = {0, 1, 2, 5, 9, 30, 60}  # M functions that act when the motion of their block is done
 FORGET = {28, 30, 30.1, 28.1}
 MOST = 1e6  # mm, deg: no machine goes there
@@ -166,6 +167,8 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
         if not style.known(code):
             raise refused(number, f"G{code:g}", UNKNOWN)
     modal.incremental = modal.incremental and 90 not in codes
+    modal.absolute = modal.absolute or 90 in codes
+    modal.metric = modal.metric or any(code in style.metric for code in codes)
     offsets: dict[str, float] = {}
     target: dict[str, float] = {}
     radius, change = None, False
@@ -286,13 +289,15 @@ def write(block: Block, moves: Sequence[Mapping[str, float]], decimals: int, equ
             for begin, end, w in spans:
                 text += block.text[at:begin]
                 at = end
+                within = "".join(INSIDE.findall(block.text[begin:end]))
                 if w.letter in move:
-                    text += _axis(w.letter, move[w.letter], decimals, equals)
+                    text += _axis(w.letter, move[w.letter], decimals, equals) + within
                     done.add(w.letter)
                 elif w.letter in drop or w in late:
                     text = text.rstrip(" ") if text.endswith(" ") and block.text[at : at + 1] in (" ", "") else text
+                    text += within
                 elif arc and w.letter == "G" and w.value in (2, 3):
-                    text += "G1"
+                    text += "G1" + within
                 else:
                     text += block.text[begin:end]
             more = [_axis(a, v, decimals, equals) for a, v in move.items() if a not in done]

@@ -11,6 +11,7 @@ from ._iso import AFTER, LONGEST, MOST, NUMBER, REFUSED, number_in
 SAYS = "HEIDENHAIN Klartext"
 LENGTH = True
 COUNTED = True
+UNITS = ("BEGIN PGM … MM",)
 HEAD = re.compile(r"\s*(\d+\s*)?(BEGIN PGM .*|;.*)?\s*")
 LINE = re.compile(r"\s*(?P<n>\d+)?\s*(?P<rest>.*?)\s*(?P<comment>;.*)?$", re.DOTALL)
 WORD = re.compile(rf"(?P<letter>[XYZABC]|F(?=[\s\d.])|FMAX|FAUTO|R0|RL|RR|DR[-+]|R|M)\s*(?P<value>{NUMBER})?")
@@ -75,6 +76,8 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
     upper = rest.upper()
     if upper.startswith("BEGIN PGM") and "INCH" in upper.split():
         raise refused(number, "INCH", REFUSED[20])
+    if upper.startswith("BEGIN PGM") and upper.split()[-1] == "MM":
+        modal.metric = modal.absolute = True
     if upper.startswith(PASS):
         if upper.startswith("LBL") and upper.split()[1:] != ["0"]:
             return block

@@ -11,6 +11,7 @@ from . import _iso
 SAYS = "Fanuc and relatives (Haas, Mitsubishi, Mazak EIA, Brother)"
 LENGTH = False
 COUNTED = False
+UNITS = ("G21", "G90")
 HEAD = re.compile(r"\s*(%|[oO:]\d+.*|<.*>.*|\(.*)?\s*")
 OWN: dict[float, str] = {
     12: "pockets are cycles: let the post-processor write their moves",

@@ -11,6 +11,7 @@ from . import _iso
 SAYS = "RS-274: LinuxCNC, grbl, Mach"
 LENGTH = False
 COUNTED = False
+UNITS = ("G21", "G90")
 HEAD = re.compile(r"\s*(%|[oO]\d+\b.*|[;(].*)?\s*")
 STYLE = _iso.Style(
     re.compile(rf"(?P<letter>[A-Za-z])\s*(?P<value>{_iso.NUMBER})(?![#\[])"),

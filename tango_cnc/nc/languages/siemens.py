@@ -11,6 +11,7 @@ from . import _iso
 SAYS = "SINUMERIK"
 LENGTH = True
 COUNTED = False
+UNITS = ("G71 or G710", "G90")
 HEAD = re.compile(r"\s*(%.*|;.*)?\s*")
 STYLE = _iso.Style(
     re.compile(rf"(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?!EX|[\d.#\[(])"),
