@@ -193,7 +193,8 @@ def said(data: dict[str, Any]) -> str:
     )
     return (
         f"{data['blocks']} blocks, {data['compensated']} compensated, {data['arcs']} arcs written as lines, {data['split']} split"
-        f"{more}\n{given}{beyond}tip against where the program means it, with rapids: largest {data['largest_before_um']:.1f} µm before "
+        f"{more}\n{given}{beyond}"
+        f"tip against where the program means it, with rapids: largest {data['largest_before_um']:.1f} µm before "
         f"(line {data['largest_before_line']}), {data['largest_after_um']:.2f} µm after; rms {data['rms_before_um']:.1f} and "
         f"{data['rms_after_um']:.2f} µm, as far as the errors are known\n→ {data['program']}, {data['lines']} lines"
     )
