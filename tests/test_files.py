@@ -133,6 +133,7 @@ BAD_CELLS = {
     "topology": ("machine.yaml", "wCBXfZY(S)t", "wCBXfZY(S)", 2, "topology", "e.g. wCBXfZY(S)t"),
     "three rotary axes": ("machine.yaml", "wCBXfZY(S)t", "wCBXfAZY(S)t", 2, "topology", "up to two of A B C"),
     "kind of axis": ("machine.yaml", "X: {kind: linear", "X: {kind: linaer", 4, "axes.X.kind", "Did you mean 'linear'"),
+    "rapid in rpm": ("machine.yaml", "rapid: 3600", "rapid: 30", 7, "axes.B.rapid", "If rpm were meant, write 10800"),
     "travel in radians": ("machine.yaml", "travel: [-95, 95]", "travel: [-1.92, 0.52]", 7, "axes.B.travel", "[-110, 29.79] deg would be meant"),
     "rapid in m/min": ("machine.yaml", "travel: [-350, 350]", "travel: [-350, 350], rapid: 30", 5, "axes.Y.rapid", "If m/min were meant, write 30000"),
     "travel upside down": ("machine.yaml", "travel: [-95, 95]", "travel: [95, -95]", 7, "axes.B.travel", "low below high"),
@@ -249,6 +250,42 @@ def test_good_cell_is_read(cell: Path) -> None:
     assert found.artefact.facets["11"].ball == "1"
 
 
+def test_all_mistakes_of_a_cell_are_said_at_once(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mistakes = {  # file: what is written in place of what, and what is said of it
+        "tango.yaml": [("terms: [S2]", "terms: [s2]", "terms: found 's2'; allowed: S1, S2, S3, S4. Did you mean 'S2'?")],
+        "machine.yaml": [
+            ("travel: [-400, 400]", "travel: [400, -400]", "axes.X.travel: found [400, -400]"),
+            ("Y: {kind: linear, direction", "Y: {kind: linear, direktion", "axes.Y.direktion: found the unknown key 'direktion'"),
+            ("rapid: 3600", "rapid: 30", "axes.B.rapid: found 30"),
+            ("tip_radius: 3.0", 'tip_radius: "3.0"', "probe.tip_radius: found the text '3.0' in quotes"),
+        ],
+        "artefact.yaml": [
+            ("normal: [0, 1, 0]", "normal: [0, 2, 0]", "facets.2.normal: found [0, 2, 0], of length 2"),
+            ("  top:", "  1:", "facets.1: found the same key twice"),
+        ],
+    }
+    for name, changes in mistakes.items():
+        text = CELL[name]
+        for old, new, _ in changes:
+            assert old in text
+            text = text.replace(old, new, 1)
+        (cell / name).write_text(text, encoding="utf-8")
+    said = [words for changes in mistakes.values() for *_, words in changes]
+    refused(["check", "-C", str(cell)], cell, said, capsys)
+    guarded(tango.main, ["check", "-C", str(cell)], standalone_mode=False)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == f"tango: {len(said)} mistakes:" and len(lines) == 1 + len(said)  # and nothing that only follows from one
+
+
+def test_of_very_many_mistakes_the_first_are_said(cell: Path) -> None:
+    wrong = "\n".join(f"  {i}: {{point: [{i}, 0], normal: [1, 0, 0]}}" for i in range(100, 130))
+    (cell / "artefact.yaml").write_text(f"name: many\nfacets:\n{wrong}\n", encoding="utf-8")
+    with pytest.raises(InputError) as raised:
+        files.read_artefact(cell / "artefact.yaml")
+    lines = str(raised.value).splitlines()
+    assert (lines[0], len(lines), lines[-1]) == ("30 mistakes:", 22, "  … and 10 more")
+
+
 def test_the_examples_in_the_documentation_are_read(root: Path, tmp_path: Path) -> None:
     blocks = re.findall(r"```yaml\n(.*?)```", (root / "docs" / "formats.md").read_text(encoding="utf-8"), re.DOTALL)
     for name, text in zip(["tango", "machine", "artefact", "strategy", "world"], blocks, strict=True):
@@ -312,7 +349,7 @@ def machines(draw: st.DrawFn) -> Machine:
         kind = "linear" if name in "XYZ" else "spindle" if name == "S" else "rotary"
         scale = 1.0 if kind == "linear" else math.pi / 180
         low, size = draw(numbers), draw(positive)
-        slow = 100 if kind == "linear" else 1
+        slow = 100 if kind == "linear" else 60
         if kind == "rotary" and max(abs(low), abs(low + size)) < 7:
             low -= 7  # a travel that looks like radians is refused
         axes.append(

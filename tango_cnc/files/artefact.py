@@ -8,22 +8,40 @@ from ..judgement import TableTolerances
 from ..records import Artefact, Ball, Facet, Id, ScaleBar, Surface
 from .balls import check_bar, check_facets
 from .checked import Node, load
+from .gathered import gathered
 from .obstacle import read_obstacle
 from .tolerances import TABLE_TOLERANCES, read_tolerances
 
 
 def read_artefact(file: Path) -> Artefact:
     """artefact.yaml → artefact. Raises InputError for a facet on, or a bar between, balls that nothing defines or elsewhere."""
-    fields = load(file).fields(["name", "facets"], ["balls", "scale_bar", "obstacles", "tolerances"])
-    balls = {key: _ball(key, child) for key, child in fields["balls"].items()} if "balls" in fields else {}
-    facets = {key: _facet(key, child, balls) for key, child in fields["facets"].items()}
-    if not facets:
-        raise fields["facets"].wrong("at least one facet", "none")
-    check_facets(facets, balls, fields)
-    bar = _scale_bar(fields["scale_bar"], balls) if "scale_bar" in fields else None
-    obstacles = tuple(read_obstacle(item) for item in fields["obstacles"].list()) if "obstacles" in fields else ()
-    tolerances = TableTolerances(**read_tolerances(fields.get("tolerances"), TABLE_TOLERANCES))
-    return Artefact(fields["name"].text(), facets, balls, bar, obstacles, tolerances)
+    with gathered() as read:
+        fields = read.fields(load(file), ["name", "facets"], ["balls", "scale_bar", "obstacles", "tolerances"])
+        name = read(lambda: fields["name"].text())
+        solids = read(lambda: fields["obstacles"].list()) if "obstacles" in fields else []
+        obstacles = read.each(solids or (), read_obstacle)
+        tolerances = read(lambda: TableTolerances(**read_tolerances(fields.get("tolerances"), TABLE_TOLERANCES)))
+        balls = _balls(fields["balls"]) if "balls" in fields else {}
+        facets = _facets(fields["facets"], balls)
+        check_facets(facets, balls, fields)
+        bar = _scale_bar(fields["scale_bar"], balls) if "scale_bar" in fields else None
+    return Artefact(name, facets, balls, bar, tuple(obstacles), tolerances)
+
+
+def _balls(node: Node) -> dict[Id, Ball]:
+    with gathered() as read:
+        items = read.once(node)
+        balls = read.each(items, lambda item: _ball(*item))
+    return {ball.id: ball for ball in balls}
+
+
+def _facets(node: Node, balls: dict[Id, Ball]) -> dict[Id, Facet]:
+    with gathered() as read:
+        items = read.once(node)
+        facets = read.each(items, lambda item: _facet(*item, balls))
+        if not items:
+            raise node.wrong("at least one facet", "none")
+    return {facet.id: facet for facet in facets}
 
 
 def _ball(key: Id, node: Node) -> Ball:
@@ -39,15 +57,13 @@ def _known_ball(node: Node, balls: dict[Id, Ball]) -> Id:
 
 
 def _facet(key: Id, node: Node, balls: dict[Id, Ball]) -> Facet:
-    fields = node.fields(["point", "normal"], ["ball", "uncertainty", "surface"])
-    return Facet(
-        key,
-        fields["point"].vector(),
-        fields["normal"].unit_vector(),
-        _known_ball(fields["ball"], balls) if "ball" in fields else None,
-        fields["uncertainty"].size() if "uncertainty" in fields else None,
-        _surface(fields["surface"]) if "surface" in fields else None,
-    )
+    with gathered() as read:
+        fields = read.fields(node, ["point", "normal"], ["ball", "uncertainty", "surface"])
+        point, normal = read(lambda: fields["point"].vector()), read(lambda: fields["normal"].unit_vector())
+        ball = read(lambda: _known_ball(fields["ball"], balls)) if "ball" in fields else None
+        uncertainty = read(fields["uncertainty"].size) if "uncertainty" in fields else None
+        surface = read(lambda: _surface(fields["surface"])) if "surface" in fields else None
+    return Facet(key, point, normal, ball, uncertainty, surface)
 
 
 def _surface(node: Node) -> Surface:

@@ -28,6 +28,7 @@ from ..records import (
 from .angles import angle
 from .artefact import read_artefact
 from .checked import FURTHEST, Node, complaint, load, suggestion
+from .gathered import gathered
 from .learned import resolved
 from .obstacle import read_obstacle
 from .strategy import read_strategy
@@ -35,7 +36,10 @@ from .tolerances import TOLERANCES, read_tolerances
 
 SUBSETS = ("S1", "S2", "S3", "S4")
 ROUND = 0.35  # deg: two digits of a radian
-SLOWEST = 100.0  # mm/min, rapid of a linear axis
+SLOWEST = {
+    "linear": (100.0, 1000, "mm/min", "m/min"),
+    "rotary": (60.0, 360, "deg/min", "rpm"),
+}  # rapid, and what was meant below it
 COARSEST = 0.1  # mm: a probe of a machine tool repeats to micrometres
 SUBSET = re.compile(r"[Ss]\d*")  # what is meant for one; the machine has to be known to judge the other words
 STYLI = 9  # of one machine
@@ -50,16 +54,21 @@ def read_cell(folder: Path, *, strategy: bool = True) -> Cell:
     `strategy`: whether it needs one. Where it does not, and the file is not there yet, nothing is touched in it (`FIRST`).
     """
     file = folder / "tango.yaml"
-    root = load(file)
-    fields = root.fields(["tango", "machine", "artefact", "strategy"], ["terms", "controller"])
-    if fields["tango"].integer() != 1:
-        raise fields["tango"].wrong("1, the version of the format that this program reads")
-    files = _files(folder, {key: fields[key] for key in ("machine", "artefact", "strategy")})
-    machine, artefact = read_machine(files["machine"]), read_artefact(files["artefact"])
-    made = strategy or files["strategy"].exists()
-    touched = read_strategy(files["strategy"], machine, artefact) if made else Strategy("none yet", FIRST, ())
-    terms = _terms(fields["terms"], folder) if "terms" in fields else ("S3",)
-    controller = _controller(fields["controller"], machine) if "controller" in fields else None
+    made, touched = True, Strategy("none yet", FIRST, ())
+    terms: tuple[TermItem, ...] = ("S3",)
+    controller = None
+    with gathered() as read:
+        fields = read.fields(load(file), ["tango", "machine", "artefact", "strategy"], ["terms", "controller"])
+        if "tango" in fields and read(fields["tango"].integer) not in (1, None):
+            raise fields["tango"].wrong("1, the version of the format that this program reads")
+        terms = read(lambda: _terms(fields["terms"], folder)) if "terms" in fields else terms
+        files = _files(folder, {key: fields[key] for key in ("machine", "artefact", "strategy")})
+        machine, artefact = read(lambda: read_machine(files["machine"])), read(lambda: read_artefact(files["artefact"]))
+        made = strategy or files["strategy"].exists()
+        if machine and artefact:  # what it may touch and turn
+            touched = read(lambda: read_strategy(files["strategy"], machine, artefact)) if made else touched
+        if machine and "controller" in fields:
+            controller = read(lambda: _controller(fields["controller"], machine))
     return Cell(folder, machine, artefact, touched, terms, controller)
 
 
@@ -119,42 +128,48 @@ def _controller(node: Node, machine: Machine) -> Controller:
 
 def read_machine(file: Path) -> Machine:
     """machine.yaml → machine. Raises InputError for a chain that is not 3 linear, 0–2 rotary axes and a spindle."""
-    root = load(file)
-    fields = root.fields(["name", "topology", "axes", "probe"], ["styli", "tolerances", "overhead", "obstacles"])
-    topology = fields["topology"].text()
-    match = TOPOLOGY.fullmatch(topology)
-    letters = match["workpiece"] + match["tool"] if match else ""
-    rotary = [letter for letter in letters if letter in ROTARY]
-    if match is None or len(set(letters)) != len(letters) or not set(LINEAR) <= set(letters) or len(rotary) > 2:
-        raise fields["topology"].wrong(
-            "workpiece to tool as in ISO 10791-6, f or b the foundation, X Y Z and up to two of A B C once each and the spindle, "
-            "e.g. wCBXfZY(S)t"
-        )
-    names = [*LINEAR, *sorted(rotary), "S"]
-    axes = fields["axes"].fields(names)
-    ordered = tuple(_axis(name, axes[name]) for name in names)
-    probe = _probe(fields["probe"])
-    others = [_other(item, probe) for item in fields["styli"].list()] if "styli" in fields else []
-    if len(others) > STYLI - 1:
-        raise fields["styli"].wrong(f"at most {STYLI - 1} beside that of probe", f"{len(others)}")
+    with gathered() as read:
+        fields = read.fields(load(file), ["name", "topology", "axes", "probe"], ["styli", "tolerances", "overhead", "obstacles"])
+        name = read(lambda: fields["name"].text())
+        probe = read(lambda: _probe(fields["probe"]))
+        tolerances = read(lambda: Tolerances(**read_tolerances(fields.get("tolerances"), TOLERANCES)))
+        overhead = read(lambda: fields["overhead"].number(0, 3600)) if "overhead" in fields else 0.0
+        topology = fields["topology"].text()
+        match = TOPOLOGY.fullmatch(topology)
+        letters = match["workpiece"] + match["tool"] if match else ""
+        rotary = [letter for letter in letters if letter in ROTARY]
+        if match is None or len(set(letters)) != len(letters) or not set(LINEAR) <= set(letters) or len(rotary) > 2:
+            raise fields["topology"].wrong(
+                "workpiece to tool as in ISO 10791-6, f or b the foundation, X Y Z and up to two of A B C once each and the "
+                "spindle, e.g. wCBXfZY(S)t"
+            )
+        workpiece, tool, names = match["workpiece"], match["tool"], [*LINEAR, *sorted(rotary), "S"]
+        axes = read.fields(fields["axes"], names)
+        ordered = tuple(read.each(names, lambda name: _axis(name, axes[name])))
+        obstacles = read(lambda: _obstacles(fields["obstacles"], workpiece, tool)) if "obstacles" in fields else ()
+        others = read.each(fields["styli"].list(), lambda item: _other(item, probe)) if probe and "styli" in fields else []
+        if len(others) > STYLI - 1:
+            raise fields["styli"].wrong(f"at most {STYLI - 1} beside that of probe", f"{len(others)}")
     return Machine(
-        fields["name"].text(),
+        name,
         topology,
         ordered,
-        tuple(reversed(match["workpiece"])),
-        (*match["tool"], "S"),
+        tuple(reversed(workpiece)),
+        (*tool, "S"),
         probe,
-        Tolerances(**read_tolerances(fields.get("tolerances"), TOLERANCES)),
+        tolerances,
         (probe, *others) if others else (),
-        overhead=fields["overhead"].number(0, 3600) if "overhead" in fields else 0.0,
-        obstacles=_obstacles(fields["obstacles"], match["workpiece"], match["tool"]) if "obstacles" in fields else (),
+        overhead=overhead,
+        obstacles=obstacles,
     )
 
 
 def _obstacles(node: Node, workpiece: str, tool: str) -> tuple[Obstacle, ...]:
     """entries, letters from the table to the foundation, from there to the tool → what is in the way beside the table."""
     table, others = (workpiece[0], ("f", *reversed(workpiece[1:]), *tool)) if workpiece else ("f", tuple(tool))
-    return tuple(read_obstacle(item, others, table) for item in node.list())
+    with gathered() as read:
+        solids = read.each(node.list(), lambda item: read_obstacle(item, others, table))
+    return tuple(solids)
 
 
 def _axis(name: str, node: Node) -> Axis:
@@ -167,41 +182,37 @@ def _axis(name: str, node: Node) -> Axis:
     if kind != "spindle" and not endless:
         required.append("travel")
     own = ["endless", "nearer"] if kind == "rotary" else []
-    fields = node.fields(required, ["point", "travel", "rapid", "acceleration", "clamp_time", *own])
-    fields["kind"].text([kind])
-    scale = 1.0 if kind == "linear" else math.pi / 180
-    travel = None
-    if "travel" in fields:
-        if endless:
+    with gathered() as read:
+        fields = read.fields(node, required, ["point", "travel", "rapid", "acceleration", "clamp_time", *own])
+        read(lambda: fields["kind"].text([kind]))
+        direction = read(lambda: fields["direction"].unit_vector())
+        point = read(fields["point"].vector) if "point" in fields else (0.0, 0.0, 0.0)
+        scale = 1.0 if kind == "linear" else math.pi / 180
+        rapid = read(lambda: _rapid(fields["rapid"], kind) * scale) if "rapid" in fields else None
+        acceleration = read(lambda: fields["acceleration"].number(0.001, 10_000)) if "acceleration" in fields else None
+        clamp_time = read(lambda: fields["clamp_time"].number(0, 3600)) if "clamp_time" in fields else 0.0
+        if "travel" in fields and endless:
             raise fields["travel"].wrong("either travel or endless: true; an endless axis has no travel", "both")
-        low, high = (item.position() if kind == "linear" else angle(item) for item in fields["travel"].list(2))
-        if low >= high:
-            raise fields["travel"].wrong("[low, high] with low below high", f"[{low / scale:g}, {high / scale:g}]")
-        if (
-            kind == "rotary"
-            and max(abs(low), abs(high)) <= math.radians(math.tau)
-            and all(map(_as_radians, fields["travel"].list(2)))
-        ):
-            raise fields["travel"].wrong(
-                "degrees. These look like radians: "
-                f"[{math.degrees(low / scale):.4g}, {math.degrees(high / scale):.4g}] deg would be meant; write whole degrees",
-                f"[{low / scale:g}, {high / scale:g}]",
-            )
-        travel = (low, high)
-    nearer = "nearer" in fields and fields["nearer"].boolean()
-    if nearer and (travel is None or travel[1] - travel[0] > math.radians(800)):
-        raise fields["nearer"].wrong("an axis with travel of at most 800 deg; another takes the nearer way anyway", "true")
-    return Axis(
-        name,
-        kind,  # type: ignore[arg-type]
-        fields["direction"].unit_vector(),
-        fields["point"].vector() if "point" in fields else (0.0, 0.0, 0.0),
-        travel,
-        _rapid(fields["rapid"], kind) * scale if "rapid" in fields else None,
-        fields["acceleration"].number(0.001, 10_000) if "acceleration" in fields else None,
-        fields["clamp_time"].number(0, 3600) if "clamp_time" in fields else 0.0,
-        nearer,
-    )
+        travel = _travel(fields["travel"], kind) if "travel" in fields else None
+        nearer = "nearer" in fields and fields["nearer"].boolean()
+        if nearer and (travel is None or travel[1] - travel[0] > math.radians(800)):
+            raise fields["nearer"].wrong("an axis with travel of at most 800 deg; another takes the nearer way anyway", "true")
+    return Axis(name, kind, direction, point, travel, rapid, acceleration, clamp_time, nearer)  # type: ignore[arg-type]
+
+
+def _travel(node: Node, kind: str) -> tuple[float, float]:
+    """→ lower and upper end, mm or rad. Raises InputError for an end that is no position, and for radians."""
+    scale = 1.0 if kind == "linear" else math.pi / 180
+    low, high = (item.position() if kind == "linear" else angle(item) for item in node.list(2))
+    if low >= high:
+        raise node.wrong("[low, high] with low below high", f"[{low / scale:g}, {high / scale:g}]")
+    if kind == "rotary" and max(abs(low), abs(high)) <= math.radians(math.tau) and all(map(_as_radians, node.list(2))):
+        raise node.wrong(
+            "degrees. These look like radians: "
+            f"[{math.degrees(low / scale):.4g}, {math.degrees(high / scale):.4g}] deg would be meant; write whole degrees",
+            f"[{low / scale:g}, {high / scale:g}]",
+        )
+    return low, high
 
 
 def _as_radians(node: Node) -> bool:
@@ -212,21 +223,22 @@ def _as_radians(node: Node) -> bool:
 
 
 def _rapid(node: Node, kind: str) -> float:
-    """→ mm/min or deg/min. Raises InputError for what only an axis in m/min has: no machine tool is as slow as that in mm/min."""
+    """→ mm/min or deg/min. Raises InputError for what only an axis in m/min or rpm has: no machine tool is as slow as that."""
     rapid = node.number(0.1, 1_000_000)
-    if kind == "linear" and rapid < SLOWEST:
-        raise node.wrong(f"{SLOWEST:g} … 1 000 000 mm/min. If m/min were meant, write {1000 * rapid:g}", f"{rapid:g}")
+    if kind in SLOWEST and rapid < (least := SLOWEST[kind])[0]:
+        raise node.wrong(f"{least[0]:g} … 1 000 000 {least[2]}. If {least[3]} were meant, write {least[1] * rapid:g}", f"{rapid:g}")
     return rapid
 
 
 def _probe(node: Node) -> Probe:
-    fields = node.fields(
-        ["length", "tip_radius", "repeatability"], ["stylus_radius", "body_radius", "body_length", "nose_radius", "max_feed"]
-    )
     none = ("repeatability", "nose_radius")  # these may be 0
-    if "repeatability" in fields and (value := fields["repeatability"].number(0, FURTHEST)) > COARSEST:
-        raise fields["repeatability"].wrong(f"at most {COARSEST:g} mm: one standard deviation of a touch, in mm", f"{value:g}")
-    return Probe(**{key: child.number(0, FURTHEST) if key in none else child.size() for key, child in fields.items()})
+    optional = ["stylus_radius", "body_radius", "body_length", "nose_radius", "max_feed"]
+    with gathered() as read:
+        fields = read.fields(node, ["length", "tip_radius", "repeatability"], optional)
+        values = read.each(fields.items(), lambda item: item[1].number(0, FURTHEST) if item[0] in none else item[1].size())
+        if (value := dict(zip(fields, values, strict=True)).get("repeatability")) and value > COARSEST:
+            raise fields["repeatability"].wrong(f"at most {COARSEST:g} mm: one standard deviation of a touch, in mm", f"{value:g}")
+    return Probe(**dict(zip(fields, values, strict=True)))
 
 
 def _other(node: Node, probe: Probe) -> Probe:

@@ -10,10 +10,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import yaml
 
+from ..nearest import nearest as nearest
 from ..nearest import printable as printable
 from ..nearest import suggestion as suggestion
 from ..records import Id, InputError, Vector
@@ -150,6 +151,9 @@ def _tagged(event: Any, kind: str) -> str:
     return f"tag:yaml.org,2002:{kind}" if event.tag in (None, "!") else str(event.tag)
 
 
+TWICE = ("the same key twice", "each key once; remove one")
+
+
 @dataclass(frozen=True, slots=True)
 class Node:
     """One value of a YAML file with the path of keys that leads to it."""
@@ -180,18 +184,23 @@ class Node:
 
     def items(self) -> list[tuple[str, Node]]:
         """mapping → (key, value) in file order. Raises InputError for anything else and for a key given twice."""
+        result = self.pairs()
+        seen: set[str] = set()
+        for (key, child), (raw, _) in zip(result, cast("Pairs", self.raw).value, strict=True):
+            if key in seen:
+                raise complaint(self.file, raw.line + 1, child.path, *TWICE)
+            seen.add(key)
+        return result
+
+    def pairs(self) -> list[tuple[str, Node]]:
+        """mapping → (key, value) in file order, a key as often as it is given. Raises InputError for anything else."""
         if not isinstance(self.raw, Pairs):
             raise self.wrong("a mapping (key: value)")
         result: list[tuple[str, Node]] = []
-        seen: set[str] = set()
         for key, value in self.raw.value:
             if not isinstance(key, Scalar):
                 raise self.wrong("keys that are plain words or numbers")
-            child = Node(self.file, value, f"{self.path}.{key.value}" if self.path else str(key.value))
-            if key.value in seen:
-                raise complaint(self.file, key.line + 1, child.path, "the same key twice", "each key once; remove one")
-            seen.add(key.value)
-            result.append((str(key.value), child))
+            result.append((str(key.value), Node(self.file, value, f"{self.path}.{key.value}" if self.path else str(key.value))))
         return result
 
     def fields(self, required: Collection[str], optional: Collection[str] = ()) -> dict[str, Node]:
@@ -200,11 +209,10 @@ class Node:
         found = dict(self.items())
         for key, child in found.items():
             if key not in known:
-                hint = suggestion(key, known) or (COMMA if NUMERAL.fullmatch(key) else "")
-                raise complaint(self.file, child.line, child.path, f"the unknown key {key!r}", f"{', '.join(known)}.{hint}")
+                raise unknown(child, key, known)
         for key in required:
             if key not in found:
-                raise complaint(self.file, self.line, self.path or "file", f"no key {key!r}", f"{key!r} is required here")
+                raise missing(self, key)
         return found
 
     def list(self, length: int | None = None) -> list[Node]:
@@ -316,6 +324,17 @@ class Node:
                 return str(self.raw.value)
             return self.number()
         return str(self.raw.value)
+
+
+def unknown(value: Node, key: str, known: Collection[str]) -> InputError:
+    """value, its key that nobody knows, the keys that are known → the error to raise."""
+    hint = suggestion(key, known) or (COMMA if NUMERAL.fullmatch(key) else "")
+    return complaint(value.file, value.line, value.path, f"the unknown key {key!r}", f"{', '.join(known)}.{hint}")
+
+
+def missing(mapping: Node, key: str) -> InputError:
+    """mapping, key that it needs → the error to raise."""
+    return complaint(mapping.file, mapping.line, mapping.path or "file", f"no key {key!r}", f"{key!r} is required here")
 
 
 def parse(file: Path, text: str) -> Node:

@@ -9,6 +9,7 @@ from pathlib import Path
 from ..records import Approach, Artefact, Find, Indexation, Machine, Strategy
 from .angles import angle
 from .checked import Node, load, suggestion
+from .gathered import gathered
 
 # How near a touch may begin and how little past the facet it may end, mm. A probe comes free within hundredths of a mm, controls
 # call a move of some hundredths less than programmed arrived, and grbl's post backs off 1.5 mm before a guarded move can follow.
@@ -23,10 +24,15 @@ CLEAR_OF_ZONE = 0.5  # mm from where the measuring move of a double touch begins
 
 def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
     """strategy.yaml of a machine and artefact → strategy. Raises InputError for a facet or axis that nothing defines."""
-    fields = load(file).fields(["name", "approach", "indexations"], ["obstructed"])
-    approach = fields["approach"].fields(["standoff", "search", "feed"], ["find"])
-    items = fields["indexations"].list()
-    indexations = [_indexation(item, machine, artefact) for item in items]
+    with gathered() as read:
+        fields = read.fields(load(file), ["name", "approach", "indexations"], ["obstructed"])
+        name = read(lambda: fields["name"].text())
+        obstructed = read(lambda: fields["obstructed"].text(OBSTRUCTED)) if "obstructed" in fields else None
+        approach = read(
+            lambda: _approach(fields["approach"].fields(["standoff", "search", "feed"], ["find"]), machine.probe.max_feed)
+        )
+        items = fields["indexations"].list()
+        indexations = read.each(items, lambda item: _indexation(item, machine, artefact))
     if not indexations:
         raise fields["indexations"].wrong("at least one indexation", "none")
     used: list[int] = []
@@ -37,8 +43,7 @@ def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
                 f"stylus {indexation.stylus} again, after stylus {used[-1]}",
             )
         used += [] if used[-1:] == [indexation.stylus] else [indexation.stylus]
-    obstructed = fields["obstructed"].text(OBSTRUCTED) if "obstructed" in fields else None
-    return Strategy(fields["name"].text(), _approach(approach, machine.probe.max_feed), tuple(indexations), obstructed)
+    return Strategy(name, approach, tuple(indexations), obstructed)
 
 
 def _approach(fields: Mapping[str, Node], fastest: float) -> Approach:
@@ -79,16 +84,20 @@ def _find(fields: Mapping[str, Node], single: Approach, fastest: float) -> Find:
 
 
 def _indexation(node: Node, machine: Machine, artefact: Artefact) -> Indexation:
-    fields = node.fields([*machine.rotary, "facets"], ["S", "stylus"])
-    position = {name: 0.0 for name in (*machine.rotary, "S")}
-    position |= {name: angle(child) for name, child in fields.items() if name not in ("facets", "stylus")}
-    facets = []
-    for item in fields["facets"].list():
+    known = list(artefact.facets)
+
+    def named(item: Node) -> str:
         facet = item.identifier()
         if facet not in artefact.facets:
-            known = list(artefact.facets)
             raise item.wrong(f"a facet of artefact {artefact.name!r} ({', '.join(known)}).{suggestion(facet, known)}")
-        facets.append(facet)
+        return facet
+
+    with gathered() as read:
+        fields = read.fields(node, [*machine.rotary, "facets"], ["S", "stylus"])
+        turned = {name: child for name, child in fields.items() if name not in ("facets", "stylus")}
+        angles = dict(zip(turned, read.each(turned.values(), angle), strict=True))
+        facets = read.each(fields["facets"].list(), named)
+    position = {name: 0.0 for name in (*machine.rotary, "S")} | angles
     if not facets:
         raise fields["facets"].wrong("at least one facet", "none")
     number = fields["stylus"].integer(1) if "stylus" in fields else 1
