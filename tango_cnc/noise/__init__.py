@@ -24,6 +24,7 @@ from ._fit import by_noise
 from ._step import moved
 
 STRAIGHT = 0.01  # mm: a touch that moves by less between two fits sees the same derivatives, but for 1 part in 1000
+BENT = 0.1  # of the white scatter, by which what a touch moves further may differ from what its derivatives say
 ROUNDS = 4
 
 
@@ -37,8 +38,11 @@ def honest(result: Estimate) -> Estimate:
         way = result.jacobian[: len(result.residuals)] @ (found.values - result.values)
         if not np.abs(way[~found.unused]).max(initial=0.0) > STRAIGHT:
             break
-        result = _at(result, found)
-        found = by_noise(result, settled=False)
+        there = _at(result, found)
+        bent = np.abs(there.residuals - found.residuals)[~found.unused].max(initial=0.0)
+        if found.noise is not None and bent < BENT * found.noise.white:
+            break
+        result, found = there, by_noise(there, settled=False)
     step = moved(result, found)
     return found if step is None else replace(found, noise=replace(found.noise or Noise(found.sigma), step=step))
 

@@ -18,6 +18,10 @@ WORTH = 4.0  # twice the gain in log likelihood that a component needs
 RANGE = (-20.0, 25.0)  # of the logarithm of a component's variance over the white one
 COARSE = np.arange(-20.0, 25.5, 0.5)  # steps of it, and the finer ones beside the best of them
 NEAR = np.arange(-0.5, 0.55, 0.05)
+SCORED = 40  # steps of Fisher's scoring, at most; a handful is usual
+FARTHEST = 4.0  # of a step of it
+HALVED = 8  # times that a step is halved before there is nothing more to gain
+SAME = 0.005  # of the deviance, by which two solutions are the same
 LARGEST = 1500  # touches of which the noise is taken apart
 FAINT = 1e-4  # share of the largest singular value below which touches tell nothing of a direction
 ROUNDS = 8  # of looking again at who fits
@@ -227,20 +231,28 @@ def _components(e: Array, seen: list[Array], n: int) -> tuple[float, list[float]
     count = [part.shape[1] for part in seen]
     which = np.repeat(np.arange(len(seen)), count)
 
-    def deviance(ratios: Array) -> tuple[float, float]:
-        d = np.sqrt(ratios)[which]
-        rows = d > 0
-        if not rows.any():
-            return n * np.log(total / n), total / n
+    def at(logs: Array) -> tuple[float, float, Array, Array]:
+        """logarithms of the ratios, −∞ for none → deviance, variance, slope of the deviance, its expected curvature."""
+        d = np.exp(logs / 2)[which]
+        rows = np.flatnonzero(d > 0)
+        flat = np.zeros(len(logs)), np.zeros((len(logs), len(logs)))
+        if not len(rows):
+            return n * np.log(total / n), total / n, *flat
         inner = gram[np.ix_(rows, rows)] * np.outer(d[rows], d[rows])
         inner[np.diag_indices_from(inner)] += 1.0
-        try:
-            root = linalg.cholesky(inner, lower=True, check_finite=False)
-        except linalg.LinAlgError:  # a component so large that rounding has the white scatter: no such noise
-            return np.inf, total / n
-        y = linalg.solve_triangular(root, d[rows] * right[rows], lower=True, check_finite=False)
+        root, failed = linalg.lapack.dpotrf(inner, lower=1)
+        if failed:  # a component so large that rounding has the white scatter: no such noise
+            return np.inf, total / n, *flat
+        half, _ = linalg.lapack.dtrtri(root, lower=1)
+        half = np.tril(half)
+        y = half @ (d[rows] * right[rows])
         variance = max((total - float(y @ y)) / n, SIGMA_FLOOR**2)
-        return n * np.log(variance) + 2 * float(np.log(np.diag(root)).sum()), variance
+        rest = np.eye(len(rows)) - half.T @ half  # what the touches tell of each effect
+        member = (which[rows][:, None] == np.arange(len(logs))).astype(np.float64)
+        told = np.diag(rest) @ member
+        slope = told - (half.T @ y) ** 2 @ member / variance
+        curve = member.T @ rest**2 @ member - np.outer(told, told) / n
+        return n * np.log(variance) + 2 * float(np.log(np.diag(root)).sum()), variance, slope, curve
 
     alone = [_alone(gram[np.ix_(which == k, which == k)], right[which == k], total, n) for k in range(len(seen))]
     singles = []
@@ -249,25 +261,33 @@ def _components(e: Array, seen: list[Array], n: int) -> tuple[float, list[float]
         singles.append((float(one(x).min()), float(x[np.argmin(one(x))])))
 
     def best() -> tuple[float, Array]:
-        """All components together, from where each is best alone."""
-
-        def of(x: Array) -> float:
-            return deviance(np.exp(np.clip(x, *RANGE)))[0]
-
+        """All components together, from where each is best alone, by Fisher's scoring (Longford 1987)."""
         starts = [[x for _, x in singles], *([g] * len(seen) for g in (-2.0, 1.0, 4.0))]
-        start = min(starts, key=lambda x: of(np.array(x)))
-        from scipy import optimize  # takes a tenth of a second to load, and few noises need it
+        x = min((np.clip(start, *RANGE) for start in starts), key=lambda x: at(x)[0])
+        least, _, slope, curve = at(x)
+        for _ in range(SCORED):
+            step = -np.linalg.solve(curve + np.diag(np.abs(np.diag(curve)) * 1e-3 + 1e-9), slope)
+            step *= min(1.0, FARTHEST / max(float(np.abs(step).max()), 1e-300))
+            for _ in range(HALVED):
+                tried = np.clip(x + step, *RANGE)
+                found = at(tried)
+                if found[0] < least:
+                    break
+                step = step / 2
+            else:
+                break
+            gain, x, (least, _, slope, curve) = least - found[0], tried, found
+            if gain < SAME:
+                break
+        return least, x
 
-        found = optimize.minimize(of, start, method="Nelder-Mead", options={"xatol": 0.05, "fatol": 0.05, "maxiter": 120})
-        return float(found.fun), np.exp(np.clip(np.atleast_1d(found.x), *RANGE))
-
-    none = np.zeros(len(seen))
-    tried = [(deviance(none)[0], none, 0)]
-    tried += [(least, np.exp(x) * np.eye(len(seen))[k], 1) for k, (least, x) in enumerate(singles)]
+    none = np.full(len(seen), -np.inf)
+    tried = [(at(none)[0], none, 0)]
+    tried += [(least, np.where(np.arange(len(seen)) == k, x, none), 1) for k, (least, x) in enumerate(singles)]
     if len(seen) > 1 and any(d < tried[0][0] - WORTH for d, _, k in tried if k == 1):
         tried.append((*best(), len(seen)))
-    _, ratios, _ = min(tried, key=lambda item: item[0] + WORTH * item[2])
-    return float(np.sqrt(deviance(ratios)[1])), ratios.tolist()
+    _, logs, _ = min(tried, key=lambda item: item[0] + WORTH * item[2])
+    return float(np.sqrt(at(logs)[1])), np.exp(logs).tolist()
 
 
 def _alone(gram: Array, right: Array, total: float, n: int) -> Callable[[Array], Array]:
