@@ -56,6 +56,7 @@ class Noise:
     step: Jump | None = None
     undecided: tuple[int, ...] = ()  # touches without weight, as others on their facet or ball do not fit: who is wrong is unknown
     columns: Array | None = None  # (n, q) what one standard deviation of walk and seating does to the touches, over `white`
+    chance: float = 0.0  # of a smooth walk that nobody can tell from none, beside `walk`: the covariance has it, too
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -40,9 +41,32 @@ def test_a_crontab_has_the_lines_of_a_cell_once_and_keeps_those_of_others(name: 
     for _ in range(2):
         typed(written(tmp_path / name, "cron"), tmp_path, crontab=script)
     lines = table.read_text(encoding="utf-8").splitlines()
-    own = [line for line in lines if "tango_cnc" in line and "mill2" not in line]
+    own = [line for line in lines if "tango_cnc" in line and "mill2" not in line and line[0] != "#"]
     assert len(own) == 2 and "--tell" in own[1]
-    assert len(lines) - len(own) - sum(line.startswith("#") for line in lines) == 2  # the backup and the other mill
+    assert len(lines) == len(own) + 3 and sum(line.startswith("#") for line in lines) == 1  # the backup and the other mill
+
+
+def test_a_password_of_the_cell_is_known_to_its_timers(tmp_path: Path) -> None:
+    """A timer has none of what a shell has set: systemd and cron read a file of the cell, and no file is no mistake."""
+    cell = tmp_path / "50% mill"
+    written(cell, "cron")
+    line = next(
+        x for x in (cell / "nights" / "timer" / "tango-50--mill.cron").read_text(encoding="utf-8").splitlines() if x[0] == "0"
+    )
+    command = line.split(" ", 5)[5].replace("\\%", "%").replace(f"{sys.executable} -m tango_cnc", "sh -c env")
+    assert "MAIL_PASSWORD" not in run_by(command, cell)
+    (cell / "nights" / "timer" / "environment").write_text("MAIL_PASSWORD='s3 $cret'\n", encoding="utf-8")
+    assert "MAIL_PASSWORD=s3 $cret\n" in run_by(command, cell)
+    unit = units("systemd", Path("/cells/mill"), "02:00", "mill", "ann")["tango-mill.service"]
+    assert "User=ann\n" in unit and "EnvironmentFile=-/cells/mill/nights/timer/environment\n" in unit
+
+
+def run_by(command: str, cell: Path) -> str:
+    """command of a line of cron, cell → what it leaves in the log of the nights."""
+    log = cell / "nights" / "cron.log"
+    log.unlink(missing_ok=True)
+    subprocess.run(["sh", "-c", command], env={"PATH": "/usr/bin:/bin"}, check=True)
+    return log.read_text(encoding="utf-8")
 
 
 def test_units_of_a_cell_with_a_space_in_its_name_are_copied(tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from tango_cnc.nightly.trend import behind
 from tango_cnc.nightly.words import answer, headline, message
 from tango_cnc.noise import Noise
 from tango_cnc.records import Cell
+from tango_cnc.report.repeated import as_decided
 from tango_cnc.state import Frame, State
 
 Tell = Callable[..., list[dict[str, Any]]]
@@ -258,6 +259,22 @@ def test_a_night_that_is_as_predicted_has_not_wandered(root: Path, monkeypatch: 
     assert agreed.verdict == "trustworthy" and not agreed.wandered and agreed.walk == 0
 
 
+def test_a_first_night_is_not_in_doubt_by_a_drift_that_nobody_can_tell_from_none(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing predicts the first night. A drift that errors of the machine could make as well comes out large by chance."""
+    folder = root / "examples" / "trunnion"
+    cell, truth = read_cell(folder), read_world(folder / "world.yaml")
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, truth, seed=4)
+    quiet = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    by_chance = replace(quiet, sigma=3e-3, noise=Noise(quiet.sigma, walk=0.7 * quiet.sigma, chance=2.9e-3))
+    monkeypatch.setattr("tango_cnc.noise.honest", lambda result: by_chance)
+    assert _judged(cell, readings, quiet, "full").verdict == "trustworthy"
+    scattered = replace(by_chance, noise=Noise(quiet.sigma, walk=0.7 * quiet.sigma))  # the same scatter, and no drift to explain it
+    monkeypatch.setattr("tango_cnc.noise.honest", lambda result: scattered)
+    assert _judged(cell, readings, quiet, "full").verdict == "doubtful"
+
+
 def test_a_line_of_an_alarm_says_what_was_decided_since() -> None:
     told = {
         "id": "2026-10-04-1",
@@ -280,9 +297,49 @@ def test_a_line_of_an_alarm_says_what_was_decided_since() -> None:
     assert "Bo has acknowledged it" in line("acknowledge") and "not answered" not in line("acknowledge")
 
 
+def test_the_headline_of_a_night_says_who_has_answered_since() -> None:
+    told = {"id": "a-1", "text": "it moved", "night": "2026-10-04", "now": "", "owner": "Ann", "decision": None}
+    record = {"standing": [told], "verdict": "changed", "limits": [], "alarms": [], "end_utc": "2026-10-05T02:04:00Z"}
+    record = night(**record) | {"headline": headline(night(**record))}
+
+    def said(*decisions: Decision) -> str:
+        return as_decided(record, decisions)
+
+    def by(action: str, utc: str = "2026-10-05T08:00:00Z", until: str | None = None, alarm: str = "a-1") -> Decision:
+        return Decision(alarm, action, "Bo", "", until, utc)
+
+    assert said() == record["headline"] and said().endswith("nobody has answered the alarm of 2026-10-04")
+    assert said(by("acknowledge")).endswith("; Bo has it")
+    assert said(by("acknowledge"), by("repaired")).endswith("; Bo has repaired it (2026-10-05)")
+    assert said(by("accept")).endswith("; Bo has accepted it (2026-10-05)")
+    assert said(by("ignore", until="2026-11-01")).endswith("; Bo ignores it until 2026-11-01")
+    assert said(by("repaired", alarm="a-2")) == said() == said(by("repaired", utc="2026-10-05T01:00:00Z"))
+    assert as_decided(night(headline="by hand"), (by("repaired"),)) == "by hand"
+
+
+def test_what_stands_behind_a_limit_is_told_once() -> None:
+    about: dict[str, Any] = {
+        "text": "it moved",
+        "on_part": "x",
+        "do": "y",
+        "cause": "axis_location",
+        "instead": [],
+        "rate_per_day": None,
+    }
+    alarm = about | {"id": "a-1", "since": "2026-10-03", "sigmas": 9.0, "owner": "Ann", "parameter": "EX0C"}
+    limit = {"what": "volume", "value": 70.0, "unit": "µm", "limit": 60.0, "passed": False}
+    for name, times in (("EX0C", 1), ("EB0Z", 2)):
+        causes = [about | {"what": "volume", "parameter": name}]
+        text = message(night(verdict="out_of_limits", alarms=[alarm], limits=[limit], behind=causes), (), ())[1]
+        assert "behind volume: it moved" in text and text.count("what to do: y") == times
+
+
 def test_the_command_that_answers_names_the_cell_and_counts_have_their_number() -> None:
     assert (
-        answer("2026-10-04-1", "/cells/big mill") == "tango history decide 2026-10-04-1 -C '/cells/big mill' --action … --owner …"
+        answer("2026-10-04-1", "/cells/big mill")
+        == "tango history decide 2026-10-04-1 -C '/cells/big mill' --action acknowledge --owner NAME"
     )
-    assert answer("2026-10-04-1", ".", "x.db") == "tango history decide 2026-10-04-1 --history x.db --action … --owner …"
+    assert (
+        answer("2026-10-04-1", ".", "x.db") == "tango history decide 2026-10-04-1 --history x.db --action acknowledge --owner NAME"
+    )
     assert "history: 1 entry, " + "ab" * 32 in message(night(), (), (), (1, "ab" * 32))[1]

@@ -15,7 +15,7 @@ from sim_controller.simulate import simulate
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.noise import honest
-from tango_cnc.noise._fit import _components
+from tango_cnc.noise._fit import _components, _sure
 from tango_cnc.plausible import judge, swamped
 from tango_cnc.records import Cell, Readings, World
 
@@ -112,6 +112,17 @@ def test_what_is_mostly_drift_is_not_trusted(cell: Cell, world: World) -> None:
     calm = honest(estimate(cell.machine, cell.artefact, read(cell, world, 9, warm_up(0.005, 1.0, 0.0, 0.0)), cell.terms))
     assert swamped(wild)
     assert len(set(swamped(calm)) & set(calm.parameters)) <= len(calm.parameters) / 2
+
+
+def test_a_drift_is_said_as_far_as_it_stands_out_of_its_uncertainty() -> None:
+    time = np.linspace(0.0, 1.0, 100)
+    smooth = np.column_stack([np.cos(np.pi * time), np.cos(2 * np.pi * time)]) * np.sqrt(2)  # mean squares of 1
+    scale, size = np.array([10.0, 0.1]), np.array([3.0, 2.0])
+    uncertain = np.array([1.5, 0.2])  # the first is two standard deviations large, the second ten
+    sure, every = _sure(smooth, size, np.diag(uncertain * scale) ** 2, scale)
+    assert every == pytest.approx(3.0**2 + 2.0**2, rel=0.05)
+    assert sure == pytest.approx(2.0**2, rel=0.05)
+    assert _sure(smooth, size, np.diag(uncertain / 3 * scale) ** 2, scale)[0] == pytest.approx(every)
 
 
 @pytest.mark.campaign

@@ -101,6 +101,13 @@ def test_a_mail_arrives_whole_and_as_mail_servers_want_it() -> None:
     assert not failed and "550" in why and "no such user" in why
 
 
+def test_why_a_message_did_not_go_out_is_in_words_of_the_computer_or_the_server() -> None:
+    port = free_port()
+    with web(503) as (host, _):
+        found = sent(f"mailto:ann@shop.example?smtp=localhost:{port}", f"http://localhost:{port}/x", f"http://{host}/x")
+    assert [why for _, why in found] == ["Connection refused", "Connection refused", "the server answers 503 Service Unavailable"]
+
+
 def certificate(folder: Path) -> tuple[Path, Path]:
     """→ certificate and key of a mail server called localhost."""
     from cryptography import x509

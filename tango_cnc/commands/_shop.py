@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..files.nightly import Nightly, read_nightly
+from ..report.repeated import as_decided
 from ..report.texts import Texts, texts_of
 
 if TYPE_CHECKING:
@@ -29,9 +30,12 @@ def here() -> Texts:
 
 
 def headlines(history: History, nights: Sequence[Night]) -> Mapping[int, str]:
-    """history, nights → {entry: what the night said}, as texts that can be translated where they were recorded so."""
+    """history, nights of one machine → {entry: what the night said, with what was decided since}, as texts that can be translated
+    where they were recorded so.
+    """
     records = history.records_of([n.entry for n in nights])
-    return {n.entry: str(records.get(n.entry, {}).get("headline") or n.headline) for n in nights}
+    decisions = history.decisions(nights[0].machine) if nights else ()
+    return {n.entry: as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights}
 
 
 def note_simulated(history: History, machine: str, t: Texts) -> None:

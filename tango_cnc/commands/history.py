@@ -285,6 +285,7 @@ def decide(history: History, machine: str, alarm: str, action: str, owner: str, 
     for d in before:
         click.echo(t("cli.history.decided_before", text=decided(replace(d, note=""))))
     click.echo(t("cli.history.decided", alarm=alarm, action=code(action), owner=owner))
+    click.echo(t(f"cli.history.decided_{action}", **({"until": until} if until else {})))
 
 
 @command.command()

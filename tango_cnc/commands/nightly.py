@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 import re
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
@@ -188,7 +189,8 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
         raise InputError(f"--at: found {at!r}; allowed: a time of day such as 02:00")
     target = cell.folder / "nights" / "timer"
-    written = units(kind, cell.folder.resolve(), at, cell.machine.name)
+    who = getpass.getuser()
+    written = units(kind, cell.folder.resolve(), at, cell.machine.name, "" if who == "root" else who)
     for name, text in written.items():
         write_text(target / name, text)
     click.echo("\n".join(str(target / name) for name in written))
@@ -265,6 +267,7 @@ def _status(
         unfinished = [stamp for stamp, _ in disk.unfinished()]
         alarms = history.open_alarms(name) if nights else ()
         record = history.night(newest.entry).record if newest else {}
+        repaired = [d for d in history.decisions(name) if d.action == "repaired" and d.utc >= newest.end_utc] if newest else []
         said = headlines(history, nights)
         if json_file is None:
             note_simulated(history, name, t)
@@ -272,10 +275,14 @@ def _status(
         newest is None
         or (datetime.now(UTC) - datetime.fromisoformat(newest.start_utc)).total_seconds() > settings.late_hours * 3600
     )
+    coming = record.get("next")
+    if repaired:  # the last night knew nothing of it
+        why = say("night.analysis.repaired_since_last_full_run", value=repaired[-1].note or repaired[-1].alarm)
+        coming = {"kind": "full", "why": why}
     data = {
         **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
         "trouble": None if wrong is None else str(wrong),
-        **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": record.get("next")},
+        **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": coming},
     }
     if not write_json(json_file, data):
         click.echo(f"{name}: {t('cli.nightly.no_night' if not nights else 'cli.nightly.late' if late else 'cli.nightly.on_time')}")
@@ -291,6 +298,6 @@ def _status(
             click.echo("  " + t("cli.nightly.waits", stamp=stamp))
         for stamp in unfinished:
             click.echo("  " + t("cli.nightly.begun", stamp=stamp))
-        if record.get("next"):
-            click.echo("  " + t("cli.nightly.next", kind=code(record["next"]["kind"]), why=record["next"]["why"]))
+        if coming:
+            click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
     return 1 if late or alarms or wrong is not None else 0

@@ -25,6 +25,7 @@ from ..report import page, pdf, template, terminal
 from ..report.course import jumps_of
 from ..report.days import local_day
 from ..report.facts import Facts, Nights, Paper, Wishes, effects, gather, verdict
+from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
@@ -223,7 +224,7 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
         old = complete is None or datetime.fromisoformat(complete.start_utc) < now - timedelta(hours=settings.late_hours)
         cause, owner = (str(found[0]["text"]), str(found[0]["owner"] or "")) if found else ("", "")
         open_ones, soon = len(still_open(found)), ahead(before or record, volumes_of(lately), today)
-        said = record.get("headline") or n.headline
+        said = as_decided(record, history.decisions(machine)) or n.headline
         return Nights(
             n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner
         )

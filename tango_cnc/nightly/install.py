@@ -8,22 +8,33 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 KINDS = ("systemd", "cron", "windows")
+ENVIRONMENT = Path("nights", "timer", "environment")  # of a cell: lines NAME=value, for ${NAME} in nightly.yaml
 
 
 def units(kind: str, cell: Path, at: str, machine: str, user: str = "") -> dict[str, str]:
-    """systemd, cron or windows, folder, time of day (02:00), machine → {name of file: text}."""
+    """systemd, cron or windows, folder, time of day (02:00), machine, who the nights run as ('': root) → {name of file: text}.
+
+    systemd and cron read `ENVIRONMENT` where there is one, so that a password of nightly.yaml is known to a timer, too.
+    """
     name = "tango-" + "".join(c if c.isalnum() else "-" for c in machine.lower()).strip("-")
     command = [sys.executable, "-m", "tango_cnc", "nightly", "-C", str(cell)]
     if kind == "cron":
         hour, minute = at.split(":")
-        run = f"{shlex.join(command)} >> {shlex.quote(str(cell / 'nights' / 'cron.log'))} 2>&1"
+        values = shlex.quote(str(cell / ENVIRONMENT))
+        known = f"set -a; [ ! -r {values} ] || . {values}; "  # a timer knows nothing of what a shell has set
+        run = f"{known}{shlex.join(command)} >> {shlex.quote(str(cell / 'nights' / 'cron.log'))} 2>&1"
         line = f"{int(minute)} {int(hour)} * * * {_cron(run)}"
-        retell = f"@reboot {_cron(shlex.join([*command, '--tell']))}"
-        return {f"{name}.cron": f"# Nights of {machine}: append these lines with 'crontab -e'.\n{line}\n{retell}\n"}
+        retell = f"@reboot {_cron(known + shlex.join([*command, '--tell']))}"
+        # It names the cell as the lines do, so that what `advice` takes out of the table before it adds them is all three.
+        about = f"# {machine}: {_cron(shlex.join(command[2:]))} at {at}, and what could not be sent after a start of the computer"
+        return {f"{name}.cron": f"{about}\n{line}\n{retell}\n"}
     if kind == "windows":
         return {f"{name}.xml": _WINDOWS.format(at=at, command=escape(command[0]), arguments=escape(_quoted(command[1:])))}
     run = " ".join(_systemd(part) for part in command)
-    service = _SERVICE.format(machine=machine, run=run, folder=str(cell).replace("%", "%%"), user=f"User={user}\n" if user else "")
+    place = str(cell).replace("%", "%%")
+    service = _SERVICE.format(
+        machine=machine, run=run, folder=place, values=f"{place}/{ENVIRONMENT.as_posix()}", user=f"User={user}\n" if user else ""
+    )
     return {f"{name}.service": service, f"{name}.timer": _TIMER.format(machine=machine, at=at)}
 
 
@@ -64,6 +75,7 @@ After=network-online.target
 [Service]
 Type=oneshot
 {user}WorkingDirectory={folder}
+EnvironmentFile=-{values}
 ExecStart={run}
 # Whatever became of it, somebody hears of it: what could not be sent is sent again.
 ExecStopPost={run} --tell

@@ -6,7 +6,7 @@
     apprise:tgram://token/chat                 whatever apprise knows (pip install 'tango-cnc[notify]')
     file:///srv/board/hu40t.txt                the last message, for a screen on the wall
 
-A password is never in nightly.yaml: ${NAME} in a URL is taken from the environment.
+A password is never in nightly.yaml: ${NAME} in a URL is taken from the environment; that of a timer is a file (docs/nightly.md).
 """
 
 from __future__ import annotations
@@ -22,11 +22,14 @@ from dataclasses import dataclass
 from email.message import EmailMessage
 from email.utils import formatdate, make_msgid
 from pathlib import Path
+from smtplib import SMTPResponseException
 from threading import Thread
 from time import monotonic
+from urllib.error import HTTPError, URLError
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from ..texts import say
+from .install import ENVIRONMENT
 from .ports import Delivery
 
 WAIT = 20.0  # s, for one answer
@@ -66,8 +69,26 @@ def _one(to: str, url: str, subject: str, text: str) -> Delivery:
         filled = _filled(url)
         _SENDERS[url.split(":")[0]](filled, subject, text)
     except Exception as error:  # whatever a library raises: one receiver that fails must not keep the others from hearing
-        return Delivery(to, False, f"{type(error).__name__}: {error}")
+        return Delivery(to, False, _why(error))
     return Delivery(to, True)
+
+
+def _why(error: BaseException) -> str:
+    """what a library raised → the words of the computer or of the server, without those of Python where there are any."""
+    if isinstance(error, HTTPError):
+        return say("mail.http", code=error.code, reason=error.reason)
+    if isinstance(error, URLError) and isinstance(error.reason, BaseException):
+        return _why(error.reason)
+    if isinstance(error, SMTPResponseException):
+        told = error.smtp_error
+        return f"{error.smtp_code} {told.decode('utf-8', 'replace') if isinstance(told, bytes) else told}"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return str(error) if isinstance(error, Unset) else f"{type(error).__name__}: {error}"
+
+
+class Unset(ValueError):
+    """A name in a URL that the environment does not have."""
 
 
 def shown(url: str) -> str:
@@ -87,7 +108,7 @@ def _filled(url: str) -> str:
 
     def value(match: re.Match[str]) -> str:
         if match[1] not in os.environ:
-            raise ValueError(f"the environment has no {match[1]}")
+            raise Unset(say("mail.unset", name=match[1], file=ENVIRONMENT.as_posix()))
         return os.environ[match[1]] if scheme == "file" else quote(os.environ[match[1]], safe)
 
     return re.sub(r"\$\{(\w+)\}", value, url)

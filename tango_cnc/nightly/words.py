@@ -8,6 +8,7 @@ from typing import Any
 
 from ..history import Decision
 from ..report.look import orders
+from ..report.repeated import as_decided
 from ..report.texts import Texts, texts
 from ..report.units import shown
 from ..report.words import moved
@@ -149,7 +150,7 @@ def message(
     word = t("mail.refused") if refused else t("mail.still") if still else t(f"mail.subject_{record['verdict']}")
     subject = f"{record['machine']}: {word} ({record['night']})"
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
-    lines += [_sentence(t.of(record["headline"])), ""]
+    lines += [_sentence(t.of(as_decided(record, decisions))), ""]
     crossed = [limit for limit in record["limits"] if limit["passed"] is False]
     lines += [*(_limit_line(limit, t) for limit in crossed), *([""] if crossed else [])]
     owner = record.get("owner") or t("mail.nobody")
@@ -165,8 +166,10 @@ def message(
         lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
     if len(standing) > SHOWN:
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
+    named = {alarm["parameter"] for alarm in (*record["alarms"], *standing[:SHOWN])}  # their alarm has said the rest above
     for cause in record.get("behind") or ():
-        lines += [f"* {t('mail.behind', what=_what(cause['what']), text=cause['text'])}", *_about(cause, owner, t), ""]
+        lines += [f"* {t('mail.behind', what=_what(cause['what']), text=cause['text'])}"]
+        lines += [*([] if cause["parameter"] in named else _about(cause, owner, t)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
         lines += [f"* {t('mail.do', text=t('night.beyond_do'))}", f"  {t('mail.owner', owner=owner)}", ""]
     failed = [p for p in record["preflight"] if not p["passed"]]
@@ -251,13 +254,13 @@ def answer(alarm: str, cell: str, history: str | None = None) -> str:
     where = ("" if cell in ("", ".") else f" -C {shlex.quote(cell)}") + (
         "" if history is None else f" --history {shlex.quote(history)}"
     )
-    return f"tango history decide {alarm}{where} --action … --owner …"
+    return f"tango history decide {alarm}{where} --action acknowledge --owner NAME"
 
 
 def _answers(alarm: str, decisions: Sequence[Decision], cell: str, t: Texts) -> list[str]:
     own = [d for d in decisions if d.alarm == alarm]
     if not own:
-        return ["  " + t("mail.to_answer", command=answer(alarm, cell))]
+        return ["  " + t("mail.to_answer", command=answer(alarm, cell)), "  " + t("mail.or_answer")]
     return [f"  {t('mail.answered', text=decided(d))}" for d in own]
 
 

@@ -33,6 +33,7 @@ CUT = 4.5  # standard deviations beyond which a touch has no weight
 PRIOR = 4.0  # touches that the common scatter counts for in that of a facet
 FEWEST = 2.5  # touches to spare on a facet that is judged by its own scatter
 ROUGH = 1e-3  # chance that a facet is called rough by mistake, all facets together
+SURE = 3.0  # standard deviations of itself that a part of the smooth drift must have to be said of the machine
 LARGE = 1e4  # standard deviations of a touch that what may have any size is taken to have
 FINEST = 1e-5  # mm: residuals below this are rounding, and are left alone
 
@@ -67,7 +68,9 @@ def by_noise(result: Estimate, settled: bool = True) -> Estimate:
         return replace(result, rejected=np.zeros(len(touches), dtype=np.bool_), noise=Noise(result.sigma))
     facets = {f: float(fitted.sigma * r) for f, r in zip(touches.facet, rough, strict=True) if r > 1}
     undecided = tuple(int(i) for i in touches.number[keep & ~decided])
-    noise = Noise(fitted.sigma, fitted.walk, fitted.seating, facets, undecided=undecided, columns=fitted.columns)
+    noise = Noise(
+        fitted.sigma, fitted.walk, fitted.seating, facets, undecided=undecided, columns=fitted.columns, chance=fitted.chance
+    )
     residuals = result.residuals + s.jacobian @ (change / s.scale)
     dof = result.dof - int((~decided).sum())
     thinned = _thinned(fitted.left / (fitted.sigma * rough))
@@ -149,13 +152,15 @@ class Fitted:
     lever: Array  # (n,) variance of every touch as the fit predicts it, over that of the touch
     spare: float  # touches more than what was taken out of them
     columns: Array | None = None  # (n, q) walk and seating, of which one standard deviation is 1, over sigma; None without them
+    chance: float = 0.0  # mm, root mean square in `residual` of the smooth drift that chance may have made
 
 
 def gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool = False) -> Fitted:
     """rows with weight, scatter of each against the common one → generalised least squares; `white`: neither walk nor seating.
 
     Where there is a walk, its smooth part may have any size: a warm-up is all slow functions and nothing of the fast ones, so that
-    the one variance of them all would promise less drift than there is.
+    the one variance of them all would promise less drift than there is. Some of it is nearly what errors of the machine make as
+    well, and comes out large by chance: `walk` counts only what is sure. The covariance has all of it.
     """
     found = _gls(s, keep, rough, white)
     p, free = len(s.values), drifting(s)
@@ -164,12 +169,25 @@ def gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool = False) -
     again = _gls(free, keep, rough, False)
     change = again.change[:p]
     residual = s.gaps + s.jacobian @ (change / s.scale)
-    wandered = float(np.sqrt(np.mean((residual - again.residual) ** 2) + again.walk**2))
     smooth = free.jacobian[:, p:]
+    sure, every = _sure(smooth, again.change[p:] / free.scale[p:], again.covariance[p:, p:], free.scale[p:])
+    wandered = max(found.walk, float(np.sqrt(sure + again.walk**2)))
+    chance = float(np.sqrt(max(every - (wandered**2 - again.walk**2), 0.0)))
     any_size = LARGE * smooth / np.maximum(np.sqrt(np.mean(smooth**2, axis=0)), 1e-300)
     columns = any_size if again.columns is None else np.hstack([again.columns, any_size])
     covariance = again.covariance[:p, :p]
-    return replace(again, change=change, covariance=covariance, walk=wandered, white=False, residual=residual, columns=columns)
+    found = replace(again, change=change, covariance=covariance, residual=residual, columns=columns)
+    return replace(found, walk=wandered, white=False, chance=chance)
+
+
+def _sure(smooth: Array, size: Array, covariance: Array, scale: Array) -> tuple[float, float]:
+    """(n, q) smooth functions, (q,) how much of each was found, its covariance over (q,) scale → mm², mean squares of what stands
+    out of its uncertainty, direction by direction, and of all.
+    """
+    root = np.linalg.qr(smooth / np.sqrt(len(smooth)))[1]
+    variance, turn = np.linalg.eigh(root @ (covariance / np.outer(scale, scale)) @ root.T)
+    square = (turn.T @ (root @ size)) ** 2
+    return float(square[square > SURE**2 * variance].sum()), float(square.sum())
 
 
 def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitted:

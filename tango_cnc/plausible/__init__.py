@@ -118,6 +118,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
     if len(beyond) > NAMED:
         found.append(Remark("implausible", say("plausible.judge.more_quantities_beyond_what_plausible", count=len(beyond) - NAMED)))
     stated, allowed = cell.machine.probe.repeatability, cell.machine.tolerances.scatter
+    by_chance = 0.0 if result.noise is None else result.noise.chance  # a drift that nobody can tell from none
     scatter = say("plausible.judge.one_touch_scatters", sigma=f"{result.sigma * 1000.0:.4g}")
     if result.sigma > allowed:
         found.append(
@@ -126,7 +127,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
                 say("plausible.judge.at_most_plausible_machine_yaml", scatter=scatter, allowed=f"{allowed * 1000.0:g}"),
             )
         )
-    elif result.sigma > NOISY * max(stated, 1e-4):
+    elif result.sigma**2 - by_chance**2 > (NOISY * max(stated, 1e-4)) ** 2:
         found.append(
             Remark(
                 "doubtful",

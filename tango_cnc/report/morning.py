@@ -18,6 +18,7 @@ from .faults import alarm, answered, begun, faults, sentence, still_open, whole_
 from .look import looks
 from .pace import ahead
 from .plain import amount, office, plain, shop, value_text
+from .repeated import as_decided
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .units import Units
@@ -128,7 +129,7 @@ def context(
         "busy": busy,
         "newer": newer,
         "answer": told,
-        "headline": sentence(t.of(record.get("headline") or ""), u),
+        "headline": sentence(t.of(as_decided(record, decisions)), u),
         "level": told.level,
         "word": busy or (t(f"morning.{told.state}") if f"morning.{told.state}" in t else told.state),
         "alarms": alarms,

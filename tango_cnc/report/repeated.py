@@ -1,13 +1,34 @@
-"""What nights said, one below the other → the same without what the night above has said already."""
+"""What nights said → the same with what was decided since, and without what the night above has said already."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ..texts import Said, say
 
 STANDING = "night.words.changed_since_night"
 BEYOND = "night.words.allowed"
+DECIDED = {
+    "acknowledge": "night.words.has",
+    "accept": "night.words.has_accepted",
+    "repaired": "night.words.has_repaired",
+    "ignore": "night.words.ignores",
+}
+
+
+def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
+    """record of a night, decisions of its machine, oldest first → its headline; of an alarm that still stood that night it says
+    who has answered it since.
+    """
+    headline = record.get("headline") or ""
+    if not isinstance(headline, Said) or headline.key != STANDING:
+        return str(headline)
+    own = [d for d in decisions if d.alarm == record["standing"][0]["id"] and d.utc >= record["end_utc"] and d.action in DECIDED]
+    if not own:
+        return headline
+    last = own[-1]
+    return headline.but(who=say(DECIDED[last.action], owner=last.owner, date=last.utc[:10], until=last.until or ""))
 
 
 def shortened(headlines: Sequence[str]) -> list[str]:

@@ -63,8 +63,9 @@ def _shape(found: Estimate, robust: Estimate | None) -> Array:
         return scene.on_touches(np.eye(len(touches)))
     parts = [scene.on_touches(np.diag([noise.facets.get(facet, noise.white) for facet in touches.facet]))]
     time, day = touches.time, touches.day
+    walk = float(np.hypot(noise.walk, noise.chance))
     for size, together in (
-        (noise.walk, np.minimum.outer(time - time.min(), time - time.min()) * np.equal.outer(day, day)),
+        (walk, np.minimum.outer(time - time.min(), time - time.min()) * np.equal.outer(day, day)),
         (noise.seating, np.equal.outer(touches.indexation, touches.indexation).astype(float)),
     ):
         if size and np.any(together):

@@ -19,7 +19,7 @@ from ...report.course import course, jumps_of_tip
 from ...report.faults import earlier, sentence, unclosed
 from ...report.morning import LEVELS, context, last_within, last_written, never_within, strip, volumes_of, who_of
 from ...report.plain import plain
-from ...report.repeated import shortened
+from ...report.repeated import as_decided, shortened
 from ...report.units import Units
 from ..app import State, machine_of, needs, page, state_of
 from ..live import Run, journals, minutes_left, quiet
@@ -192,12 +192,14 @@ def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Ma
     state, history = state_of(request), machine.history
     if history is None or not nights:
         return {}
-    key = f"headlines {machine.slug} {nights[0].entry} {nights[-1].entry}"
+    decisions = _unclosed(request, machine)[1]
+    stamp = max((d.utc for d in decisions), default="")
+    key = f"headlines {machine.slug} {nights[0].entry} {nights[-1].entry} {len(decisions)} {stamp}"
     t, u, axes = state.texts, state.units, state.places.geometry(machine)
 
     def made() -> dict[int, str]:
         records = history.records_of([n.entry for n in nights])
-        said = shortened([records.get(n.entry, {}).get("headline") or n.headline for n in nights])
+        said = shortened([as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights])
         return {n.entry: sentence(plain(t.of(text), u, t, axes), Units()) for n, text in zip(nights, said, strict=True)}
 
     return state.places.kept(key, made, 600)
