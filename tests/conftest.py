@@ -32,6 +32,14 @@ settings.register_profile("tango", deadline=None, derandomize=True)
 settings.load_profile("tango")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """There is one LinuxCNC on a computer: who asks for it is in one group, so that no worker waits for another one's control."""
+    for item in items:
+        if any("linuxcnc" in mark.args for mark in item.iter_markers("system")):
+            item.add_marker(pytest.mark.xdist_group("linuxcnc"))
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """`@pytest.mark.system("socat", …)`: without these commands the test is skipped and the notice says what to install."""
     for mark in item.iter_markers("system"):

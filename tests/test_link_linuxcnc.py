@@ -28,7 +28,6 @@ from tango_cnc.plan import plan
 from tango_cnc.records import LinkError
 
 real = pytest.mark.system("linuxcnc", "linuxcncrsh")
-together = pytest.mark.xdist_group("linuxcnc")
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"
 STRATEGY = """\
 name: fourteen touches
@@ -194,7 +193,6 @@ def killed(cell: Path, times: int, seed: int) -> int:
 
 
 @real
-@together
 @pytest.mark.long
 def test_ctrl_c_draws_the_probe_clear_and_the_run_goes_on(cell: Path) -> None:
     said = list(stopped(cell, 3, 1))
@@ -202,14 +200,12 @@ def test_ctrl_c_draws_the_probe_clear_and_the_run_goes_on(cell: Path) -> None:
 
 
 @real
-@together
 @pytest.mark.long
 def test_a_killed_run_loses_nothing_and_invents_nothing(cell: Path) -> None:
     assert killed(cell, 3, 2) == 3
 
 
 @real
-@together
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(10, 20))
 def test_many_stops(cell: Path, seed: int) -> None:
@@ -217,7 +213,6 @@ def test_many_stops(cell: Path, seed: int) -> None:
 
 
 @real
-@together
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(20, 30))
 def test_many_kills(cell: Path, seed: int) -> None:

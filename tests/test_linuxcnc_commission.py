@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from support.realcontrol import Control, linuxcnc
 
-pytestmark = [pytest.mark.system("linuxcnc", "linuxcncrsh"), pytest.mark.xdist_group("linuxcnc"), pytest.mark.long]
+pytestmark = [pytest.mark.system("linuxcnc", "linuxcncrsh"), pytest.mark.long]
 HERE = Path(__file__).parent
 SLOW = (0.02, 1.0)  # mm/s upwards: the move that asks for a finger goes 0.5 mm/s
 KNOWN = {

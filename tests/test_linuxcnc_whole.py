@@ -20,7 +20,7 @@ from tango_cnc.files import read_cell, read_readings, read_world
 from tango_cnc.plan import last_motion, plan
 from tango_cnc.records import Array
 
-pytestmark = [pytest.mark.system("linuxcnc", "linuxcncrsh"), pytest.mark.xdist_group("linuxcnc")]
+pytestmark = pytest.mark.system("linuxcnc", "linuxcncrsh")
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "examples" / "hu40t"
 RETOUCHED = 3  # facets that a resumed run touches again first

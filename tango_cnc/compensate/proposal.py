@@ -72,7 +72,7 @@ def propose(
     at = sample(machine, limits, poses)
     found = known(result, at)
     request = Request(machine, limits, targets.options(module, settings), found.coefficients)
-    targets.checked(module, request)
+    module.check(request)
     held: list[Held] = module.held(request)
     if not held:
         raise InputError(f"--target {target}: found settings with which nothing is stored; see 'tango compensate --facts {target}'")

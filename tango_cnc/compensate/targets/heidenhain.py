@@ -9,7 +9,7 @@ import numpy as np
 
 from ...records import Array
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request, any_machine
 from ._parts import across, centre, point_of, reversal, rotary_order, rows, scale_of, tilt, trims
 
 TEXT = "HEIDENHAIN: axis error tables .COM and .CMA, entries for the kinematics description"
@@ -35,6 +35,7 @@ OPTIONS = {
     "tables": Option("yes", "write .COM and .CMA", ("yes", "no")),
     "kinematics": Option("yes", "write entries for the kinematics description", ("yes", "no")),
 }
+check = any_machine
 
 
 def held(request: Request) -> list[Held]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request, any_machine
 from ._parts import component_errors, position_errors, rows, scale_of, tables
 
 TEXT = "ISG kernel, Beckhoff TwinCAT TF5280: volumetric compensation (ISG_CSV) with its configuration list"
@@ -28,6 +28,7 @@ OPTIONS = {
     "sign": Option(1, "1: errors as they are; -1: turned round, as a sign trial may find", (1, -1)),
     "folder": Option("C:\\vc", "folder of the files on the control"),
 }
+check = any_machine
 
 
 def held(request: Request) -> list[Held]:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from ...records import COMPONENTS
 from ..space import Held, by_slot
-from . import Fact, Option, Request
+from . import Fact, Option, Request, any_machine
 from ._parts import point_of
 
 TEXT = "ISO 230-1 names and values in a YAML file, with frames and signs, for programs that compensate by themselves"
@@ -16,6 +16,7 @@ FACTS = (
     Fact("names and signs are those of docs/model.md; who reads the file does the compensation", "ISO 230-1:2012, docs/model.md"),
 )
 OPTIONS = {"digits": Option(9, "digits of each value", tuple(range(4, 16)))}
+check = any_machine
 
 
 def held(request: Request) -> list[Held]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request, any_machine
 from ._parts import across, centre, reversal, rows, tables, tilt, trims
 
 TEXT = "any other control (Mitsubishi, Mazak, Okuma, Mach4 …): a sheet of values with what each of them means"
@@ -23,6 +23,7 @@ OPTIONS = {
     "reversal": Option("yes", "reversal values", ("yes", "no")),
     "increment": Option(0.001, "what the control stores in steps of, mm or degrees"),
 }
+check = any_machine
 
 
 def held(request: Request) -> list[Held]:
