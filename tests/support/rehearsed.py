@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -12,13 +12,13 @@ import numpy as np
 
 from sim_controller.languages import Alarm, Silence
 from sim_controller.motion import Motion
-from sim_controller.probing import rig
+from sim_controller.probing import Rig, rig
 from sim_controller.session import language
 from support.dialects import OFFSETS, SPOKEN
 from support.readback import golden
 from support.stored import stored
 from tango_cnc.plan import part
-from tango_cnc.records import Plan, World
+from tango_cnc.records import Array, Plan, World
 
 NEAR = 1.5e-3  # mm or deg: the same place
 FAR = 10_000  # moves after which a program that never ends is called dangerous
@@ -48,12 +48,37 @@ class Endless(Exception):
     """A program that goes on for ever."""
 
 
+@dataclass(frozen=True)
+class Truth:
+    """A world, what is true in it, and what moves have met there: mutants of one program make the same moves again and again."""
+
+    world: World  # kept here, so that no other one comes to its address
+    rig: Rig
+    met: dict[tuple[bytes | float, ...], Any]
+
+
+TRUTHS: dict[int, Truth] = {}
+
+
+def truth(world: World) -> Truth:
+    if id(world) not in TRUTHS:
+        TRUTHS[id(world)] = Truth(world, rig(short().machine, short().artefact, world), {})
+    return TRUTHS[id(world)]
+
+
 class Traced(Motion):
     """Motion that notes where every move has led, and how."""
 
     def __init__(self, world: World) -> None:
-        super().__init__(rig(short().machine, short().artefact, world))
+        self.true = truth(world)
+        super().__init__(self.true.rig)
         self.trace: Trace = []
+
+    def _meets(self, end: Array, direction: Array, after: float) -> Any:
+        move = (self._position.tobytes(), end.tobytes(), direction.tobytes(), after)
+        if move not in self.true.met:
+            self.true.met[move] = super()._meets(end, direction, after)
+        return self.true.met[move]
 
     def _noted(self, kind: str) -> None:
         place = tuple(float(v) for v in np.round(self.position, 6))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 from .._shared.alarm import Alarm
@@ -44,6 +45,19 @@ LIBRARY: Host = {
     "mid": lambda text, start, count: text[int(start) - 1 : int(start) - 1 + int(count)],
     "format": _format,
 }
+
+
+@lru_cache(10_000)
+def _tokens(text: str) -> tuple[str, ...]:
+    """expression → its tokens, the last one first; the turns of a loop ask for the same. Raises Alarm for none."""
+    tokens, at = [], 0
+    while text[at:].strip():
+        match = TOKEN.match(text, at)
+        if match is None:
+            raise Alarm("BASIC", "no expression", text)
+        tokens.append(match[1])
+        at = match.end()
+    return tuple(reversed(tokens))
 
 
 class Leave(Exception):
@@ -141,14 +155,7 @@ class Script:
             raise Alarm("BASIC", "no statement", line)
 
     def _whole(self, text: str) -> Any:
-        tokens, at = [], 0
-        while text[at:].strip():
-            match = TOKEN.match(text, at)
-            if match is None:
-                raise Alarm("BASIC", "no expression", text)
-            tokens.append(match[1])
-            at = match.end()
-        tokens.reverse()
+        tokens = list(_tokens(text))
         value = self._or(tokens)
         if tokens:
             raise Alarm("BASIC", "no expression", text)
