@@ -125,6 +125,37 @@ def test_no_page_of_an_inch_shop_has_a_length_in_metric(folder: Path) -> None:
             assert not re.findall(r".{20}µm.*|.{20}\d mm\b.*", text), path
 
 
+def test_a_trend_says_what_to_do_and_who_is_asked(site: TestClient) -> None:
+    for path in ("/trend", "/trend?parameter=EX0C"):
+        text = site.get(f"/machine/HU40T-like{path}").text
+        above = text.partition("<form")[0]
+        for wanted in ("May I make parts?", "Yes, but", "moved along X, all at once", "Look for a collision", "NOBODY is named"):
+            assert wanted in above, (path, wanted)
+
+
+def test_the_page_of_a_run_names_who_is_asked(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        Recorded(folder, 20).begin()
+        assert "NOBODY is named for this machine." in site.get("/machine/HU40T-like/run").text
+    (folder / "nightly.yaml").write_text("nightly: 1\nowner: Ann, 4711\n", encoding="utf-8")
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        assert "Call Ann, 4711." in site.get("/machine/HU40T-like/run").text
+
+
+def test_a_machine_that_only_a_run_has_measured_is_not_called_unmeasured(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    run = Recorded(folder, 1)
+    run.begin()
+    run.touch()
+    run.end()
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        for path in ("/", "/machine/HU40T-like"):
+            text = site.get(path).text
+            assert "No night has measured this machine yet. A run has: " in text and "never measured" not in text, path
+        assert "Read the report of the run" in text and "tango report -C one" in text
+
+
 def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
     text = site.get("/machine/HU40T-like").text
     assert (

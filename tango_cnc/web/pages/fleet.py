@@ -18,6 +18,7 @@ from ...report.pace import Ahead, ahead
 from ...report.plain import plain
 from ...report.units import Units
 from ..app import State, needs, page, state_of
+from ..live import title
 from ..places import Row
 from ..places import told as verdict_of
 from .machine import busy_of, run_of, written_of
@@ -47,6 +48,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     run, busy = run_of(request, row.machine), busy_of(request, row.machine)
     if busy and told is not None:
         told = measuring(told, t)
+    ran = title(run, t) if told is None and run is not None and run.state == "complete" else ""
     verdict = "" if told is None else f"morning.{told.state}"
     said = "" if row.record is None else sentence(plain(t.of(row.record.get("headline") or ""), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
@@ -56,8 +58,8 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "slug": row.machine.slug,
         "name": row.machine.name,
         "trouble": row.machine.trouble,
-        "unmeasured": t("may.first_run" if busy else "may.never"),
-        "simulated": made_up(row) or (bool(busy) and run is not None and run.simulated),
+        "unmeasured": t("may.first_run") if busy else t("may.ran", date=ran) if ran else t("may.never"),
+        "simulated": made_up(row) or (run is not None and run.simulated and bool(busy or ran)),
         "night": row.nights[0].night if row.nights else "",
         "may": ("wait" if busy else "none") if told is None else told.may,
         "level": "none" if told is None else told.level,

@@ -22,7 +22,7 @@ from ...report.plain import plain
 from ...report.repeated import as_decided, shortened
 from ...report.units import Units
 from ..app import State, machine_of, needs, page, state_of
-from ..live import Run, journals, minutes_left, quiet
+from ..live import Run, journals, minutes_left, quiet, title
 from ..places import STRIP, Machine, told
 from ..places import measured_before as before
 
@@ -43,28 +43,11 @@ def machine(request: Request) -> Response:
     values["busy"] = busy_of(request, found)
     owner = state.places.owner(found)
     values |= {"who": who_of(None, {"owner": owner}, (), state.texts), "nobody": not owner}
+    values["ran"] = "" if run is None or nights or run.state != "complete" else title(run, state.texts)
     if nights and found.history is not None:
         entry, allowed = nights[0].entry, limits_of(request, found)
-        alarms, decisions = _unclosed(request, found)
         signs = [(n.night, told(n, allowed)) for n in nights]
-        every = [(n.night, told(n, allowed)) for n in state.places.nights(found, ANOTHER)]
-        values |= context(
-            stored(request, found, entry),
-            decisions,
-            state.units,
-            state.texts,
-            waiting=earlier(alarms),
-            before=record_before(request, found, nights),
-            machine=state.places.geometry(found),
-            owner=owner,
-            late=state.places.late(found),
-            within=last_within(every),
-            never=never_within(every),
-            volumes=volumes_of(state.places.nights(found, ANOTHER)),
-            written=written_of(state, found),
-            busy=values["busy"],
-            now=datetime.now(UTC),
-        )
+        values |= morning_of(request, found, values["busy"])
         values["known"] = True
         values["entry"] = entry
         values["strip"] = strip([(d, v, "") for d, v in reversed(signs)], state.texts("web.nights", count=len(nights)), state.texts)
@@ -73,6 +56,35 @@ def machine(request: Request) -> Response:
         values["curves"] = curves(request, found)
         values["course"] = course_of_tip(request, found)
     return page(request, "machine.html", **values)
+
+
+def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
+    """request, machine, how long it still measures → values of the first screen of its newest night; empty without a night."""
+    state = state_of(request)
+    nights = state.places.nights(machine, STRIP)
+    if not nights or machine.history is None:
+        return {}
+    allowed = limits_of(request, machine)
+    alarms, decisions = _unclosed(request, machine)
+    known = state.places.nights(machine, ANOTHER)
+    every = [(n.night, told(n, allowed)) for n in known]
+    return context(
+        stored(request, machine, nights[0].entry),
+        decisions,
+        state.units,
+        state.texts,
+        waiting=earlier(alarms),
+        before=record_before(request, machine, nights),
+        machine=state.places.geometry(machine),
+        owner=state.places.owner(machine),
+        late=state.places.late(machine),
+        within=last_within(every),
+        never=never_within(every),
+        volumes=volumes_of(known),
+        written=written_of(state, machine),
+        busy=busy,
+        now=datetime.now(UTC),
+    )
 
 
 def stored(request: Request, machine: Machine, entry: int) -> Any:

@@ -16,6 +16,7 @@ from starlette.routing import Route
 
 from ...link.entries import Reading
 from ...records import Cell
+from ...report.morning import who_of
 from ...report.plain import office, shop
 from ...report.svg import BLUE, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
@@ -37,6 +38,7 @@ def run(request: Request) -> Response:
     for i, file in enumerate(journals(found.folder) if found.folder else ()):
         listed.append((i, file.name))
     step = _step(request, found, chosen, cell) if chosen else ""
+    owner = state.places.owner(found)
     return page(
         request,
         "run.html",
@@ -46,6 +48,8 @@ def run(request: Request) -> Response:
         listed=listed,
         heading=title(chosen, state.texts) if chosen else "",
         silent=None if chosen is None else quiet(chosen, time.time()),
+        who=who_of(None, {"owner": owner}, (), state.texts),
+        nobody=not owner,
         texts=state.texts,
     )
 

@@ -19,7 +19,7 @@ from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
-from .machine import LAST, alarms_by_entry, course_of_tip, curves, limits_of, simulated
+from .machine import LAST, alarms_by_entry, busy_of, course_of_tip, curves, limits_of, morning_of, simulated
 
 FIRST = 12  # parameters that are drawn when none is chosen
 INTERVAL = 1.96
@@ -75,6 +75,7 @@ def trends(request: Request) -> Response:
         simulated=simulated(request, found),
         course="" if wanted else course_of_tip(request, found),
         curves=None if wanted else curves(request, found),
+        **morning_of(request, found, busy_of(request, found)),
     )
 
 
