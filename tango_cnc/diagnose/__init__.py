@@ -25,7 +25,7 @@ from ._candidates import candidate
 from ._catalogue import Chosen
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
-from ._look import explained, kernels
+from ._look import explained, kernels, tried
 from ._moments import Moment
 from ._records import Dropped, Finding, Remainder
 from ._refused import refused, shift_of
@@ -119,13 +119,14 @@ def diagnose(
             "touches that scatter, as measured ones do. There is nothing to explain, and no noise to compare a cause with"
         )
     means = _rows.rows(replace(before.model.touches, tip=tips(before)), before.residuals)
+    every_cause = tried(before, means, excluded, learned)
     moments: tuple[Moment, ...] = ()
     for _ in range(EVENTS):
         say(
             f"searching causes and shapes in {len(means.seen)} rows"
             + (f", again without {len(moments)} moments" if moments else "")
         )
-        found, weight, rough, scatter, field, outcome = explained(before, means, excluded, seed, moments, learned)
+        found, weight, rough, scatter, field, outcome = explained(before, means, every_cause, excluded, seed, moments)
         new = [m for m in _moments.moments(means, found, outcome, weight) if m.item not in [o.item for o in moments]]
         if not new:
             break

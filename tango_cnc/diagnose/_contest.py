@@ -8,7 +8,8 @@ that the model does not reach; what is chosen whitens the data and all shapes, s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,15 +37,26 @@ class Field:
     def __init__(
         self, kernels: Sequence[Kernel], basis: Array, weight: Array, means: Rows, rows: NDArray[np.int64] | None = None
     ) -> None:
-        self.kernels = list(kernels)
-        self.among = len(self.kernels)  # shapes that were compared to find these
+        self.among = len(kernels)  # shapes that were compared to find these
         self.rows = slice(None) if rows is None else rows  # of the rows
         self.basis, self.weight, self.means, self.touches = basis, weight, means, means.seen
+        stacked = np.hstack([k.columns for k in kernels])
+        stacked *= weight[:, None]
+        self._set(kernels, (stacked.T @ basis).astype(np.float32).T)  # one feature after the other: they are read one by one
+        self.asked: dict[tuple[object, ...], Asked] = {}  # contests come back to the same names again and again
+
+    def _set(self, kernels: Sequence[Kernel], columns: NDArray[np.float32]) -> None:
         sizes = [k.columns.shape[1] for k in kernels]
+        self.kernels, self.columns = list(kernels), columns
         self.start = np.concatenate([[0], np.cumsum(sizes)])
-        stacked = np.hstack([k.columns for k in kernels]) * weight[:, None]
-        self.columns = (basis.T @ stacked).astype(np.float32)
         self.by_size = {k: np.array(own) for k, own in groups(sizes).items()}
+
+    def only(self, few: NDArray[np.int64], s: State) -> tuple[Field, State]:
+        """numbers of shapes, state → both with these shapes only."""
+        at = np.concatenate([np.arange(self.start[i], self.start[i + 1]) for i in few])
+        found = copy(self)
+        found._set([self.kernels[i] for i in few], self.columns.T[at].T)
+        return found, replace(s, columns=s.columns.T[at].T)
 
     def __len__(self) -> int:
         return len(self.kernels)
@@ -95,13 +107,12 @@ def begin(field: Field, y: Array, names: Array) -> State:
 def _without(columns: NDArray[np.float32], basis: Array, part: Array | float) -> NDArray[np.float32]:
     if not basis.shape[1]:
         return columns
-    single = basis.astype(np.float32)
+    single, rows = basis.astype(np.float32), columns.T
     amount = np.asarray(part, dtype=np.float32)
-    inside = single.T @ columns
-    return np.asarray(columns - single @ (inside * (amount[:, None] if amount.ndim else amount)))
+    return np.asarray(rows - ((rows @ single) * amount) @ single.T, dtype=np.float32).T
 
 
-def scores(field: Field, s: State, only: NDArray[np.int64] | None = None) -> tuple[Array, Array]:
+def scores(field: Field, s: State) -> tuple[Array, Array]:
     """field, state → twice the log likelihood ratio (b, B) of every shape at its best τ, and that τ (b, B)."""
     y = s.y if s.y.ndim == 2 else s.y[:, None]
     m, width = y.shape
@@ -109,10 +120,7 @@ def scores(field: Field, s: State, only: NDArray[np.int64] | None = None) -> tup
     along = (s.columns.T @ y.astype(np.float32)).astype(float)
     best = np.full((len(field), width), -np.inf)
     at = np.zeros((len(field), width))
-    for k, every in field.by_size.items():
-        own = every if only is None else np.intersect1d(every, only)
-        if not len(own):
-            continue
+    for k, own in field.by_size.items():
         place = field.start[own][:, None] + np.arange(k)
         part = s.columns.T[place]  # (b, k, m)
         value, vector = np.linalg.eigh((part @ part.transpose(0, 2, 1)).astype(float))
@@ -145,23 +153,52 @@ def price(field: Field, m: int) -> float:
     return float(np.log(m) + 2 * np.log(field.among))
 
 
-def grown(field: Field, s: State, most: int = MOST, allowed: NDArray[np.bool_] | None = None) -> State:
-    """state → with shapes added one by one, the best first, as long as one is worth its price."""
-    only = None if allowed is None else np.flatnonzero(allowed)
-    for turn in range(most):
-        best, at = scores(field, s, only)
+@dataclass(frozen=True)
+class Asked:
+    """What shapes do beside some names, which are kept here so that no id comes twice."""
+
+    kept: tuple[object, ...]
+    first: list[tuple[Array, Array]]  # `scores` beside the names alone, once somebody asked
+    grown: dict[bool, tuple[float, tuple[Picked, ...]]]  # of noises only, or of all: evidence, what was chosen
+
+
+def asked(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chosen]) -> Asked:
+    """field, data (m,), single touches that are set aside, names → what is known of shapes beside them."""
+    key = (id(y), len(fixed), *map(id, (*fixed, *names)))
+    return field.asked.setdefault(key, Asked((y, *fixed, *names), [], {}))
+
+
+def first(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chosen]) -> tuple[State, tuple[Array, Array]]:
+    """field, data (m,), single touches that are set aside, names → state beside them, `scores` there."""
+    s, known = begin(field, y, _columns(len(y), [*fixed, *names])), asked(field, y, fixed, names).first
+    if not known:
+        known.append(scores(field, s))
+    return s, known[0]
+
+
+def grown(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chosen], noises: bool = False) -> State:
+    """what is asked, whether of noises only → state with shapes added one by one, the best first, while one is worth its price."""
+    s, (best, at) = first(field, y, fixed, names)
+    if noises:
+        best = np.where([[k.noise] for k in field.kernels], best, -np.inf)
+    for turn in range(MOST):
+        if turn:
+            best, at = scores(field, s)
         i = int(np.argmax(best[:, 0]))
         gain = float(best[i, 0]) - price(field, len(s.y))
         if gain < 0:
             break
+        if turn == 0:  # the others follow the first one too far behind
+            few = np.sort(np.argsort(-best[:, 0])[:FOLLOW])
+            few = few[np.isfinite(best[few, 0])]
+            field, s = field.only(few, s)
+            at, i = at[few], int(np.searchsorted(few, i))
         kernel, own, tau = field.kernels[i], field.of(i, s.columns), float(at[i, 0])
         columns = field.of(i, field.columns)
         if kernel.kind == "window":
             kernel, columns, own, tau, better = edges(field, s, kernel)
             gain = better - price(field, len(s.y))
         s = whiten(s, kernel, columns, own, tau, gain)
-        if turn == 0:
-            only = np.argsort(-best[:, 0])[:FOLLOW]
     return s
 
 
@@ -212,7 +249,7 @@ def shortlist(field: Field, y: Array, names: Sequence[Chosen], outcome: Outcome)
     """field, data, names, outcome → the shapes that come next to the names and to nothing: few enough for many subsets."""
     near: set[int] = set()
     for kept in ((), tuple(names)):
-        best, _ = scores(field, begin(field, y, _columns(len(y), kept)))
+        _, (best, _) = first(field, y, (), kept)
         near |= set(np.argsort(-best[:, 0])[:NEAR].tolist())
     near |= {i for i, k in enumerate(field.kernels) if k.noise}
     return [*(field.kernels[i] for i in sorted(near)), *(p.kernel for p in outcome.picked if p.kernel.kind == "window")]
@@ -245,45 +282,47 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
 
     A name stands when it beats every combination of shapes in its place by a margin; a shape that was learned before needs none.
     """
-    noises = np.array([k.noise for k in field.kernels])
     cheaper = discounts(y, [*fixed, *names], names)
 
-    def of(kept: Sequence[Chosen], allowed: NDArray[np.bool_] | None = None) -> tuple[float, State]:
-        start = begin(field, y, _columns(len(y), [*fixed, *kept]))
-        s = grown(field, start, allowed=allowed)
-        return evidence(field, s, kept) + sum(cheaper[id(c)] for c in kept), s
+    def of(kept: Sequence[Chosen], noises: bool = False) -> tuple[float, tuple[Picked, ...]]:
+        known = asked(field, y, fixed, kept).grown
+        if noises not in known:
+            s = grown(field, y, fixed, kept, noises)
+            known[noises] = evidence(field, s, kept), s.picked
+        value, picked = known[noises]
+        return value + sum(cheaper[id(c)] for c in kept), picked
 
     nothing = evidence(field, begin(field, y, _columns(len(y), fixed)), ())
     only_shapes, shapes = of(())
     if not names:
-        return Outcome((), (), shapes.picked, nothing, of((), noises)[0], only_shapes)
-    by_names, _ = of(names, noises)
+        return Outcome((), (), shapes, nothing, of((), True)[0], only_shapes)
+    by_names, _ = of(names, True)
     kept = once(names)
-    value, state = of(kept)
+    value, picked = of(kept)
     while kept:
         without = [of([c for c in kept if c is not old]) for old in kept]
-        asked = [margin if not c.candidate.learned else 0.0 for c in kept]
-        above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, asked, strict=True)]
-        if _patterns(shapes) and only_shapes + min(asked) > value:
-            kept, state = [], shapes
+        margins = [margin if not c.candidate.learned else 0.0 for c in kept]
+        above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, margins, strict=True)]
+        if _patterns(shapes) and only_shapes + min(margins) > value:
+            kept, picked = [], shapes
             break
         worst = int(np.argmax(above))
         if above[worst] <= value:
             break
-        value, state = without[worst]
+        value, picked = without[worst]
         del kept[worst]
-    own = [p.columns for p in state.picked if not p.kernel.noise]
+    own = [p.columns for p in picked if not p.kernel.noise]
     if own and kept:
         q = orthonormal(np.hstack(own))
         still = [c for c in kept if c.candidate.learned or not _inside(c.columns, q)]
         if len(still) < len(kept):
-            kept, state = still, of(still)[1]
+            kept, picked = still, of(still)[1]
     lost = tuple(c for c in names if c not in kept)
-    return Outcome(tuple(kept), lost, state.picked, nothing, by_names, only_shapes)
+    return Outcome(tuple(kept), lost, picked, nothing, by_names, only_shapes)
 
 
-def _patterns(s: State) -> bool:
-    return any(not p.kernel.noise for p in s.picked)
+def _patterns(picked: Sequence[Picked]) -> bool:
+    return any(not p.kernel.noise for p in picked)
 
 
 def once(names: Sequence[Chosen]) -> list[Chosen]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from ._explain import Explanation
 from ._moments import Moment
 from ._rows import Rows
 from ._scatter import Scatter
+from ._smooth import Kernel
 from ._smooth import kernels as kernels_of
 
 ROUNDS = 3  # of weighting rough facets and searching again
@@ -41,33 +42,43 @@ def _with_learned(found: Explanation) -> Explanation:
     return replace(found, chosen=(*found.chosen, *more), named=(*found.named, *more)) if more else found
 
 
-def _contested(means: Rows, found: Explanation, weight: Array) -> tuple[Field, Outcome]:
+@dataclass(frozen=True)
+class Tried:
+    """What may be in the touches, whatever is set aside of them: causes and shapes with every setting; what competes with them."""
+
+    candidates: Sequence[Candidate]
+    kernels: Sequence[Kernel]
+
+
+def tried(before: Estimate, means: Rows, excluded: Collection[str], learned: Sequence[Mapping[str, Any]] = ()) -> Tried:
+    """estimate, rows, excluded causes, learned shapes → what is tried in every look."""
+    touches, present = means.whole, before.model.names
+    every = [
+        *map(means.candidate, named(touches, present, excluded, means.settings)),
+        *outliers(means.seen),
+        *map(means.candidate, shapes(touches, set(families.causes()) - set(excluded), len(means.seen))),
+        *map(means.candidate, _known_shapes(touches, present, excluded, learned)),
+    ]
+    return Tried(every, kernels_of(means))
+
+
+def _contested(means: Rows, found: Explanation, weight: Array, what: Sequence[Kernel]) -> tuple[Field, Outcome]:
     """What was found, against shapes without a name."""
-    field = Field(kernels_of(means), found.place.basis, weight, means)
+    field = Field(what, found.place.basis, weight, means)
     fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
     return field, contest(field, found.place.y, fixed, found.named)
 
 
 def explained(
-    before: Estimate,
-    means: Rows,
-    excluded: Collection[str],
-    seed: int,
-    moments: Sequence[Moment] = (),
-    learned: Sequence[Mapping[str, Any]] = (),
+    before: Estimate, means: Rows, what: Tried, excluded: Collection[str], seed: int, moments: Sequence[Moment] = ()
 ) -> tuple[Explanation, Array, list[_explain.Rough], Scatter, Field, Outcome]:
-    """estimate, rows, excluded, moments set aside, learned → names, weights, rough facets, scatter, field of shapes, what stands.
+    """estimate, rows, what is tried, moments set aside → names, weights, rough facets, scatter, field of shapes, what stands.
 
     Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again.
     """
     touches, seen = means.whole, means.seen
     n = len(seen)
-    every = [
-        *map(means.candidate, named(touches, before.model.names, excluded, means.settings)),
-        *outliers(seen),
-        *map(means.candidate, shapes(touches, set(families.causes()) - set(excluded), n)),
-        *map(means.candidate, _known_shapes(touches, before.model.names, excluded, learned)),
-    ]
+    every = list(what.candidates)
     offsets = {name: p.value for name, p in before.facets.items()}
     causes = families.causes()
 
@@ -130,7 +141,7 @@ def explained(
                 break
             every = [c for c in every if _where(c) not in absurd]
         found = _with_learned(found)
-        field, outcome = _contested(means, found, weight)
+        field, outcome = _contested(means, found, weight, what.kernels)
         # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
         broad = replace(found, chosen=tuple(c for c in outcome.named if not _explain.narrow(c)))
         smooth = sum((p.tau * p.columns @ p.columns.T for p in outcome.picked), np.zeros((found.place.m, found.place.m)))
@@ -187,4 +198,4 @@ def kernels(touches: Touches) -> tuple[Array, Array]:
     return alike * np.minimum(hours[:, None], hours[None, :]), alike * same
 
 
-__all__ = ["explained", "kernels"]
+__all__ = ["Tried", "explained", "kernels", "tried"]

@@ -134,8 +134,8 @@ def library(blocks: Sequence[Array]) -> Library:
 def whitened(place: Space, lib: Library, ratios: tuple[float, ...]) -> _White:
     """space, library, ratios → the library as that noise sees it, remembered."""
     if ratios not in place._white:
-        single = lib.columns.astype(np.float32)
-        columns = single if not any(ratios) else place.setting(ratios).root.astype(np.float32) @ single
+        rows = lib.columns.T.astype(np.float32)  # one column after the other: they are read one by one
+        columns = (rows if not any(ratios) else rows @ place.setting(ratios).root.astype(np.float32).T).T
         grams = {}
         for k in np.unique(lib.size):
             own = columns.T[lib.start[lib.size == k][:, None] + np.arange(k)]

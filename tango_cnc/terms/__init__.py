@@ -120,10 +120,15 @@ def patterns() -> list[str]:
     return [name for name, cause in causes().items() if cause.spread is None]
 
 
+@cache
+def _settings(name: str) -> tuple[str, ...]:
+    """name of a cause → its settings: a diagnosis asks thousands of times."""
+    return tuple(key for key in inspect.signature(causes()[name].make).parameters if key != "machine")
+
+
 def cause(name: str, machine: Machine, setting: Mapping[str, Any]) -> list[Coefficient]:
     """name of a cause, its settings → coefficients. Raises InputError for settings that it does not have or needs."""
-    make = causes()[name].make
-    allowed = [key for key in inspect.signature(make).parameters if key != "machine"]
+    make, allowed = causes()[name].make, _settings(name)
     for key in setting:
         if key not in allowed:
             raise InputError(
