@@ -44,15 +44,8 @@ class Folds:
         self.size = np.array([b.shape[1] for b in blocks])
         self.start = np.concatenate([[0], np.cumsum(self.size)[:-1]]).astype(np.int64)
         self.columns = np.hstack(blocks)
-        self.at = {int(k): self.start[self.size == k][:, None] + np.arange(k) for k in np.unique(self.size)}
-        self.gram = {k: self._gram(k, slice(None)) for k in self.at}
         named = np.array([c.named for c in e.catalogue.candidates])
         self.named = np.flatnonzero(named)
-
-    def _gram(self, k: int, rows: NDArray[np.int64] | slice) -> Array:
-        """width of blocks, rows → (b, k, k) products of their columns over these rows."""
-        own = self.columns[rows].T[self.at[k]]
-        return np.asarray(own @ own.transpose(0, 2, 1))
 
     def nested(self, one: Chosen, schemes: Mapping[str, NDArray[np.int64]], keep: NDArray[np.bool_]) -> Nested:
         """one of the chosen, groups (n,) of each scheme, rows that count → gain and selection."""
@@ -77,7 +70,7 @@ class Folds:
             for g in np.unique(fold):
                 out = np.flatnonzero(fold == g)
                 inside = np.setdiff1d(np.arange(len(design)), out)
-                score = self._scores(design, data, inside, out)
+                score = self._scores(design, data, inside, n)
                 own = np.flatnonzero(self.e.catalogue.group == code)
                 best = own[int(np.argmax(score[own]))]
                 if counted and float(mine[out].sum()) <= ALONE * float(mine.sum()):
@@ -91,9 +84,9 @@ class Folds:
             result[name] = (rms((errors[:, 0] / self.weight)[keep]), rms((errors[:, 1] / self.weight)[keep]))
         return Nested(result, Stability(selected, trials))
 
-    def _scores(self, design: Array, data: Array, inside: NDArray[np.int64], out: NDArray[np.int64]) -> Array:
-        """design, data, rows that are fitted, those that are not → (blocks,) evidence of each candidate beside the design."""
-        touches = inside[inside < len(self.weight)]
+    def _scores(self, design: Array, data: Array, inside: NDArray[np.int64], n: int) -> Array:
+        """design, data, rows that are fitted → (blocks,) evidence of each candidate beside the design."""
+        touches = inside[inside < n]
         scale = np.linalg.norm(design[inside], axis=0)
         u, s, _ = np.linalg.svd(design[inside] / np.where(scale > 0, scale, 1.0), full_matrices=False)
         u = u[:, s > 1e-5 * s[0]]
@@ -104,14 +97,14 @@ class Folds:
         across = q.T @ x
         m, whole = len(inside) - u.shape[1], float(y @ y)
         result = np.full(len(self.size), -np.inf)
-        for k, at in self.at.items():
+        for k in np.unique(self.size):
             blocks = np.flatnonzero(self.size == k)
-            gone = across.T[at]
-            gram = self.gram[k] - self._gram(k, out)
-            rounding = 1e-12 * np.einsum("bkk->bk", self.gram[k])  # of the difference above, where a pattern is in the fold alone
-            length = np.maximum(np.einsum("bkk->bk", gram), 0.0)
+            at = self.start[blocks][:, None] + np.arange(k)
+            own, gone = x.T[at], across.T[at]
+            gram = own @ own.transpose(0, 2, 1)
+            length = np.einsum("bkk->bk", gram)
             left = gram - gone @ gone.transpose(0, 2, 1)
-            left[:, np.arange(k), np.arange(k)] += RIDGE * length + rounding + 1e-30
+            left[:, np.arange(k), np.arange(k)] += RIDGE * length + 1e-30
             right = along[at]
             taken = np.sum(right * np.linalg.solve(left, right[:, :, None])[:, :, 0], axis=1)
             result[blocks] = -m * np.log(np.maximum(1 - taken / whole, 1e-9)) - self.e.catalogue.price[blocks]
