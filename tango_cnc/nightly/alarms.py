@@ -17,7 +17,7 @@ from ..report.units import shown
 from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
 from ..state.filter import sigma_of
-from ..texts import instead, joined, say
+from ..texts import Said, instead, joined, say
 from .ports import Past
 from .words import cause_texts, changed, on_part, value
 
@@ -189,16 +189,38 @@ def _place(parameter: str) -> str:
     return say(f"followed.{kind}", name=name)
 
 
-def ignored(past: Past, machine: str, alarm: Mapping[str, Any], day: float) -> bool:
-    """→ whether somebody has decided to hear nothing of this cause and parameter until a later day."""
+def ignored(past: Past, machine: str, alarm: Mapping[str, Any], day: float) -> dict[str, Any] | None:
+    """→ what the record says of an alarm that somebody has decided not to hear of until a later day, by cause and parameter; else
+    None.
+    """
     if not past.knows(machine):
-        return False
+        return None
     today = date_of(day)
-    wanted = {d.alarm for d in past.decisions(machine) if d.action == "ignore" and (d.until or "") >= today}
+    wanted = {d.alarm: d for d in past.decisions(machine) if d.action == "ignore" and (d.until or "") >= today}
     if not wanted:
-        return False
+        return None
     earlier = [a for r in past.alarmed(machine) for a in r.record["alarms"] if a["id"] in wanted]
-    return any((a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"]) for a in earlier)
+    same = [wanted[a["id"]] for a in earlier if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"])]
+    told = {key: alarm[key] for key in ("cause", "parameter", "text", "size", "std", "unit")}
+    return told | {"owner": same[0].owner, "until": same[0].until} if same else None
+
+
+def after_repair(past: Past, machine: str, alarm: dict[str, Any], parameters: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    """history, machine, alarm of tonight, what is known tonight, kind of night → the alarm; where somebody has repaired since the
+    last night with a result, it says so, and whether what was wrong has gone.
+    """
+    before = past.latest_knowledge(machine)
+    done = [d for d in past.decisions(machine) if d.action == "repaired" and before is not None and d.utc >= before[0].end_utc]
+    if not done:
+        return alarm
+    last = done[-1]
+    first = next((s.record for s in past.alarmed(machine, LISTED) if any(a["id"] == last.alarm for a in s.record["alarms"])), None)
+    wrong = {} if first is None else next(a for a in first["alarms"] if a["id"] == last.alarm)
+    now = "" if first is None else _now(wrong, first, parameters, kind)
+    what = joined("", (" (", wrong["parameter"], " ", now, ")")) if now else ""
+    text = say("changed.after_repair", text=alarm["text"], owner=last.owner, date=last.utc[:10], what=what)
+    gone = isinstance(now, Said) and now.key == "night.alarms.gone_again_left" and wrong["parameter"] == alarm["parameter"]
+    return alarm | {"text": text} | ({"do": say("night.repaired_do")} if gone else {})
 
 
 def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
@@ -224,7 +246,7 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
                 nights = past.nights(machine, last=LISTED)
                 full = next((n.night for n in nights if n.kind == "full" and n.status == "complete"), "")
             told = {key: alarm.get(key) for key in ("id", "cause", "parameter", "text", "since", "size", "std", "unit", "sigmas")}
-            told |= {key: alarm.get(key) for key in ("rate_per_day", "on_part_um", "on_part", "do", "instead", "owner")}
+            told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))

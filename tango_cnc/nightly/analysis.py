@@ -39,7 +39,7 @@ from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from ..touches import from_readings
 from . import parts
-from .alarms import Known, alarm_of, ignored, since, standing
+from .alarms import Known, after_repair, alarm_of, ignored, since, standing
 from .doubt import Judged, believed
 from .ports import Measured, Past
 from .trend import SLOPE, as_alarm, behind, drift, slopes
@@ -231,7 +231,8 @@ class Nights:
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
             diagnosis = dict(self.diagnosed(self._cell(kind), readings))
         judged = believed(judged, diagnosis, alarms, first)
-        alarms = [a for a in alarms if judged.believed and not ignored(past, machine, a, day)]
+        unheard = [x for a in alarms if judged.believed and (x := ignored(past, machine, a, day))]
+        alarms = [a for a in alarms if judged.believed and not unheard]
         moving = None if first or alarm or not judged.believed else drift(known, recent, after, tonight.scale)
         chart = over_volume(self.lever, after.mean, after.covariance)
         limits = self._limits(after, chart)
@@ -239,10 +240,12 @@ class Nights:
         parameters = self._parameters(recent, ahead, after, what, first)
         if moving is not None:
             parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
+        alarms = [after_repair(past, machine, a, parameters, kind) for a in alarms]
         waiting = standing(past, machine, day, parameters if judged.believed else {}, kind)
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
-            alarms = [a for a in [as_alarm(moving, known)] if not ignored(past, machine, a, day)]
+            unheard = [x for x in [ignored(past, machine, as_alarm(moving, known), day)] if x]
+            alarms = [] if unheard else [as_alarm(moving, known)]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit)) is not None]
         told = {
@@ -267,7 +270,7 @@ class Nights:
             "carried": judged.believed,
         }
         told |= {"standing": waiting} if waiting else {}
-        told |= {"behind": causes} if causes else {}
+        told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
         told |= {"diagnosis": diagnosis} if diagnosis else {}
         if moving is not None and not alarms:
             told["trend"] = vars(moving) | {"text": moving.text}
@@ -352,7 +355,7 @@ class Nights:
             seen_then.append((record["state"]["day"], what.without(record.get("outliers", ()))))
             rest = record.get("residual") or {"std_um": 0.0, "dof": 0}
             noise.append(((rest["std_um"] / 1e3 / begin.sigma) ** 2 * rest["dof"], float(rest["dof"])))
-            if night.alarms:
+            if night.alarms or record.get("ignored"):
                 opened.append(place)
         found = learn(self.followed, begin, seen_then, opened)
         agreement = found.agreement([len(what.value) for _, what in seen_then], noise) or after.agreement

@@ -141,7 +141,7 @@ def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
     """drift → the alarm of the record."""
     place = next(i for i in k.followed.machine if k.followed.selection.label(k.followed.names[i]) == found.parameter)
     return {
-        **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "instead": []},
+        **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "steady": found.steady, "instead": []},
         **{"cause": change_of(found.parameter, k.followed.families[place])},
         **{"parameter": found.parameter, "text": found.text, "size": found.size, "std": found.std, "unit": found.unit},
         **{"sigmas": found.sigmas, "on_part_um": found.on_part_um, "on_part": found.on_part, "do": found.do},

@@ -96,7 +96,10 @@ def headline(record: Mapping[str, Any]) -> str:
             gap=gap,
         )
     nothing = say("night.words.nothing_has_changed")
-    if trend := record.get("trend"):
+    if unheard := record.get("ignored"):
+        told = unheard[0]
+        nothing = say("night.words.no_alarm_as_ignored", text=told["text"], owner=told["owner"], until=told["until"])
+    elif trend := record.get("trend"):
         nothing = say("night.words.no_alarm_but", text=trend["text"])
     open_ones = [limit for limit in record["limits"] if limit["passed"] is None]
     if open_ones:
@@ -166,10 +169,10 @@ def message(
         lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
     if len(standing) > SHOWN:
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
-    named = {alarm["parameter"] for alarm in (*record["alarms"], *standing[:SHOWN])}  # their alarm has said the rest above
+    named = {alarm.get("parameter") for alarm in (*record["alarms"], *standing[:SHOWN])}  # their alarm has said the rest above
     for cause in record.get("behind") or ():
         lines += [f"* {t('mail.behind', what=_what(cause['what']), text=cause['text'])}"]
-        lines += [*([] if cause["parameter"] in named else _about(cause, owner, t)), ""]
+        lines += [*([] if cause.get("parameter") in named else _about(cause, owner, t)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
         lines += [f"* {t('mail.do', text=t('night.beyond_do'))}", f"  {t('mail.owner', owner=owner)}", ""]
     failed = [p for p in record["preflight"] if not p["passed"]]
@@ -229,8 +232,9 @@ def _checked(point: Mapping[str, Any], t: Texts) -> str:
 
 
 def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
-    rate = value(cause["rate_per_day"], cause["unit"]) if cause.get("rate_per_day") else ""
-    lines = [t("mail.rate", rate=rate)] if rate else []
+    steady = cause.get("rate_per_day") and cause.get("steady", True)  # what came in one night goes on at no rate
+    rate = value(cause["rate_per_day"], cause["unit"]) if steady else ""
+    lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") else ""
     lines += [t("mail.on_part", text=cause["on_part"]), t("mail.do", text=t(again) if again in t else cause["do"])]
     if cause.get("instead"):

@@ -24,7 +24,11 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     headline = record.get("headline") or ""
     if not isinstance(headline, Said) or headline.key != STANDING:
         return str(headline)
-    own = [d for d in decisions if d.alarm == record["standing"][0]["id"] and d.utc >= record["end_utc"] and d.action in DECIDED]
+    own = [
+        d
+        for d in decisions
+        if d.alarm == record["standing"][0]["id"] and d.utc >= str(record.get("end_utc") or "") and d.action in DECIDED
+    ]
     if not own:
         return headline
     last = own[-1]
