@@ -176,13 +176,16 @@ def test_backlashes_that_are_all_alike_may_be_the_tip(pytestconfig: pytest.Confi
     ("example", "axis", "sign", "size", "verdict", "named"),
     [
         ("trunnion", 0, 1, 0.016, "doubtful", ("EX0S", "EXXb")),
+        ("fork_head", 0, -1, 0.012, "trustworthy", ("EXXb",)),  # nothing in the readings speaks against it
+        ("trunnion", 0, 1, -0.016, "doubtful", ("EX0S", "EXXb")),
+        pytest.param("trunnion", 0, 0, -0.006, "trustworthy", ("EXXb",), marks=pytest.mark.long),
         pytest.param("split", 1, -1, 0.027, "doubtful", ("EY0S", "EYYb"), marks=pytest.mark.long),
         pytest.param("trunnion", 0, 0, 0.03, "doubtful", ("EXXb",), marks=pytest.mark.long),
         pytest.param("trunnion", 0, -1, 0.016, "doubtful", ("EX0S", "EXXb"), marks=pytest.mark.long),
         pytest.param("fork_head", 0, -1, 0.028, "doubtful", ("EXXb",), marks=pytest.mark.long),
     ],
 )
-def test_late_one_way_and_backlash_cannot_be_told_apart_and_the_result_says_so(
+def test_late_or_early_one_way_and_backlash_cannot_be_told_apart_and_the_result_says_so(
     pytestconfig: pytest.Config, example: str, axis: int, sign: int, size: float, verdict: str, named: tuple[str, ...]
 ) -> None:
     folder = pytestconfig.rootpath / "examples" / example
@@ -200,8 +203,22 @@ def test_late_one_way_and_backlash_cannot_be_told_apart_and_the_result_says_so(
     side = {1: "-", -1: "+", 0: "±"}[sign]
     said = next(t for t in found[1] if f"touches toward {letter}{side} that" in t)
     assert judgement.verdict == verdict and all(name in said for name in named)
-    assert float(said.split("latched ")[1].split(" ")[0]) == pytest.approx(size * 1000.0, rel=0.15)
-    if verdict == "doubtful":
-        assert set(named) <= set(judgement.untrusted)
+    word = "latched " if size > 0 else "read "
+    assert float(said.split(word)[1].split(" ")[0]) == pytest.approx(abs(size) * 1000.0, rel=0.15)
+    assert set(named) <= set(judgement.untrusted)
     wrong = [n for n in named if abs(result.value(n) - world.errors.get(n, 0.0)) > 5 * result.parameters[n].std]
     assert set(wrong) == set(named), "what is named is really wrong by many standard deviations"
+
+
+def test_a_tip_calibrated_too_small_on_one_side_is_not_told_from_backlash_and_nothing_it_moves_is_trusted(
+    pytestconfig: pytest.Config,
+) -> None:
+    folder = pytestconfig.rootpath / "examples" / "hu40t"
+    cell, world = read_cell(folder), read_world(folder / "world.yaml")
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, world, seed=7)
+    toward = np.clip(from_readings(cell.machine, cell.artefact, readings).machine_normal[:, 1], 0.0, None)
+    result = honest(estimate(cell.machine, cell.artefact, pushed(cell, readings, 0.03 * toward), cell.terms))
+    judgement = judge(cell, readings, result, search=False)
+    wrong = {n for n, p in result.parameters.items() if abs(p.value - world.errors.get(n, 0.0)) > 5 * p.std}
+    assert wrong == {"EY0S", "EYYb"} <= set(judgement.untrusted) and judgement.verdict == "doubtful"
+    assert result.sigma < 2 * cell.machine.probe.repeatability, "the fit shows nothing of it"

@@ -97,6 +97,23 @@ def test_honest_digits_are_not_taken_for_rounded_ones(example: str, digit: float
     )
 
 
+@pytest.mark.parametrize("step", [1 / 80, 5 / 2048, 0.0031])
+def test_positions_of_a_drive_that_counts_in_steps_are_named(cell: Cell, twice: Readings, step: float) -> None:
+    """80 steps a millimetre, 2048 a turn of a screw of 5 mm; zero lies anywhere; six decimals, as in readings.csv."""
+    one = twice.rows(twice.cycle == 1)
+    position = np.array(one.position)
+    x = one.axes.index("X")
+    position[:, x] = np.round(np.round((position[:, x] - 0.37) / step) * step + 0.37, 6)
+    counted = replace(one, position=position)
+    (remark,) = doubts(cell, counted, "rounded_positions")
+    assert remark.verdict == "doubtful" and remark.key == "X"
+    assert float(remark.text.split("steps of ")[1].split(" ")[0]) == pytest.approx(step, rel=1e-4)
+    judgement = judge(cell, counted, honest(estimate(cell.machine, cell.artefact, counted, cell.terms)), search=False)
+    assert {"EXX1", "EX0S", "EXXb"} <= set(judgement.untrusted)
+    known = replace(cell, machine=replace(cell.machine, probe=replace(cell.machine.probe, repeatability=step / 2.5)))
+    assert doubts(known, counted, "rounded_positions") == [], "who states it need not be reminded"
+
+
 @pytest.mark.parametrize("jitter", [2e-5, 1e-4])
 def test_a_cycle_that_was_pasted_and_shaken_a_little_is_named(cell: Cell, twice: Readings, jitter: float) -> None:
     copy = pasted(twice)

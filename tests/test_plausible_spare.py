@@ -54,6 +54,16 @@ def test_few_touches_to_spare_are_incomplete_and_no_parameter_is_trusted(measure
     assert any(f"leave {result.dof} degrees of freedom" in reason for reason in judgement.reasons)
 
 
+@pytest.mark.parametrize("wrong", ["an eighth is off", "all scatter by 4 µm"])
+def test_what_scatters_for_no_known_reason_leaves_no_parameter_trusted(measured: Measured, wrong: str) -> None:
+    cell, readings = measured
+    rng = np.random.default_rng(6)
+    off = np.where(rng.random(len(readings)) < 0.125, 0.05, 0.0) if "eighth" in wrong else rng.normal(0, 0.004, len(readings))
+    judgement, result = judged(cell, pushed(cell, readings, off))
+    assert judgement.verdict == "doubtful"
+    assert {*result.parameters, *result.setup} <= set(judgement.untrusted)
+
+
 def test_a_sound_cell_has_nothing_of_this(measured: Measured) -> None:
     judgement, _ = judged(*measured)
     assert (judgement.verdict, judgement.untrusted, judgement.incomplete) == ("trustworthy", (), False)

@@ -1,9 +1,10 @@
-"""Backlashes that something else may have made: a wrong tip radius, or touches that are latched late.
+"""Backlashes that something else may have made: a wrong tip radius, or touches that read late or early by their direction.
 
 Where only the head turns, every facet is met from one side of the machine. A ball that reads too large on all sides then looks the
 same as axes that all lose the same way. Touches that are late whenever an axis goes one way look like half as much backlash of that
-axis and a spindle that stands elsewhere; late both ways is backlash altogether. Where the parameters take all of it, no reading
-of the same plan tells the two apart, and the result says so.
+axis and a spindle that stands elsewhere; late both ways is backlash altogether. So do touches that are early, where a tip was
+calibrated too small on one side. Where the parameters take all of it, no reading of the same plan tells the two apart, and the
+result says so.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..estimate import Estimate
 from ..records import Array
@@ -60,23 +60,25 @@ def alike(result: Estimate) -> Iterator[Remark]:
     )
 
 
-def latched_late(result: Estimate) -> Iterator[Remark]:
-    """estimate → a remark for each backlash of a linear axis that late touches would have made just as well."""
+def by_direction(result: Estimate) -> Iterator[Remark]:
+    """estimate → a remark for each backlash of a linear axis that late touches, or early ones, would have made just as well."""
     model, touches = result.model, result.model.touches
     machine, used = touches.machine, ~result.out
     for i, c in enumerate(model.coefficients):
-        if not is_backlash(c) or c.slot.axis not in machine.linear or result.values[i] > -max(LEAST, SEEN * result.std[i]):
-            continue  # late touches make it negative
+        if not is_backlash(c) or c.slot.axis not in machine.linear or abs(result.values[i]) < max(LEAST, SEEN * result.std[i]):
+            continue
+        word = "late" if result.values[i] < 0 else "early"
         along = touches.machine_normal @ np.array(machine.axis(c.slot.axis).direction)
-        sides = {"+": along < -TOWARD, "-": along > TOWARD}
-        found = {sign: one for sign, late in sides.items() if (one := _as_late(result, i, late & used)) is not None}
-        if not found:  # late both ways is this backlash, by its definition
+        sides = {"+": -along, "-": along}
+        found = _sides(result, i, {sign: np.where(way > TOWARD, 1.0, 0.0) * used for sign, way in sides.items()})
+        if not found:  # late or early both ways is this backlash, by its definition; or one way, by the part that the axis has
             alone = np.where(np.arange(len(result.values)) == i, result.values[i], 0.0)
             found = {"±": (abs(float(result.values[i])), alone)}
+            found |= _sides(result, i, {sign: np.clip(way, 0.0, None) * used for sign, way in sides.items()})
         for sign, (size, moved) in found.items():
             most = _most(result, moved, size)
             names = joined(", ", [f"{model.names[j]} {moved[j] * 1000.0:+.1f}" for j in most])
-            text = say("plausible.backlashes.late", axis=c.slot.axis, sign=sign, size=f"{size * 1000.0:.1f}", names=names)
+            text = say(f"plausible.backlashes.{word}", axis=c.slot.axis, sign=sign, size=f"{size * 1000.0:.1f}", names=names)
             large = abs(result.values[i]) > LARGE
             far = (
                 np.flatnonzero(np.abs(moved) > BIASED * result.std)
@@ -87,15 +89,20 @@ def latched_late(result: Estimate) -> Iterator[Remark]:
             yield Remark("doubtful" if large else "trustworthy", text, moves=moves)
 
 
-def _as_late(result: Estimate, row: int, late: NDArray[np.bool_]) -> tuple[float, Array] | None:
-    """estimate, its backlash, touches → mm that they would be late, mm that each parameter has of it; None where readings tell."""
+def _sides(result: Estimate, row: int, felt: dict[str, Array]) -> dict[str, tuple[float, Array]]:
+    return {sign: one for sign, share in felt.items() if (one := _as_late(result, row, share)) is not None}
+
+
+def _as_late(result: Estimate, row: int, felt: Array) -> tuple[float, Array] | None:
+    """estimate, its backlash, (n,) share of it that each touch feels → mm late or early, mm of it in each parameter; None where
+    the readings tell it."""
     n, used = len(result.residuals), ~result.out
-    if late.sum() < 2:
+    if (felt > 0).sum() < 2:
         return None
     jacobian = np.array(result.jacobian)
     jacobian[:n][~used] = 0.0
     off = np.zeros(len(jacobian))
-    off[:n][late] = -1.0  # beyond the surface
+    off[:n] = felt * np.sign(result.values[row])  # late is beyond the surface
     moved, *_ = np.linalg.lstsq(jacobian, -off, rcond=None)
     if abs(moved[row]) < MOVED or (size := float(result.values[row] / moved[row])) < 0:
         return None

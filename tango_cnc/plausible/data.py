@@ -14,7 +14,7 @@ from ..kinematics import chain, tip
 from ..records import Array, Cell, Readings
 from ..texts import joined, say
 from .copies import copied, last_digit, too_alike
-from .rounding import partly
+from .rounding import counted, partly
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
 ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
@@ -210,6 +210,10 @@ def _rounded(cell: Cell, readings: Readings) -> Iterator[Remark]:
         step = f"{max(step for _, step, _ in found):g}"
         text = say("plausible.readings.positions_of_axes_rounded", axes=axes, numbers=listed(touches), step=step, change=change)
         yield Remark("doubtful", text, touches, "rounded_positions", axes, change)
+    elif stepped := list(counted(cell, readings)):
+        axes, step = ", ".join(name for name, _ in stepped), f"{max(step for _, step in stepped):.5g}"
+        text = say("plausible.readings.positions_of_axes_in_steps", axes=axes, step=step, change=change)
+        yield Remark("doubtful", text, (), "rounded_positions", axes, change)
 
 
 def _alike(readings: Readings) -> Iterator[Remark]:

@@ -2,6 +2,9 @@
 
 A touch moves some axes and leaves others where they were sent, at round numbers. So only axes that make a part of the search
 show what digits they have. Of honest positions in steps of 1 µm, one in five is a whole multiple of 5 µm by chance.
+
+A drive that counts in steps (80 a millimetre, 4096 a turn of the screw) is read in steps of no round number. What is read of one
+facet then errs alike every time: no residual shows it.
 """
 
 from __future__ import annotations
@@ -9,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..kinematics import chain, inverse
 from ..records import Array, Cell, Readings
@@ -16,11 +20,34 @@ from ..records import Array, Cell, Readings
 STEPS = (0.1, 0.05, 0.0254, 0.01, 0.005, 0.00254)  # mm; 0.001 and 0.0001 inch too
 SHARE = 0.05  # of a search that an axis makes: with less, it may stand at the round number of the program
 FEWEST = 20  # positions in a row that are all whole multiples: by chance with steps of 1 µm, one in 10^13
+SWAMPS = 3.0  # times the stated repeatability: a step makes a scatter of its length over √12
+FINEST = 0.002  # mm
+DIFFERENT = 8  # positions that have to lie on one lattice: by chance, one in 10^15
+MOST = 40  # steps that the two nearest positions may lie apart
+DIGIT = 1e-6  # mm, of readings.csv
 
 
 def partly(cell: Cell, readings: Readings) -> Iterator[tuple[str, float, tuple[int, ...]]]:
     """cell, readings → (axis, step mm, touches) of each run of rows in which positions of an axis are whole multiples of a step."""
     used = readings.rows(readings.ok)
+    for name, values, moved in _moved(cell, used):
+        for step in STEPS:
+            rows = moved[_longest(_whole(values, step))]
+            if len(rows) >= FEWEST:
+                yield name, step, tuple(dict.fromkeys(int(t) for t in used.touch[rows]))
+                break
+
+
+def counted(cell: Cell, readings: Readings) -> Iterator[tuple[str, float]]:
+    """cell, readings → (axis, step mm) of each axis whose positions all lie on a lattice that swamps the stated repeatability."""
+    least = max(SWAMPS * cell.machine.probe.repeatability, FINEST)
+    for name, values, _ in _moved(cell, readings.rows(readings.ok)):
+        if len(values) >= FEWEST and (step := _lattice(values, least)):
+            yield name, step
+
+
+def _moved(cell: Cell, used: Readings) -> Iterator[tuple[str, Array, NDArray[np.int64]]]:
+    """cell, touches that count → (axis, its positions where it makes a part of the search, which rows these are)."""
     if len(used) < FEWEST:
         return
     facets = [cell.artefact.facets[f] for f in used.facet]
@@ -29,12 +56,27 @@ def partly(cell: Cell, readings: Readings) -> Iterator[tuple[str, float, tuple[i
     search = inverse(own, used.position, point + normal) - inverse(own, used.position, point)
     for name in cell.machine.linear:
         column = used.axes.index(name)
-        moved = np.flatnonzero(np.abs(search[:, column]) > SHARE)
-        for step in STEPS:
-            rows = moved[_longest(_whole(used.position[moved, column], step))]
-            if len(rows) >= FEWEST:
-                yield name, step, tuple(dict.fromkeys(int(t) for t in used.touch[rows]))
-                break
+        rows = np.flatnonzero(np.abs(search[:, column]) > SHARE)
+        yield name, used.position[rows, column], rows
+
+
+def _lattice(values: Array, least: float) -> float:
+    """(n,) mm, mm → the largest step from `least` on of which all lie whole multiples apart; 0 where there is none.
+
+    The two nearest positions are a few steps apart, which tells the step roughly; the far ones tell it sharply: a periodogram.
+    """
+    from_first = np.unique(np.round(values - values.min(), 6))
+    near = float(np.diff(from_first).min(initial=np.inf))
+    if len(from_first) < DIFFERENT:
+        return 0.0
+    for apart in range(1, min(MOST, int(near / least)) + 1):
+        rate = apart / near
+        rates = rate + np.arange(-2 * DIGIT * rate / near, 2 * DIGIT * rate / near, 0.05 / from_first[-1])
+        best = rates[np.argmax(np.abs(np.exp(2j * np.pi * rates[:, None] * from_first).mean(axis=1)))]
+        step, first = np.polyfit(np.round(from_first * best), from_first, 1)
+        if np.abs(from_first - first - step * np.round(from_first * best)).max() < 2 * DIGIT:
+            return float(step)
+    return 0.0
 
 
 def _whole(values: Array, step: float) -> Array:

@@ -28,7 +28,7 @@ def spare(result: Estimate, lost: int) -> Iterator[Remark]:
         if idle > len(out):
             text = say("plausible.judge.touches_without_weight", text=text, idle=idle, more=idle - len(out))
         most = idle > MOST * n
-        yield Remark("implausible" if most else "doubtful", text, moves=everything if most else ())
+        yield Remark("implausible" if most else "doubtful", text, moves=everything)
     unused = (idle + lost) / max(n + lost, 1)
     if result.dof < FEWEST or (result.dof < FEW and unused > LARGE):
         yield Remark(
