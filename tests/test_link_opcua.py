@@ -1,5 +1,6 @@
 """A control with an OPC UA server, played by a server of asyncua: program put and compared, records taken one by one."""
 
+import itertools
 import json
 import re
 import threading
@@ -30,6 +31,20 @@ def running():
 def server(running):
     running.anew()
     return running
+
+
+@pytest.fixture
+def looked(monkeypatch):
+    """→ is set when the run has seen what stood in the variables before, and its program lies at the control."""
+    seen, looks, look = threading.Event(), itertools.count(), opcua.Client._look
+
+    def looking(self):
+        if next(looks):
+            seen.set()
+        return look(self)
+
+    monkeypatch.setattr(opcua.Client, "_look", looking)
+    return seen
 
 
 def opened(server, more=""):
@@ -106,15 +121,16 @@ def test_a_siemens_program_without_handshake_is_refused_before_anything_is_sent(
     assert not server.files.get("TANGO.MPF")
 
 
-def test_another_program_is_not_taken(server, cell):
+def test_another_program_is_not_taken(server, cell, looked):
     def person():
+        looked.wait(60)
         for place, number in enumerate(MARK):
             server.put(number, 10 + place)
         server.put(R["count"], 7)
         server.put(R["point"], 0)
         server.put(R["record"], 1)
 
-    threading.Timer(1.0, person).start()
+    threading.Thread(target=person).start()
     result = Result("run", "-C", cell, "--port", server.url, "--timeout", "20")
     assert result.code == 3 and "the control runs program 000A000B000C with 7 touches" in result.err
     assert server.read(R["taken"]) == 0
@@ -136,8 +152,9 @@ def test_a_start_mark_that_a_reset_control_has_left_is_none_of_this_start(server
     assert server.read(R["record"]) == server.read(R["taken"]) == 5 + 9
 
 
-def test_a_program_that_is_begun_again_after_a_touch_ends_the_run(server, cell):
+def test_a_program_that_is_begun_again_after_a_touch_ends_the_run(server, cell, looked):
     def person():
+        looked.wait(60)
         mark = mark_of(bytes(server.files["TANGO.MPF"]).decode())
         place = "X- 70.0000 Y 0.0000 Z 70.0000 B 0.0000 C 0.0000 S 0.0000"
         try:
@@ -146,8 +163,8 @@ def test_a_program_that_is_begun_again_after_a_touch_ends_the_run(server, cell):
         except Gone:
             pass
 
-    threading.Timer(1.5, person).start()
     server.left.clear()
+    threading.Thread(target=person).start()
     result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
     server.left.set()
     assert result.code == 3 and "the control began the program a second time" in result.err

@@ -47,12 +47,12 @@ def somebody(control: Control, dead: bool = False) -> Iterator[list[float]]:
     over, found = threading.Event(), list[float]()
 
     def looks() -> None:
-        before, seen = None, 0
+        before, seen, then = None, 0, time.monotonic()
         while not over.wait(0.4):
             text = hal(control, "getp", "joint.2.pos-cmd")
-            height = float(text) if text else None
+            height, since, then = float(text) if text else None, then, time.monotonic()
             if height is not None and before is not None:
-                seen = seen + 1 if SLOW[0] < (height - before) / 0.4 < SLOW[1] else 0
+                seen = seen + 1 if SLOW[0] < (height - before) / (then - since) < SLOW[1] else 0
             if height is not None and seen >= 3 and not found:
                 found.append(height)
                 if not dead:

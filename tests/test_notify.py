@@ -240,7 +240,7 @@ def test_a_server_that_never_comes_to_an_end_keeps_neither_the_night_nor_the_oth
         ]
         begun = time.monotonic()
         found = sent(*urls, f"file://{tmp_path / 'board.txt'}")
-        assert time.monotonic() - begun < 15
+        assert time.monotonic() - begun < 60  # each of them for itself would have no end
     assert [done for done, _ in found] == [False, False, False, True]
     assert all("within 3 s" in why for _, why in found[:3]), found
 

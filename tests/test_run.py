@@ -158,7 +158,7 @@ def a_process_that_has_recorded(count, folder, control):
 def test_ctrl_c_ends_with_a_sentence_and_a_partial_file(cell, number):
     with a_process_that_has_recorded(4, cell, Control(cell, stop=4)) as process:
         process.send_signal(number)
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=120)
     assert process.returncode == 3
     assert "tango: stopped by the user. 4 of 7 touches are recorded, touch 5 was due." in err
     assert "Traceback" not in err

@@ -248,12 +248,12 @@ def test_a_connection_that_says_too_little_too_slowly_is_closed(tmp_path: Path, 
     form = b"POST /sign-in HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/x-www-form-urlencoded\r\nContent-Length: 9\r\n"
     try:
         for said in (b"", head + b"X-", head + b"\r\n" + head + b"X-", form + b"\r\na="):
-            with socket.create_connection(("127.0.0.1", port), timeout=20) as slow:
+            with socket.create_connection(("127.0.0.1", port), timeout=120) as slow:
                 slow.sendall(said)
                 began, answered = time.monotonic(), b""
                 while got := slow.recv(4096):
                     answered += got
-                assert 0.5 < time.monotonic() - began < 15, said
+                assert 0.5 < time.monotonic() - began < 90, said
                 assert (b"200 OK" in answered) == (said.count(b"GET") == 2)
     finally:
         server.should_exit = True

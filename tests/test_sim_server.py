@@ -25,7 +25,7 @@ EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"
 DC1, DC2, DC3, DC4 = b"\x11", b"\x12", b"\x13", b"\x14"
 HELLO = b"%\nO1\nPOPEN\nDPRNT[HELLO]\nPCLOS\nM30\n%\n"
 TOUCH = b"G0 X-90. Y0.\nG0 Z340.\nG31 Z325. F180.\nDPRNT[H1*Z#5063[44]]\nG1 Z340. F2000.\n"
-PATIENCE = 10.0  # s, for a loaded machine
+PATIENCE = 60.0  # s, for a loaded machine
 
 
 class Process:
