@@ -373,3 +373,20 @@ def test_the_command_that_answers_names_the_cell_and_counts_have_their_number() 
         answer("2026-10-04-1", ".", "x.db") == "tango history decide 2026-10-04-1 --history x.db --action acknowledge --owner NAME"
     )
     assert "history: 1 entry, " + "ab" * 32 in message(night(), (), (), (1, "ab" * 32))[1]
+
+
+def test_a_night_whose_history_cannot_be_read_does_not_say_that_it_never_measured() -> None:
+    nothing = {"kind": "none", "status": "failed", "verdict": "not_measured", "why": "disk I/O error"}
+    assert "was never measured by a night" in message(night(**nothing), (), ())[1]
+    assert "cannot be read" in (text := message(night(**nothing, unread=True), (), ())[1]) and "never measured" not in text
+
+
+@pytest.mark.parametrize(("now", "gone"), [(0.0, True), (0.02, False)])
+def test_an_alarm_that_has_gone_again_is_not_found_again(tmp_path: Path, now: float, gone: bool) -> None:
+    alarm = {"id": "2026-10-02-1", "cause": "axis_location", "parameter": "EX0C", "size": 0.02, "text": "it moved", "do": "ask"}
+    numbers = {"std": 0.0002, "unit": "mm", "seen": True}
+    with opened(tmp_path / "history.db") as history:
+        then = numbers | {"value": 0.02, "change": 0.02}
+        history.add_night(kept(2, alarms=[{**alarm, "since": "2026-10-01"}], parameters={"EX0C": then}))
+        (told,) = standing(history, "M", 20727.083 + 2, {"EX0C": numbers | {"value": now}}, "full")
+    assert bool(told["confirmed"]) != gone and told["do"].startswith("Ask who was" if gone else "ask") and bool(told["now"])

@@ -219,8 +219,13 @@ def after_repair(past: Past, machine: str, alarm: dict[str, Any], parameters: Ma
     now = "" if first is None else _now(wrong, first, parameters, kind)
     what = joined("", (" (", wrong["parameter"], " ", now, ")")) if now else ""
     text = say("changed.after_repair", text=alarm["text"], owner=last.owner, date=last.utc[:10], what=what)
-    gone = isinstance(now, Said) and now.key == "night.alarms.gone_again_left" and wrong["parameter"] == alarm["parameter"]
+    gone = _gone(now) and wrong["parameter"] == alarm["parameter"]
     return alarm | {"text": text} | ({"do": say("night.repaired_do")} if gone else {})
+
+
+def _gone(now: str) -> bool:
+    """what `_now` says → whether what moved is back where it was."""
+    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
 
 
 def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
@@ -251,7 +256,9 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
             told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
-            told["confirmed"] = full if full > stored.record["night"] and told["now"] else None
+            gone = _gone(told["now"])
+            told["confirmed"] = full if full > stored.record["night"] and told["now"] and not gone else None
+            told |= {"do": say("night.gone_do")} if gone else {}
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)

@@ -73,8 +73,10 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         return _kept(record, None, {}, None, settings, world, stamp, left)
     except Exception as error:  # whatever it is: no night ends without a message
         record = base | {"why": sentence(error)}
-        with suppress(TangoError, OSError):  # it may have come to nothing before the history was asked
+        try:  # it may have come to nothing before the history was asked
             record = _before(machine, world) | record
+        except (TangoError, OSError):
+            record["unread"] = True
         return _kept(record, None, {}, None, settings, world, stamp, left)
 
 

@@ -282,7 +282,8 @@ def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[
         return [f"* {do}", f"* {part}", f"* {whose}"]
     do = "" if any(p["do"] for p in failed) else t("mail.do", text=t("night.unmeasured_do", cell=record["cell"]))
     last = record.get("last_measured")
-    known = t("night.unmeasured_part", date=last) if last else t("night.unmeasured_never")
+    never = t("night.unmeasured_unknown" if record.get("unread") else "night.unmeasured_never")
+    known = t("night.unmeasured_part", date=last) if last else never
     return [*([f"* {do}"] if do else []), f"* {t('mail.on_part', text=known)}", f"* {whose}"]
 
 
