@@ -274,6 +274,22 @@ POST = replace(FANUC, retract=retract)
 """
 
 
+def test_a_turn_of_the_spindle_that_a_run_would_refuse_is_refused_here(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = short / "strategy.yaml"
+    strategy = yaml.safe_load(file.read_text(encoding="utf-8"))
+    first = strategy["indexations"][0]
+    file.write_text(yaml.safe_dump({**strategy, "indexations": [first, {**first, "S": 90}]}), encoding="utf-8")
+    known = yaml.safe_load((short / "tango.yaml").read_text(encoding="utf-8"))
+    for port, status in (("grbl+socket://127.0.0.1:23", 2), ("grbl+socket://127.0.0.1:23?orient=m19", 1)):
+        known["controller"] = {"post": "grbl", "port": port}
+        (short / "tango.yaml").write_text(yaml.safe_dump(known), encoding="utf-8")
+        capsys.readouterr()
+        assert call("check", "-C", short) == status
+        said = capsys.readouterr().err
+        assert ("tango.yaml:3: controller.port: found" in said and "turns the spindle" in said) == (status == 2)
+        assert (f"Next: tango plan -C {short}" in said) == (status == 1)  # 1: two indexations determine little
+
+
 def test_the_whole_program_is_read_back(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A post of one's own that forgets the last way up only."""
     cell, last = short, len(plan(read_cell(short)).touches)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from tango_cnc import files
 from tango_cnc.cli import guarded, tango
+from tango_cnc.files.nightly import read_nightly
 from tango_cnc.records import (
     Approach,
     Artefact,
@@ -275,6 +276,21 @@ def test_all_mistakes_of_a_cell_are_said_at_once(cell: Path, capsys: pytest.Capt
     guarded(tango.main, ["check", "-C", str(cell)], standalone_mode=False)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == f"tango: {len(said)} mistakes:" and len(lines) == 1 + len(said)  # and nothing that only follows from one
+
+
+def test_all_mistakes_of_nightly_yaml_are_said_at_once(cell: Path) -> None:
+    text = "owner: Ann\ncheck_minutes: 3min\nlimits: {volume: -40}\ntemprature: [18, 26]\n"
+    (cell / "nightly.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as raised:
+        read_nightly(cell)
+    said = str(raised.value)
+    wanted = (
+        "check_minutes: found '3min'",
+        "limits.volume: found '-40'",
+        "Did you mean 'temperature'",
+        "'nightly: 1', the version",
+    )
+    assert said.startswith("4 mistakes:") and [w for w in wanted if w not in said] == []
 
 
 def test_of_very_many_mistakes_the_first_are_said(cell: Path) -> None:

@@ -301,6 +301,16 @@ def test_a_stem_as_thick_as_the_tip_cannot_touch_a_wall() -> None:
         plan(replace(whole, machine=thick))
 
 
+def test_where_nothing_can_be_touched_for_a_thick_stem_the_stem_is_to_be_stated() -> None:
+    whole = small()
+    thick = replace(whole.machine, probe=replace(whole.machine.probe, tip_radius=1.5))
+    with pytest.raises(
+        InputError, match=r"(?s)no touch is left.*state probe.stylus_radius in machine.yaml: its radius, 1.5 mm"
+    ) as raised:
+        plan(replace(whole, machine=thick), "leave-out")
+    assert "Turn the table" not in str(raised.value)
+
+
 def test_a_body_that_is_declared_may_be_touched() -> None:
     assert len(plan(cell(machine("wCBXfZY(S)t"), block(obstacle=True), [{}])).touches) == 8
 

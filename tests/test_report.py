@@ -239,6 +239,17 @@ def test_the_number_of_a_report_is_that_of_a_night_from_the_same_readings(facts:
     assert [row["where"] for row in rows][:2] == [texts()("volume.corners"), texts()("volume.touched")]
 
 
+def test_a_report_without_a_limit_says_how_to_state_one(facts: Facts) -> None:
+    """'Not known' above 'Nothing. Keep this report.' helps nobody."""
+    assert facts.wishes.limit is None
+    found = page.context(facts)
+    assert found["may"].word == "Not known"
+    assert any("State a limit" in line for line in found["todo"]) and any("--limit-um" in line for line in found["office"])
+    assert "Nothing. Keep this report." not in page.render(facts) and "--limit-um" in summary(facts, 200)
+    judged = replace(facts, wishes=replace(facts.wishes, limit=1.0))
+    assert not any("State a limit" in line for line in page.context(judged)["todo"]) and "--limit-um" not in summary(judged, 200)
+
+
 def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts) -> None:
     t = texts()
     quiet = verdict(replace(facts, nights=Nights("2026-11-22", "good", "as it should be", 0)), t)

@@ -41,6 +41,7 @@ def test_a_run_writes_the_program_sends_exactly_that_and_records_every_touch(cel
     control = Control(cell)
     result = run(cell, control)
     assert (result.code, result.out) == (0, f"7 touches → {cell / 'readings.csv'}\n")
+    assert result.err.endswith(f"Next: tango estimate -C {cell}\n")
     assert control.tape.decode() == (cell / "program" / "O7700.nc").read_text()
     got, made = readings(cell), plan(read_cell(cell))
     assert list(got.touch) == [1, 2, 3, 4, 5, 6, 7]

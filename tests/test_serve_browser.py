@@ -36,6 +36,7 @@ class Site:
 
     def __init__(self, folder: Path, users: Path) -> None:
         self.folder = cell(folder)
+        (self.folder / "readings.20261122T184120467949.journal").write_bytes(b"")  # an earlier run, whose name is long
         add_user(users, "ann", PASSWORD, "operate")
         with socket.socket() as found:
             found.bind(("127.0.0.1", 0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Mapping
@@ -99,6 +100,12 @@ json_option: Decorator = click.option(
     metavar="FILE",
     help="Also write the result as JSON; - writes it to stdout instead of the text.",
 )
+
+
+def ahead(folder: Path, *commands: str) -> None:
+    """cell, commands → says on stderr what comes next, as it is typed."""
+    where = "" if folder == Path() else f" -C {shlex.quote(str(folder))}"
+    click.echo(f"Next: {', then '.join(f'tango {command}{where}' for command in commands)}", err=True)
 
 
 def dialect(cell: Cell) -> Post:

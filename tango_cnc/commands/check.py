@@ -22,7 +22,7 @@ from ..plan import by_stylus, last_motion, plan
 from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
-from ._common import Output, cell_option, dialect, json_option, table, write_json
+from ._common import Output, ahead, cell_option, dialect, json_option, table, write_json
 from ._plan import obstructed_option
 from ._stylus import with_second
 
@@ -73,6 +73,8 @@ def command(
     data["refused"] = refused
     if not write_json(json_file, data):
         click.echo(as_text(cell, data))
+        if refused is None:
+            ahead(folder, "plan" if cell.controller is not None else "simulate")
     return int(refused is not None or (bool(data["not_identifiable"]) and not data["mismatch_only"]))
 
 
@@ -102,16 +104,17 @@ def _postable(cell: Cell, made: Plan) -> float | None:
     post, port, options = dialect(cell), cell.controller.port, cell.controller.options
     with blamed_on(cell.folder / "tango.yaml"):
         if port is not None:
-            _port(port, post.link)
+            _port(port, post.link, made)
         which = posts.settings(post, options).get("gate", "none")
         return sum(proof(program.plan, which, positioning_feed(cell)) for program in programs(post, made, options))
 
 
-def _port(port: str, link: str) -> None:
+def _port(port: str, link: str, made: Plan) -> None:
     from ..link._measure import protocol_of
 
     try:
-        protocol_of(port, link)
+        module, address = protocol_of(port, link)
+        module.Client.fits(made, address.options)  # else 'tango run' would be the first to refuse it
     except InputError as error:
         raise InputError(f"controller.port: found {port!r}, in it {str(error).removeprefix(f'port {port!r}: ')}") from None
 

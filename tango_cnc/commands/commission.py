@@ -15,7 +15,7 @@ import numpy as np
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
-from ._common import address_of, attended, cell_option, controller_of, dialect, json_option, start_patience
+from ._common import address_of, ahead, attended, cell_option, controller_of, dialect, json_option, start_patience
 from ._start import obeys
 from ._written import written
 from .check import positioning_feed
@@ -177,6 +177,8 @@ def command(
         _broken_off(seen, not failed)
     if failed:
         raise click.exceptions.Exit(FAILED)
+    if json_file != "-":
+        ahead(folder, "run")
 
 
 def _flight(cell: Any, most: int, wanted: Collection[str]) -> tuple[Plan, float]:

@@ -24,7 +24,7 @@ from ..report.units import shown
 from ..report.verdict import PREDICTED
 from ..segments import offsets
 from ..verify import held_out
-from ._common import cell_option, json_option, table, write_json
+from ._common import ahead, cell_option, json_option, table, write_json
 from ._trust import NoFit, despite_option, judged, members, status, told
 
 PLACE = "Understand 10"  # in the list of commands
@@ -101,6 +101,8 @@ def command(
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
     skipped = int((~readings.ok).sum())
+    if judgement.verdict == "trustworthy" and file is None and json_file != "-":
+        ahead(folder, "verify", "report")
     if skipped:
         click.echo(f"{skipped} of {len(readings)} touches made no proper contact (miss or early) and were not used", err=True)
     return status(judgement, despite)

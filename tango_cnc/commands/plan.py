@@ -13,13 +13,14 @@ import click
 from ..capability.programs import KINDS, Kind
 from ..capability.programs import program as capability_program
 from ..files import artefact_text, blamed_on, drawn_sizes, read_cell, strategy_text
+from ..files.commissioning import NAME
 from ..files.normals import refuse_inward
 from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
 from ..link.lock import holding
 from ..records import InputError
 from . import _trusted
-from ._common import Output, cell_option, json_option, json_text
+from ._common import Output, ahead, cell_option, json_option, json_text
 from ._common import dialect as dialect_of
 from ._plan import as_json, as_text, dry, obstructed_option, warnings
 from ._stylus import folder_of, left, of_stylus, stylus_option
@@ -149,6 +150,8 @@ def command(
         click.echo(as_text(made, result))
     for text in stale(target, set(files), result["plan_hash"]):
         click.echo(text, err=True)
+    if json_file != "-" and capability is None and cell.controller is not None:
+        ahead(folder, *(() if (folder / NAME).exists() else ("commission",)), "run")
 
 
 def _write(files: Mapping[Path, Content], beside: Mapping[str, tuple[Path, Content]], folder: Path, post: str | None) -> None:

@@ -16,7 +16,7 @@ from ..files import blamed_on, of_stylus, read_cell
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
-from ._common import Output, address_of, attended, cell_option, controller_of, dialect, start_patience
+from ._common import Output, address_of, ahead, attended, cell_option, controller_of, dialect, start_patience
 from ._live import Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
@@ -166,8 +166,11 @@ def command(
             )
             doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
             said(f"{origin['touches'] - len(origin['missing'])} touches{bad}{doubted} → {target}", err=False)
-    for text in left(whole, cell, "tango run"):
+    others = left(whole, cell, "tango run")
+    for text in others:
         said(text)
+    if json_file != "-" and readings_file is None and not others:
+        ahead(folder, "estimate")
 
 
 @contextmanager

@@ -29,10 +29,13 @@ MOST_VALUES = 1_000_000  # that a YAML file stands for
 SHOWN = 200  # characters of a wrong value
 DIGITS = 40  # of a whole number
 FURTHEST = 100_000.0  # mm or degrees: no machine tool reaches further, and beyond it places lose their micrometres
+TWICE = ("the same key twice", "each key once; remove one")
+VERSIONS = {key: f"'{key}: 1', the version of its format," for key in ("tango", "nightly")}
 COMMA = " Within { } a comma begins a new key: write decimals with a point, and lists in [ ]"
 MISSING = {  # file name → what to do when it is not there
     "tango.yaml": "give the folder of the cell with -C, or make one with 'tango init DIR'",
     "strategy.yaml": "'tango design -C CELL -o CELL/strategy.yaml' makes one from machine.yaml and artefact.yaml",
+    "acceptance.yaml": "it states who accepts what within which limits; docs/verify.md has one to copy",
     "readings.csv": "'tango run' makes the readings of a cell, 'tango simulate' those of its world.yaml",
 }
 
@@ -149,9 +152,6 @@ class _Composer:
 
 def _tagged(event: Any, kind: str) -> str:
     return f"tag:yaml.org,2002:{kind}" if event.tag in (None, "!") else str(event.tag)
-
-
-TWICE = ("the same key twice", "each key once; remove one")
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,7 +334,9 @@ def unknown(value: Node, key: str, known: Collection[str]) -> InputError:
 
 def missing(mapping: Node, key: str) -> InputError:
     """mapping, key that it needs → the error to raise."""
-    return complaint(mapping.file, mapping.line, mapping.path or "file", f"no key {key!r}", f"{key!r} is required here")
+    return complaint(
+        mapping.file, mapping.line, mapping.path or "file", f"no key {key!r}", f"{VERSIONS.get(key, repr(key))} is required here"
+    )
 
 
 def parse(file: Path, text: str) -> Node:

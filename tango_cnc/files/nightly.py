@@ -5,11 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..records import InputError
-from .checked import load
+from .checked import Node, load
+from .gathered import gathered
 
 NAME = "nightly.yaml"
+RANGES = {  # key: lowest (0: above it) and highest number
+    **dict.fromkeys(("check_minutes", "full_every_days", "volume_std_um", "late_hours", "every_days"), (0.0, 100_000.0)),
+    "false_alarm_nights": (10.0, 100_000.0),
+}
+FROM_ZERO = {"free_mb": 1e9, "warm_up_minutes": 600.0}  # key: highest number
 SCHEMES = ("mailto", "http", "https", "mqtt", "mqtts", "apprise", "file")
 
 
@@ -44,46 +51,48 @@ def read_nightly(folder: Path) -> Nightly:
     file = folder / NAME
     if not file.exists():
         return Nightly()
-    positive = ("check_minutes", "full_every_days", "volume_std_um", "late_hours", "every_days")
-    optional = [*Nightly.__dataclass_fields__]
-    fields = load(file).fields(["nightly"], optional)
-    if fields["nightly"].integer() != 1:
-        raise fields["nightly"].wrong("1, the version of the format that this program reads")
-    given: dict[str, object] = {}
-    for key, node in fields.items():
-        if key in ("history", "owner", "sensor"):
-            given[key] = node.text()
-            if key == "history" and "://" not in node.text():
-                node.named(folder)
-        elif key in positive:
-            given[key] = node.number(above=0, high=100_000)
-        elif key == "false_alarm_nights":
-            given[key] = node.number(10, 100_000)
-        elif key == "free_mb":
-            given[key] = node.number(0, 1e9)
-        elif key == "warm_up_minutes":
-            given[key] = node.number(0, 600)
-        elif key in ("commissioned", "diagnose", "probe"):
-            given[key] = node.boolean()
-        elif key == "limits":
-            given[key] = {name: child.number(above=0, high=1e6) for name, child in node.items()}
-        elif key == "temperature":
-            low, high = (item.number(-50, 80) for item in node.list(2))
-            if low >= high:
-                raise node.wrong("[low, high] in °C with low below high", f"[{low:g}, {high:g}]")
-            given[key] = (low, high)
-        elif key == "templates":
-            given[key] = folder / node.text()
-            if not (folder / node.text()).is_dir():
-                raise node.wrong("a folder, from the cell, with texts.toml or templates of the shop")
-        elif key == "notify":
-            given[key] = tuple(item.text() for item in node.list())
-            for item in node.list():
-                if item.text().split(":")[0] not in SCHEMES:
-                    raise item.wrong(f"a URL that begins with {', '.join(SCHEMES)}")
-    if "warm_up_minutes" in given and "temperature" not in given:
-        raise fields["warm_up_minutes"].wrong("a temperature as well, [low, high] in °C: it says when the machine is warm")
-    return Nightly(**given)  # type: ignore[arg-type]
+    with gathered() as read:
+        fields = read.fields(load(file), ["nightly"], [*Nightly.__dataclass_fields__])
+        values = read.each(fields.items(), lambda item: _value(folder, *item))
+        if "warm_up_minutes" in fields and "temperature" not in fields:
+            raise fields["warm_up_minutes"].wrong("a temperature as well, [low, high] in °C: it says when the machine is warm")
+    given = dict(zip(fields, values, strict=True))
+    del given["nightly"]
+    return Nightly(**given)
+
+
+def _value(folder: Path, key: str, node: Node) -> Any:
+    """folder of the cell, key, its value → the setting. Raises InputError."""
+    if key == "nightly":
+        if node.integer() != 1:
+            raise node.wrong("1, the version of the format that this program reads")
+        return 1
+    if key in ("history", "owner", "sensor"):
+        if key == "history" and "://" not in node.text():
+            node.named(folder)
+        return node.text()
+    if key in RANGES:
+        low, high = RANGES[key]
+        return node.number(low, high) if low else node.number(above=0, high=high)
+    if key in FROM_ZERO:
+        return node.number(0, FROM_ZERO[key])
+    if key in ("commissioned", "diagnose", "probe"):
+        return node.boolean()
+    if key == "limits":
+        return {name: child.number(above=0, high=1e6) for name, child in node.items()}
+    if key == "temperature":
+        low, high = (item.number(-50, 80) for item in node.list(2))
+        if low >= high:
+            raise node.wrong("[low, high] in °C with low below high", f"[{low:g}, {high:g}]")
+        return low, high
+    if key == "templates":
+        if not (folder / node.text()).is_dir():
+            raise node.wrong("a folder, from the cell, with texts.toml or templates of the shop")
+        return folder / node.text()
+    for item in node.list():  # notify
+        if item.text().split(":")[0] not in SCHEMES:
+            raise item.wrong(f"a URL that begins with {', '.join(SCHEMES)}")
+    return tuple(item.text() for item in node.list())
 
 
 def history_of(folder: Path, settings: Nightly, given: str | None = None) -> str | Path:

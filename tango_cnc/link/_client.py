@@ -144,6 +144,10 @@ class Client(Protocol):
         """{option: value} → nothing, before anything is written. Raises InputError for files named there that are wrong."""
 
     @classmethod
+    def fits(cls, plan: Plan, options: Mapping[str, str]) -> None:
+        """plan of a run, {option: value} → nothing. Raises InputError for a plan that the control cannot be told."""
+
+    @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
         """{option: value} → bytes that ask the control what it is and move nothing; none where it cannot be asked."""
         return b""

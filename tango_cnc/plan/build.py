@@ -26,7 +26,7 @@ import numpy as np
 from .. import check, kinematics
 from ..check.collision import Obstruction
 from ..check.travel import travel_text
-from ..records import OFF, Array, Cell, InputError, Plan, Strategy
+from ..records import OFF, Array, Cell, InputError, Plan, Probe, Strategy
 from .clearance import MARGIN, Clearance
 from .guard import TOUCH, complaint, refuse, remarks
 from .places import Places, Rows, Scene, blocks, nowhere, scene
@@ -44,6 +44,7 @@ OBSTRUCTED: dict[str, tuple[Fate, Fate]] = {  # what becomes of touches on facet
 }
 USUAL = "leave-out-facing-away"
 NAMED = 8  # touches named in one complaint
+THICK = "Measure the stem of the stylus and state probe.stylus_radius in machine.yaml: its radius, 1.5 mm where nothing is stated."
 STRAIGHT = 1e-6  # mm aside
 SAID = {"contact": "contact", "standoff": "stand-off", "end": "search end", "over": "clear level"}
 
@@ -83,12 +84,16 @@ def plan(cell: Cell, obstructed: str | None = None) -> Plan:
         raise InputError(
             f"{cell.strategy.name}: no touch is left: a straight probe can make none of {len(at)}:\n"
             f"{_some([*left_out.values()])}\n"
-            "Turn the table otherwise, or touch other facets."
+            f"{THICK if _too_thick(cell.machine.probe) else 'Turn the table otherwise, or touch other facets.'}"
         )
     touches, turns = _made(cell, shared, kept + 1 + before, facet[kept], at[kept], None)
     first = turns[0]
     start = remarks(cell.machine, shared.guard, first.before, first.first) if shared.guard and first.first else ()
     return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubtful, start)
+
+
+def _too_thick(probe: Probe) -> bool:
+    return probe.stylus_radius >= probe.tip_radius
 
 
 def _styli(strategy: Strategy) -> tuple[int, ...]:

@@ -44,6 +44,8 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     trust = worst_of([c for c in found.checks if c.trust])
     said = may(f, t)
     told = said.answer
+    unjudged = told.may == "unknown"  # for want of a limit, though no number is wrong
+    do = [c.todo for c in found.checks if c.todo and (c.level != "good" or (unjudged and c.name == "limit"))]
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -64,8 +66,8 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "trust": trust,
         "trusted": sentence(trust, t),
         "since_then": since_then(f, t),
-        "todo": list(dict.fromkeys(shop(c.todo, t) for c in found.checks if c.level != "good" and c.todo)),
-        "office": list(dict.fromkeys(office(c.todo, t) for c in found.checks if c.level != "good" and office(c.todo, t))),
+        "todo": list(dict.fromkeys(shop(text, t) for text in do)),
+        "office": list(dict.fromkeys(office(text, t) for text in do if office(text, t))),
         "largest": parameters(f, t, most=LARGEST),
         "parameters": parameters(f, t),
         "setup": _setup(f, t),

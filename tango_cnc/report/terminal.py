@@ -21,7 +21,8 @@ def summary(found: Facts, columns: int | None = None) -> str:
     told = may(found, t)
     level = LEVELS[told.answer.may]
     head = f"{SIGNS[level]} {t('may.ask')} {told.answer.word}."
-    said = (f"{told.answer.numbers}." if told.answer.numbers else "", told.cause, told.answer.why, told.basis)
+    how = t("todo.limit_none") if told.answer.may == "unknown" and found.wishes.limit is None else ""
+    said = (f"{told.answer.numbers}." if told.answer.numbers else "", told.cause, told.answer.why, how, told.basis)
     lines = _headed(head, " ".join(x for x in said if x), level, columns)
     head = f"{SIGNS[judged.level]} {t('level.' + judged.level)}:"
     lines += _headed(head, sentence(judged, t), judged.level, columns)

@@ -20,7 +20,7 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 
 from ...gate import PROVING, TOUCH, gate, served
-from ...records import OFF, Axis, InputError, Move, Touch
+from ...records import OFF, Axis, InputError, Move, Plan, Touch
 from .. import _grbl
 from .. import _grbl_targets as targets
 from .._client import Asked, Begun, Ended, Event, Job, Refused, Touched
@@ -53,8 +53,7 @@ class Client(Control):
         self._plain = options.get("targets", "confirmed") == "plain"
         self._orient = options.get("orient", "refuse") == "m19"
         run = job.run or job.plan  # a part may have one angle, and another than the part before
-        if not self._orient and len({touch.standoff[run.machine.column("S")] for touch in run.touches}) > 1:
-            raise InputError("grbl: found a plan that turns the spindle; allowed: one angle S, or orient=m19 in the port's URL")
+        self.fits(run, options)
         try:
             self._feed = float(options.get("feed", FEED))
         except ValueError:
@@ -79,6 +78,13 @@ class Client(Control):
         self._since, self._misses = 0.0, 0
         self._low = self._pressed = False
         super().__init__(job)
+
+    @classmethod
+    def fits(cls, plan: Plan, options: Mapping[str, str]) -> None:
+        """plan of a run, {option: value of `OPTIONS`} → nothing. Raises InputError for a plan that turns the spindle unasked."""
+        turns = len({touch.standoff[plan.machine.column("S")] for touch in plan.touches}) > 1
+        if turns and options.get("orient", "refuse") != "m19":
+            raise InputError("grbl: found a plan that turns the spindle; allowed: one angle S, or orient=m19 in the port's URL")
 
     @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
