@@ -7,8 +7,10 @@ import sys
 from pathlib import Path
 
 from click.testing import CliRunner
+from support.histories import record
 
 from tango_cnc.cli import tango
+from tango_cnc.history import opened
 
 LIGHT = ("sim_controller.server", "tango_cnc.commands.run", "tango_cnc.commands.simulate", "tango_cnc.commands.plan")
 HEAVY = ("scipy.linalg", "scipy.optimize", "scipy.spatial", "scipy.special", "scipy.stats")
@@ -26,6 +28,28 @@ def test_who_fits_nothing_does_not_wait_for_the_mathematics_of_fits() -> None:
     program = PROGRAM.format(light=LIGHT, heavy=HEAVY)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+LISTED = """
+import sys
+from tango_cnc.cli import main
+sys.argv = ["tango", "history", "list", "--history", sys.argv[1]]
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+loaded = [heavy for heavy in {heavy} if heavy in sys.modules]
+assert not loaded, loaded
+"""
+
+
+def test_a_list_of_nights_loads_neither_the_diagnosis_nor_what_nights_compute_with(tmp_path: Path) -> None:
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(record(2))
+    program = LISTED.format(heavy=(*HEAVY, "tango_cnc.diagnose", "tango_cnc.state"))
+    command = [sys.executable, "-c", program, str(tmp_path / "history.db")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "2026-10-02" in done.stdout, done.stderr
 
 
 COMMAND = """

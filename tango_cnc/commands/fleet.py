@@ -42,9 +42,8 @@ def command(
     once more, after a change of the model: into new files, one a machine. What was cut off goes on when it is called again.
     """
     from ..history import opened
-    from ..nightly.words import code
     from ..report.characters import sparkline
-    from ..report.texts import texts
+    from ..report.texts import code, texts
 
     if target is not None:
         return _again(cells, where, target, dask, json_file)

@@ -104,7 +104,7 @@ def _night(history: History, machine: str, which: str) -> int:
 def list_(history: History, machine: str, last: int | None, since: str | None, json_file: str | None) -> None:
     """Nights and what happened to compensations, newest first."""
     from ..history import compensations
-    from ..nightly.words import code
+    from ..report.texts import code
 
     nights = history.nights(machine, last, since)
     events = compensations(history, machine, nights[-1].start_utc if last is not None and nights else since)
@@ -277,7 +277,8 @@ def causes(history: History, machine: str, json_file: str | None) -> None:
 def decide(history: History, machine: str, alarm: str, action: str, owner: str, note: str, until: str | None) -> None:
     """What somebody decided about an alarm; it is kept with the nights."""
     from ..history import Decision
-    from ..nightly.words import code, decided
+    from ..nightly.words import decided
+    from ..report.texts import code
 
     before = [d for d in history.decisions(machine) if d.alarm == alarm]
     history.decide(machine, Decision(alarm, action, owner, note, until))

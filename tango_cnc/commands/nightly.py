@@ -225,7 +225,7 @@ def _dry(
 ) -> int:
     from ..nightly import day_of
     from ..nightly.night import room
-    from ..nightly.words import code
+    from ..report.texts import code
 
     kind, why, touches = analysis.choice(history, day_of(now))
     points = [room(disk, settings), *control.preflight(kind, touches)]
@@ -250,8 +250,9 @@ def _status(
     folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None, t: Texts
 ) -> int:
     from ..history import opened
-    from ..nightly.words import answer, code
+    from ..nightly.words import answer
     from ..report.repeated import shortened
+    from ..report.texts import code
     from ._unreadable import machine_of
 
     name = ""

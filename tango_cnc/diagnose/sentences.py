@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import terms as families
 from ..records import Array
+from ..terms._texts import cause_texts
 from ..texts import Said, joined, say
 from ._aliases import differing
 from ._moments import Moment
@@ -45,15 +46,6 @@ def cause_name(cause: str) -> str:
 def _of_cause(f: Finding, what: str) -> Said:
     key = f"{f.cause}.{what}"
     return Said(cause_texts()[key], f"diagnosed.{key}", {})
-
-
-def cause_texts() -> dict[str, str]:
-    """→ name, text, says, meaning and advice of every cause, as its file has them: `chip.meaning` → sentence."""
-    found: dict[str, str] = {}
-    for name, cause in families.causes().items():
-        own = {"text": cause.text, "says": cause.says, "meaning": cause.meaning, "advice": cause.advice}
-        found |= {f"{name}.{what}": text for what, text in own.items()} | {f"{name}.name": name.replace("_", " ")}
-    return found
 
 
 def advice(f: Finding) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from ..history import Decision
 from ..report.look import orders
 from ..report.repeated import as_decided
-from ..report.texts import Texts, texts
+from ..report.texts import Texts, code, texts
 from ..report.units import shown
 from ..report.words import moved
 from ..texts import joined, say
@@ -210,12 +210,6 @@ def message(
     if newest is not None:
         lines.append(t(f"mail.history{'_one' if newest[0] == 1 else ''}", count=newest[0], digest=newest[1]))
     return subject, "\n".join(lines) + "\n"
-
-
-def code(word: str) -> str:
-    """a word of a record (full, complete, good …) → the same as a text that can be translated; an unknown one as it is."""
-    key = f"code.{word}"
-    return say(key) if key in texts() else word
 
 
 def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..files.checked import printable, read_text
 from ..records import InputError
-from ..texts import Said, english, flat, translated
+from ..texts import Said, english, flat, say, translated
 
 
 class Texts:
@@ -53,7 +53,7 @@ class Texts:
 @cache
 def texts() -> Texts:
     """→ the texts that come with the program; those of a cause of the diagnosis come from its file: `diagnosed.chip.meaning`."""
-    from ..diagnose.sentences import cause_texts
+    from ..terms._texts import cause_texts
 
     return Texts({**english(), **{f"diagnosed.{k}": v for k, v in cause_texts().items()}}, remembers=True)
 
@@ -85,3 +85,9 @@ def _fields(text: str) -> set[str]:
         return {name for _, name, _, _ in string.Formatter().parse(text) if name}
     except ValueError as error:
         raise InputError(f"texts.toml: found {printable(text, 200)!r}; {error}; write {{{{ for a brace that is no name") from None
+
+
+def code(word: str) -> str:
+    """a word of a record (full, complete, good …) → the same as a text that can be translated; an unknown one as it is."""
+    key = f"code.{word}"
+    return say(key) if key in texts() else word
