@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from support.compensated import example, first, measured, truth, write
 from sim_controller.compensation import read
 from tango_cnc.compensate import Proposal, propose, targets
 from tango_cnc.compensate.fit import Holding, holding, known
-from tango_cnc.compensate.promise import Figure, mean
+from tango_cnc.compensate.promise import Figure, likely, mean
 from tango_cnc.compensate.space import sample
 from tango_cnc.estimate import Estimate
 from tango_cnc.records import Cell, InputError, World
@@ -86,6 +87,15 @@ def fitting(name: str) -> list[str]:
         else:
             result.append(target)
     return result
+
+
+@pytest.mark.parametrize("scatters", [1.5, 2.5, 4.0, 8.0])
+def test_one_direction_that_stays_is_not_drawn_to_zero(scatters: float) -> None:
+    """An error of some scatters that a control leaves: however it was measured, more than promised is left once in forty times."""
+    levers = np.ones((60, 1))
+    measured_as = [scatters + NormalDist().inv_cdf((i + 0.5) / 200) for i in range(200)]
+    ends = [mean(likely(np.array([value]), np.eye(1), levers, levers)).high for value in measured_as]
+    assert sum(3**0.5 * 1e3 * scatters > high for high in ends) <= 6
 
 
 @pytest.mark.long

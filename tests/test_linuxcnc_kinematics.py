@@ -129,7 +129,7 @@ def away(control: Control, made: Plan) -> Array:
     z = made.machine.column("Z")
     top = max(touch.standoff[z] for touch in made.touches) + 150.0  # mm: nothing of this table comes so high
     said, error = control.execute(program(made, top))
-    assert not error, said
+    assert not error, (error, said[-2:], control.contacts()[-2:])
     found = np.array([[float(v) for v in re.findall(r"[XYZ](-?[\d.]+)", line)] for line in said if line.startswith("X")])
     assert len(found) == len(made.touches), said
     begin, end = (words(made, np.array([getattr(t, w) for t in made.touches])) for w in ("standoff", "contact"))

@@ -3,8 +3,10 @@
 What is taken was estimated, so its scatter stays. What is left was estimated, too, and its scatter makes it look larger than it is:
 in directions in which an estimate is hardly more than its scatter, what is left is drawn towards zero. How far, the estimate itself
 cannot say, so the width of the prior is drawn, too, from a half-Cauchy distribution (the horseshoe of Carvalho, Polson and Scott
-2010, Biometrika 97, 465). No single width of that keeps its promise for errors of every size: a narrow one is right about how
-little may be left, a wide one about how much. The lower ends are those of the narrow one, the upper ends those of the wide one.
+2010, Biometrika 97, 465). No single width of that keeps its promise for errors of every size. A narrow one is right about how
+little may be left, so the lower ends are its. How much may be left, no prior is right about: where the control leaves a single
+direction open, whose error is some times its scatter, even a wide one draws it too near to zero. So the upper ends have none. The
+value itself is the middle of the narrow and the wide one.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ def likely(values: Array, covariance: Array, levers: Array, left: Array, rest: A
     """(p,) (p, p) estimate, (3n, p) tip error of every coefficient, the part that stays → (k, m, n) mm, draws of what is left.
 
     `rest`: (3n,) mm that stays in every draw. Each draw is at n poses drawn anew: a volume is known by some of its poses. k: by a
-    narrow prior, by a wide one; a single one where nothing is left that a prior could tell about.
+    narrow prior, by a wide one, by none; a single one where nothing is left that a prior could tell about.
     """
     root = _root(covariance)
     felt = left @ root
@@ -51,10 +53,11 @@ def likely(values: Array, covariance: Array, levers: Array, left: Array, rest: A
     # left @ drawn + (levers - left) @ (drawn - seen): what is gone leaves its scatter.
     stays = (levers - left) @ (way @ seen) - (0.0 if rest is None else rest)
     found = []
-    for scale in (NARROW, WIDE) if open_.any() else (NARROW,):
+    for scale in (NARROW, WIDE, None) if open_.any() else (None,):
         kept = np.ones_like(normal)
-        wide = _widths(seen[open_], share[open_], scale)
-        kept[open_] = wide / (1 + wide)
+        if scale is not None:
+            wide = _widths(seen[open_], share[open_], scale)
+            kept[open_] = wide / (1 + wide)
         drawn = kept * seen[:, None] + np.sqrt(kept) * normal
         found.append(sizes((way @ drawn).T, levers, stays))
     return np.array(found)
@@ -107,6 +110,6 @@ def with_programs(lengths: Array, increment: float) -> Figure:
 
 
 def interval(draws: Array) -> Figure:
-    """(k, m) → their middle; the lower end of the first ones, the upper end of the last ones."""
+    """(k, m) → the middle of the first two; the lower end of the first ones, the upper end of the last ones."""
     low, high = (1 - PROBABILITY) / 2, (1 + PROBABILITY) / 2
-    return Figure(float(np.median(draws)), float(np.quantile(draws[0], low)), float(np.quantile(draws[-1], high)))
+    return Figure(float(np.median(draws[:2])), float(np.quantile(draws[0], low)), float(np.quantile(draws[-1], high)))

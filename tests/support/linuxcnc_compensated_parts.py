@@ -29,6 +29,6 @@ def cell(folder: Path) -> Path:
 def probed(control: Control, folder: Path) -> Array:
     """Control, cell → (n, 3) mm: X Y Z that the control tells of every contact."""
     lines, error = control.run(folder)
-    assert not error
+    assert not error, (error, lines[-2:], control.contacts()[-2:])
     rows = [{w[0]: float(w[1:]) for w in re.findall(r"[XYZ]-?[\d.]+", line)} for line in lines if re.match(r"P\d+ H1", line)]
     return np.array([[row[a] for a in "XYZ"] for row in rows])
