@@ -223,3 +223,12 @@ def test_simulated_readings_under_another_name_conform_to_nothing(tmp_path: Path
 def test_names_that_look_like_markup_stay_text(tmp_path: Path) -> None:
     found = signed(tmp_path, sheet(1.0), customer='#panic("no") $ " \\ *')
     assert compiled(page.typst(found, quoted)).startswith(b"%PDF")
+
+
+def test_a_limit_on_an_axis_alone_is_answered_with_the_figures_of_that_axis(tmp_path: Path) -> None:
+    shown = sheet(1.0)
+    more = (*shown.figures, *(replace(shown.figures[0], kind=kind, name="EXX") for kind in ("positioning", "reversal")))
+    with pytest.raises(InputError) as raised:
+        signed(tmp_path, replace(shown, figures=more), limits={"EXX": 10, "EYY": 10})
+    said = str(raised.value)
+    assert "found 'EXX', 'EYY'; allowed: positioning EXX, reversal EXX, 'parameter NAME'" in said and "straightness" not in said

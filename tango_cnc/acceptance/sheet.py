@@ -91,7 +91,9 @@ def made(
     unknown = [name for name in order.limits if name not in known]
     if unknown:
         hint = ", 'parameter NAME' of the fit, and 'part NAME' where 'part' lists features"
-        raise InputError(f"acceptance.yaml: limits: found {unknown[0]!r}; allowed: {', '.join(known)}{hint}")
+        near = [name for name in known if any(word in name.split() for word in unknown[0].split())] or list(known)
+        found = ", ".join(map(repr, unknown))
+        raise InputError(f"acceptance.yaml: limits: found {found}; allowed: {', '.join(near)}{hint}")
     contradictions(order, cell, sheet.thermal, source.ran)
     stands = _stands(sheet, judgement, source, absent)
     rows = tuple(_row(name, known[name], limit, sheet, stands) for name, limit in order.limits.items())
