@@ -57,6 +57,19 @@ def test_what_no_name_explains_is_a_shape_of_its_two_covariates_that_comes_back(
 
 
 @pytest.mark.long
+def test_a_face_that_cools_is_a_course_of_this_facet_and_neither_roughness_nor_heavy_tails() -> None:
+    s = trials.stage()
+    cell, history = s.bench.cell, s.history
+    part = (history.time - history.time[0]) / np.ptp(history.time)
+    cooling = 0.008 * np.exp(-part / 0.25) * (np.array(history.facet) == "13")
+    noise = blind.NOISE * np.random.default_rng(11).normal(size=len(part))
+    d = diagnose(cell.machine, cell.artefact, s.readings(cooling + noise), cell.terms)
+    assert d.verdict == "unexplained" and not d.findings
+    assert [r.covariate for r in d.unexplained] == ["facet 13 × time"]
+    assert "facet 13 together with time" in as_text(d)
+
+
+@pytest.mark.long
 def test_an_indexation_that_was_clamped_elsewhere_is_set_aside_and_feeds_no_name() -> None:
     d = told("moved_clamp", 0.005, 2)
     assert [m.kind for m in d.events] == ["indexation"] and not d.findings

@@ -23,6 +23,15 @@ from tango_cnc.records import InputError, Readings
 from tango_cnc.touches import Touches
 from tango_cnc.verify.held_out import held_out
 
+# The course of one facet over time, and waves of a rotary axis beside those of a linear one.
+COURSE = [
+    {"covariate": "facet 13", "kind": "side", "low": 0.0, "high": 1.0, "count": 1},
+    {"covariate": "time", "kind": "polynomial", "low": 0.0, "high": 9000.0, "count": 2},
+]
+WAVES = [
+    {"covariate": "X", "kind": "polynomial", "low": -300.0, "high": 300.0, "count": 1},
+    {"covariate": "C", "kind": "turn", "low": -1000.0, "high": 1000.0, "count": 2},
+]
 PATTERNS = sorted(terms.patterns())
 # Settings for causes of which this plan's touches offer none, or not the one that has to be looked at.
 SETTINGS: dict[str, list[dict[str, Any]]] = {
@@ -36,6 +45,11 @@ SETTINGS: dict[str, list[dict[str, Any]]] = {
     "probe_hysteresis": [{"frame": "spindle"}],
     "pulse": [{"at": 100, "until": 140}, {"at": 100, "until": 140, "frame": "table"}, {"at": 50, "until": 58, "axis": "C"}],
     "backlash": [{"axis": "Y"}],
+    "learned": [
+        dict(terms.causes()["learned"].example),
+        {"name": "face", "factors": COURSE, "weight": "none", "values": [1.0, -0.5, 0.2]},
+        {"name": "wound", "factors": WAVES, "weight": "machine z", "values": [0.3, 1.0, -0.5, 0.2, 0.6]},
+    ],
     "ambient_cycle": [{"period": 600.0}],
 }
 # In the simulated machine these do something else than a shift of every touch by so much.

@@ -93,6 +93,8 @@ def _covariate(h: History, name: str) -> Array:
         return h.normal[:, "xyz".index(rest[0])]
     if name == "feed":
         return h.feed
+    if first == "facet":
+        return np.array([1.0 if one == rest else 0.0 for one in h.facet])
     raise InputError(f"factors: found the covariate {name!r}, which the simulated machine does not have")
 
 

@@ -7,6 +7,7 @@ not only for what it does. Functions are polynomials, or waves with amplitudes t
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -24,12 +25,15 @@ WINDOWS = (6, 12, 24, 48, 80)  # touches
 CYCLES = (*np.arange(1.5, 6, 0.15), *np.arange(6, 12, 0.25))  # over the test, of what repeats in time
 KEPT = (0.4, 0.6, 0.8, 0.9)  # correlation of neighbouring touches
 REMEMBERED = 160  # waves of a noise with memory
+WHOLE = 4.0  # rad: what an axis turns beyond this is a wave, and no polynomial of four functions
+HALF = 2.0  # rad: what waves of an axis can do with a name, they can do without one
+OFTEN = 6  # touches of a facet that show a course
 LEAST = {"way": 1e-3, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
 
 
 def forms(touches: Touches) -> Iterator[Form]:
     """touches → every shape that is compared: each covariate as it may be felt, and pairs of them."""
-    known = {name: v for name, v in values(touches).items() if _moves(touches, name, v)}
+    known = {name: v for name, v in values(touches).items() if not name.startswith("facet ") and _moves(touches, name, v)}
     machine = touches.machine
     linear = [a for a in machine.linear if a in known]
     rotary = [a for a in machine.rotary if a in known]
@@ -37,6 +41,11 @@ def forms(touches: Touches) -> Iterator[Form]:
     def line(name: str, kind: str, count: int) -> Factor:
         v = known[name]
         return Factor(name, kind, float(v.min()), float(v.max()), count)
+
+    def slow(name: str) -> Factor:
+        """A covariate of a pair; what turns by more than a turn is a wave, which a polynomial of four functions cannot follow."""
+        turns = name in machine.rotary and np.ptp(known[name]) > WHOLE
+        return Factor(name, TURN, -1e3, 1e3, SLOW) if turns else line(name, LEGENDRE, SLOW)
 
     def single(name: str, weight: str) -> Iterator[Form]:
         if name[0] == "d":
@@ -46,7 +55,7 @@ def forms(touches: Touches) -> Iterator[Form]:
         if few > 3:
             yield Form((line(name, LEGENDRE, 3),), weight)
         yield Form((line(name, WAVES, min(FAST, few - 1)),), weight)
-        if name in machine.rotary and np.ptp(known[name]) > np.pi:
+        if name in machine.rotary and np.ptp(known[name]) > HALF:
             yield Form((Factor(name, TURN, -1e3, 1e3, 8),), weight)
 
     felt = (ONE, *(f"machine {c}" for c in "xyz"), *(f"axis {a}" for a in (*linear, *rotary)))
@@ -82,14 +91,18 @@ def forms(touches: Touches) -> Iterator[Form]:
     places = [name for name in known if name in ("time", "S", *linear, *rotary) or name.startswith("T_")]
     for i, one in enumerate(places):
         for other in places[i + 1 :]:
-            pair = (line(one, LEGENDRE, SLOW), line(other, LEGENDRE, SLOW))
+            pair = (slow(one), slow(other))
             for weight in felt:
                 yield Form(pair, weight)
     for name in (d for d in known if d[0] == "d"):
         for other in places:
             if other != name[1:] or other in linear:
                 for weight in (f"axis {name[1:]}", *(f"machine {c}" for c in "xyz")):
-                    yield Form((Factor(name, SIDE, -1.0, 1.0, 1), line(other, LEGENDRE, SLOW)), weight)
+                    yield Form((Factor(name, SIDE, -1.0, 1.0, 1), slow(other)), weight)
+    if "time" in known:  # a face that is warm, or wears: its offset is known already, and no facet once touched tells a course
+        for facet, often in Counter(touches.facet).items():
+            if often >= OFTEN:
+                yield Form((Factor(f"facet {facet}", SIDE, 0.0, 1.0, 1), line("time", LEGENDRE, SLOW)), ONE)
 
 
 def _moves(touches: Touches, name: str, v: Array) -> bool:

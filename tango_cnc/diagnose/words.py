@@ -190,8 +190,8 @@ def as_text(d: Diagnosis) -> str:
         lines += [*_wrapped(f"! {moment(event)}: set aside. Measure them again.", "  "), ""]
     for r in d.unexplained:
         lines += [*_wrapped(f"? {unexplained(r)}.", "  "), ""]
-    for x in d.dropped:
-        lines += [*_wrapped(f"– {dropped(x)}.", "  "), ""]
+    for text in dict.fromkeys(map(dropped, d.dropped)):  # two of one cause are not named for one reason
+        lines += [*_wrapped(f"– {text}.", "  "), ""]
     if d.rows is not None and not d.rows.all:
         left = f"; {d.rows.left_out} touches are in none of them" if d.rows.left_out else ""
         lines += [

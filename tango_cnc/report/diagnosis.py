@@ -55,7 +55,7 @@ def page(d: Diagnosis) -> str:
         if r.form is not None:
             parts.append(_image(shape(d, r)))
     if d.dropped:
-        parts += [_head("dropped"), *(f"<p>{html.escape(dropped(x))}.</p>" for x in d.dropped)]
+        parts += [_head("dropped"), *(f"<p>{html.escape(x)}.</p>" for x in dict.fromkeys(map(dropped, d.dropped)))]
     parts += [_head("words"), f"<pre>{html.escape(as_text(d))}</pre>"]
     if len(d.tests) > FIRST:
         parts += [_head("covariates"), _tests(d), _image(dependence(d, d.tests[FIRST:]))]

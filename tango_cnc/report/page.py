@@ -301,7 +301,7 @@ def _diagnosis(f: Facts, t: Texts) -> dict[str, Any]:
         "dependence": [_safe(s) for s in charts.dependence(d, t, unit, k)],
         "note": t("diagnosis.depends_note", count=len(d.tests)),
         "unexplained": [f"{_capital(u.sentence(t.of(unexplained(r))))}." for r in d.unexplained],
-        "dropped": [f"{_capital(u.sentence(t.of(dropped(x))))}." for x in d.dropped],
+        "dropped": [f"{_capital(u.sentence(t.of(dropped(x))))}." for x in {dropped(x): x for x in d.dropped}.values()],
         "richer": t("diagnosis.richer") if d.richer is not None else "",
         "names": [t.of(covariate(x.covariate)) for x in d.tests],
     }

@@ -130,6 +130,8 @@ def values(touches: Touches) -> Mapping[str, Array]:
     result["probe direction along"] = touches.spindle_normal[:, 2]
     for i, letter in enumerate("xyz"):
         result[f"normal {letter}, machine"] = touches.machine_normal[:, i]
+    facet = np.array(touches.facet)
+    result |= {f"facet {one}": (facet == one).astype(float) for one in dict.fromkeys(touches.facet)}
     for sensor, value in touches.temperatures.items():
         result[f"T_{sensor}"] = value - value[0]
     if np.isfinite(touches.feed).all():

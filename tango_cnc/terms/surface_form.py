@@ -19,6 +19,12 @@ def spread(touches: Touches) -> list[tuple[dict[str, Any], Array]]:
     return [({"facet": f}, (facet == f).astype(float)) for f in dict.fromkeys(touches.facet) if (facet == f).sum() > 3]
 
 
+def words(setting: Mapping[str, Any]) -> dict[str, str]:
+    """setting → {scattering}: facet 3 scatters, facets 3, 4 scatter."""
+    facets = [str(f) for f in setting.get("facets", ())]
+    return {"scattering": f"facet {facets[0]} scatters" if len(facets) == 1 else f"facets {', '.join(facets)} scatter"}
+
+
 def cause(machine: Machine, facets: tuple[str, ...] = ()) -> list[Coefficient]:
     """machine, rough facets → no coefficient: this is a spread, not a shift."""
     return []
@@ -37,10 +43,11 @@ TERM = Cause(
     source="thesis Table 4-3, section 7.3, procedure III (surface irregularity)",
     frame="table",
     mistaken=("noise_level",),
-    says="facets {facets} scatter more than the others, the worst by {size} (one standard deviation)",
+    says="{scattering} more than the others, the worst by {size} (one standard deviation)",
     meaning="a matter of the artefact, not of parts: touches on these facets are worth less",
     advice="clean or regrind these facets, touch others, or weight them less",
     refine={},
+    words=words,
     spread=spread,
     scatters="facet",
     make=cause,
