@@ -49,7 +49,7 @@ AT_ONCE = 6  # files of tests that are run with coverage before what they reach 
 AREAS = {
     "link": ("tango_cnc/link", ("test_link_*.py", "test_segments.py")),
     "plan": ("tango_cnc/plan", ("test_plan*.py", "test_check*.py", "test_left_out.py", "test_double_touch.py")),
-    "check": ("tango_cnc/check", ("test_check*.py", "test_plan*.py", "test_left_out.py")),
+    "check": ("tango_cnc/check", ("test_check*.py", "test_bodies.py", "test_plan*.py", "test_left_out.py")),
     "readback": ("tango_cnc/readback", ("test_readback*.py", "test_gate.py", "test_cycle_444.py")),
     "posts": ("postprocessors", ("test_post_*.py", "test_dialects*.py", "test_own_post.py", "test_readback*.py", "test_gate.py")),
 }

@@ -75,6 +75,37 @@ def test_a_ball_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["obstacle 1", "ball b"])
+@pytest.mark.parametrize("end", [-5.0, 11.5])  # of the search; where a contact right behind the stand-off sends the probe
+@pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
+def test_what_is_below_the_tip_at_either_end_of_its_way(kind: str, end: float, beyond: float) -> None:
+    air, outwards = HELD["tip"] + beyond, math.copysign(30.0, end)
+    if kind == "ball b":
+        centre = (end, 0.0, -3.0 - air - 8.0)
+        artefact = replace(FLOATING, balls={"b": Ball("b", centre, 8.0)})
+        body = distances.Body(np.array([centre]), np.zeros((0, 3)), 8.0)
+    else:
+        low, high = sorted((end, end + outwards))
+        artefact = replace(FLOATING, obstacles=(Obstacle("box", (low, -50.0, -60.0), (high, 50.0, -3.0 - air)),))
+        body = distances.Body(solid(artefact).obstacles[0].corner, solid(artefact).obstacles[0].normal)
+    assert nearest(body) == pytest.approx(air, abs=1e-3)
+    why = refusal(artefact)
+    assert why == (f"the tip would hit {kind}" if beyond < 0 else "")
+
+
+@pytest.mark.parametrize(
+    ("x", "aside", "passes"),
+    [(78.0, 0.0, False), (70.0, 0.0, True), (90.0, 17.0, False), (90.0, -17.0, False), (90.0, 20.0, True), (90.0, -20.0, True)],
+)
+def test_in_a_slot_there_is_table_15_mm_around_the_point_of_an_outer_facet(x: float, aside: float, passes: bool) -> None:
+    """Facet 1 faces +X at x = 100. The stem of a probe in a slot goes up past it, 11.5 mm nearer to it when it has backed off."""
+    flat = {name: facet for name, facet in block().facets.items() if facet.ball is None}
+    _, y, z = flat["1"].point
+    slot = Facet("s", (x - PROBE.tip_radius, y + aside, z), (1.0, 0.0, 0.0))
+    why = refusal(Artefact("slot", {**flat, "s": slot}), tip=(x, y + aside, z), facet="s", table=True)
+    assert (why == "") == passes and (passes or why == "the probe would come through facet 1")
+
+
+@pytest.mark.parametrize("kind", ["obstacle 1", "ball b"])
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
 def test_what_comes_down_to_the_stand_off_is_as_wide_as_the_tip(kind: str, beyond: float) -> None:
     """Something stands beside the stem there, 20 mm above where the tip ends up."""
