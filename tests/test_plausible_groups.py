@@ -60,7 +60,8 @@ def test_a_table_that_was_bumped_and_turned_and_a_tip_that_was_changed_are_steps
     assert re.search("something moved between touches 1(29|30) and 13[1-3]", reason) and "and it turned by A +19" in reason
     tip = " ".join(judged(cell, pushed(cell, readings, 0.04 * late)).reasons)
     assert re.search("something moved between touches 1(29|30) and 13[1-3]", tip)
-    assert re.search(r"the tip is (39\.9|40\.\d) µm larger in radius", tip)
+    size = re.search(r"the tip is (\S+) µm larger in radius", tip)
+    assert size and abs(float(size[1]) - 40.0) < 0.9, "known to 0.3 µm: ten draws lie between 39.8 and 40.7"
 
 
 def test_a_bar_half_a_millimetre_too_long_is_named(cell: Cell, readings: Readings) -> None:

@@ -61,6 +61,13 @@ def test_a_slip_is_named(slip: str, root: Path) -> None:
     assert found is not None and found.judgement.verdict != "trustworthy" and found.rank == 1
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("slip", "seed"), [("a_slip_in_one_number", 0), ("two_facets_exchanged", 1)])
+def test_what_moves_touches_within_their_plane_leaves_no_gap_and_is_named(slip: str, seed: int, root: Path) -> None:
+    found = case(*measured(root, "hu40t", seed), slip, seed)
+    assert found is not None and found.judgement.verdict == "implausible" and found.rank == 1
+
+
 def test_a_suspicion_says_where_and_what_to_change(root: Path) -> None:
     found = case(*measured(root, "trunnion", 101), "sense of first rotary axis", 1)
     assert found is not None

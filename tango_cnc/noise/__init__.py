@@ -39,7 +39,7 @@ def honest(result: Estimate) -> Estimate:
         if not np.abs(way[~found.unused]).max(initial=0.0) > STRAIGHT:
             break
         there = _at(result, found)
-        bent = np.abs(there.residuals - found.residuals)[~found.unused].max(initial=0.0)
+        bent = np.abs(there.residuals - found.residuals).max(initial=0.0)
         if found.noise is not None and bent < BENT * found.noise.white:
             break
         result, found = there, by_noise(there, settled=False)

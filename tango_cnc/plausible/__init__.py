@@ -37,6 +37,7 @@ NOISY = 4.0  # times the stated repeatability that a touch may scatter before th
 DIRECT = ("another_program", "copied_positions", "constant_column")  # seen in the readings without any fit
 STRUCTURED = 3.0  # times the white scatter that a walk or seating may have before the result is doubtful
 SWAMPED = 3.0  # times what white noise would make of it that the standard deviation of a trusted parameter may be
+SINGLE = 3  # touches made elsewhere that may be slips in single rows
 NAMED = 6  # quantities beyond their tolerance that are named one by one
 
 
@@ -110,7 +111,8 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     if any(r.incomplete for r in found):  # so few touches fit many mistakes, and those that are missing say the most
         first += [s for s in own if s.kind == "missing_touches" and s not in first]
         rest = [less(s) for s in rest]
-    return (*first, *rest, *(s for s in own if s not in first))
+    named = {(s.kind, s.touches) for s in rest}
+    return (*first, *rest, *(s for s in own if s not in first and (s.kind, s.touches) not in named))
 
 
 def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
@@ -200,7 +202,12 @@ def _elsewhere(touches: Touches) -> list[Remark]:
         away=f"{m.away:.1f}",
         near="" if m.near == m.facet else say("plausible.judge.nearer", beside=f"{m.beside:.1f}", near=m.near),
     )
-    return [Remark("implausible", text, tuple(m.number for m in away))]
+    numbers = tuple(m.number for m in away)
+    if len(away) > SINGLE:
+        return [Remark("implausible", text, numbers)]
+    # A touch beside its place on the same plane leaves no gap: no mistake that is tried explains it.
+    change = say("mistake.single_touches.look_for_chips_there_for")
+    return [Remark("implausible", text, numbers, "single_touches", "touch", change)]
 
 
 def _own(cell: Cell, remark: Remark) -> Suspicion:

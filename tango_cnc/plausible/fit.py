@@ -61,6 +61,11 @@ class Explained:
         return float(np.quantile(np.abs(self.gaps), MOST) / WITHIN)
 
     @cached_property
+    def astray(self) -> float:
+        """→ mm, root mean square of the way beside the nominal contact: few touches that are far off count as well."""
+        return float(np.sqrt(np.mean(self.beside**2)))
+
+    @cached_property
     def away(self) -> float:
         """→ mm, nine touches in ten are nearer to their nominal contact than this, beside the gap."""
         return float(np.quantile(self.beside, MOST))

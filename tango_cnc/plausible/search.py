@@ -89,7 +89,7 @@ def _tried(case: Case, kind: str, h: Hypothesis) -> _Tried:
 
 def _less(tried: _Tried, case: Case) -> bool:
     """→ whether it leaves less of the gaps, or takes the touches to their places where the gaps say nothing of it."""
-    return tried.explained.size < case.stated.size or (tried.explained.away < NEARER * case.stated.away and _fits(tried, case))
+    return tried.explained.size < case.stated.size or (tried.explained.astray < NEARER * case.stated.astray and _fits(tried, case))
 
 
 def _is_one(tried: _Tried) -> bool:
