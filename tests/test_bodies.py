@@ -149,16 +149,19 @@ def test_proven_apart_is_apart(seed: int) -> None:
     assert 6 < proven.sum() < 58
 
 
-def test_boxes_are_as_far_apart_as_can_be_worked_out_by_hand() -> None:
+@pytest.mark.parametrize("steps", [24, 0])  # of the walk; without any everything is worked out by the nearest point
+def test_boxes_are_as_far_apart_as_can_be_worked_out_by_hand(steps: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tango_cnc.check.apart.STEPS", steps)
     rng = np.random.default_rng(4)
     unit = np.array([[i, j, k] for i in (-1.0, 1) for j in (-1.0, 1) for k in (-1.0, 1)])
     half, way = rng.uniform(1, 40, (2, 3)), rng.uniform(-150, 150, (300, 2, 3))
     way[:, 1, 1:] = way[:, 0, 1:]  # shifted along X
-    low, high = way.min(axis=1) - half.sum(axis=0), way.max(axis=1) + half.sum(axis=0)
+    beside = np.array([25.0, -17.0, 11.0])  # of the one box from its own origin: neither is its mirror image
+    low, high = way.min(axis=1) + beside - half.sum(axis=0), way.max(axis=1) + beside + half.sum(axis=0)
     exact = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1)
     need = rng.uniform(0, 60, 300)
     poses = [Pose(np.tile(np.eye(3), (300, 1, 1)), shift) for shift in (way, np.zeros((300, 2, 3)))]
-    proven = apart(Round(unit * half[0]), poses[0], Round(unit * half[1]), poses[1], need)
+    proven = apart(Round(beside + unit * half[0]), poses[0], Round(unit * half[1]), poses[1], need)
     assert (proven == (exact > need))[np.abs(exact - need) > 1e-3].all() and 50 < proven.sum() < 250
 
 
