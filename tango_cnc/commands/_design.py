@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
 from ..design.enough import determined
+from ..design.left_out import left_out, sentences
 from ..design.problem import Chosen
 from ..design.propose import Setting
 from ..design.relaxed import efficiency
@@ -50,6 +52,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "expected_std": {n: {"std": s, "unit": u} for n, (s, u) in propose.std_of(ready, found.information).items()},
         "not_identifiable": [c.text for c in ready.problem.choice.selection.unseen],
     }
+    if (without := left_out(ready.problem)) is not None and (said := sentences(without)):
+        data["left_out"] = {**asdict(without), "text": said}
     if others:
         data["competitors"] = {name: propose.reached(ready, phi)[0] for name, phi in others.items()}
     if np.isfinite(found.bound):
@@ -93,6 +97,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     lines = [
         f"{data['touches']} touches at {data['indexations']} indexations, predicted time {_clock(data['time_s'])}: "
         + ", ".join(f"{part} {_clock(s)}" for part, s in data["time_by_part_s"].items()),
+        *data.get("left_out", {}).get("text", ()),
         f"approach: {data['approach']}",
         f"{_means(data['goal'], value, unit)}",
     ]

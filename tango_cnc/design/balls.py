@@ -62,14 +62,14 @@ def needed(problem: Problem, mask: Mask) -> Mask:
     choice, more = problem.choice, np.zeros(len(mask), dtype=np.bool_)
     if choice.twice:
         return more
-    artefact, facet = choice.cell.artefact, np.array(choice.facet)
+    artefact, facet, barred = choice.cell.artefact, np.array(choice.facet), problem.barred
     for ball in loose(artefact, [choice.facet[i] for i in np.flatnonzero(mask)]):
         while True:
             chosen = mask | more
             touched = [choice.facet[i] for i in np.flatnonzero(chosen)]
             if ball not in loose(artefact, touched):
                 break
-            offered = np.isin(facet, completing(artefact, ball, touched)) & ~chosen
+            offered = np.isin(facet, completing(artefact, ball, touched)) & ~chosen & ~barred
             here = offered & np.isin(choice.pose, np.unique(choice.pose[chosen]))
             some = np.flatnonzero(here if here.any() else offered)
             if not len(some):

@@ -6,7 +6,6 @@ take is what the next choice is made with, until the time is met.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -14,21 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..duration import proof
-from ..plan import plan
-from ..records import Indexation, InputError, Strategy
+from ..records import InputError
 from . import order
 from .balls import needed
+from .candidates import WIDE
 from .criterion import parts, value
 from .exchange import Draft
 from .here import certified_here
 from .in_a_row import shared
 from .problem import Chosen, Problem, lighter
-from .proving import from_above, proving
+from .proving import proving
 from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
 from .senses import senses_of
 from .sequence import sequence
 from .spare import used_up
-from .timed import judged
+from .visits import NoWay, passable, provable
+from .ways import Ways
 from .whole import SHAKES, whole
 from .worst import FEWER, sharpened
 
@@ -40,6 +40,9 @@ TRIMS = 12
 WORSE = 4  # plans in a row that are no better than the best so far
 PART = 0.8  # of the time left over that is used at once
 AGAIN, GAIN = 3, 0.99  # times that a plan is made better at the same visits at most, and of φ what is worth another time
+FIRST = 3  # times that a first plan is looked for where all of one had no safe way
+TRIED = 3  # indexations of a plan that says what a touch takes
+SPARE = 1.25  # times as many touches as that plan has time for are thought possible
 SHARP = 3.0  # power of each variance by which the worst of many counts more
 Mask = NDArray[np.bool_]
 
@@ -56,28 +59,48 @@ class TooShort(NoTime):
         self.found = found
 
 
+class TooFew(NoTime):
+    """There is time for fewer touches than the goal has unknowns."""
+
+    def __init__(self, found: Chosen, touches: int, unknowns: int) -> None:
+        self.found = found
+        self.why = f"there is time for about {touches} touches, and the goal has {unknowns} unknowns or more"
+        super().__init__(f"--minutes: found {found.problem.seconds / 60:.3g}; {self.why}; allow more time")
+
+
 def chosen(problem: Problem) -> Chosen:
     """problem → plan. Raises InputError when the time is too short for any plan that tells something."""
     problem = replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem
     again = order.again(problem.choice.cell, problem.feed)
     # The first choice, a quick one, says what touches and turns cost.
-    first, relaxed = _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)
+    _hopeless(problem)
+    first, relaxed = _first(problem)
     costs = costs_of(first)
     rows, relaxed = _in_a_row(problem, costs, again, relaxed)
-    found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
-    best = min((found, last), (first, relaxed), key=lambda each: each[0].value)
-    with suppress(NoTime):  # the turns of that plan say what turns cost
-        best = min(best, _tried(rows, costs_of(found), SHAKES, last), key=lambda each: each[0].value)
-    if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
-        best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
+    best = first, relaxed
+    with suppress(NoWay):
+        found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
+        best = min((found, last), best, key=lambda each: each[0].value)
+        with suppress(NoTime):  # the turns of that plan say what turns cost
+            best = min(best, _tried(rows, costs_of(found), SHAKES, last), key=lambda each: each[0].value)
+        if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
+            best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
     made, relaxed = best
-    with suppress(NoTime):
+    with suppress(NoTime, NoWay):
         for _ in range(AGAIN):
             finer = _at_the_same_visits(made, relaxed)
             better, made = finer.value < GAIN * made.value, min(finer, made, key=lambda each: each.value)
             if not better:
                 break
     return certified(used_up(shared(made, again), again), _lifted(made.problem, relaxed))
+
+
+def _first(problem: Problem) -> tuple[Chosen, Relaxed]:
+    """problem → a first plan, made quickly, and the relaxed design. Raises NoWay where no safe way was found to anything."""
+    for _ in range(FIRST):
+        with suppress(NoWay):  # what has no way is left out the next time
+            return _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)
+    return _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)
 
 
 def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, relaxed: Relaxed | None) -> tuple[Chosen, Relaxed]:
@@ -128,6 +151,43 @@ def costs_of(found: Chosen) -> tuple[float, float, float]:
     again = indexations[-1].facets if len(indexations) > visits else ()
     facets = (len(found.time) - len(again)) / found.problem.times
     return touch, visit, found.seconds - touch * facets - visit * visits
+
+
+def _hopeless(problem: Problem) -> None:
+    """problem → nothing. Raises TooFew where it is plain, before anything is searched, that no plan determines what it is for.
+
+    What a touch takes is seen in a plan of few indexations with many facets, where ways are short.
+    """
+    choice, least = problem.choice, least_touches(problem)
+    if not least:
+        return
+    fullest = np.argsort([-len(own) for own in choice.of_pose], kind="stable")[:TRIED]
+    mask = np.isin(choice.pose, fullest)
+    own = replace(problem, ways=Ways(looked=problem.ways.looked))  # three that have no way to each other may have one to others
+    try:
+        trial, _ = passable(own, mask, sorted(fullest.tolist()), order.Legs(choice.cell, problem.feed))
+    except NoWay:
+        return
+    if (most := most_touches(costs_of(trial), problem.seconds)) < least:
+        raise TooFew(trial, round(most / SPARE), least)
+
+
+def most_touches(costs: tuple[float, float, float], seconds: float) -> float:
+    """s of a facet, of a visit and of all else in some plan, s → facets that a plan of that time touches at most, and some more."""
+    touch, visit, spare = costs
+    return SPARE * max(seconds - spare - visit, 0.0) / touch
+
+
+def least_touches(problem: Problem) -> int:
+    """problem → touches without which no plan determines what the goal asks for; 0 where that is not known so simply.
+
+    φ is of some combinations of unknowns; all of them have to be seen, and what is certain without a touch helps little.
+    """
+    aims = problem.criterion.worst if problem.criterion.spread is None else problem.criterion.spread
+    if problem.choice.twice or problem.criterion.determinant or aims is None:
+        return 0
+    certain = np.linalg.matrix_rank(problem.held - (problem.choice.sigma / WIDE) ** 2 * np.eye(len(problem.held)))
+    return int(np.linalg.matrix_rank(aims) - certain)
 
 
 def _lifted(problem: Problem, relaxed: Relaxed) -> Relaxed:
@@ -191,7 +251,7 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
     `sides`: whether the order of the visits takes longer where axes then come from sides that tell more.
     """
     more = needed(problem, mask) | proving(problem, mask)
-    mask = mask | more
+    mask = (mask | more) & ~problem.barred
     choice = problem.choice
     legs = order.Legs(choice.cell, problem.feed)
     best: Chosen | None = None
@@ -200,8 +260,9 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
         visits = np.unique(choice.pose[mask]).tolist()
         if visited is None or set(visited) != set(visits):
             visited = sequence(problem, mask, visits, sides)
-        visited = _provable(problem, mask, visited)  # also where they are given: other facets may be touched there now
-        found = _planned(problem, mask, visited, legs)
+        visited = provable(problem, mask, visited)  # also where they are given: other facets may be touched there now
+        found, visited = passable(problem, mask, visited, legs)
+        mask = mask & ~problem.barred
         over = found.seconds - problem.seconds
         worse += 1
         if over <= 0 and (best is None or found.value < best.value):
@@ -209,9 +270,9 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
         if best is not None and (worse >= WORSE or -CLOSE * problem.seconds <= over <= 0):
             break
         own = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
-        changed = _changed(lighter(problem.ordered(visited)), mask, own, relaxed, over, more)
+        changed = _changed(lighter(problem.ordered(visited)), mask, own, relaxed, over, more & ~problem.barred)
         more |= needed(problem, changed) | proving(problem, changed)
-        changed |= more
+        changed = (changed | more) & ~problem.barred
         if changed.sum() < 2 or (changed == mask).all():
             break
         mask = changed
@@ -238,51 +299,3 @@ def _changed(light: Problem, mask: Mask, costs: Costs, relaxed: Relaxed, over: f
     elif len(light.held) <= FEWER:
         sharpened(draft, aim, many)
     return draft.chosen
-
-
-def _planned(problem: Problem, mask: Mask, visited: Sequence[int], legs: order.Legs) -> Chosen:
-    """chosen touches, order of visits → the plan, timed."""
-    choice = problem.choice
-    indexations = []
-    for j in visited:
-        position = dict(choice.cell.strategy.indexations[j].position)
-        facets = [choice.facet[i] for i in np.flatnonzero(mask & (choice.pose == j))]
-        way = order.path(legs.between(position, facets))
-        indexations.append(Indexation(position, tuple(facets[i] for i in way)))
-    if problem.repeats and len(indexations) > 1:
-        indexations.append(_again(problem, mask, visited[0], indexations[0]))
-    indexations = [replace(i, facets=tuple(f for f in i.facets for _ in range(problem.times))) for i in indexations]
-    strategy = Strategy("design", choice.cell.strategy.approach, tuple(indexations))
-    cell = replace(choice.cell, strategy=strategy)
-    made = plan(cell, "leave-out")
-    return judged(problem, cell, made)
-
-
-def _provable(problem: Problem, mask: Mask, visited: list[int]) -> list[int]:
-    """chosen touches, order of visits → the same, beginning where a facet is touched from above if the gate asks for one."""
-    if problem.gate != "facet":
-        return visited
-    proves = np.unique(problem.choice.pose[mask & from_above(problem.choice)])
-    for j in visited:
-        if j in proves:
-            return [j, *(other for other in visited if other != j)]
-    return visited
-
-
-def _again(problem: Problem, mask: Mask, first: int, indexation: Indexation) -> Indexation:
-    """→ the first indexation once more: of its touches those that tell most of where the table is now."""
-    choice = problem.choice
-    own = np.flatnonzero(mask & (choice.pose == first))
-    artefact = choice.cell.artefact.facets
-    normal = np.array([artefact[choice.facet[i]].normal for i in own])
-    point = np.array([artefact[choice.facet[i]].point for i in own])
-    where = np.hstack([normal, np.cross(point, normal) / 100])
-    taken: list[int] = []
-    information = 1e-3 * np.eye(6)
-    for _ in range(min(problem.repeats, len(own))):
-        worth = np.einsum("ij,jk,ik->i", where, np.linalg.inv(information), where)
-        worth[taken] = -1
-        taken.append(int(np.argmax(worth)))
-        information = information + np.outer(where[taken[-1]], where[taken[-1]])
-    keep = {choice.facet[own[i]] for i in taken}
-    return replace(indexation, facets=tuple(f for f in indexation.facets if f in keep))

@@ -7,7 +7,7 @@ most for its time, and exchanges that save time are made where they leave that w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from .. import check, kinematics
 from ..duration import DEFAULT_ACCELERATION, DEFAULT_RAPID, of_moves, trapezoid
-from ..plan import plan
+from ..plan import attempt, plan
 from ..plan.travel import Roof, Travels
 from ..records import Array, Cell, Indexation, InputError, Machine, Strategy
 
 Rows = NDArray[np.int64]
+Turning = tuple[int, int]  # from one visit to another
 LEG = 1e-9
 TOUCHING = ("probe", "find", "off", "near", "back")  # the moves of a touch itself
 
@@ -112,26 +113,38 @@ def turning(machine: Machine, one: dict[str, float], other: dict[str, float]) ->
     return total
 
 
-def turns(cell: Cell, visits: Sequence[Indexation], feed: float | None) -> Array:
-    """cell, m visits, mm/min of protected moves → (m, m) s from a touch at one to a touch at the other.
+def turns(
+    cell: Cell,
+    visits: Sequence[Indexation],
+    feed: float | None,
+    closed: Collection[Turning] = (),
+    looked: dict[tuple[object, ...], bool] | None = None,
+) -> tuple[Array, dict[Turning, str]]:
+    """cell, m visits, mm/min of protected moves → (m, m) s from a touch at one to a touch at the other; turns that are impossible.
 
-    One touch each, and a tour that makes every turn once: planned as any plan is, with its ways up and down.
+    One touch each, and a tour that makes every turn once: planned as any plan is, with its ways up and down. What is not
+    possible one way is tried the other way. `closed`: turns of which that is known; times are NaN where both ways are.
     """
     m = len(visits)
     if m < 2:
-        return np.zeros((m, m))
-    tour = _tour(m)
-    single = tuple(replace(visits[i], facets=visits[i].facets[:1]) for i in tour)
-    strategy = Strategy("every turn", cell.strategy.approach, single)
-    times = np.full((m, m), np.nan)
-    made = plan(replace(cell, strategy=strategy), "leave-out")
-    spent, number = np.zeros(len(tour) + 1), 0
-    for move, seconds in zip(made.moves, of_moves(made, feed), strict=True):
-        if move.kind == "probe":
-            number += 1
-        elif move.kind not in TOUCHING:
-            spent[number] += seconds
-    return _filled(times, tour, spent)
+        return np.zeros((m, m)), {}
+    times, faults = np.full((m, m), np.nan), dict[Turning, str]()
+    single = [replace(i, facets=i.facets[:1]) for i in visits]
+    for tour in (_walk(m, closed) if closed else _tour(m), None):
+        tour = [i for one, other in faults for i in (other, one)] if tour is None else tour
+        if len(tour) < 2:
+            break
+        strategy = Strategy("every turn", cell.strategy.approach, tuple(single[i] for i in tour))
+        made, found = attempt(replace(cell, strategy=strategy), "leave-out", looked, turns_alone=True)
+        spent, number = np.zeros(len(tour) + 1), 0
+        for move, seconds in zip(made.moves, of_moves(made, feed), strict=True):
+            if move.kind == "probe":
+                number += 1
+            elif move.kind not in TOUCHING:
+                spent[number] += seconds
+        times = _filled(times, tour, spent)
+        faults |= {(tour[n - 2], tour[n - 1]): why for n, why in found.items() if 1 < n <= len(tour)}
+    return times, faults
 
 
 def again(cell: Cell, feed: float | None) -> float:
@@ -174,6 +187,19 @@ def _tour(count: int) -> list[int]:
         else:
             tour.append(stack.pop())
     return tour
+
+
+def _walk(count: int, closed: Collection[Turning]) -> list[int]:
+    """→ a sequence in which every two places come one after the other at least once in a direction that is not closed."""
+    left = {(i, k) for i in range(count) for k in range(i + 1, count) if (i, k) not in closed or (k, i) not in closed}
+    walk: list[int] = []
+    while left:
+        here = walk[-1] if walk else -1
+        ways = [(one, other) for pair in sorted(left) for one, other in (pair, pair[::-1]) if (one, other) not in closed]
+        one, other = next((way for way in ways if way[0] == here), ways[0])
+        walk += [other] if one == here else [one, other]
+        left.discard((min(one, other), max(one, other)))
+    return walk
 
 
 def runs_with_time(position: Array, time: Array) -> float:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..records import Array, Cell, Plan
 from .candidates import Candidates
 from .criterion import Criterion
 from .senses import Senses, ordered
+from .ways import Ways
 
 SHORT = 200.0  # s; a check that is no longer is over before anything has drifted
 AGAIN = 4  # facets of the first indexation that are touched once more at the end
@@ -29,11 +31,17 @@ class Problem:
     times: int = 1  # touches in a row at each facet
     senses: Senses | None = None  # how the rows depend on from where rotary axes came
     gate: str = "none"  # what proves the probe alive before the first touch: as the profile says
+    ways: Ways = field(default_factory=Ways)  # that are not safe; learned while plans are made
 
     @property
     def held(self) -> Array:
         """→ (p, p) what is known without a touch, per squared scatter of a touch."""
         return self.choice.held
+
+    @property
+    def barred(self) -> NDArray[np.bool_]:
+        """→ (n,) whether a touch is left out, as no safe way was found to it."""
+        return self.ways.barred(self.choice.pose, self.choice.facet)
 
     def of_time(self, seconds: float) -> Problem:
         """s of the whole run → the same problem in that time. A short run has no time for its first indexation once more."""
@@ -72,8 +80,10 @@ class Chosen:
 def lighter(problem: Problem) -> Problem:
     """problem → the same; of a check nearly the same, with the changes alone as unknowns, which is lighter to search in.
 
-    What the full run leaves uncertain counts as scatter of each touch, as if of each its own.
+    What the full run leaves uncertain counts as scatter of each touch, as if of each its own. What is left out tells nothing.
     """
+    if (barred := problem.barred).any():
+        problem = replace(problem, choice=replace(problem.choice, rows=np.where(barred[:, None], 0.0, problem.choice.rows)))
     choice = problem.choice
     if not choice.twice:
         return problem

@@ -22,6 +22,7 @@ from .candidates import Candidates
 from .criterion import value
 from .enough import serves
 from .goals import Goal
+from .left_out import left_out, sentences
 from .problem import Chosen, Problem, lighter
 from .region import Levers, Region
 from .relaxed import Costs, relax
@@ -31,6 +32,7 @@ CHECK = 8.0  # minutes at most of a check for which nobody states a time
 WELL = 0.004  # mm, standard deviation of the worst change: about 20 µm are seen
 LONGER, LONGEST = 1.25, 60.0  # steps, and the end, of looking for minutes that would do
 BEGIN, TRIES = 300.0, 7  # s that are looked at first when limits are given and no time, and how many times are
+SHORT = 4.0  # mm of stand-off from which a touch can be made shorter
 NEAR = 0.05  # of the time: nearer to the least one is near enough
 
 
@@ -138,16 +140,18 @@ def propose(ready: Setting) -> Chosen:
     try:
         return _proposed(ready)
     except choose.TooShort as error:
-        raise _refused(error.found, "even the shortest plan takes longer") from None
+        raise _refused(ready, error.found, "even the shortest plan takes longer") from None
+    except choose.TooFew as error:
+        raise _refused(ready, error.found, error.why) from None
 
 
 def _proposed(ready: Setting) -> Chosen:
     wish = ready.wish
     if wish.minutes is not None or wish.goal.word:
         if wish.goal.word == "check" and wish.minutes is None:
-            return _worth_making(_usual_check(ready.problem))
+            return _worth_making(ready, _usual_check(ready.problem))
         found = choose.chosen(ready.problem)
-        return _worth_making(found) if wish.goal.word else found
+        return _worth_making(ready, found) if wish.goal.word else found
     return _shortest(ready.problem)
 
 
@@ -194,8 +198,8 @@ def _well(problem: Problem, information: Array) -> bool:
     return serves(problem, information) and problem.choice.sigma * value(problem.criterion, information) ** 0.5 < WELL
 
 
-def _worth_making(found: Chosen) -> Chosen:
-    """plan → the same. Raises InputError, with the minutes that would do, where it does not determine what it is for."""
+def _worth_making(ready: Setting, found: Chosen) -> Chosen:
+    """setting, plan → the same. Raises InputError, with the minutes that would do, where it does not determine what it is for."""
     problem = found.problem
     if serves(problem, found.information):
         return found
@@ -204,15 +208,28 @@ def _worth_making(found: Chosen) -> Chosen:
         if problem.choice.twice
         else f"its {len(found.rows)} touches do not determine all that the goal asks for"
     )
-    raise _refused(found, why)
+    raise _refused(ready, found, why)
 
 
-def _refused(found: Chosen, why: str) -> InputError:
-    """plan, what is wrong with it → the error that names the minutes that would do."""
+def _refused(ready: Setting, found: Chosen, why: str) -> InputError:
+    """setting, plan, what is wrong with it → the error that names the minutes that would do, and what would do besides."""
     problem, minutes = found.problem, _needed(found, serves)
-    said = f"about {minutes:g} minutes or more" if minutes else f"more than {LONGEST:g} minutes"
-    terms = "" if problem.choice.twice else ", or fewer --terms (S3)"
-    return InputError(f"--minutes: found {problem.seconds / 60:.3g}; {why}; allowed: {said}{terms}")
+    said = [f"about {minutes:g} minutes or more" if minutes else f"more than {LONGEST:g} minutes"]
+    if ready.wish.approach.standoff > SHORT:
+        said.append("shorter touches by --within MM, where it is known how far facets are from their places")
+    if not problem.choice.twice and "S4" in ready.wish.terms:
+        said.append("--terms S3 instead of S4")
+    lost = left_out(problem)
+    return InputError(
+        "; ".join(
+            [
+                f"--minutes: found {problem.seconds / 60:.3g}",
+                why,
+                *(sentences(lost) if lost else ()),
+                "allowed: " + ", or ".join(said),
+            ]
+        )
+    )
 
 
 def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | None:
@@ -225,9 +242,12 @@ def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | No
     spare += again * touch + (visit if again and not found.problem.repeats else 0.0)
     choice, relaxed, minutes = light.choice, None, found.problem.seconds / 60
     each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
+    least = choose.least_touches(found.problem)
     while (minutes := math.ceil(2 * minutes * LONGER) / 2) <= LONGEST:
         seconds = 60 * minutes - spare
         if seconds < visit + 3 * touch:  # what every plan needs takes longer
+            continue
+        if choose.most_touches((touch, visit, spare), 60 * minutes) < least:
             continue
         relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
         mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)

@@ -31,7 +31,7 @@ def proving(problem: Problem, mask: Mask) -> Mask:
     choice, more = problem.choice, np.zeros(len(mask), dtype=np.bool_)
     if problem.gate != "facet":
         return more
-    above = from_above(choice)
+    above = from_above(choice) & ~problem.barred
     some = np.flatnonzero(above & np.isin(choice.pose, np.unique(choice.pose[mask])))
     some = some if len(some) else np.flatnonzero(above)
     if (above & mask).any() or not len(some):

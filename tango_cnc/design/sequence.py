@@ -16,6 +16,7 @@ from . import order
 from .criterion import Criterion, State, value
 from .problem import Problem, lighter
 from .senses import of_order
+from .ways import LONG, reason
 
 SIDES = 0.5  # part of φ that an order may save by from where axes come, at most
 EARLY = 0.15  # of the time that an order may cost in which a part of the run is worth e times as much
@@ -25,15 +26,39 @@ Mask = NDArray[np.bool_]
 
 
 def sequence(problem: Problem, mask: Mask, visits: list[int], sides: bool = False) -> list[int]:
-    """chosen touches → indexations in the order in which they are visited.
+    """chosen touches → indexations in the order of the visits; without those that no safe way leads to, which are noted.
 
     `sides`: it may take longer where rotary axes then come from sides that tell more.
     """
-    choice = problem.choice
-    indexations = [choice.cell.strategy.indexations[j] for j in visits]
+    choice, known = problem.choice, problem.ways
     facets = [choice.facet[int(np.flatnonzero(mask & (choice.pose == j))[0])] for j in visits]
-    single = [replace(i, facets=(f,)) for i, f in zip(indexations, facets, strict=True)]
-    times = order.turns(choice.cell, single, problem.feed)
+    single = [replace(choice.cell.strategy.indexations[j], facets=(f,)) for j, f in zip(visits, facets, strict=True)]
+    times, faults = order.turns(choice.cell, single, problem.feed, known.seen(visits), known.looked)
+    known.turns |= {(visits[i], visits[k]): reason(why) for (i, k), why in faults.items()}
+    if choice.cell.machine.obstacles:
+        times = known.remembered(visits, times)
+    times, ends = known.priced(visits, times, problem.repeats > 0)
+    left = list(range(len(visits)))
+    while len(left) > 1:
+        own, at = [visits[i] for i in left], np.ix_(left, left)
+        way = _ordered(problem, mask, own, times[at], ends[left], sides)
+        if _length(way, times[at], ends[left], problem.repeats > 0) < LONG:
+            return [own[i] for i in way]
+        worst = int(np.argmax((times[at] >= LONG).sum(axis=0) + (times[at] >= LONG).sum(axis=1) + (ends[left] > 0).sum(axis=1)))
+        known.leave_out(visits[left.pop(worst)], own)
+    return [visits[i] for i in left]
+
+
+def _length(way: Sequence[int], times: Array, ends: Array, closed: bool) -> float:
+    """→ s of an order; at least `LONG` where it holds a turn that is not possible."""
+    back = times[way[-1], way[0]] if closed else 0.0
+    return order.length(way, times) + ends[way[0], 0] + ends[way[-1], 1] + (back if back >= LONG else 0.0)
+
+
+def _ordered(problem: Problem, mask: Mask, visits: list[int], times: Array, ends: Array, sides: bool) -> list[int]:
+    """chosen touches, visits, (m, m) s, (m, 2) s of being first and last → their order."""
+    choice, closed = problem.choice, problem.repeats > 0
+    indexations = [choice.cell.strategy.indexations[j] for j in visits]
     own = [choice.rows[mask & (choice.pose == j)] for j in visits]
     ways = [_greedy(problem, own, times), order.path(times)]
 
@@ -43,7 +68,7 @@ def sequence(problem: Problem, mask: Mask, visits: list[int], sides: bool = Fals
 
     def cost(way: list[int]) -> float:
         nonlocal least
-        long = order.length(way, times) * (1 + _late(problem, way, own, indexations))
+        long = _length(way, times, ends, closed) * (1 + _late(problem, way, own, indexations))
         if sides and usual > 0 and long < least * (1 + SIDES):
             # What all of it tells goes by from where axes come; twice the variance is worth twice the time of the run.
             long += max(rest, 0.0) * float(np.clip(whole(way) / usual - 1, -SIDES, 1 / SIDES))
@@ -52,8 +77,7 @@ def sequence(problem: Problem, mask: Mask, visits: list[int], sides: bool = Fals
             least = min(least, long := long * (1 + EARLY * lost))
         return long
 
-    way = order.improved(min(ways, key=cost), cost, rounds=3)
-    return [visits[i] for i in way]
+    return order.improved(min(ways, key=cost), cost, rounds=3)
 
 
 def _whole(problem: Problem, mask: Mask, visits: list[int]) -> Callable[[Sequence[int]], float]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..plan import plan
+from ..plan import attempt
 from ..records import Array, Indexation
 from .criterion import Criterion, State
 from .problem import Chosen
@@ -29,7 +29,10 @@ def used_up(found: Chosen, again: float) -> Chosen:
             break
         strategy = replace(found.cell.strategy, indexations=_more(found, count))
         cell = replace(found.cell, strategy=strategy)
-        made = judged(problem, cell, plan(cell, "leave-out"))
+        planned, faults = attempt(cell, "leave-out", problem.ways.looked)
+        if faults:
+            break
+        made = judged(problem, cell, planned)
         if made.seconds <= problem.seconds:
             return min(made, found, key=lambda each: each.value)
         left -= max(made.seconds - problem.seconds, again)

@@ -1,6 +1,6 @@
 """Cell → Plan: where every touch happens and how the probe gets there without touching anything else."""
 
-from .build import OBSTRUCTED, USUAL, by_stylus, part, plan, reachable
+from .build import OBSTRUCTED, USUAL, attempt, by_stylus, part, plan, reachable
 from .digest import plan_hash
 from .guarded import refuse
 from .motion import last_motion, last_moves
@@ -10,6 +10,7 @@ from .standing import standing
 __all__ = [
     "OBSTRUCTED",
     "USUAL",
+    "attempt",
     "by_stylus",
     "last_motion",
     "last_moves",

@@ -28,7 +28,7 @@ from ..check.collision import Obstruction
 from ..check.travel import travel_text
 from ..records import OFF, Array, Cell, InputError, Plan, Probe, Strategy
 from .clearance import MARGIN, Clearance
-from .guard import TOUCH, complaint, refuse, remarks
+from .guard import TOUCH, Faults, Looked, complaint, refuse, remarks
 from .places import Places, Rows, Scene, blocks, nowhere, scene
 from .touches import PLACES, Planned
 from .travel import DROP
@@ -57,9 +57,27 @@ def plan(cell: Cell, obstructed: str | None = None) -> Plan:
     facets that face away from the spindle are planned all the same and listed as doubtful: whoever wrote the strategy may have
     another stylus in mind.
     """
+    return _planned(cell, obstructed, None)
+
+
+def attempt(
+    cell: Cell, obstructed: str | None = None, looked: Looked | None = None, turns_alone: bool = False
+) -> tuple[Plan, Faults]:
+    """cell → the same plan where all of its ways are safe; else one that is not to be run, and its ways that are not.
+
+    For who chooses what to touch. `looked`: turns that were looked at, for all plans of a machine and table; it is added to.
+    `turns_alone`: other ways are not looked at. Raises InputError for all else that `plan` refuses.
+    """
+    faults: Faults = {}
+    return _planned(cell, obstructed, faults, looked, turns_alone), faults
+
+
+def _planned(
+    cell: Cell, obstructed: str | None, faults: Faults | None, looked: Looked | None = None, turns_alone: bool = False
+) -> Plan:
     _one_stylus(cell)
     obstructed = obstructed or cell.strategy.obstructed or USUAL
-    shared = scene(cell.machine, cell.artefact, cell.strategy)
+    shared = scene(cell.machine, cell.artefact, cell.strategy, looked)
     facet, at = _order(cell.strategy, shared.facet)
     blocked = _blocked(shared, facet, at)
     before = cell.strategy.before
@@ -86,9 +104,13 @@ def plan(cell: Cell, obstructed: str | None = None) -> Plan:
             f"{_some([*left_out.values()])}\n"
             f"{THICK if _too_thick(cell.machine.probe) else 'Turn the table otherwise, or touch other facets.'}"
         )
-    touches, turns = _made(cell, shared, kept + 1 + before, facet[kept], at[kept], None)
+    touches, turns = _made(cell, shared, kept + 1 + before, facet[kept], at[kept], None, faults, turns_alone)
     first = turns[0]
-    start = remarks(cell.machine, shared.guard, first.before, first.first) if shared.guard and first.first else ()
+    start = (
+        remarks(cell.machine, shared.guard, first.before, first.first)
+        if shared.guard and first.first and not (faults or turns_alone)
+        else ()
+    )
     return Plan(cell.machine, cell.artefact, cell.strategy, touches, turns, left_out, doubtful, start)
 
 
@@ -224,17 +246,30 @@ def planned(whole: Plan) -> Planned:
     )
 
 
-def _made(whole: Cell | Plan, shared: Scene, number: Rows, facet: Rows, at: Rows, given: Array | None) -> tuple[Planned, Turned]:
-    """cell or plan, (n,) numbers, facets, indexations of touches → these, and the turns between them. Raises InputError."""
+def _made(
+    whole: Cell | Plan,
+    shared: Scene,
+    number: Rows,
+    facet: Rows,
+    at: Rows,
+    given: Array | None,
+    faults: Faults | None = None,
+    turns_alone: bool = False,
+) -> tuple[Planned, Turned]:
+    """cell or plan, (n,) numbers, facets, indexations of touches → these, and the turns between them.
+
+    `faults`: takes the ways that are not safe. Without it these raise InputError.
+    """
     lift, level = lifts(shared, facet, at)
     places = Places(shared, facet, at, lift, nowhere(shared.station.shape[1]), given)
     touches = Planned(number, facet, shared.facet, at, places)
     if isinstance(whole, Cell):
         _within(whole, touches)
-    turns = Clearance(shared, level).turns(touches, begins(shared, at), lambda index: _pose(whole, index))
+    turns = Clearance(shared, level).turns(touches, begins(shared, at), lambda index: _pose(whole, index), faults)
     left = _at_once(touches, turns, shared)
     made = Planned(number, facet, shared.facet, at, replace(places, left=left))
-    refuse(Plan(shared.machine, shared.artefact, shared.strategy, made, turns), shared.guard)
+    if not turns_alone:
+        refuse(Plan(shared.machine, shared.artefact, shared.strategy, made, turns), shared.guard, faults)
     return made, turns
 
 

@@ -18,7 +18,7 @@ from ..check.bodies import TURN
 from ..check.travel import travel_text
 from ..records import Array, InputError, Touch, Turn
 from . import preload, sweep
-from .guard import TRAVEL, complaint, todo
+from .guard import TRAVEL, Faults, complaint, todo
 from .guard import TURN as TURNING
 from .places import Rows, Scene
 from .sweep import Spans
@@ -42,14 +42,28 @@ class Clearance:
         # A spindle that only ever stands one way is not turned.
         self._orients = bool(np.ptp(self._station[:, self._machine.column("S")]))
 
-    def turns(self, touches: Sequence[Touch], begins: Rows, name: Callable[[int], str]) -> Turned:
+    def turns(self, touches: Sequence[Touch], begins: Rows, name: Callable[[int], str], faults: Faults | None = None) -> Turned:
         """touches, rows of those before which axes turn, indexation → its name → the turns, and the parting retract.
 
-        Raises InputError when the travels leave no place to turn.
+        `faults`: takes those that are not possible; what stands in their place is not safe. Without it they raise InputError.
         """
-        turns = (self._turn(touches[row - 1] if row else None, touches[row], name) for row in begins.tolist())
-        parting = (self._parting(last, name) for last in touches[-1:])  # its turn comes last, and so do its faults
+        turns = (self._or_fault(touches[row - 1] if row else None, touches[row], name, faults) for row in begins.tolist())
+        # The parting retract comes last, and so do its faults.
+        parting = (self._or_fault(last, None, name, faults) for last in touches[-1:])
         return Turned(chain(turns, parting), len(begins) + 1, self._station.shape[1])
+
+    def _or_fault(self, previous: Touch | None, touch: Touch | None, name: Callable[[int], str], faults: Faults | None) -> Turn:
+        """touches before and after → the turn between them; where it is not possible and a fault can be noted, one on the spot."""
+        start = previous or touch
+        assert start is not None
+        try:
+            return self._parting(start, name) if touch is None else self._turn(previous, touch, name)
+        except InputError as error:
+            if faults is None:
+                raise
+            number, over = start.number + 1 if touch is None else touch.number, np.array(start.over)
+            faults[number] = str(error)
+        return Turn(number, _tuple(over), _tuple(over if touch is None else self._turned(over, touch.indexation)))
 
     def has_room(self, touch: Touch) -> bool:
         """touch → whether the travels leave a place above it at which the rotary axes may turn, whatever their angles are."""

@@ -27,15 +27,17 @@ MOST = 20_000  # boxes of one turn
 CHUNK = 4096  # moves looked at at once
 NOBODY = "Before the first touch nobody knows where the axes stand"
 Rows = NDArray[np.integer]
+Looked = dict[tuple[object, ...], bool]  # turn of a pair → whether it keeps off: plans of the same machine and table may share it
+Faults = dict[int, str]  # number of a touch to which no safe way leads, one past the last for the parting retract → why not
 
 
 class Guard:
     """One machine with what may meet what is declared on its bodies; without such a thing it finds nothing and costs nothing."""
 
-    def __init__(self, machine: Machine, pairs: Sequence[Pair]) -> None:
-        """machine, its pairs of things between which something moves."""
+    def __init__(self, machine: Machine, pairs: Sequence[Pair], looked: Looked | None = None) -> None:
+        """machine, its pairs of things between which something moves; `looked`: turns that were looked at for the same ones."""
         self._machine, self.pairs = machine, tuple(pairs)
-        self._known: dict[tuple[object, ...], bool] = {}  # turns that were looked at
+        self._known: Looked = {} if looked is None else looked
 
     def __bool__(self) -> bool:
         return bool(self.pairs)
@@ -173,42 +175,68 @@ def todo(pair: Pair) -> str:
     return "Turn the table otherwise, take the indexation out, or correct both in their files: they keep that far from each other."
 
 
-def refuse(plan: Plan, guard: Guard) -> None:
-    """plan, its guard → nothing. Raises InputError for the first of its moves that is not proven to keep off all obstacles."""
+def refuse(plan: Plan, guard: Guard, faults: Faults | None = None) -> None:
+    """plan, its guard → nothing. Raises InputError for the first of its moves that is not proven to keep off all obstacles.
+
+    `faults`: takes all ways with such moves instead, besides those that are in it.
+    """
     if not guard:
         return
-    machine, at, begun = plan.machine, dict[str, float](), False
-    before, rows, said = "", list[tuple[int, tuple[float, ...], tuple[float, ...]]](), list[Move]()
+    machine, at, begun, leads = plan.machine, dict[str, float](), False, _leads(plan)
+    before, rows, said = "", list[tuple[int, tuple[float, ...], tuple[float, ...]]](), list[tuple[Move, int]]()
+    back = -1  # the touch that has just been made
     for move in plan.moves:
         known = len(at) == len(machine.names)
         start = tuple(at.get(name, math.nan) for name in machine.names)
         at.update(move.target)
         end = tuple(at.get(name, math.nan) for name in machine.names)
-        if move.kind == "index":
+        number = leads[back] if move.touch == back else move.touch
+        if faults is not None and number in faults:
+            pass
+        elif move.kind == "index":
             within = sweep.spans(machine, np.array(start), np.array(end)) if known else None
             if (pair := guard.turns(np.array(end), within, probe_alone=not begun)) is not None:
-                raise _refused(plan, move, pair, TURN)
+                _note(plan, move, number, pair, TURN, faults)
         elif known:
             close = move.kind not in ("clear", "retract") or (move.kind == "retract" and before == "back")
             rows.append((TOUCH if close else TRAVEL, start, end))
-            said.append(move)
+            said.append((move, number))
         before, begun = move.kind, begun or move.kind == "approach"
+        back = move.touch if move.kind == "back" else back
         if len(rows) >= CHUNK:
-            _refuse(plan, guard, rows, said)
+            _refuse(plan, guard, rows, said, faults)
             rows, said = [], []
-    _refuse(plan, guard, rows, said)
+    _refuse(plan, guard, rows, said, faults)
+
+
+def _leads(plan: Plan) -> dict[int, int]:
+    """plan → number of a touch → of the one to which the way from it leads; after the last one, one more."""
+    numbers = [touch.number for touch in plan.touches]
+    return dict(zip(numbers, [*numbers[1:], numbers[-1] + 1], strict=True))
 
 
 def _refuse(
-    plan: Plan, guard: Guard, rows: Sequence[tuple[int, tuple[float, ...], tuple[float, ...]]], said: Sequence[Move]
+    plan: Plan,
+    guard: Guard,
+    rows: Sequence[tuple[int, tuple[float, ...], tuple[float, ...]]],
+    said: Sequence[tuple[Move, int]],
+    faults: Faults | None,
 ) -> None:
     margin = np.array([row[0] for row in rows])
     for which in (TOUCH, TRAVEL):
         some = np.flatnonzero(margin == which)
         if len(some):
             found = guard.meets(np.array([rows[i][1:] for i in some.tolist()]), which)
-            for i in np.flatnonzero(found >= 0)[:1].tolist():
-                raise _refused(plan, said[int(some[i])], guard.pairs[int(found[i])], which)
+            for i in np.flatnonzero(found >= 0).tolist():
+                _note(plan, *said[int(some[i])], guard.pairs[int(found[i])], which, faults)
+
+
+def _note(plan: Plan, move: Move, number: int, pair: Pair, margin: int, faults: Faults | None) -> None:
+    """Raises InputError, or notes the fault of the way to that touch."""
+    error = _refused(plan, move, pair, margin)
+    if faults is None:
+        raise error
+    faults.setdefault(number, str(error))
 
 
 def _refused(plan: Plan, move: Move, pair: Pair, margin: int) -> InputError:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .. import check, kinematics
 from ..check.bodies import pairs
 from ..records import Array, Artefact, InputError, Machine, Plan, Strategy
-from .guard import Guard
+from .guard import Guard, Looked
 
 BLOCK = 4096  # touches worked on at once, so that memory does not grow with their number
 Rows = NDArray[np.integer]
@@ -68,8 +68,8 @@ def nowhere(axes: int) -> tuple[Rows, Array]:
     return np.empty(0, np.int32), np.empty((0, axes))
 
 
-def scene(machine: Machine, artefact: Artefact, strategy: Strategy) -> Scene:
-    """machine, artefact, strategy → what all its touches have in common."""
+def scene(machine: Machine, artefact: Artefact, strategy: Strategy, looked: Looked | None = None) -> Scene:
+    """machine, artefact, strategy → what all its touches have in common; `looked`: as of `Guard`."""
     chain, solid = kinematics.chain(machine), check.solid(artefact)
     facets = artefact.facets.values()
     normal = np.array([facet.normal for facet in facets])
@@ -78,7 +78,7 @@ def scene(machine: Machine, artefact: Artefact, strategy: Strategy) -> Scene:
     up = np.concatenate([kinematics.spindle_axis(chain, station[rows]) for rows in blocks(len(station))])
     top = np.concatenate([solid.top(up[rows]) for rows in blocks(len(station))])
     named = tuple(f"obstacle {number}{obstacle.name}" for number, obstacle in enumerate(artefact.obstacles, 1))
-    guard = Guard(machine, pairs(machine, solid, named, tuple(artefact.balls)))
+    guard = Guard(machine, pairs(machine, solid, named, tuple(artefact.balls)), looked)
     return Scene(machine, artefact, strategy, chain, solid, tuple(artefact.facets), tip, normal, station, up, top, guard)
 
 
