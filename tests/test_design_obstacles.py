@@ -1,4 +1,4 @@
-"""A design on a machine with something in the way leaves out what has no safe way, and says so; what is plainly too short ends early."""
+"""A design leaves out what has no safe way past an obstacle; a time that is plainly too short is refused before the search."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tango_cnc.plan import attempt, plan
 from tango_cnc.records import Cell, Indexation, InputError, Obstacle, Strategy
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-COLUMN = "\nobstacles:\n  - {kind: box, low: [230, -100, -300], high: [300, 100, 900], on: f, name: column}\n"
+COLUMN = Obstacle("box", low=(230, -100, -300), high=(300, 100, 900), on="f", title="column")
 POSES = ((0, 0), (-60, 0), (-60, 90), (0, 90), (30, 180))  # A, C in degrees
 
 
@@ -50,38 +50,32 @@ def test_a_walk_makes_every_turn_that_is_possible_in_a_possible_direction(seed: 
 
 
 def test_what_is_in_the_way_is_a_fault_of_one_turn_and_the_rest_of_the_plan_is_made() -> None:
-    column = Obstacle("box", low=(230, -100, -300), high=(300, 100, 900), on="f", title="column")
-    cell = trunnion(column)
+    cell = trunnion(COLUMN)
     with pytest.raises(InputError, match=r"A -60 C 90 S 0\): the table would come within 5 mm of obstacle 1"):
         plan(cell, "leave-out")
     made, faults = attempt(cell, "leave-out")
     assert list(faults) == [3] and len(made.touches) == len(POSES)
     assert reason(faults[3]) == "the table would come within 5 mm of obstacle 1 of machine.yaml (column, on f) while the axes turn"
-    without = tuple(visit for n, visit in enumerate(cell.strategy.indexations) if n != 2)
-    assert plan(replace(cell, strategy=replace(cell.strategy, indexations=without)), "leave-out").turns
 
 
 def test_a_turn_past_a_column_is_closed_and_the_others_are_timed() -> None:
-    column = Obstacle("box", low=(230, -100, -300), high=(300, 100, 900), on="f", title="column")
-    cell = trunnion(column)
+    cell = trunnion(COLUMN)
     times, faults = order.turns(cell, cell.strategy.indexations, 6000.0)
     assert (1, 2) in faults and (times[0, 1:] > 0).all()
     again, none = order.turns(cell, cell.strategy.indexations[:2], 6000.0, {(0, 1), (1, 0)})
     assert not none and again[0, 1] != again[0, 1]  # looked at before: NaN
 
 
-@pytest.mark.parametrize("goal", ["volume", "A"])
 def test_a_time_for_fewer_touches_than_unknowns_is_refused_before_anything_is_searched(
-    goal: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def searched(*_: object) -> None:
         raise AssertionError("searched")
 
     monkeypatch.setattr(choose, "_tried", searched)
-    asked = ["design", "-C", str(EXAMPLES / "split"), "--goal", goal, "--minutes", "4"]
+    asked = ["design", "-C", str(EXAMPLES / "split"), "--goal", "volume", "--minutes", "4"]
     assert guarded(tango.main, asked, standalone_mode=False) == 2
     said = capsys.readouterr().err
-    assert re.search(
-        r"--minutes: found 4; there is time for about \d+ touches, and the goal has \d+ unknowns or more; allowed: ", said
-    )
+    assert re.search(r"--minutes: found 4; there is time for about \d+ touches, and the goal has \d+ unknowns or more; ", said)
+    assert re.search(r"allowed: more than [\d.]+ minutes, or ", said)
     assert "--within MM" in said and "--terms S3 instead of S4" in said

@@ -63,7 +63,9 @@ class TooFew(NoTime):
     """There is time for fewer touches than the goal has unknowns."""
 
     def __init__(self, found: Chosen, touches: int, unknowns: int) -> None:
+        touch, visit, spare = costs_of(found)
         self.found = found
+        self.seconds = spare + visit + unknowns * touch / SPARE  # no plan does with less
         self.why = f"there is time for about {touches} touches, and the goal has {unknowns} unknowns or more"
         super().__init__(f"--minutes: found {found.problem.seconds / 60:.3g}; {self.why}; allow more time")
 

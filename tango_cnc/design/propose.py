@@ -142,7 +142,9 @@ def propose(ready: Setting) -> Chosen:
     except choose.TooShort as error:
         raise _refused(ready, error.found, "even the shortest plan takes longer") from None
     except choose.TooFew as error:
-        raise _refused(ready, error.found, error.why) from None
+        # How much more it takes a search would say, which lasts longer than somebody waits for a refusal.
+        least = f"more than {math.ceil(error.seconds / 30) / 2:g} minutes"
+        raise _refused(ready, error.found, error.why, least) from None
 
 
 def _proposed(ready: Setting) -> Chosen:
@@ -211,10 +213,13 @@ def _worth_making(ready: Setting, found: Chosen) -> Chosen:
     raise _refused(ready, found, why)
 
 
-def _refused(ready: Setting, found: Chosen, why: str) -> InputError:
-    """setting, plan, what is wrong with it → the error that names the minutes that would do, and what would do besides."""
-    problem, minutes = found.problem, _needed(found, serves)
-    said = [f"about {minutes:g} minutes or more" if minutes else f"more than {LONGEST:g} minutes"]
+def _refused(ready: Setting, found: Chosen, why: str, least: str = "") -> InputError:
+    """setting, plan, what is wrong with it, minutes that would do if known → the error that names these, and what else does."""
+    problem = found.problem
+    if not least:
+        minutes = _needed(found, serves)
+        least = f"about {minutes:g} minutes or more" if minutes else f"more than {LONGEST:g} minutes"
+    said = [least]
     if ready.wish.approach.standoff > SHORT:
         said.append("shorter touches by --within MM, where it is known how far facets are from their places")
     if not problem.choice.twice and "S4" in ready.wish.terms:
