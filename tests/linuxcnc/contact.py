@@ -61,7 +61,9 @@ class Table:
             self.contacts.append({"time": time, "surface": self._name(), "at": self._trip.tolist(), "sense": self._sense.tolist()})
         self._known = on
         if self._pressed:
-            if self._gaps(position)[self._row] < FREE:
+            # The signal is read after the position, which on a busy computer may be one of long before the contact: far from the
+            # surface the stylus is free only once the signal is off. A new plane under a deflected stylus trips the probe again.
+            if on or self._gaps(position)[self._row] < FREE:
                 return None
             self._pressed, self._line = False, None
             if not moved.any():
