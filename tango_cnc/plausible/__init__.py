@@ -105,7 +105,13 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
         first = direct
     else:
         first = []
-    first = [s for s in own if s.text in sure] + [s for s in first if s.text not in sure]
+    # Positions that no probe made: that a spindle seems to stand still, or a table to have moved, follows from it.
+    copied = [s for s in own if s.kind == "copied_positions" and not s.touches]
+    first = [
+        *copied,
+        *(s for s in own if s.text in sure and s not in copied),
+        *(s for s in first if s.text not in sure and s not in copied),
+    ]
     kinds = {s.kind for s in first if s.text in sure}
     rest = [s for s in tried if s.kind not in kinds]
     if any(r.incomplete for r in found):  # so few touches fit many mistakes, and those that are missing say the most
