@@ -12,7 +12,9 @@ import pytest
 from click.testing import CliRunner
 
 from tango_cnc.cli import guarded, tango
+from tango_cnc.commands.estimate import sound_words
 from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
+from tango_cnc.judgement import Judgement
 from tango_cnc.report.verdict import Check, worst_of
 from tango_cnc.verify.held_out import HeldOut
 
@@ -64,6 +66,8 @@ def test_a_sound_cell_is_trustworthy(cell: Path, capsys: pytest.CaptureFixture[s
     assert (data["verdict"], data["suspicions"], data["untrusted"]) == ("trustworthy", [], [])
     shown = called(capsys, "estimate", "-C", cell, "--readings", readings_of(cell))[1]
     assert shown.splitlines()[-1] == "trustworthy: nothing was found that speaks against these numbers"
+    doubted = Judgement("trustworthy", untrusted=("EX0C",))
+    assert sound_words(doubted).startswith("trustworthy but for EX0C:")
 
 
 def test_an_axis_that_turns_the_other_way_is_implausible(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -250,6 +250,14 @@ def test_a_report_without_a_limit_says_how_to_state_one(facts: Facts) -> None:
     assert not any("State a limit" in line for line in page.context(judged)["todo"]) and "--limit-um" not in summary(judged, 200)
 
 
+def test_a_parameter_that_is_not_to_be_trusted_is_marked_where_it_is_first_seen(facts: Facts) -> None:
+    name = page.context(facts)["largest"][0]["name"]
+    doubted = replace(facts, judgement=replace(facts.judgement, untrusted=(name,)))
+    first = page.render(doubted).partition("Does the model fit the touches?")[0]
+    assert f"but {name} must not be used" in first and f'<code>{name}</code> <span class="key">' in first
+    assert "must not be used" not in page.render(facts)
+
+
 def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts) -> None:
     t = texts()
     quiet = verdict(replace(facts, nights=Nights("2026-11-22", "good", "as it should be", 0)), t)

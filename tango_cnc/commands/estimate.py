@@ -96,7 +96,7 @@ def command(
     if exclude_outliers:
         data["excluded"] = gone
     if not write_json(json_file, data):
-        sound = [] if judgement.verdict != "trustworthy" else ["trustworthy: nothing was found that speaks against these numbers"]
+        sound = [] if judgement.verdict != "trustworthy" else [sound_words(judgement)]
         click.echo("\n".join([*told(judgement), as_text(result, figures), *([bar] if bar else []), *sound]))
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
@@ -106,6 +106,13 @@ def command(
     if skipped:
         click.echo(f"{skipped} of {len(readings)} touches made no proper contact (miss or early) and were not used", err=True)
     return status(judgement, despite)
+
+
+def sound_words(judgement: Judgement) -> str:
+    """judgement of trustworthy numbers → what ends the output, without those that are not to be trusted."""
+    if judgement.untrusted:
+        return f"trustworthy but for {', '.join(judgement.untrusted)}: the notes above say why and what to do"
+    return "trustworthy: nothing was found that speaks against these numbers"
 
 
 def _blamed(error: NoFit) -> tuple[int, ...]:

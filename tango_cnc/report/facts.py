@@ -278,7 +278,10 @@ def _plausible(f: Facts, t: Texts) -> Check:
         likely = "todo.plausible_part" if s.fits is False else "todo.plausible_likely"
         todo = t(likely, text=s.text, where=f"{s.file}{line}", change=s.change)
     why = "; ".join(t.of(r) for r in j.reasons)
-    return Check("plausible", level, t(f"judged.{j.verdict}"), t(f"check.plausible_{level}", why=why), todo)
+    text = t(f"check.plausible_{level}", why=why)
+    if level == "good" and j.untrusted:
+        text = t("check.plausible_but", names=", ".join(j.untrusted))
+    return Check("plausible", level, t(f"judged.{j.verdict}"), text, todo)
 
 
 def _complete(f: Facts, t: Texts) -> Check:
