@@ -54,6 +54,16 @@ def checked(outcomes: list[blind.Outcome]) -> None:
     assert not low, low
 
 
+@pytest.mark.long
+def test_three_large_causes_come_back_where_the_scale_bar_is_left_out(bench: tuple[blind.Bench, blind.Eyes]) -> None:
+    """There a scale is free, and what is left of its column are the residuals: kept as a column, it leaves nothing to explain."""
+    causes = ["rotary_axial", "encoder_harmonic", "move_length_memory"]
+    found = blind.trial(*bench, causes, (0.003, 0.006), 3103086)
+    assert found is not None
+    assert sorted(blind.names(found[1])) == sorted(causes)
+    assert all(f.stability is not None and f.stability.times == f.stability.of for f in found[1].findings)
+
+
 @pytest.mark.campaign
 def test_a_sample_keeps_to_the_table() -> None:
     """Every third trial of a round: about fifty, with seeds that nothing was tuned on."""

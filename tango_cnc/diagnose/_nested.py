@@ -17,7 +17,7 @@ from ._catalogue import Chosen
 from ._explain import Explanation
 from ._gain import add, residual_maker, rms
 from ._records import ALONE, SUBSETS, Stability
-from ._space import RIDGE
+from ._space import RIDGE, faint
 
 NEAR = 10.0  # evidence by which another cause may be better in a subset: no very strong evidence against a name
 
@@ -89,7 +89,7 @@ class Folds:
         touches = inside[inside < n]
         scale = np.linalg.norm(design[inside], axis=0)
         u, s, _ = np.linalg.svd(design[inside] / np.where(scale > 0, scale, 1.0), full_matrices=False)
-        u = u[:, s > 1e-5 * s[0]]
+        u = u[:, s > faint(data[touches]) * s[0]]
         y = data[inside] - u @ (u.T @ data[inside])
         q = u[: len(touches)]
         x = self.columns[touches]

@@ -21,6 +21,8 @@ from ..records import Array
 
 RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 40.0)  # variance of a kernel over that of the white noise
 COARSE = (0.0, 0.1, 3.0)  # of them, where the search begins
+FAINT = 1e-5  # part of a column that is left of a free scale at the real positions, 0.1 mm beside the nominal ones
+LEVER = 30.0  # mm: no machine is so small
 UNSEEN = 1e-3  # part of a column outside the model that is as good as none
 REPEATED = 1e-9  # of a whitened pattern's own length: no more than rounding is left of it beside the selected ones
 RIDGE = 1e-5  # of a pattern's own length: less than this is left of it when it repeats what is selected
@@ -108,6 +110,15 @@ def space(residual: Array, jacobian: Array, n: int, kernels: Sequence[Array], fa
         projected.append(inside / mean if mean > 0 else inside)
         scales.append(mean)
     return Space(basis, full.T @ residual, tuple(projected), tuple(scales))
+
+
+def faint(data: Array) -> float:
+    """residuals of a part of the touches, mm → part of a column that is no column of its own there.
+
+    Without the scale bar the scale is free: all lengths that are fitted, times one number. What is left of that column are the
+    residuals themselves over the size of the machine, and whoever keeps it has no residuals any more.
+    """
+    return max(FAINT, float(np.sqrt(np.mean(data**2))) / LEVER)
 
 
 @dataclass(frozen=True)

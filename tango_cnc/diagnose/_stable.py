@@ -13,10 +13,8 @@ from ._catalogue import Chosen
 from ._contest import Field, Outcome, contest, shortlist
 from ._explain import Explanation
 from ._records import ALONE, SUBSETS, Stability
-from ._space import space
+from ._space import faint, space
 
-# Without the scale bar the scale is free, and at the real positions, 0.1 mm beside the nominal ones, that looks like a faint lever.
-FAINT = 1e-5
 WEAK = 10.0  # evidence by which a shape may be better in a subset: no very strong evidence against a name
 
 
@@ -39,7 +37,7 @@ def stability(
         inside = touches.indexation % SUBSETS != left_out
         rows = np.flatnonzero(inside)
         whole = np.concatenate([rows, np.arange(n, len(base))])
-        place = space(data[whole], base[whole], len(rows), (), FAINT)
+        place = space(data[whole], base[whole], len(rows), (), faint(data[rows]))
         part = Field([replace(k, columns=k.columns[rows]) for k in few], place.basis, weight[rows], field.means, rows)
         part.among = field.among
         kept = [_restricted(c, place.basis, rows) for c in outcome.named]
