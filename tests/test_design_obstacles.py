@@ -76,6 +76,9 @@ def test_a_time_for_fewer_touches_than_unknowns_is_refused_before_anything_is_se
     asked = ["design", "-C", str(EXAMPLES / "split"), "--goal", "volume", "--minutes", "4"]
     assert guarded(tango.main, asked, standalone_mode=False) == 2
     said = capsys.readouterr().err
-    assert re.search(r"--minutes: found 4; there is time for about \d+ touches, and the goal has \d+ unknowns or more; ", said)
+    assert re.search(
+        r"--minutes: found 4; there is time for about \d+ touches, and the goal has \d+ unknowns besides those of the facets; ",
+        said,
+    )
     assert re.search(r"allowed: more than [\d.]+ minutes, or ", said)
     assert "--within MM" in said and "--terms S3 instead of S4" in said

@@ -6,6 +6,9 @@ take is what the next choice is made with, until the time is met.
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
 
@@ -41,8 +44,9 @@ WORSE = 4  # plans in a row that are no better than the best so far
 PART = 0.8  # of the time left over that is used at once
 AGAIN, GAIN = 3, 0.99  # times that a plan is made better at the same visits at most, and of φ what is worth another time
 FIRST = 3  # times that a first plan is looked for where all of one had no safe way
+LONG = 36_000.0  # s, longer than any plan
 TRIED = 3  # indexations of a plan that says what a touch takes
-SPARE = 1.25  # times as many touches as that plan has time for are thought possible
+SPARE = 1.1  # times as many seconds are counted: ways of that plan are short already
 SHARP = 3.0  # power of each variance by which the worst of many counts more
 Mask = NDArray[np.bool_]
 
@@ -63,10 +67,10 @@ class TooFew(NoTime):
     """There is time for fewer touches than the goal has unknowns."""
 
     def __init__(self, found: Chosen, touches: int, unknowns: int) -> None:
-        touch, visit, spare = costs_of(found)
         self.found = found
-        self.seconds = spare + visit + unknowns * touch / SPARE  # no plan does with less
-        self.why = f"there is time for about {touches} touches, and the goal has {unknowns} unknowns or more"
+        half = (30.0 * n for n in itertools.count(math.ceil(found.problem.seconds / 30)))
+        self.seconds = next(s for s in half if s > LONG or most_told(found.problem, costs_of(found), s)[0] >= unknowns)
+        self.why = f"there is time for about {touches} touches, and the goal has {unknowns} unknowns besides those of the facets"
         super().__init__(f"--minutes: found {found.problem.seconds / 60:.3g}; {self.why}; allow more time")
 
 
@@ -170,14 +174,24 @@ def _hopeless(problem: Problem) -> None:
         trial, _ = passable(own, mask, sorted(fullest.tolist()), order.Legs(choice.cell, problem.feed))
     except NoWay:
         return
-    if (most := most_touches(costs_of(trial), problem.seconds)) < least:
-        raise TooFew(trial, round(most / SPARE), least)
+    most, touches = most_told(problem, costs_of(trial), problem.seconds)
+    if most < least:
+        raise TooFew(trial, round(touches / SPARE), least)
 
 
-def most_touches(costs: tuple[float, float, float], seconds: float) -> float:
-    """s of a facet, of a visit and of all else in some plan, s → facets that a plan of that time touches at most, and some more."""
+def most_told(problem: Problem, costs: tuple[float, float, float], seconds: float) -> tuple[float, float]:
+    """problem, s of a facet, of a visit and of all else, s → unknowns of the machine that a plan can tell at most; its touches.
+
+    At each visit a facet is worth one touch, and every facet touched brings an unknown of its own; those of a ball share three.
+    """
     touch, visit, spare = costs
-    return SPARE * max(seconds - spare - visit, 0.0) / touch
+    of_ball = Counter(facet.ball for facet in problem.choice.cell.artefact.facets.values() if facet.ball is not None)
+    own = min([1.0, *(3 / count for count in of_ball.values())])
+    visits = np.arange(1, len(problem.choice.of_pose) + 1)
+    touches = np.maximum(SPARE * (seconds - spare) - visits * visit, 0.0) / touch
+    told = touches * (1 - own / visits)
+    best = int(np.argmax(told))
+    return float(told[best]), float(touches[best])
 
 
 def least_touches(problem: Problem) -> int:

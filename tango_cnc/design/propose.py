@@ -143,7 +143,7 @@ def propose(ready: Setting) -> Chosen:
         raise _refused(ready, error.found, "even the shortest plan takes longer") from None
     except choose.TooFew as error:
         # How much more it takes a search would say, which lasts longer than somebody waits for a refusal.
-        least = f"more than {math.ceil(error.seconds / 30) / 2:g} minutes"
+        least = f"more than {error.seconds / 60:g} minutes"
         raise _refused(ready, error.found, error.why, least) from None
 
 
@@ -252,7 +252,7 @@ def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | No
         seconds = 60 * minutes - spare
         if seconds < visit + 3 * touch:  # what every plan needs takes longer
             continue
-        if choose.most_touches((touch, visit, spare), 60 * minutes) < least:
+        if choose.most_told(found.problem, (touch, visit, spare), 60 * minutes)[0] < least:
             continue
         relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
         mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)
