@@ -34,7 +34,7 @@ def files(target: str) -> dict[str, str]:
     limits = {axis.name: axis.travel or (-3.0, 3.0) for axis in one.axes if axis.name in (*one.linear, *one.rotary)}
     settings = targets.options(module, ["points=3"] if "points" in module.OPTIONS else [])
     request = targets.Request(one, limits, settings)
-    targets.checked(module, request)
+    module.check(request)
     held = module.held(request)
     made: dict[str, str] = module.files(request, held, {h.place: h.base + 0.001 * (i % 7 - 3) for i, h in enumerate(held)})
     return {name: text + VALUES * (name == "iso230.yaml") for name, text in made.items()}
