@@ -20,7 +20,7 @@ def whole(name: str, target: str, folder: Path) -> str:
     c = closed(name, target, folder, SETTINGS.get(target, ()))
     said = (
         f"{name:22s} {target:12s} can hold {c.held_before:6.2f} µm, gone {100 * c.gone:5.1f} %; true {c.true_before:6.2f} → "
-        f"{c.true_after:5.2f} µm, foretold {c.proposal.fit.rms_after.value:5.2f}"
+        f"{c.true_after:5.2f} µm, predicted {c.proposal.fit.rms_after.value:5.2f}"
     )
     print(said)
     # An increment of a micrometre is more than 5 % of what little some machines have of such errors.

@@ -66,8 +66,8 @@ def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, t
     assert next(iter(json.loads((folder / loop.RECORD).read_text()).items())) == ("simulated", loop.SIMULATED)
     assert run("compensate", "--check", folder).exit_code == 0
     assert any("SIMULATED READINGS, FOR NO MACHINE" in line for line in out.read_text().splitlines()[:2])
-    foretold = run("predict", "-C", mill, part, "--zero", "X=0,Y=0,Z=0")
-    assert foretold.stdout.splitlines()[0] == predict.SIMULATED
+    predicted = run("predict", "-C", mill, part, "--zero", "X=0,Y=0,Z=0")
+    assert predicted.stdout.splitlines()[0] == predict.SIMULATED
 
 
 def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> None:

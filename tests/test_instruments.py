@@ -13,10 +13,10 @@ from click.testing import CliRunner
 from tango_cnc.cli import tango
 from tango_cnc.estimate import Estimate
 from tango_cnc.files import read_cell
-from tango_cnc.instruments import Compared, Foretold, Wanted, compare, foretell, names_of, path_of, read_measured
+from tango_cnc.instruments import Compared, Predicted, Wanted, compare, names_of, path_of, predict, read_measured
 from tango_cnc.iso230 import ranges
 from tango_cnc.records import InputError
-from tests.support.instrument_truth import EXAMPLES, foretold, machine_and_estimate, shown
+from tests.support.instrument_truth import EXAMPLES, machine_and_estimate, predicted, shown
 from tests.support.truth import Truth
 
 NOISE = 0.3  # µm, of one reading of an instrument
@@ -30,7 +30,7 @@ def machine(example: str, seed: int) -> tuple[Truth, Estimate]:
 @pytest.mark.parametrize("name", ["laser-X", "circle-XY", "rotary-C"])
 def test_the_interval_of_every_figure_holds_what_the_instrument_shows(name: str) -> None:
     truth, result = machine("hu40t", 5)
-    told = foretold(result, name)
+    told = predicted(result, name)
     real = shown(truth, told)[1]
     given = [f for f in told.figures if f.value is not None and f.interval is not None]
     assert len(given) >= 3
@@ -39,10 +39,10 @@ def test_the_interval_of_every_figure_holds_what_the_instrument_shows(name: str)
         assert f.interval[0] - 1e-3 <= real[f.name] <= f.interval[1] + 1e-3, f.name
 
 
-def test_a_large_error_of_location_is_foretold_with_its_size() -> None:
+def test_a_large_error_of_location_is_predicted_with_its_size() -> None:
     """C stands 60 µm from where it should: an R-test goes round twice that."""
     truth, result = machine("hu40t", 5)
-    told = foretold(result, "rotary-C")
+    told = predicted(result, "rotary-C")
     real = shown(truth, told)[1]
     sizes = [(f.value, real[f.name]) for f in told.figures if f.value is not None and real[f.name] > 20]
     assert sizes, "too small to show anything"
@@ -50,7 +50,7 @@ def test_a_large_error_of_location_is_foretold_with_its_size() -> None:
         assert value == pytest.approx(size, rel=0.25)
 
 
-def file_of(truth: Truth, told: Foretold, file: Path, wrong: float = 0.0) -> Path:
+def file_of(truth: Truth, told: Predicted, file: Path, wrong: float = 0.0) -> Path:
     """A CSV file as the instrument's program writes it; `wrong` µm/mm or µm/rad are added."""
     reading, _ = shown(truth, told, NOISE)
     first = "angle_deg" if told.path.turns else "position_mm"
@@ -73,15 +73,15 @@ def file_of(truth: Truth, told: Foretold, file: Path, wrong: float = 0.0) -> Pat
 )
 def test_a_measured_file_agrees_and_one_of_another_machine_differs(name: str, wrong: float, tmp_path: Path) -> None:
     truth, result = machine("hu40t", 5)
-    before, over = foretold(result, name), ranges(result.model.touches)
+    before, over = predicted(result, name), ranges(result.model.touches)
     wanted, channels = Wanted(name, "rtest", before.path.radius), before.path.channels
-    at_file: list[Foretold] = []
+    at_file: list[Predicted] = []
 
     def found(wrong: float) -> Compared:
         own = read_measured(file_of(truth, before, tmp_path / f"{wrong}.csv", wrong), channels, before.path.turns)
         if not at_file:
             path = path_of(result.model.touches.machine, over, wanted, own.command, own.sense)
-            at_file.append(foretell(result, path))
+            at_file.append(predict(result, path))
         return compare(at_file[0], own, 4 * NOISE)
 
     right, other = found(0.0), found(wrong)

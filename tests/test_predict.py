@@ -1,4 +1,4 @@
-"""A part foretold, cut by the true machine and measured: what the intervals say is what a CMM finds."""
+"""A part predicted, cut by the true machine and measured: what the intervals say is what a CMM finds."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def covered(seeds: range, file: Path) -> tuple[int, int]:
         result = measured(cell, one)
         touches = result.model.touches
         found = known(result, sample(cell.machine, limits_of(cell.machine, touches, "probed", {}), 40))
-        told = features.foretell(wanted, Setup(cell.machine, ZERO, LENGTH), found, {}, predict.touched_of(touches))
+        told = features.predict(wanted, Setup(cell.machine, ZERO, LENGTH), found, {}, predict.touched_of(touches))
         truth = cut_and_measured(cell.machine, one, rng)
         assert {t.name for t in told} == set(truth)
         within += sum(t.low <= truth[t.name] <= t.high for t in told)
@@ -42,7 +42,7 @@ def covered(seeds: range, file: Path) -> tuple[int, int]:
     return within, count
 
 
-def test_a_part_is_as_foretold(tmp_path: Path) -> None:
+def test_a_part_is_as_predicted(tmp_path: Path) -> None:
     (tmp_path / "f.yaml").write_text(checks())
     within, count = covered(range(2), tmp_path / "f.yaml")
     assert within >= 0.75 * count

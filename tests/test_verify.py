@@ -282,7 +282,7 @@ def test_model_and_simulator_touch_the_sphere_alike() -> None:
 
 
 @pytest.mark.long
-def test_the_scatter_that_a_sphere_test_must_show_is_foretold() -> None:
+def test_the_scatter_that_a_sphere_test_must_show_is_predicted() -> None:
     """Both vary: the readings that the estimate comes from, and the touches on the sphere."""
     artefact, strategy = sphere.sphere_cell(cell().machine, cell().strategy.indexations[:20], (0, 150, 100), 9.525)
     found = []

@@ -106,7 +106,7 @@ def of_part(
     wider = float(special.stdtrit(sheet.freedom, 0.5 + COVERAGE / 2)) / normal
     touched = touched_of(sheet.whole.touches)
     found = []
-    for f in features.foretell(wanted, setup, known, labels, touched):
+    for f in features.predict(wanted, setup, known, labels, touched):
         low, high = f.value - wider * (f.value - f.low), f.value + wider * (f.high - f.value)
         figure = OnPart(PART, f.name, "µm", f.value, (low, high), None, f.kind)
         why = ""

@@ -61,7 +61,7 @@ def test_options(call: Any) -> Any:
     return call
 
 
-def foretold(folder: Path, result: Estimate, options: dict[str, Any]) -> tuple[dict[str, Any], str, int]:
+def predicted(folder: Path, result: Estimate, options: dict[str, Any]) -> tuple[dict[str, Any], str, int]:
     """cell, estimate, options → plain data of the format tango-test/1, text, exit status (1 where a figure differs)."""
     machine = result.model.touches.machine
     wanted = instruments.Wanted(
@@ -76,7 +76,7 @@ def foretold(folder: Path, result: Estimate, options: dict[str, Any]) -> tuple[d
             machine, ranges(result.model.touches), replace(wanted, radius=radius), measured.command, measured.sense
         )
     laser = path.name.startswith("laser")
-    told = instruments.foretell(result, path, thermal_of(folder), at_reference=laser, budget=budget_of(folder, result))
+    told = instruments.predict(result, path, thermal_of(folder), at_reference=laser, budget=budget_of(folder, result))
     compared = None if measured is None else instruments.compare(told, measured, options["instrument_um"])
     data = _data(told) | ({} if compared is None or measured is None else _compared(compared, measured, options["instrument_um"]))
     differs = compared is not None and any(f.verdict == "differs" for f in compared.figures)
@@ -104,7 +104,7 @@ def _place(text: str | None, machine: Machine) -> dict[str, float]:
     return found
 
 
-def _data(told: instruments.Foretold) -> dict[str, Any]:
+def _data(told: instruments.Predicted) -> dict[str, Any]:
     path = told.path
     command = np.degrees(path.command) if path.turns else path.command
     return {
@@ -154,7 +154,7 @@ def _compared(found: instruments.Compared, measured: instruments.Measured, own: 
     }
 
 
-def _text(told: instruments.Foretold, found: instruments.Compared | None, measured: instruments.Measured | None) -> list[str]:
+def _text(told: instruments.Predicted, found: instruments.Compared | None, measured: instruments.Measured | None) -> list[str]:
     path = told.path
     lines = [f"{path.name}: {path.text}", path.reference.text]
     if path.name.startswith("laser"):

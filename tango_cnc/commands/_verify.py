@@ -197,7 +197,7 @@ class Verification:
         return np.array([known[f].point for f in facets]), np.array([known[f].normal for f in facets]), residual, spread
 
     def sphere(self) -> None:
-        """Foretells or evaluates the sphere test."""
+        """Predicts or evaluates the sphere test."""
         if self.options.sphere_cell:
             other = read_cell(self.options.sphere_cell)
             if other.machine.topology != self.cell.machine.topology:

@@ -58,7 +58,7 @@ def command(**options: Any) -> int:
     simulated = made_up(origin)
     first = [SIMULATED] if simulated else []
     if options["test"] is not None:
-        shown, text, differs = _test.foretold(cell.folder, result, options)
+        shown, text, differs = _test.predicted(cell.folder, result, options)
         if not write_json(options["json_file"], {"simulated": True, **shown} if simulated else shown):
             click.echo("\n".join([*first, text]))
         return differs
@@ -71,7 +71,7 @@ def command(**options: Any) -> int:
         way, labels = predict.along(lines, language, setup, known, touched)
     if not way.points:
         raise TangoError(f"{source}: found no motion at feed, so there is nothing to predict")
-    found = features.foretell(wanted, setup, known, labels, touched) if wanted is not None else []
+    found = features.predict(wanted, setup, known, labels, touched) if wanted is not None else []
     data = _data(source, way, found)
     if options["picture"] is not None:
         _draw(options["picture"], way)
@@ -97,7 +97,7 @@ def _one_of_two(options: dict[str, Any]) -> None:
             raise InputError(f"predict: found --{option}; allowed: {allowed}")
 
 
-def _data(source: Path, way: predict.Way, found: list[features.Foretold]) -> dict[str, Any]:
+def _data(source: Path, way: predict.Way, found: list[features.Predicted]) -> dict[str, Any]:
     rms = float(np.sqrt(way.squares / way.points))
     share = {name: float(np.sqrt(value / way.points)) for name, value in way.by_name.items()}
     causes = sorted(share.items(), key=lambda item: -item[1])

@@ -5,23 +5,23 @@ of the machine, and so is what setting it up takes out (where its ball or its re
 fit with every error motion of the topology.
 """
 
-from .foretell import Foretold, Row, foretell
 from .measured import Agreement, Compared, Measured, compare, read_measured
 from .path import INSTRUMENTS, Path, Wanted, commanded, names_of, path_of
+from .predict import Predicted, Row, predict
 
 __all__ = [
     "INSTRUMENTS",
     "Agreement",
     "Compared",
-    "Foretold",
     "Measured",
     "Path",
+    "Predicted",
     "Row",
     "Wanted",
     "commanded",
     "compare",
-    "foretell",
     "names_of",
     "path_of",
+    "predict",
     "read_measured",
 ]

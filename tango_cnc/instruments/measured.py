@@ -1,4 +1,4 @@
-"""What an instrument showed, out of a CSV file, against what was foretold."""
+"""What an instrument showed, out of a CSV file, against what was predicted."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from scipy import special
 from ..files.checked import complaint, read_text
 from ..iso230.signed import OnPart
 from ..records import Array
-from .foretell import Foretold
 from .path import Path
+from .predict import Predicted
 
 COVERAGE = 0.95
 LARGEST = 1e5  # µm
@@ -34,11 +34,11 @@ class Measured:
 
 @dataclass(frozen=True)
 class Agreement:
-    """One figure measured and foretold, µm; `normalized` is E_n of ISO 17043: beyond ±1 they differ."""
+    """One figure measured and predicted, µm; `normalized` is E_n of ISO 17043: beyond ±1 they differ."""
 
     name: str
     measured: float
-    foretold: OnPart
+    predicted: OnPart
     normalized: float | None  # None where the figure is withheld
 
     @property
@@ -52,7 +52,7 @@ class Compared:
     """All readings and figures of a test, µm."""
 
     figures: tuple[Agreement, ...]
-    difference: Array  # (q, n) measured minus foretold, without what setting up takes out
+    difference: Array  # (q, n) measured minus predicted, without what setting up takes out
     rms: float
     expected: float  # rms that prediction and instrument allow for
     inside: float  # share of readings within their own 95 % interval
@@ -105,8 +105,8 @@ def _number(file: File, line: int, column: str, word: str, comma: str) -> float:
     return value
 
 
-def compare(told: Foretold, measured: Measured, expanded: float = 0.0) -> Compared:
-    """what was foretold at the commands of the file, what was measured, U (k = 2) of one reading (µm) → how they agree."""
+def compare(told: Predicted, measured: Measured, expanded: float = 0.0) -> Compared:
+    """what was predicted at the commands of the file, what was measured, U (k = 2) of one reading (µm) → how they agree."""
     path: Path = told.path
     q, n = path.ways.shape[:2]
     found = told.free @ measured.reading.reshape(q * n)

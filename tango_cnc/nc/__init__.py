@@ -1,1 +1,1 @@
-"""NC programs: read block by block, compensated, foretold (docs/compensate.md)."""
+"""NC programs: read block by block, compensated, predicted (docs/compensate.md)."""

@@ -49,7 +49,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Foretold:
+class Predicted:
     """A feature: µm against the program, its 95 % interval, whether it lies where nothing was touched."""
 
     name: str
@@ -89,9 +89,9 @@ def _check(node: Node, places: Mapping[str, object]) -> Check:
     return Check(fields["name"].text() if "name" in fields else f"{kind} {' '.join(of)}", kind, of, datum)
 
 
-def foretell(
+def predict(
     wanted: Wanted, setup: Setup, known: Known, labels: Mapping[str, Sequence[Motion]], touched: Mapping[str, tuple[float, float]]
-) -> list[Foretold]:
+) -> list[Predicted]:
     """checks, set-up, what is known, motions by label, touched ranges → every feature. Raises InputError for unknown blocks."""
     result = []
     for check in wanted.checks:
@@ -104,7 +104,7 @@ def foretell(
             low, middle, high = np.quantile(draws, [0.025, 0.5, 0.975])
             if check.kind == "circularity":  # a range is never less than that of the scatter alone
                 value = float(middle)
-            result.append(Foretold(name, check.kind, value, float(low), float(high), outside))
+            result.append(Predicted(name, check.kind, value, float(low), float(high), outside))
     return result
 
 

@@ -1,4 +1,4 @@
-"""A program, foretold: where the tip will be against where the program means it, how sure that is, and what makes it so."""
+"""A program, predicted: where the tip will be against where the program means it, how sure that is, and what makes it so."""
 
 from __future__ import annotations
 

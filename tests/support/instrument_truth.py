@@ -16,7 +16,7 @@ import numpy as np
 
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell
-from tango_cnc.instruments import Foretold, Wanted, foretell, path_of
+from tango_cnc.instruments import Predicted, Wanted, path_of, predict
 from tango_cnc.iso230 import ranges
 from tango_cnc.records import Readings, TangoError
 from tests.support.truth import Truth
@@ -49,13 +49,13 @@ def names_for(result: Estimate) -> list[str]:
     return found + [f"rotary-{a}" for a in machine.rotary if a in over]
 
 
-def foretold(result: Estimate, name: str) -> Foretold:
+def predicted(result: Estimate, name: str) -> Predicted:
     """estimate, name of a test → what the product says that an R-test, ball bar or laser shows."""
     machine = result.model.touches.machine
-    return foretell(result, path_of(machine, ranges(result.model.touches), Wanted(name, "rtest")))
+    return predict(result, path_of(machine, ranges(result.model.touches), Wanted(name, "rtest")))
 
 
-def shown(truth: Truth, told: Foretold, noise: float = 0.0, seed: int = 0) -> tuple[np.ndarray, Figures]:
+def shown(truth: Truth, told: Predicted, noise: float = 0.0, seed: int = 0) -> tuple[np.ndarray, Figures]:
     """machine, test, scatter of a reading (µm) → readings (q, n) µm as the instrument gives them, figures by name."""
     kind, _, letters = told.path.name.partition("-")
     q, sense, n = told.path.command, told.path.sense, len(told.path.command)
@@ -146,7 +146,7 @@ def main(count: int, names: tuple[str, ...]) -> None:
                 print(name, error)
                 break
             for test in names_for(result):
-                told = foretold(result, test)
+                told = predicted(result, test)
                 real = shown(truth, told)[1]
                 for f in told.figures:
                     row = table[test]

@@ -1,4 +1,4 @@
-"""A test, foretold: every reading and figure with its interval, out of the fit with every error motion."""
+"""A test, predicted: every reading and figure with its interval, out of the fit with every error motion."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Foretold:
+class Predicted:
     """What an instrument should show, µm; readings are about what setting it up takes out."""
 
     path: Path
@@ -46,9 +46,9 @@ class Foretold:
     budget: tuple[str, ...] = ()  # sources that the budget names; empty: the intervals have the scatter of the touches alone
 
 
-def foretell(
+def predict(
     result: Estimate, path: Path, thermal: Thermal | None = None, at_reference: bool = False, budget: Budget | None = None
-) -> Foretold:
+) -> Predicted:
     """estimate, path, temperatures, whether the instrument gives lengths at 20 °C, budget → what it should show.
 
     Raises TangoError where there are too few touches.
@@ -77,7 +77,7 @@ def foretell(
     value = (every.curve @ learned.values * 1e3).reshape(q, n)
     state = "not stated" if thermal is None or not kind else "20 °C" if at_reference else "as found"
     figures = tuple(told(a, wide, learned, spread.get((a.kind, a.name), ())) for a in asks)
-    return Foretold(path, figures, rows, value, std, covariance, free, state, () if budget is None else budget.named)
+    return Predicted(path, figures, rows, value, std, covariance, free, state, () if budget is None else budget.named)
 
 
 def _weighed(row: Row, readings: Array) -> Array:
