@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -201,10 +202,11 @@ def test_late_or_early_one_way_and_backlash_cannot_be_told_apart_and_the_result_
     letter = "XYZ"[axis]
     assert not found[0], "nothing is late"
     side = {1: "-", -1: "+", 0: "±"}[sign]
-    said = next(t for t in found[1] if f"touches toward {letter}{side} that" in t)
-    assert judgement.verdict == verdict and all(name in said for name in named)
-    word = "latched " if size > 0 else "read "
-    assert float(said.split(word)[1].split(" ")[0]) == pytest.approx(abs(size) * 1000.0, rel=0.15)
+    (said,) = found[1]
+    assert ("latched late" if size > 0 else "read early") in said
+    way = next(w for w in re.split(": |, or ", said) if (f"toward {letter}{side} (" in w if sign else "both ways (" in w))
+    assert judgement.verdict == verdict and all(name in way for name in named)
+    assert float(way.split(" ")[0]) == pytest.approx(abs(size) * 1000.0, rel=0.15)
     assert set(named) <= set(judgement.untrusted)
     wrong = [n for n in named if abs(result.value(n) - world.errors.get(n, 0.0)) > 5 * result.parameters[n].std]
     assert set(wrong) == set(named), "what is named is really wrong by many standard deviations"
@@ -222,3 +224,16 @@ def test_a_tip_calibrated_too_small_on_one_side_is_not_told_from_backlash_and_no
     wrong = {n for n, p in result.parameters.items() if abs(p.value - world.errors.get(n, 0.0)) > 5 * p.std}
     assert wrong == {"EY0S", "EYYb"} <= set(judgement.untrusted) and judgement.verdict == "doubtful"
     assert result.sigma < 2 * cell.machine.probe.repeatability, "the fit shows nothing of it"
+
+
+@pytest.mark.parametrize(("stated", "trusted"), [(0.002, True), (0.05, False)])
+def test_backlash_beyond_what_a_calibrated_tip_can_make_is_trusted(measured: Measured, stated: float, trusted: bool) -> None:
+    cell, world, _ = measured
+    machine = replace(cell.machine, tolerances=replace(cell.machine.tolerances, direction=stated))
+    worn = replace(world, errors={**world.errors, "EXXb": 0.014})
+    readings = simulate(machine, cell.artefact, cell.strategy, worn, seed=9)
+    result = honest(estimate(machine, cell.artefact, readings, cell.terms))
+    judgement = judge(replace(cell, machine=machine), readings, result, search=False)
+    assert (judgement.verdict == "trustworthy") == trusted == ("EXXb" not in judgement.untrusted)
+    (said,) = [t for t in (*judgement.reasons, *judgement.remarks) if "backlash of X" in t]
+    assert ("2.0 µm both ways (EXXb +2.0)" in said) == trusted

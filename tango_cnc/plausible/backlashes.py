@@ -75,18 +75,33 @@ def by_direction(result: Estimate) -> Iterator[Remark]:
             alone = np.where(np.arange(len(result.values)) == i, result.values[i], 0.0)
             found = {"±": (abs(float(result.values[i])), alone)}
             found |= _sides(result, i, {sign: np.clip(way, 0.0, None) * used for sign, way in sides.items()})
-        for sign, (size, moved) in found.items():
-            most = _most(result, moved, size)
-            names = joined(", ", [f"{model.names[j]} {moved[j] * 1000.0:+.1f}" for j in most])
-            text = say(f"plausible.backlashes.{word}", axis=c.slot.axis, sign=sign, size=f"{size * 1000.0:.1f}", names=names)
-            large = abs(result.values[i]) > LARGE
-            far = (
-                np.flatnonzero(np.abs(moved) > BIASED * result.std)
-                if abs(result.values[i]) > MISLED
-                else np.empty(0, dtype=np.int64)
-            )
-            moves = tuple(model.names[j] for j in {*far.tolist(), *(most if large else ())} if j < len(model.coefficients))
-            yield Remark("doubtful" if large else "trustworthy", text, moves=moves)
+        yield _one(result, i, word, found)
+
+
+def _one(result: Estimate, row: int, word: str, found: dict[str, tuple[float, Array]]) -> Remark:
+    """estimate, its backlash, late or early, sides → (mm that the touches would be off, mm of it in each parameter) → one remark.
+
+    What the tolerance of machine.yaml allows is less than a side asks for: then no more than that of the backlash is in doubt.
+    """
+    model, axis, known = result.model, result.model.coefficients[row].slot.axis, result.model.touches.machine.tolerances.direction
+    ways, moves, excused = [], set[int](), True
+    for sign, (asked, full) in found.items():
+        share = min(1.0, known / asked)
+        size, moved, most = asked * share, full * share, _most(result, full, asked)
+        names = joined(", ", [f"{model.names[j]} {moved[j] * 1000.0:+.1f}" for j in most])
+        what = "both_ways" if sign == "±" else "way"
+        ways.append(say(f"plausible.backlashes.{what}", axis=axis, sign=sign, size=f"{size * 1000.0:.1f}", names=names))
+        excused &= share < 1.0
+        if abs(moved[row]) > MISLED:
+            moves |= set(np.flatnonzero(np.abs(moved) > BIASED * result.std).tolist())
+        if abs(moved[row]) > LARGE:
+            moves |= set(most)
+    doubtful = max(abs(float(moved[row])) * min(1.0, known / asked) for asked, moved in found.values()) > LARGE
+    text = say(
+        f"plausible.backlashes.{'stated' if excused else word}", axis=axis, ways=joined(say("plausible.backlashes.or"), ways)
+    )
+    named = tuple(model.names[j] for j in sorted(moves) if j < len(model.coefficients))
+    return Remark("doubtful" if doubtful else "trustworthy", text, moves=named)
 
 
 def _sides(result: Estimate, row: int, felt: dict[str, Array]) -> dict[str, tuple[float, Array]]:
