@@ -23,7 +23,7 @@ class Tolerances:
     backlash_angle: float = math.radians(0.02)  # rad
     stylus: float = 1.0  # mm, tip against the spindle line and the stated length
     scatter: float = 0.05  # mm, one standard deviation of what the model leaves of a touch
-    direction: float = math.inf  # mm, by which touches of one direction may read early or late; nothing is known until it is stated
+    direction: float | None = None  # mm, by which touches of one direction may read early or late; None: nobody has stated it
 
 
 @dataclass(frozen=True)

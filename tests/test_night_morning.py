@@ -126,6 +126,16 @@ def test_a_machine_that_warms_up_while_it_is_measured_is_no_broken_probe(tell: T
     assert records[3]["verdict"] == "good"  # cold again: the state has not followed the warm-up
 
 
+@pytest.mark.long
+def test_a_check_of_three_minutes_is_judged_by_the_nights_before(tell: Tell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has hardly more touches than there are unknowns: by itself it could never say which of them does not fit."""
+    made = simulated.nights_of
+    monkeypatch.setattr(simulated, "nights_of", lambda cell, settings, plan, deep: made(cell, settings, plan, deep=True))
+    records = tell(Story(wander=0.0), 5, check_minutes=3.0)
+    assert [r["kind"] for r in records] == ["full", *4 * ["check"]]
+    assert {r["verdict"] for r in records} == {"good"}
+
+
 @pytest.fixture(scope="module")
 def cell(root: Path) -> Cell:
     return read_cell(root / "examples" / "hu40t")

@@ -52,6 +52,8 @@ def test_few_touches_to_spare_are_incomplete_and_no_parameter_is_trusted(measure
     assert result.dof < FEWEST < FEW < whole.dof
     assert judgement.incomplete and {*result.parameters, *result.setup} <= set(judgement.untrusted)
     assert any(f"leave {result.dof} degrees of freedom" in reason for reason in judgement.reasons)
+    followed = judge(cell, readings.rows(some), result, search=False, alone=False)
+    assert not any("degrees of freedom" in reason for reason in followed.reasons), "with nights before, each touch is one to spare"
 
 
 @pytest.mark.parametrize("wrong", ["an eighth is off", "all scatter by 4 µm"])

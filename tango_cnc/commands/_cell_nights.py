@@ -80,23 +80,26 @@ def timed(made: Plan) -> Timed:
 def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees: bool = False) -> Judged:
     """As 'tango estimate' judges a whole strategy; a check by what is known after it.
 
+    A check of few touches is judged by the nights before alone: so few cannot show which of them does not fit.
     `agrees`: the touches are where the nights before predicted them. Then a wander that the readings show by themselves is one that
     the errors of the machine could make as well, and chance: such a night is judged without it.
     """
     from ..estimate import estimate
     from ..noise import honest
     from ..plausible import STRUCTURED, judge
+    from ..plausible.spare import FEW
 
     if kind == "full":
         with suppress(TangoError):
             result = estimate(cell.machine, cell.artefact, readings, cell.terms)
-    plain = result
-    with suppress(np.linalg.LinAlgError, scipy.linalg.LinAlgError):
-        result = honest(result)
+    plain, spare = result, len(result.jacobian) - len(result.values)
+    if kind == "full" or spare >= FEW:
+        with suppress(np.linalg.LinAlgError, scipy.linalg.LinAlgError):
+            result = honest(result)
     walk = 0.0 if result.noise is None else result.noise.walk / max(result.noise.white, 1e-9)
     if agrees and walk > STRUCTURED:
         result, walk = plain, 0.0
-    found = judge(cell, readings, result, search=False)
+    found = judge(cell, readings, result, search=False, alone=kind == "full")
     wandered = next((r for r in found.reasons if "wandered" in r), "") if walk > STRUCTURED else ""
     return Judged(found.verdict, tuple(found.reasons), found.incomplete, wandered, walk)
 

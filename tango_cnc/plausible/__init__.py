@@ -47,12 +47,18 @@ def worst(verdicts: Sequence[Verdict]) -> Verdict:
 
 
 def judge(
-    cell: Cell, readings: Readings, result: Estimate | None, *, search: bool = True, run: Mapping[str, Any] | None = None
+    cell: Cell,
+    readings: Readings,
+    result: Estimate | None,
+    *,
+    search: bool = True,
+    run: Mapping[str, Any] | None = None,
+    alone: bool = True,
 ) -> Judgement:
     """cell, readings, their estimate (None: there is no fit) → whether it may be believed, and what most likely went wrong.
 
     `search`: look for the mistake where the verdict is not trustworthy. `run`: readings.json, which says
-    what the plan left out, so that nobody misses it.
+    what the plan left out, so that nobody misses it. `alone`: the estimate rests on these readings only, not on earlier nights.
     """
     touches = from_readings(cell.machine, cell.artefact, readings)
     found = [*remarks(cell, readings, run), *approaches(touches), *turns(touches)]
@@ -63,7 +69,7 @@ def judge(
         told = list(bounds(result))
         lost = sum(len(r.touches) for r in found if r.lost)
         found += _fit(cell, result, told)
-        found += spare(result, lost)
+        found += spare(result, lost, alone)
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
         bad |= {name for r in found for name in r.moves}

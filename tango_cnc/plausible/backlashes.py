@@ -84,19 +84,20 @@ def _one(result: Estimate, row: int, word: str, found: dict[str, tuple[float, Ar
     What the tolerance of machine.yaml allows is less than a side asks for: then no more than that of the backlash is in doubt.
     """
     model, axis, known = result.model, result.model.coefficients[row].slot.axis, result.model.touches.machine.tolerances.direction
-    ways, moves, excused = [], set[int](), True
+    ways, sizes, moves, excused = [], [], set[int](), True
     for sign, (asked, full) in found.items():
-        share = min(1.0, known / asked)
+        share = 1.0 if known is None else min(1.0, known / asked)
         size, moved, most = asked * share, full * share, _most(result, full, asked)
         names = joined(", ", [f"{model.names[j]} {moved[j] * 1000.0:+.1f}" for j in most])
         what = "both_ways" if sign == "±" else "way"
         ways.append(say(f"plausible.backlashes.{what}", axis=axis, sign=sign, size=f"{size * 1000.0:.1f}", names=names))
         excused &= share < 1.0
+        sizes.append(abs(moved[row]))
         if abs(moved[row]) > MISLED:
             moves |= set(np.flatnonzero(np.abs(moved) > BIASED * result.std).tolist())
         if abs(moved[row]) > LARGE:
             moves |= set(most)
-    doubtful = max(abs(float(moved[row])) * min(1.0, known / asked) for asked, moved in found.values()) > LARGE
+    doubtful = any(size > LARGE for size in sizes)
     text = say(
         f"plausible.backlashes.{'stated' if excused else word}", axis=axis, ways=joined(say("plausible.backlashes.or"), ways)
     )

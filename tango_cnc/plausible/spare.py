@@ -19,8 +19,11 @@ FEW = 20  # the same where a large part of the touches was not used
 LARGE = 0.2  # share of all planned touches that is a large part of them
 
 
-def spare(result: Estimate, lost: int) -> Iterator[Remark]:
-    """estimate, planned touches that are missing → remarks on touches without weight and on too few to spare."""
+def spare(result: Estimate, lost: int, alone: bool = True) -> Iterator[Remark]:
+    """estimate, planned touches that are missing → remarks on touches without weight and on too few to spare.
+
+    `alone`: the estimate rests on these touches only. Where it rests on earlier nights as well, each touch is one to spare.
+    """
     n, out, idle = len(result.residuals), result.outliers, int(result.unused.sum())
     everything = tuple(c.name for c in result.model.coefficients)
     if idle > MOST * n or len(out) > MANY * n:
@@ -30,7 +33,7 @@ def spare(result: Estimate, lost: int) -> Iterator[Remark]:
         most = idle > MOST * n
         yield Remark("implausible" if most else "doubtful", text, moves=everything)
     unused = (idle + lost) / max(n + lost, 1)
-    if result.dof < FEWEST or (result.dof < FEW and unused > LARGE):
+    if alone and (result.dof < FEWEST or (result.dof < FEW and unused > LARGE)):
         yield Remark(
             "implausible" if idle > LARGE * n else "doubtful",
             say("plausible.judge.few_to_spare", used=n - idle, unknowns=len(result.values), dof=result.dof),
