@@ -23,7 +23,9 @@ PLACE = "Keep 60"  # in the list of commands
     metavar="DIR",
     help="Folder of a cell, or a folder of cells; may be given several times [default: here].",
 )
-@click.option("--history", metavar="FILE|URL", help="One history for all machines [default: history.db in each cell].")
+@click.option(
+    "--history", metavar="FILE|URL", help="One history for all machines [default: that of each cell: history of nightly.yaml]."
+)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8026, show_default=True, help="Port to listen on.")
 @click.option("--name", "names", multiple=True, help="Name that browsers call this server by, e.g. calibration.shop.local.")
