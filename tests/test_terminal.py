@@ -130,7 +130,8 @@ def test_a_fleet_ends_with_1_when_a_machine_needs_somebody(
     assert known.last is not None
     now = replace(known, last=replace(known.last, verdict=verdict), late=late, alarms_open=open_alarms)
     monkeypatch.setattr("tango_cnc.history.History.fleet", lambda self, now_utc, late_hours: (now,))
-    assert called("fleet", "--history", str(tmp_path / "history.db")).exit_code == status
+    found = CliRunner().invoke(tango, ["fleet", "--history", str(tmp_path / "history.db")], standalone_mode=False)
+    assert found.return_value == status
 
 
 def test_a_fleet_is_a_folder_of_cells_and_one_that_cannot_be_read_hides_no_other(folder: Path, tmp_path: Path) -> None:
@@ -138,8 +139,8 @@ def test_a_fleet_is_a_folder_of_cells_and_one_that_cannot_be_read_hides_no_other
         assert called("init", str(tmp_path / name), "--example", "trunnion").exit_code == 0
     (tmp_path / "broken" / "machine.yaml").write_text("bad: [", encoding="utf-8")
     (tmp_path / "measured").symlink_to(folder)
-    found = called("fleet", "-C", str(tmp_path))
-    assert found.exit_code == 1 and "broken: not in the list" in found.stderr and "machine.yaml:1" in found.stderr
+    found = CliRunner().invoke(tango, ["fleet", "-C", str(tmp_path)], standalone_mode=False)
+    assert found.return_value == 1 and "broken: not in the list" in found.stderr and "machine.yaml:1" in found.stderr
     assert any(line.startswith("trunnion") and "never" in line for line in found.stdout.splitlines())
     assert any(line.startswith(MACHINE) for line in found.stdout.splitlines())
 
